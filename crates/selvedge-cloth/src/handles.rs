@@ -1,0 +1,171 @@
+//! Handles: the vertices whose motion is given, and where they are to be in a frame.
+
+use glam::DVec3;
+use thiserror::Error;
+
+use crate::VertexId;
+
+/// The handle vertices of a cloth: distinct and in range. Their order is the order of every list
+/// of handle positions. There may be none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Handles {
+    vertices: Vec<VertexId>,
+}
+
+/// Why a list of vertices cannot be the handles of a mesh, or targets not theirs.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum HandleError {
+    #[error("handle {handle} is vertex {vertex}, but the mesh has {vertex_count} vertices (0 to {})", vertex_count.saturating_sub(1))]
+    OutOfRange {
+        handle: usize,
+        vertex: u32,
+        vertex_count: usize,
+    },
+    #[error("vertex {vertex} is named twice as a handle")]
+    Repeated { vertex: VertexId },
+    #[error("expected targets for {expected} handles, found {found}")]
+    Count { expected: usize, found: usize },
+    #[error("the target of handle {handle} is not finite: {target}")]
+    NonFinite { handle: usize, target: DVec3 },
+}
+
+impl Handles {
+    /// Makes `vertices` the handles of a mesh with `vertex_count` vertices.
+    ///
+    /// # Errors
+    /// [`HandleError::OutOfRange`] or [`HandleError::Repeated`].
+    pub fn new(vertices: &[u32], vertex_count: usize) -> Result<Self, HandleError> {
+        let mut seen = std::collections::HashSet::new();
+        for (handle, &vertex) in vertices.iter().enumerate() {
+            if vertex as usize >= vertex_count {
+                return Err(HandleError::OutOfRange {
+                    handle,
+                    vertex,
+                    vertex_count,
+                });
+            }
+            if !seen.insert(vertex) {
+                return Err(HandleError::Repeated {
+                    vertex: VertexId(vertex),
+                });
+            }
+        }
+        Ok(Self {
+            vertices: vertices.iter().copied().map(VertexId).collect(),
+        })
+    }
+
+    /// The handle vertices, in the order they were given, `[handles]`.
+    #[must_use]
+    pub fn vertices(&self) -> &[VertexId] {
+        &self.vertices
+    }
+
+    /// Number of handles.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Whether the cloth is free.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// Whether each vertex is a handle, `[vertices]`.
+    #[must_use]
+    pub fn mask(&self, vertex_count: usize) -> Vec<bool> {
+        let mut mask = vec![false; vertex_count];
+        for vertex in &self.vertices {
+            mask[vertex.index()] = true;
+        }
+        mask
+    }
+
+    /// The entries of `positions` (`[vertices]`) at the handles, `[handles]`.
+    #[must_use]
+    pub fn select<T: Copy>(&self, positions: &[T]) -> Vec<T> {
+        self.vertices.iter().map(|v| positions[v.index()]).collect()
+    }
+}
+
+/// Where the handles are to be during one frame: their positions at equally spaced times, the last
+/// of them the end of the frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HandleTargets {
+    samples: Vec<DVec3>,
+    handle_count: usize,
+}
+
+impl HandleTargets {
+    /// Targets at the end of the frame only [m], `[handles]`.
+    ///
+    /// # Errors
+    /// [`HandleError::NonFinite`].
+    pub fn at_frame_end(positions: Vec<DVec3>) -> Result<Self, HandleError> {
+        let handle_count = positions.len();
+        Self::sampled(positions, handle_count)
+    }
+
+    /// Targets at `samples.len() / handle_count` equally spaced times [m],
+    /// `[samples, handle_count]`, the last at the end of the frame.
+    ///
+    /// # Errors
+    /// [`HandleError::Count`] when the length is no multiple of `handle_count`;
+    /// [`HandleError::NonFinite`].
+    pub fn sampled(samples: Vec<DVec3>, handle_count: usize) -> Result<Self, HandleError> {
+        let whole = match handle_count {
+            0 => samples.is_empty(),
+            n => !samples.is_empty() && samples.len().is_multiple_of(n),
+        };
+        if !whole {
+            return Err(HandleError::Count {
+                expected: handle_count,
+                found: samples.len(),
+            });
+        }
+        if let Some(bad) = samples.iter().position(|p| !p.is_finite()) {
+            return Err(HandleError::NonFinite {
+                handle: bad % handle_count,
+                target: samples[bad],
+            });
+        }
+        Ok(Self {
+            samples,
+            handle_count,
+        })
+    }
+
+    /// Number of handles.
+    #[must_use]
+    pub fn handle_count(&self) -> usize {
+        self.handle_count
+    }
+
+    /// Targets at the end of the frame [m], `[handles]`.
+    #[must_use]
+    pub fn end(&self) -> &[DVec3] {
+        &self.samples[self.samples.len() - self.handle_count..]
+    }
+
+    /// Target of `handle` at `fraction` of the frame, in (0, 1]; linear between the samples, and
+    /// from `start` (its position at the start of the frame) to the first.
+    #[must_use]
+    pub fn at(&self, handle: usize, fraction: f64, start: DVec3) -> DVec3 {
+        let count = self.samples.len() / self.handle_count;
+        let sample = |k: usize| match k {
+            0 => start,
+            k => self.samples[(k - 1) * self.handle_count + handle],
+        };
+        let place = (fraction.clamp(0.0, 1.0) * count as f64).min(count as f64);
+        // A substep that falls on a sample reads it without rounding.
+        let nearest = place.round();
+        if (place - nearest).abs() < 1e-9 {
+            return sample(nearest as usize);
+        }
+        let before = place.floor() as usize;
+        sample(before).lerp(sample(before + 1), place - place.floor())
+    }
+}

@@ -1,0 +1,36 @@
+//! The nouns that every crate of Selvedge shares: a cloth's topology and rest shape, its material,
+//! the air around it, its handles and their motion, and [`Stepper`], the one seam behind which a
+//! cloth is moved forward in time.
+//!
+//! Conventions: SI units without suffix (m, kg, s, N), y up, faces counter-clockwise. Positions
+//! are `f64` where a scene is described and solved ([`glam::DVec3`]) and `f32` where a motion is
+//! handed on ([`glam::Vec3`]). This crate reads no files and moves no cloth.
+
+mod environment;
+pub mod generate;
+pub mod geometry;
+mod handles;
+mod ids;
+mod material;
+mod mesh;
+mod motion;
+mod physics;
+mod scene;
+mod stepper;
+mod topology;
+
+pub use environment::{Environment, EnvironmentError};
+pub use handles::{HandleError, HandleTargets, Handles};
+pub use ids::{EdgeId, FaceId, VertexId};
+pub use material::{BendTable, Material, MaterialError, StretchTable};
+pub use mesh::{Mesh, MeshError, RestShape};
+pub use motion::{
+    Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace, Profile,
+    RecordedMotion, Rotation, Translation, TurnSense,
+};
+pub use physics::{
+    BendingLaw, HandleConstraint, PhysicsError, PhysicsSettings, SagSettings, StretchLookup,
+};
+pub use scene::{Scene, SceneError};
+pub use stepper::{StepError, Stepper};
+pub use topology::{Arc, Edge, Topology, TopologyError};

@@ -1,0 +1,48 @@
+//! The one seam: whatever moves a cloth forward by one frame, given its handles.
+//!
+//! The physics, the learned model and a recording implement [`Stepper`]; the recorder, the
+//! evaluator, the viewer and the exporters consume it and never ask which one it is.
+
+use glam::Vec3;
+use thiserror::Error;
+
+use crate::{HandleError, HandleTargets, Handles, Topology, VertexId};
+
+/// A cloth that moves one frame at a time.
+pub trait Stepper {
+    /// The connectivity of the cloth.
+    fn topology(&self) -> &Topology;
+
+    /// The handles, in the order in which [`Self::step`] expects their targets.
+    fn handles(&self) -> &Handles;
+
+    /// Positions now [m], `[vertices]`.
+    fn positions(&self) -> &[Vec3];
+
+    /// Frames stepped since the start.
+    fn frame(&self) -> usize;
+
+    /// Moves the cloth by one frame, its handles to `handles`.
+    ///
+    /// # Errors
+    /// [`StepError`]; the cloth is then left as it was before the step.
+    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError>;
+}
+
+/// Why a step failed.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum StepError {
+    #[error("frame {frame}: {source}")]
+    Handles {
+        frame: usize,
+        #[source]
+        source: HandleError,
+    },
+    #[error("frame {frame}: the position of vertex {vertex} is no longer finite")]
+    NonFinite { frame: usize, vertex: VertexId },
+    #[error("frame {frame}: the linear system could not be solved ({cause}): use more substeps")]
+    Solve { frame: usize, cause: String },
+    #[error("frame {frame}: the recording has only {frames} frames")]
+    EndOfRecording { frame: usize, frames: usize },
+}

@@ -1,0 +1,1 @@
+//! selvedge-data: see its Cargo.toml.

@@ -1,0 +1,1 @@
+//! selvedge-model: see its Cargo.toml.

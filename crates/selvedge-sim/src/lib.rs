@@ -1,0 +1,1 @@
+//! selvedge-sim: see its Cargo.toml.

@@ -1,0 +1,1 @@
+//! selvedge-train: see its Cargo.toml.

@@ -1,0 +1,1 @@
+//! selvedge-view: see its Cargo.toml.
