@@ -1,0 +1,200 @@
+//! What a network is made of: features, encoder, sizes. Closed enums, so that a combination that
+//! makes no sense cannot be written (method.md §2, §3).
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// The full description of a learned simulator, as it stands in a training configuration and in
+/// the metadata of a weight file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSpec {
+    /// What the network sees of a vertex.
+    pub node_features: BTreeSet<NodeFeature>,
+    /// What the network sees of an arc.
+    pub edge_features: BTreeSet<EdgeFeature>,
+    /// How features become latent vectors.
+    pub encoder: Encoder,
+    /// Width of every latent vector.
+    pub latent: usize,
+    /// Number of message-passing blocks.
+    pub blocks: usize,
+}
+
+/// A group of columns of a vertex, in the order in which they stand in the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NodeFeature {
+    /// p^t - p^{t-1} [m/frame], 3 columns.
+    Velocity,
+    /// Gravity and air [N], 3 columns.
+    ExternalForce,
+    /// m |v|² / 2 [kg m²/frame²], 1 column.
+    KineticEnergy,
+    /// One-hot of 9: free vertex = 0, handle = 1.
+    NodeType,
+}
+
+/// A group of columns of an arc, in the order in which they stand in the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EdgeFeature {
+    /// p_sender - p_receiver and its length [m], 4 columns.
+    Vector,
+    /// The same in the sagged rest pose [m], 4 columns.
+    RestVector,
+    /// The same in material space [m], 3 columns (the baseline's rest feature).
+    MaterialVector,
+    /// Elongation against the sagged rest pose [m], 1 column.
+    Elongation,
+    /// Signed dihedral angle [rad], 1 column.
+    BendingAngle,
+}
+
+/// How features become latent vectors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Encoder {
+    /// A multi-layer perceptron on the current frame.
+    Mlp,
+    /// A recurrent network of two layers of gated recurrent units over a window of frames, the
+    /// current one last.
+    Gru {
+        /// Frames in the window, at least 1.
+        window: usize,
+    },
+}
+
+/// A spec that no network can be built from.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum SpecError {
+    #[error("model.{field} must be between {least} and {most}, found {found}")]
+    Size {
+        field: &'static str,
+        least: usize,
+        most: usize,
+        found: usize,
+    },
+    #[error("model.{field} must contain \"{needed}\"")]
+    Missing {
+        field: &'static str,
+        needed: &'static str,
+    },
+}
+
+impl ModelSpec {
+    /// The paper's features (method.md §2, "RP") with the given encoder and sizes.
+    #[must_use]
+    pub fn physical(encoder: Encoder, latent: usize, blocks: usize) -> Self {
+        Self {
+            node_features: BTreeSet::from([
+                NodeFeature::Velocity,
+                NodeFeature::ExternalForce,
+                NodeFeature::KineticEnergy,
+                NodeFeature::NodeType,
+            ]),
+            edge_features: BTreeSet::from([
+                EdgeFeature::Vector,
+                EdgeFeature::RestVector,
+                EdgeFeature::Elongation,
+                EdgeFeature::BendingAngle,
+            ]),
+            encoder,
+            latent,
+            blocks,
+        }
+    }
+
+    /// The baseline's features and encoder (MeshGraphNets, Pfaff et al. 2021).
+    #[must_use]
+    pub fn mesh_graph_nets(latent: usize, blocks: usize) -> Self {
+        Self {
+            node_features: BTreeSet::from([NodeFeature::Velocity, NodeFeature::NodeType]),
+            edge_features: BTreeSet::from([EdgeFeature::Vector, EdgeFeature::MaterialVector]),
+            encoder: Encoder::Mlp,
+            latent,
+            blocks,
+        }
+    }
+
+    /// Checks sizes and that the features without which nothing can be predicted are there.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub fn validate(&self) -> Result<(), SpecError> {
+        let sizes = [
+            ("latent", self.latent, 4, 4096),
+            ("blocks", self.blocks, 1, 256),
+            ("encoder.window", self.window(), 1, 64),
+        ];
+        for (field, found, least, most) in sizes {
+            if !(least..=most).contains(&found) {
+                return Err(SpecError::Size {
+                    field,
+                    least,
+                    most,
+                    found,
+                });
+            }
+        }
+        let missing = |field, needed| Err(SpecError::Missing { field, needed });
+        if !self.node_features.contains(&NodeFeature::Velocity) {
+            return missing("node_features", "velocity");
+        }
+        if !self.node_features.contains(&NodeFeature::NodeType) {
+            return missing("node_features", "node-type");
+        }
+        if !self.edge_features.contains(&EdgeFeature::Vector) {
+            return missing("edge_features", "vector");
+        }
+        Ok(())
+    }
+
+    /// Frames that the encoder sees, the current one included.
+    #[must_use]
+    pub fn window(&self) -> usize {
+        match self.encoder {
+            Encoder::Mlp => 1,
+            Encoder::Gru { window } => window,
+        }
+    }
+
+    /// Columns of a vertex.
+    #[must_use]
+    pub fn node_width(&self) -> usize {
+        self.node_features.iter().map(|f| f.width()).sum()
+    }
+
+    /// Columns of an arc.
+    #[must_use]
+    pub fn edge_width(&self) -> usize {
+        self.edge_features.iter().map(|f| f.width()).sum()
+    }
+}
+
+impl NodeFeature {
+    /// Number of columns.
+    #[must_use]
+    pub const fn width(self) -> usize {
+        match self {
+            Self::Velocity | Self::ExternalForce => 3,
+            Self::KineticEnergy => 1,
+            Self::NodeType => 9,
+        }
+    }
+}
+
+impl EdgeFeature {
+    /// Number of columns.
+    #[must_use]
+    pub const fn width(self) -> usize {
+        match self {
+            Self::Vector | Self::RestVector => 4,
+            Self::MaterialVector => 3,
+            Self::Elongation | Self::BendingAngle => 1,
+        }
+    }
+}
