@@ -1,2 +1,62 @@
-//! The command line.
-fn main() {}
+//! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
+//! `cargo xtask ci` runs everything that must hold before a change is taken.
+//!
+//! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
+#![allow(
+    clippy::print_stdout,
+    reason = "a program that talks to people in a terminal"
+)]
+
+mod metadata;
+mod tidy;
+mod tree;
+
+use std::path::Path;
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, bail};
+
+const HELP: &str = "\
+usage: cargo xtask COMMAND
+
+  ci      run every step of .ci/run: tests, format, lints, docs, tidy
+  tidy    check dependencies, file sizes, openings, equation labels, marks, cards and the code map
+  help    print this text";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let outcome = match words.as_slice() {
+        ["ci"] => ci(),
+        ["tidy"] => tidy::run(),
+        ["help" | "--help" | "-h"] => {
+            println!("{HELP}");
+            Ok(())
+        }
+        _ => {
+            eprintln!("{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn ci() -> Result<()> {
+    let root = metadata::workspace_root()?;
+    let script = Path::new(&root).join(".ci/run");
+    let status = Command::new("bash")
+        .arg(&script)
+        .current_dir(&root)
+        .status()
+        .with_context(|| format!("cannot start bash for {}", script.display()))?;
+    if !status.success() {
+        bail!("a step of .ci/run failed");
+    }
+    Ok(())
+}

@@ -1,0 +1,206 @@
+//! Forbidden arrows between packages. An arrow counts however long: a path through any number of
+//! packages is found and printed.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use super::Violation;
+use crate::metadata::Graph;
+
+/// Pairs (from, to) that must not be joined by any path of normal dependencies.
+const FORBIDDEN: [(&str, &str); 9] = [
+    ("selvedge-sim", "selvedge-model"),
+    ("selvedge-model", "selvedge-sim"),
+    ("selvedge-sim", "selvedge-data"),
+    ("selvedge-data", "selvedge-sim"),
+    ("selvedge-data", "selvedge-model"),
+    ("selvedge-model", "selvedge-data"),
+    ("selvedge-view", "selvedge-sim"),
+    ("selvedge-view", "selvedge-model"),
+    ("selvedge-view", "selvedge-train"),
+];
+
+/// Pairs that not even a test may join.
+const FORBIDDEN_IN_TESTS: [(&str, &str); 2] = [
+    ("selvedge-sim", "selvedge-model"),
+    ("selvedge-model", "selvedge-sim"),
+];
+
+/// The package of the nouns, which depends on nothing of ours.
+const NOUNS: &str = "selvedge-cloth";
+
+/// The command line, on which nothing depends.
+const COMMAND_LINE: &str = "selvedge";
+
+/// The runtime that others embed, and what it must do without.
+const RUNTIME: &str = "selvedge-model";
+const TENSOR_FRAMEWORKS: [&str; 9] = [
+    "burn",
+    "burn-core",
+    "candle-core",
+    "dfdx",
+    "ndarray",
+    "ort",
+    "tch",
+    "tensorflow",
+    "tract-core",
+];
+
+/// Every forbidden path in `graph`.
+pub(crate) fn check(graph: &Graph) -> Vec<Violation> {
+    let mut pairs: Vec<(&str, &str)> = FORBIDDEN.to_vec();
+    for member in graph.members.iter().map(String::as_str) {
+        if member != COMMAND_LINE {
+            pairs.push((member, COMMAND_LINE));
+        }
+        if member != NOUNS {
+            pairs.push((NOUNS, member));
+        }
+    }
+    pairs.extend(TENSOR_FRAMEWORKS.map(|framework| (RUNTIME, framework)));
+    pairs.sort_unstable();
+    pairs.dedup();
+
+    let mut found = Vec::new();
+    for (from, to) in pairs {
+        if let Some(path) = shortest_path(&graph.normal, neighbours(&graph.normal, from), to) {
+            found.push(violation("a forbidden dependency", from, &path));
+        }
+    }
+    for (from, to) in FORBIDDEN_IN_TESTS {
+        let first = neighbours(&graph.development, from);
+        if let Some(path) = shortest_path(&graph.normal, first, to) {
+            found.push(violation(
+                "a forbidden dependency of its tests",
+                from,
+                &path,
+            ));
+        }
+    }
+    found
+}
+
+fn violation(what: &str, from: &str, path: &[&str]) -> Violation {
+    Violation::new(
+        &format!("crates/{from}/Cargo.toml"),
+        0,
+        format!("{what}, {from} -> {}", path.join(" -> ")),
+        "cut one of these arrows, and let the crate above compose the two",
+    )
+}
+
+type Arrows = BTreeMap<String, BTreeSet<String>>;
+
+fn neighbours<'a>(arrows: &'a Arrows, from: &str) -> Vec<&'a str> {
+    let targets = arrows.get(from).into_iter().flatten();
+    targets.map(String::as_str).collect()
+}
+
+/// The shortest path that begins at one of `first` and ends at `to`, by breadth-first search.
+fn shortest_path<'a>(arrows: &'a Arrows, first: Vec<&'a str>, to: &str) -> Option<Vec<&'a str>> {
+    let mut seen: BTreeSet<&str> = first.iter().copied().collect();
+    let mut queue: VecDeque<Vec<&str>> = first.into_iter().map(|name| vec![name]).collect();
+    while let Some(path) = queue.pop_front() {
+        let end = *path.last()?;
+        if end == to {
+            return Some(path);
+        }
+        for next in neighbours(arrows, end) {
+            if seen.insert(next) {
+                let mut longer = path.clone();
+                longer.push(next);
+                queue.push_back(longer);
+            }
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arrows(pairs: &[(&str, &str)]) -> Arrows {
+        let mut arrows = Arrows::new();
+        for (from, to) in pairs {
+            let targets = arrows.entry((*from).to_owned()).or_default();
+            targets.insert((*to).to_owned());
+        }
+        arrows
+    }
+
+    fn check_of(normal: &[(&str, &str)], development: &[(&str, &str)]) -> Vec<String> {
+        let members = ["selvedge", "selvedge-cloth", "selvedge-data", "xtask"];
+        let graph = Graph {
+            members: members.map(str::to_owned).into(),
+            normal: arrows(normal),
+            development: arrows(development),
+        };
+        check(&graph).iter().map(|v| v.what.clone()).collect()
+    }
+
+    #[test]
+    fn the_intended_arrows_pass() {
+        let normal = [
+            ("selvedge", "selvedge-data"),
+            ("selvedge-data", "selvedge-cloth"),
+            ("selvedge-train", "selvedge-model"),
+            ("selvedge-train", "selvedge-data"),
+            ("selvedge-view", "selvedge-data"),
+            ("selvedge-cloth", "glam"),
+        ];
+        assert_eq!(check_of(&normal, &[]), Vec::<String>::new());
+    }
+
+    #[test]
+    fn every_forbidden_pair_is_found_alone() {
+        for (from, to) in FORBIDDEN {
+            assert_eq!(
+                check_of(&[(from, to)], &[]),
+                [format!("a forbidden dependency, {from} -> {to}")]
+            );
+        }
+    }
+
+    #[test]
+    fn a_path_through_others_is_printed() {
+        let normal = [("selvedge-view", "a"), ("a", "b"), ("b", "selvedge-sim")];
+        assert_eq!(
+            check_of(&normal, &[]),
+            ["a forbidden dependency, selvedge-view -> a -> b -> selvedge-sim"]
+        );
+    }
+
+    #[test]
+    fn a_circle_of_packages_ends_the_search() {
+        let normal = [("selvedge-sim", "a"), ("a", "b"), ("b", "a")];
+        assert!(check_of(&normal, &[]).is_empty());
+    }
+
+    #[test]
+    fn the_nouns_depend_on_nothing_of_ours_and_nothing_on_the_command_line() {
+        assert_eq!(
+            check_of(&[("selvedge-cloth", "selvedge-data")], &[]).len(),
+            1
+        );
+        assert_eq!(check_of(&[("xtask", "selvedge")], &[]).len(), 1);
+    }
+
+    #[test]
+    fn the_runtime_does_without_tensor_frameworks() {
+        let normal = [("selvedge-model", "gemm"), ("gemm", "ndarray")];
+        assert_eq!(check_of(&normal, &[]).len(), 1);
+        assert!(check_of(&[("selvedge-train", "ndarray")], &[]).is_empty());
+    }
+
+    #[test]
+    fn tests_may_not_join_simulator_and_model_but_may_use_data() {
+        let through_data = [("selvedge-data", "selvedge-cloth")];
+        let development = [("selvedge-sim", "selvedge-data")];
+        assert!(check_of(&through_data, &development).is_empty());
+        let development = [("selvedge-model", "helper")];
+        assert_eq!(
+            check_of(&[("helper", "selvedge-sim")], &development),
+            ["a forbidden dependency of its tests, selvedge-model -> helper -> selvedge-sim"]
+        );
+    }
+}
