@@ -1,1 +1,23 @@
-//! selvedge-data: see its Cargo.toml.
+//! Files of Selvedge: meshes, scenes, trajectories and data sets, and the metrics of two
+//! trajectories.
+//!
+//! Every file is read with everything in it checked and written beside its place and renamed
+//! ([`write_atomically`]). This crate knows neither the physics nor the learned model: what moves
+//! a cloth comes to it as a [`Stepper`](selvedge_cloth::Stepper).
+
+mod atomic;
+mod frames;
+pub mod metrics;
+mod playback;
+mod record;
+mod tensor_file;
+mod trajectory;
+mod trajectory_file;
+
+pub use atomic::{WriteError, write_atomically};
+pub use frames::{Frames, FramesError};
+pub use playback::Playback;
+pub use record::{Drive, Recording, RecordingEnd, record};
+pub use tensor_file::{TensorOut, TensorValues, write_tensors};
+pub use trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
+pub use trajectory_file::{ReadTrajectoryError, TrajectoryFileError};

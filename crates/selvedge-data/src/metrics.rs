@@ -1,0 +1,285 @@
+//! How far two runs of one cloth are apart, and how a run stretches and moves (method.md §8).
+//!
+//! Pure functions over frames; sums are `f64`. Two runs are compared over the frames that both
+//! have. A value that is not finite makes the measure so: it is never left out.
+
+use glam::{Vec2, Vec3};
+use selvedge_cloth::Topology;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::Frames;
+
+/// The measures of run `b` against run `a`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Frames compared.
+    pub frames: usize,
+    /// See [`position_rmse`] [m].
+    pub position_rmse: f64,
+    /// Largest distance of a vertex from where it should be [m].
+    pub position_max: f64,
+    /// Mean distance of a vertex from where it should be [m].
+    pub mean_vertex_error: f64,
+    /// See [`edge_length_rmse`] [m].
+    pub edge_length_rmse: f64,
+    /// Mean length of the edges of `a` [m].
+    pub edge_length_mean: f64,
+    /// Position RMSE of each frame [m], `[frames]`.
+    pub per_frame_rmse: Vec<f64>,
+}
+
+/// Why two runs, or a run and a mesh, cannot be measured.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum MetricError {
+    #[error("the runs are of different meshes: {first} and {second} vertices")]
+    Vertices { first: usize, second: usize },
+    #[error("there is no frame to measure")]
+    NoFrames,
+    #[error("found rest lengths for {found} edges, the mesh has {expected}")]
+    RestLengths { expected: usize, found: usize },
+}
+
+/// All measures of run `b` against run `a`, over the frames that both have.
+///
+/// # Errors
+/// [`MetricError`] when the runs or the mesh do not fit, or have no frame in common.
+pub fn compare(
+    a: Frames<'_>,
+    b: Frames<'_>,
+    topology: &Topology,
+) -> Result<Comparison, MetricError> {
+    let (a, b) = common(a, b)?;
+    Ok(Comparison {
+        frames: a.len(),
+        position_rmse: position_rmse(a, b)?,
+        position_max: max_vertex_error(a, b)?,
+        mean_vertex_error: mean_vertex_error(a, b)?,
+        edge_length_rmse: edge_length_rmse(a, b, topology)?,
+        edge_length_mean: mean_edge_length(a, topology)?,
+        per_frame_rmse: per_frame_rmse(a, b)?,
+    })
+}
+
+/// Position RMSE `[eq:position-rmse]`: √(mean over frames and vertices of |p - p̂|²) [m].
+///
+/// # Errors
+/// [`MetricError`].
+pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+    let squares = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
+    Ok((squares.value / squares.count).sqrt())
+}
+
+/// Position RMSE of each frame [m], `[frames]`.
+///
+/// # Errors
+/// [`MetricError`].
+pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricError> {
+    let (a, b) = common(a, b)?;
+    Ok(a.iter()
+        .zip(b.iter())
+        .map(|(p, q)| {
+            let squares: f64 = distances(p, q).map(|d| d * d).sum();
+            (squares / p.len() as f64).sqrt()
+        })
+        .collect())
+}
+
+/// Mean distance of a vertex from where it should be [m].
+///
+/// # Errors
+/// [`MetricError`].
+pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+    let sum = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
+    Ok(sum.value / sum.count)
+}
+
+/// Largest distance of a vertex from where it should be [m].
+///
+/// # Errors
+/// [`MetricError`].
+pub fn max_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+    Ok(fold_vertices(a, b, 0.0, larger)?.value)
+}
+
+/// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
+/// (|d| - |d̂|)²) [m].
+///
+/// # Errors
+/// [`MetricError`].
+pub fn edge_length_rmse(
+    a: Frames<'_>,
+    b: Frames<'_>,
+    topology: &Topology,
+) -> Result<f64, MetricError> {
+    let (a, b) = common(a, b)?;
+    check_mesh(a, topology)?;
+    let mut squares = 0.0;
+    for (p, q) in a.iter().zip(b.iter()) {
+        let pairs = edge_lengths(p, topology).zip(edge_lengths(q, topology));
+        squares += pairs.map(|(l, m)| (l - m) * (l - m)).sum::<f64>();
+    }
+    Ok((squares / (a.len() * topology.edges().len()) as f64).sqrt())
+}
+
+/// Mean length of the edges over all frames [m].
+///
+/// # Errors
+/// [`MetricError`].
+pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, MetricError> {
+    check_mesh(frames, topology)?;
+    let sum: f64 = frames
+        .iter()
+        .map(|p| edge_lengths(p, topology).sum::<f64>())
+        .sum();
+    Ok(sum / (frames.len() * topology.edges().len()) as f64)
+}
+
+/// Length of each edge in material space [m], `[edges]`, from the flat coordinates of the
+/// vertices [m], `[vertices]`.
+#[must_use]
+pub fn material_edge_lengths(topology: &Topology, material_coordinates: &[Vec2]) -> Vec<f64> {
+    topology
+        .edges()
+        .iter()
+        .map(|edge| {
+            let [a, b] = edge
+                .vertices
+                .map(|v| material_coordinates[v.index()].as_dvec2());
+            a.distance(b)
+        })
+        .collect()
+}
+
+/// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` [m],
+/// `[edges]`, as from [`material_edge_lengths`]. Negative where every edge is shortened.
+///
+/// # Errors
+/// [`MetricError`].
+pub fn largest_strain(
+    frames: Frames<'_>,
+    topology: &Topology,
+    rest_lengths: &[f64],
+) -> Result<Vec<f64>, MetricError> {
+    check_mesh(frames, topology)?;
+    let (expected, found) = (topology.edges().len(), rest_lengths.len());
+    if found != expected {
+        return Err(MetricError::RestLengths { expected, found });
+    }
+    let of_frame = |positions| {
+        edge_lengths(positions, topology)
+            .zip(rest_lengths)
+            .map(|(length, rest)| (length - rest) / rest)
+            .fold(f64::NEG_INFINITY, larger)
+    };
+    Ok(frames.iter().map(of_frame).collect())
+}
+
+/// Mean and largest speed of the vertices between neighbouring frames.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Speeds {
+    /// Mean over frames and vertices [m/s].
+    pub mean: f64,
+    /// The largest [m/s].
+    pub max: f64,
+}
+
+/// Speeds over all pairs of neighbouring frames; both zero for a single frame.
+///
+/// # Errors
+/// [`MetricError::NoFrames`].
+pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError> {
+    if frames.is_empty() {
+        return Err(MetricError::NoFrames);
+    }
+    let pairs = frames.len() - 1;
+    let (mut sum, mut max) = (0.0, 0.0);
+    for (now, next) in frames.iter().zip(frames.iter().skip(1)) {
+        for step in distances(now, next) {
+            sum += step;
+            max = larger(max, step);
+        }
+    }
+    let count = (pairs * frames.vertex_count()).max(1) as f64;
+    Ok(Speeds {
+        mean: sum / count * frame_rate,
+        max: max * frame_rate,
+    })
+}
+
+/// Mean speed of the vertices in the last second [m/s]: how far a run is from rest at its end.
+///
+/// # Errors
+/// [`MetricError::NoFrames`].
+pub fn final_speed(frames: Frames<'_>, frame_rate: f64) -> Result<f64, MetricError> {
+    let steps = (frame_rate.round() as usize).max(1);
+    Ok(speeds(frames.last(steps + 1), frame_rate)?.mean)
+}
+
+/// The frames that both runs have.
+fn common<'a, 'b>(a: Frames<'a>, b: Frames<'b>) -> Result<(Frames<'a>, Frames<'b>), MetricError> {
+    let (first, second) = (a.vertex_count(), b.vertex_count());
+    if first != second {
+        return Err(MetricError::Vertices { first, second });
+    }
+    let count = a.len().min(b.len());
+    if count == 0 {
+        return Err(MetricError::NoFrames);
+    }
+    Ok((a.first(count), b.first(count)))
+}
+
+fn check_mesh(frames: Frames<'_>, topology: &Topology) -> Result<(), MetricError> {
+    let (first, second) = (frames.vertex_count(), topology.vertex_count());
+    if first != second {
+        return Err(MetricError::Vertices { first, second });
+    }
+    if frames.is_empty() {
+        return Err(MetricError::NoFrames);
+    }
+    Ok(())
+}
+
+/// A fold over all vertices of all frames, and how many there were.
+struct Folded {
+    value: f64,
+    count: f64,
+}
+
+fn fold_vertices(
+    a: Frames<'_>,
+    b: Frames<'_>,
+    start: f64,
+    fold: impl Fn(f64, f64) -> f64,
+) -> Result<Folded, MetricError> {
+    let (a, b) = common(a, b)?;
+    let value = a
+        .iter()
+        .zip(b.iter())
+        .flat_map(|(p, q)| distances(p, q))
+        .fold(start, fold);
+    Ok(Folded {
+        value,
+        count: (a.len() * a.vertex_count()) as f64,
+    })
+}
+
+fn distances(p: &[Vec3], q: &[Vec3]) -> impl Iterator<Item = f64> {
+    p.iter()
+        .zip(q)
+        .map(|(p, q)| p.as_dvec3().distance(q.as_dvec3()))
+}
+
+fn edge_lengths(positions: &[Vec3], topology: &Topology) -> impl Iterator<Item = f64> {
+    topology.edges().iter().map(|edge| {
+        let [a, b] = edge.vertices.map(|v| positions[v.index()].as_dvec3());
+        a.distance(b)
+    })
+}
+
+/// The larger of two; NaN when either is.
+fn larger(a: f64, b: f64) -> f64 {
+    if a >= b || a.is_nan() { a } else { b }
+}

@@ -1,0 +1,69 @@
+//! Recording a [`Stepper`]: its positions, frame by frame, while the handles follow their path.
+
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+use selvedge_cloth::{HandlePath, StepError, Stepper};
+
+/// What was recorded, whether or not it came to its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Positions [m], `[frames * vertices]`, the start first.
+    pub positions: Vec<Vec3>,
+    /// How it ended.
+    pub end: RecordingEnd,
+}
+
+/// How a recording ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RecordingEnd {
+    /// All frames were stepped.
+    Complete,
+    /// `on_frame` stopped it.
+    Stopped,
+    /// A step failed; the positions are those before it.
+    Failed(StepError),
+}
+
+/// The handles' path, and how finely a stepper sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive<'a> {
+    /// Where the handles are at any time.
+    pub path: &'a HandlePath,
+    /// Targets per frame at equally spaced times; the physics takes one per substep.
+    pub samples_per_frame: usize,
+}
+
+/// Steps `stepper` `frames` times from where it is and collects its positions, `frames + 1` frames
+/// with the start. `on_frame` is told after each step how many have been done, and may stop.
+pub fn record(
+    stepper: &mut dyn Stepper,
+    drive: Drive<'_>,
+    frames: usize,
+    on_frame: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Recording {
+    let mut positions = Vec::with_capacity((frames + 1) * stepper.positions().len());
+    positions.extend_from_slice(stepper.positions());
+    let mut end = RecordingEnd::Complete;
+    for done in 1..=frames {
+        if let Err(error) = step(stepper, drive) {
+            end = RecordingEnd::Failed(error);
+            break;
+        }
+        positions.extend_from_slice(stepper.positions());
+        if on_frame(done).is_break() && done < frames {
+            end = RecordingEnd::Stopped;
+            break;
+        }
+    }
+    Recording { positions, end }
+}
+
+fn step(stepper: &mut dyn Stepper, drive: Drive<'_>) -> Result<(), StepError> {
+    let frame = stepper.frame();
+    let targets = drive
+        .path
+        .targets(frame, drive.samples_per_frame)
+        .map_err(|source| StepError::Handles { frame, source })?;
+    stepper.step(&targets)
+}

@@ -1,0 +1,98 @@
+//! Writing the safetensors container with the same bytes every time.
+//!
+//! The safetensors crate keeps metadata in a hash map, whose order differs from run to run, and
+//! its writer leaves files private; here the metadata are sorted, and the file is written through
+//! [`write_atomically`]. Layout: header length as u64 (little-endian), a JSON header padded
+//! with spaces to a multiple of eight bytes, then the tensors in the order given, which must be
+//! such that each starts aligned (all of ours are 4 bytes wide). Reading is the crate's.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use crate::atomic::{WriteError, write_atomically};
+
+/// A tensor to be written.
+#[derive(Clone, Debug)]
+pub struct TensorOut<'a> {
+    /// Its name in the file.
+    pub name: &'a str,
+    /// Its dimensions, slowest first.
+    pub shape: Vec<usize>,
+    /// Its elements in row-major order.
+    pub values: TensorValues<'a>,
+}
+
+/// Elements of a tensor.
+#[derive(Clone, Copy, Debug)]
+pub enum TensorValues<'a> {
+    /// 32-bit floating point.
+    F32(&'a [f32]),
+    /// 32-bit unsigned integers.
+    U32(&'a [u32]),
+}
+
+impl TensorValues<'_> {
+    fn dtype(self) -> &'static str {
+        match self {
+            Self::F32(_) => "F32",
+            Self::U32(_) => "U32",
+        }
+    }
+
+    fn byte_len(self) -> usize {
+        4 * match self {
+            Self::F32(values) => values.len(),
+            Self::U32(values) => values.len(),
+        }
+    }
+
+    fn write(self, writer: &mut impl Write) -> std::io::Result<()> {
+        match self {
+            Self::F32(values) => values
+                .iter()
+                .try_for_each(|v| writer.write_all(&v.to_le_bytes())),
+            Self::U32(values) => values
+                .iter()
+                .try_for_each(|v| writer.write_all(&v.to_le_bytes())),
+        }
+    }
+}
+
+/// Writes `tensors` and `metadata` as a safetensors file, all or nothing.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write_tensors(
+    path: &Path,
+    tensors: &[TensorOut<'_>],
+    metadata: &BTreeMap<&str, String>,
+) -> Result<(), WriteError> {
+    let header = header(tensors, metadata);
+    write_atomically(path, |writer| {
+        writer.write_all(&(header.len() as u64).to_le_bytes())?;
+        writer.write_all(&header)?;
+        tensors.iter().try_for_each(|t| t.values.write(writer))
+    })
+}
+
+fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u8> {
+    let mut entries = Map::new();
+    entries.insert("__metadata__".to_owned(), json!(metadata));
+    let mut start = 0;
+    for tensor in tensors {
+        let end = start + tensor.values.byte_len();
+        let entry = json!({
+            "dtype": tensor.values.dtype(),
+            "shape": tensor.shape,
+            "data_offsets": [start, end],
+        });
+        entries.insert(tensor.name.to_owned(), entry);
+        start = end;
+    }
+    let mut header = Value::Object(entries).to_string().into_bytes();
+    header.resize(header.len().next_multiple_of(8), b' ');
+    header
+}

@@ -1,0 +1,290 @@
+//! The trajectory file: one .safetensors with `positions` f32 `[frames, vertices, 3]`, `faces` u32
+//! `[faces, 3]`, `rest_positions` f32 `[vertices, 3]`, `material_coordinates` f32 `[vertices, 2]`,
+//! `vertex_mass` f32 `[vertices]`, `face_area` f32 `[faces]` and `handles` u32 `[handles]`, and the
+//! metadata `format` = "selvedge-trajectory", `version`, `fps`, `scene` (JSON) and `made_by`.
+//!
+//! Equal trajectories make equal bytes. Reading takes the whole file into memory (a run of the
+//! paper is 15 MB) and checks all of it; tensors that are not listed here are an error, because
+//! they would be lost when the file is written again.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use glam::{Vec2, Vec3};
+use safetensors::tensor::{Dtype, Metadata};
+use safetensors::{SafeTensorError, SafeTensors};
+use selvedge_cloth::{HandleError, Handles, Topology, TopologyError};
+use thiserror::Error;
+
+use crate::atomic::WriteError;
+use crate::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
+
+const FORMAT: &str = "selvedge-trajectory";
+const VERSION: &str = "1";
+const METADATA: [&str; 5] = ["format", "version", "fps", "scene", "made_by"];
+const TENSORS: [&str; 7] = [
+    "positions",
+    "faces",
+    "rest_positions",
+    "material_coordinates",
+    "vertex_mass",
+    "face_area",
+    "handles",
+];
+
+/// Why a trajectory could not be read from a file.
+#[derive(Debug, Error)]
+#[error("{}: {source}", path.display())]
+pub struct ReadTrajectoryError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    #[source]
+    pub source: TrajectoryFileError,
+}
+
+/// Why bytes are not a trajectory.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum TrajectoryFileError {
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error(
+        "is no complete safetensors file ({0}): it may have been cut short, or be another format"
+    )]
+    Container(#[source] SafeTensorError),
+    #[error("is not a trajectory: its metadata has no entry named {name}")]
+    MissingMetadata { name: &'static str },
+    #[error("metadata {name}: expected {expected}, found {found:?}")]
+    Metadata {
+        name: String,
+        expected: &'static str,
+        found: String,
+    },
+    #[error("has no tensor named {name} (found {found})")]
+    MissingTensor { name: &'static str, found: String },
+    #[error("has a tensor named {name}, which this version does not know")]
+    UnknownTensor { name: String },
+    #[error("tensor {name}: expected {expected}, found {found}")]
+    Tensor {
+        name: &'static str,
+        expected: String,
+        found: String,
+    },
+    #[error(transparent)]
+    Topology(#[from] TopologyError),
+    #[error(transparent)]
+    Handles(#[from] HandleError),
+    #[error(transparent)]
+    Content(#[from] TrajectoryError),
+}
+
+impl Trajectory {
+    /// Reads a trajectory file and checks all of it.
+    ///
+    /// # Errors
+    /// [`ReadTrajectoryError`] names the file, and what in it is missing or wrong.
+    pub fn read(path: &Path) -> Result<Self, ReadTrajectoryError> {
+        std::fs::read(path)
+            .map_err(TrajectoryFileError::Read)
+            .and_then(|bytes| Self::from_bytes(&bytes))
+            .map_err(|source| ReadTrajectoryError {
+                path: path.to_owned(),
+                source,
+            })
+    }
+
+    /// Reads a trajectory from the bytes of its file.
+    ///
+    /// # Errors
+    /// [`TrajectoryFileError`] names what is missing or wrong.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
+        let (_, header) =
+            SafeTensors::read_metadata(bytes).map_err(TrajectoryFileError::Container)?;
+        let provenance = read_provenance(&header)?;
+        let file = SafeTensors::deserialize(bytes).map_err(TrajectoryFileError::Container)?;
+        if let Some(unknown) = file.names().iter().find(|n| !TENSORS.contains(n)) {
+            return Err(TrajectoryFileError::UnknownTensor {
+                name: (*unknown).to_owned(),
+            });
+        }
+        let (positions, frame_shape) = read_tensor(&file, "positions", &[None, None, Some(3)])?;
+        let vertices = frame_shape[1];
+        let cloth = read_cloth(&file, vertices)?;
+        Ok(Self::new(cloth, vec3s(&floats(positions)), provenance)?)
+    }
+
+    /// Writes the trajectory file, all or nothing.
+    ///
+    /// # Errors
+    /// [`WriteError`] names the file and what failed; what was there before still is.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        let cloth = self.cloth();
+        let (vertices, faces) = (self.vertex_count(), cloth.topology.faces().len());
+        let positions = flat3(self.positions());
+        let face_indices = cloth.topology.face_indices();
+        let rest_positions = flat3(&cloth.rest_positions);
+        let coordinates: Vec<f32> = cloth
+            .material_coordinates
+            .iter()
+            .flat_map(|c| c.to_array())
+            .collect();
+        let handles: Vec<u32> = cloth.handles.vertices().iter().map(|v| v.0).collect();
+        let values = [
+            TensorValues::F32(&positions),
+            TensorValues::U32(face_indices.as_flattened()),
+            TensorValues::F32(&rest_positions),
+            TensorValues::F32(&coordinates),
+            TensorValues::F32(&cloth.vertex_mass),
+            TensorValues::F32(&cloth.face_area),
+            TensorValues::U32(&handles),
+        ];
+        let shapes = [
+            vec![self.frame_count(), vertices, 3],
+            vec![faces, 3],
+            vec![vertices, 3],
+            vec![vertices, 2],
+            vec![vertices],
+            vec![faces],
+            vec![handles.len()],
+        ];
+        let tensors: Vec<TensorOut<'_>> = TENSORS
+            .into_iter()
+            .zip(shapes)
+            .zip(values)
+            .map(|((name, shape), values)| TensorOut {
+                name,
+                shape,
+                values,
+            })
+            .collect();
+        write_tensors(path, &tensors, &metadata(self.provenance()))
+    }
+}
+
+fn metadata(provenance: &Provenance) -> BTreeMap<&'static str, String> {
+    BTreeMap::from([
+        ("format", FORMAT.to_owned()),
+        ("version", VERSION.to_owned()),
+        ("fps", provenance.frame_rate.to_string()),
+        ("scene", provenance.scene.to_string()),
+        ("made_by", provenance.made_by.clone()),
+    ])
+}
+
+fn read_provenance(header: &Metadata) -> Result<Provenance, TrajectoryFileError> {
+    let empty = HashMap::new();
+    let metadata = header.metadata().as_ref().unwrap_or(&empty);
+    let entry = |name| {
+        metadata
+            .get(name)
+            .ok_or(TrajectoryFileError::MissingMetadata { name })
+    };
+    let wrong = |name: &str, expected, found: &str| TrajectoryFileError::Metadata {
+        name: name.to_owned(),
+        expected,
+        found: found.to_owned(),
+    };
+    for (name, expected) in [("format", FORMAT), ("version", VERSION)] {
+        let found = entry(name)?;
+        if found != expected {
+            return Err(wrong(name, expected, found));
+        }
+    }
+    if let Some((name, value)) = metadata
+        .iter()
+        .find(|(n, _)| !METADATA.contains(&n.as_str()))
+    {
+        return Err(wrong(name, "no entry of this name", value));
+    }
+    let fps = entry("fps")?;
+    let scene = entry("scene")?;
+    Ok(Provenance {
+        frame_rate: fps
+            .parse()
+            .map_err(|_| wrong("fps", "a number of frames per second", fps))?,
+        scene: serde_json::from_str(scene).map_err(|_| wrong("scene", "JSON", scene))?,
+        made_by: entry("made_by")?.clone(),
+    })
+}
+
+fn read_cloth(file: &SafeTensors<'_>, vertices: usize) -> Result<Cloth, TrajectoryFileError> {
+    let (faces, _) = read_tensor(file, "faces", &[None, Some(3)])?;
+    let (rest, _) = read_tensor(file, "rest_positions", &[Some(vertices), Some(3)])?;
+    let coordinates = &[Some(vertices), Some(2)];
+    let (coordinates, _) = read_tensor(file, "material_coordinates", coordinates)?;
+    let (mass, _) = read_tensor(file, "vertex_mass", &[Some(vertices)])?;
+    let (handles, _) = read_tensor(file, "handles", &[None])?;
+    let faces: Vec<[u32; 3]> = integers(faces)
+        .chunks_exact(3)
+        .map(|f| [f[0], f[1], f[2]])
+        .collect();
+    let (area, _) = read_tensor(file, "face_area", &[Some(faces.len())])?;
+    Ok(Cloth {
+        topology: Topology::new(vertices, &faces)?,
+        rest_positions: vec3s(&floats(rest)),
+        material_coordinates: floats(coordinates)
+            .chunks_exact(2)
+            .map(Vec2::from_slice)
+            .collect(),
+        vertex_mass: floats(mass),
+        face_area: floats(area),
+        handles: Handles::new(&integers(handles), vertices)?,
+    })
+}
+
+/// The bytes of tensor `name` and its shape, which must agree with `shape` where that is `Some`.
+fn read_tensor<'f>(
+    file: &SafeTensors<'f>,
+    name: &'static str,
+    shape: &[Option<usize>],
+) -> Result<(&'f [u8], Vec<usize>), TrajectoryFileError> {
+    let Ok(tensor) = file.tensor(name) else {
+        let mut found = file.names();
+        found.sort_unstable();
+        return Err(TrajectoryFileError::MissingTensor {
+            name,
+            found: found.join(", "),
+        });
+    };
+    let dtype = match name {
+        "faces" | "handles" => Dtype::U32,
+        _ => Dtype::F32,
+    };
+    let fits = tensor.shape().len() == shape.len()
+        && shape
+            .iter()
+            .zip(tensor.shape())
+            .all(|(expected, found)| expected.is_none_or(|expected| expected == *found));
+    if !fits || tensor.dtype() != dtype {
+        let dimensions: Vec<String> = shape
+            .iter()
+            .map(|d| d.map_or_else(|| "any".to_owned(), |d| d.to_string()))
+            .collect();
+        return Err(TrajectoryFileError::Tensor {
+            name,
+            expected: format!("{dtype} [{}]", dimensions.join(", ")),
+            found: format!("{} {:?}", tensor.dtype(), tensor.shape()),
+        });
+    }
+    Ok((tensor.data(), tensor.shape().to_vec()))
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    let (words, _) = bytes.as_chunks::<4>();
+    words.iter().copied().map(f32::from_le_bytes).collect()
+}
+
+fn integers(bytes: &[u8]) -> Vec<u32> {
+    let (words, _) = bytes.as_chunks::<4>();
+    words.iter().copied().map(u32::from_le_bytes).collect()
+}
+
+fn vec3s(values: &[f32]) -> Vec<Vec3> {
+    values.chunks_exact(3).map(Vec3::from_slice).collect()
+}
+
+fn flat3(values: &[Vec3]) -> Vec<f32> {
+    values.iter().flat_map(|p| p.to_array()).collect()
+}

@@ -1,0 +1,261 @@
+//! Trajectory files: what is written is read back, equal runs make equal bytes, and whatever is
+//! wrong with a file is an error that says what.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+use std::ops::ControlFlow;
+
+use glam::{Vec2, Vec3};
+use proptest::prelude::*;
+use selvedge_cloth::{HandleTargets, Handles, Motion, StepError, Stepper, Topology};
+use selvedge_data::{
+    Cloth, Drive, Playback, Provenance, RecordingEnd, Trajectory, TrajectoryError, record,
+};
+use serde_json::json;
+
+fn cloth() -> Cloth {
+    Cloth {
+        topology: Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap(),
+        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
+        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+        vertex_mass: vec![0.25; 4],
+        face_area: vec![0.5; 2],
+        handles: Handles::new(&[3, 2], 4).unwrap(),
+    }
+}
+
+fn provenance() -> Provenance {
+    Provenance {
+        frame_rate: 60.0,
+        scene: json!({"name": "a \"quoted\" scene", "damping": 0.1}),
+        made_by: "selvedge tests".to_owned(),
+    }
+}
+
+fn trajectory(frames: usize) -> Trajectory {
+    let positions = (0..frames * 4)
+        .map(|k| Vec3::new(k as f32, 0.1 * k as f32, -1.0))
+        .collect();
+    Trajectory::new(cloth(), positions, provenance()).unwrap()
+}
+
+fn bytes_of(trajectory: &Trajectory) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.safetensors");
+    trajectory.write(&path).unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+/// The file with its JSON header replaced by `edit` of it.
+fn with_header(bytes: &[u8], edit: impl Fn(&str) -> String) -> Vec<u8> {
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let header = edit(std::str::from_utf8(&bytes[8..8 + length]).unwrap());
+    let mut edited = (header.len() as u64).to_le_bytes().to_vec();
+    edited.extend(header.as_bytes());
+    edited.extend(&bytes[8 + length..]);
+    edited
+}
+
+fn message(bytes: &[u8]) -> String {
+    Trajectory::from_bytes(bytes).unwrap_err().to_string()
+}
+
+#[test]
+fn equal_trajectories_make_equal_bytes_and_the_data_are_aligned() {
+    let bytes = bytes_of(&trajectory(3));
+    assert_eq!(bytes, bytes_of(&trajectory(3)));
+    let header = u64::from_le_bytes(bytes[..8].try_into().unwrap());
+    assert_eq!(header % 8, 0);
+}
+
+#[test]
+fn a_file_cut_anywhere_is_an_error() {
+    let bytes = bytes_of(&trajectory(2));
+    for length in 0..bytes.len() {
+        assert!(
+            Trajectory::from_bytes(&bytes[..length]).is_err(),
+            "{length}"
+        );
+    }
+    let mut longer = bytes;
+    longer.push(0);
+    assert!(Trajectory::from_bytes(&longer).is_err());
+}
+
+#[test]
+fn errors_name_the_file_and_what_is_wrong() {
+    let bytes = bytes_of(&trajectory(2));
+    let swap = |from: &str, to: &str| {
+        let edited = with_header(&bytes, |header| {
+            assert!(header.contains(from), "{from} is not in {header}");
+            header.replace(from, to)
+        });
+        message(&edited)
+    };
+    let cases = [
+        (
+            swap("selvedge-trajectory", "something-else"),
+            "found \"something-else\"",
+        ),
+        (
+            swap("\"version\":\"1\"", "\"version\":\"2\""),
+            "expected 1, found \"2\"",
+        ),
+        (swap("\"made_by\"", "\"made_at\""), "made_at"),
+        (
+            swap("\"fps\":\"60\"", "\"fps\":\"fast\""),
+            "fps: expected a number",
+        ),
+        (
+            swap("\"fps\":\"60\"", "\"fps\":\"-1\""),
+            "frame rate must be finite and positive",
+        ),
+        (
+            swap("\"vertex_mass\":", "\"vertex_weight\":"),
+            "vertex_weight",
+        ),
+        (
+            swap("\"shape\":[2,4,3]", "\"shape\":[2,3,4]"),
+            "tensor positions: expected F32 [any, any, 3]",
+        ),
+        (
+            swap("\"shape\":[4,2]", "\"shape\":[2,4]"),
+            "expected F32 [4, 2], found F32 [2, 4]",
+        ),
+        (
+            swap("\"U32\",\"shape\":[2]", "\"F32\",\"shape\":[2]"),
+            "tensor handles: expected U32 [any]",
+        ),
+    ];
+    for (message, expected) in cases {
+        assert!(message.contains(expected), "{message} lacks {expected}");
+    }
+    let error = Trajectory::read(std::path::Path::new("no/such/file")).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .starts_with("no/such/file: could not be read")
+    );
+}
+
+#[test]
+fn a_position_that_is_not_finite_is_named() {
+    let mut positions = trajectory(3).positions().to_vec();
+    positions[2 * 4 + 1].y = f32::NAN;
+    let error = Trajectory::new(cloth(), positions, provenance()).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        text.starts_with("frame 2: the position of vertex 1"),
+        "{text}"
+    );
+    let bytes = bytes_of(&trajectory(2));
+    let needle = 0.7_f32.to_le_bytes();
+    let at = bytes.windows(4).position(|w| w == needle).unwrap();
+    let mut broken = bytes;
+    broken[at..at + 4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    assert!(message(&broken).contains("frame 1: the position of vertex 3"));
+}
+
+#[test]
+fn arrays_that_do_not_fit_are_named() {
+    let try_cloth = |edit: fn(&mut Cloth)| {
+        let mut cloth = cloth();
+        edit(&mut cloth);
+        let positions = trajectory(2).positions().to_vec();
+        Trajectory::new(cloth, positions, provenance()).unwrap_err()
+    };
+    let error = try_cloth(|c| c.vertex_mass.truncate(3));
+    let count = |what, expected, found| TrajectoryError::Count {
+        what,
+        expected,
+        found,
+    };
+    assert_eq!(error, count("vertex_mass", 4, 3));
+    assert_eq!(try_cloth(|c| c.face_area.clear()), count("face_area", 2, 0));
+    for edit in [
+        (|c| c.vertex_mass[1] = 0.0) as fn(&mut Cloth),
+        |c| c.face_area[1] = f32::NAN,
+        |c| c.rest_positions[2].z = f32::INFINITY,
+        |c| c.handles = Handles::new(&[9], 10).unwrap(),
+    ] {
+        try_cloth(edit);
+    }
+    let ragged = Trajectory::new(cloth(), vec![Vec3::ZERO; 7], provenance());
+    assert!(matches!(ragged, Err(TrajectoryError::Frames { .. })));
+    let empty = Trajectory::new(cloth(), Vec::new(), provenance());
+    assert!(matches!(empty, Err(TrajectoryError::Frames { .. })));
+}
+
+#[test]
+fn recording_a_playback_gives_the_trajectory_back() {
+    let original = trajectory(5);
+    let mut playback = Playback::new(original.clone());
+    let start = original.handles().select(original.frame(0));
+    let start: Vec<_> = start.iter().map(|p| p.as_dvec3()).collect();
+    let path = Motion::still(1.0).bind(&start, 60.0).unwrap();
+    let drive = Drive {
+        path: &path,
+        samples_per_frame: 1,
+    };
+    let mut seen = Vec::new();
+    let recording = record(&mut playback, drive, 4, &mut |done| {
+        seen.push(done);
+        ControlFlow::Continue(())
+    });
+    assert_eq!(recording.end, RecordingEnd::Complete);
+    assert_eq!(recording.positions, original.positions());
+    assert_eq!(seen, [1, 2, 3, 4]);
+
+    playback.rewind();
+    let stopped = record(&mut playback, drive, 4, &mut |done| match done {
+        2 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    });
+    assert_eq!(stopped.end, RecordingEnd::Stopped);
+    assert_eq!(stopped.positions, &original.positions()[..3 * 4]);
+
+    playback.rewind();
+    let failed = record(&mut playback, drive, 9, &mut |_| ControlFlow::Continue(()));
+    assert_eq!(failed.positions, original.positions());
+    assert!(matches!(
+        failed.end,
+        RecordingEnd::Failed(StepError::EndOfRecording {
+            frame: 4,
+            frames: 5
+        })
+    ));
+    let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
+    assert!(playback.step(&none).is_err());
+    assert_eq!(playback.frame(), 4);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn writing_and_reading_changes_nothing(
+        values in prop::collection::vec(prop::array::uniform3(-1e30_f32..1e30), 1..8),
+        frame_rate in 1e-3..1e5_f64,
+        made_by in ".*",
+    ) {
+        let positions = values.iter().flat_map(|&v| [Vec3::from(v); 4]).collect();
+        let provenance = Provenance { frame_rate, made_by, ..provenance() };
+        let original = Trajectory::new(cloth(), positions, provenance).unwrap();
+        let read = Trajectory::from_bytes(&bytes_of(&original)).unwrap();
+        prop_assert_eq!(read, original);
+    }
+
+    #[test]
+    fn random_bytes_are_an_error(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        prop_assert!(Trajectory::from_bytes(&bytes).is_err());
+    }
+
+    #[test]
+    fn a_damaged_file_never_panics(at in any::<prop::sample::Index>(), byte in any::<u8>()) {
+        let mut bytes = bytes_of(&trajectory(2));
+        let at = at.index(bytes.len());
+        bytes[at] = byte;
+        // A damaged number may still be a valid one: only that it returns is asserted.
+        let _ = Trajectory::from_bytes(&bytes);
+    }
+}
