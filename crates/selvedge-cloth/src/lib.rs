@@ -13,7 +13,7 @@ mod handles;
 mod ids;
 mod material;
 mod mesh;
-mod motion;
+pub mod motion;
 mod physics;
 mod scene;
 mod stepper;

@@ -1,0 +1,145 @@
+//! Keyframed motion: groups of handles that move rigidly from keyframe to keyframe (data.md §1).
+//!
+//! Between two keyframes translation and angle follow the cubic Hermite curve with level ends,
+//! a + (b - a) s²(3 - 2s). `[eq:keyframe]` The angle turns the group about the vertical axis through
+//! its centroid at the start; the translation is added. After the last keyframe the group stays.
+
+use glam::DVec3;
+
+use super::{
+    Keyframe, KeyframeGroup, KeyframeMotion, MotionError, turned, value_error, whole_frames,
+};
+
+/// Keyframes bound to handles.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct KeyframePath {
+    start: Vec<DVec3>,
+    groups: Vec<Group>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Group {
+    handles: Vec<usize>,
+    centroid: DVec3,
+    /// The first at time 0, without displacement.
+    keyframes: Vec<Keyframe>,
+}
+
+impl KeyframePath {
+    pub(super) fn new(motion: &KeyframeMotion, start: &[DVec3]) -> Result<Self, MotionError> {
+        whole_frames("duration", motion.duration)?;
+        let mut owner: Vec<Option<usize>> = vec![None; start.len()];
+        let mut groups = Vec::with_capacity(motion.groups.len());
+        for (number, group) in motion.groups.iter().enumerate() {
+            claim_handles(number, group, &mut owner)?;
+            let keyframes = check_keyframes(number, group, motion.duration)?;
+            let sum: DVec3 = group.handles.iter().map(|&h| start[h]).sum();
+            groups.push(Group {
+                handles: group.handles.clone(),
+                centroid: sum / group.handles.len() as f64,
+                keyframes,
+            });
+        }
+        let start = start.to_vec();
+        Ok(Self { start, groups })
+    }
+
+    /// Positions at `time` [s].
+    pub(super) fn at(&self, time: f64) -> Vec<DVec3> {
+        let mut positions = self.start.clone();
+        for group in &self.groups {
+            let (translation, angle) = group.pose(time);
+            for &handle in &group.handles {
+                let point = positions[handle];
+                positions[handle] = turned(point, group.centroid, angle) + translation;
+            }
+        }
+        positions
+    }
+}
+
+impl Group {
+    /// Displacement [m] and angle [rad] at `time` [s].
+    fn pose(&self, time: f64) -> (DVec3, f64) {
+        let after = self.keyframes.partition_point(|k| k.time <= time).max(1);
+        let from = &self.keyframes[after - 1];
+        let Some(to) = self.keyframes.get(after) else {
+            return (from.translation, from.rotation_deg.to_radians());
+        };
+        let s = (time - from.time) / (to.time - from.time);
+        let share = s * s * (3.0 - 2.0 * s);
+        let angle = from.rotation_deg + (to.rotation_deg - from.rotation_deg) * share;
+        let translation = from.translation.lerp(to.translation, share);
+        (translation, angle.to_radians())
+    }
+}
+
+fn claim_handles(
+    number: usize,
+    group: &KeyframeGroup,
+    owner: &mut [Option<usize>],
+) -> Result<(), MotionError> {
+    if group.handles.is_empty() {
+        let field = format!("groups[{number}].handles");
+        return Err(value_error(field, "at least one handle", "none".into()));
+    }
+    for &handle in &group.handles {
+        let handle_count = owner.len();
+        let Some(owner) = owner.get_mut(handle) else {
+            return Err(MotionError::HandleOutOfRange {
+                group: number,
+                handle,
+                handle_count,
+            });
+        };
+        if let Some(first) = owner.replace(number) {
+            return Err(MotionError::HandleRepeated {
+                handle,
+                first,
+                second: number,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The keyframes of a group, led by one at time 0.
+fn check_keyframes(
+    number: usize,
+    group: &KeyframeGroup,
+    duration: f64,
+) -> Result<Vec<Keyframe>, MotionError> {
+    let rest = Keyframe {
+        time: 0.0,
+        translation: DVec3::ZERO,
+        rotation_deg: 0.0,
+    };
+    let mut keyframes = vec![rest];
+    for (k, keyframe) in group.keyframes.iter().enumerate() {
+        let field = |key: &str| format!("groups[{number}].keyframes[{k}].{key}");
+        let time = keyframe.time;
+        if !keyframe.translation.is_finite() {
+            let found = keyframe.translation.to_string();
+            return Err(value_error(field("translation"), "finite", found));
+        }
+        if !keyframe.rotation_deg.is_finite() {
+            let found = keyframe.rotation_deg.to_string();
+            return Err(value_error(field("rotation_deg"), "finite", found));
+        }
+        if !(0.0..=duration).contains(&time) {
+            let expected = "between 0 and the motion's duration";
+            return Err(value_error(field("time"), expected, time.to_string()));
+        }
+        if k > 0 && time <= keyframes[keyframes.len() - 1].time {
+            let expected = "later than the keyframe before";
+            return Err(value_error(field("time"), expected, time.to_string()));
+        }
+        if time > 0.0 {
+            keyframes.push(*keyframe);
+        } else if keyframe.translation != DVec3::ZERO || keyframe.rotation_deg != 0.0 {
+            let expected = "later than 0, or without translation and rotation: handles cannot jump";
+            return Err(value_error(field("time"), expected, time.to_string()));
+        }
+    }
+    Ok(keyframes)
+}

@@ -1,0 +1,190 @@
+//! How far or how fast a part of a block goes: a distance with an eased position, or a profile of
+//! speeds (data.md §1).
+//!
+//! In TOML a pace is `{ distance = 1.0 }` or `{ start = 0.0, end = 0.02, profile = "smooth" }`.
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::{MotionError, split_place, value_error};
+
+/// How far or how fast.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "PaceFields", into = "PaceFields")]
+pub enum Pace {
+    /// A distance, covered with s(t) = (1 - cos(π t/T))/2.
+    Distance {
+        /// Distance covered over the block [m].
+        distance: f64,
+    },
+    /// A speed profile, sampled at t = 1/60, 2/60, … T.
+    Speed {
+        /// Speed at the start [m/frame].
+        start: f64,
+        /// Speed at the end [m/frame].
+        end: f64,
+        /// How it passes from one to the other.
+        profile: Profile,
+    },
+}
+
+/// How a speed passes from `start` to `end`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// In proportion to time.
+    Linear,
+    /// start + (end - start)(1 - cos(π t/T))/2.
+    Smooth,
+}
+
+/// [`Pace`] as it is written: an untagged enum would not say which key is unknown.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PaceFields {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    distance: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    start: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    end: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    profile: Option<Profile>,
+}
+
+impl TryFrom<PaceFields> for Pace {
+    type Error = String;
+
+    fn try_from(fields: PaceFields) -> Result<Self, String> {
+        let missing =
+            |key| format!("a speed needs `start`, `end` and `profile`: `{key}` is missing");
+        match fields {
+            PaceFields {
+                distance: Some(distance),
+                start: None,
+                end: None,
+                profile: None,
+            } => Ok(Self::Distance { distance }),
+            PaceFields {
+                distance: Some(_), ..
+            } => Err("give either `distance`, or `start`, `end` and `profile`, not both".into()),
+            PaceFields {
+                start: None,
+                end: None,
+                profile: None,
+                ..
+            } => Err("a pace needs `distance`, or `start`, `end` and `profile`".into()),
+            PaceFields {
+                start,
+                end,
+                profile,
+                ..
+            } => Ok(Self::Speed {
+                start: start.ok_or_else(|| missing("start"))?,
+                end: end.ok_or_else(|| missing("end"))?,
+                profile: profile.ok_or_else(|| missing("profile"))?,
+            }),
+        }
+    }
+}
+
+impl From<Pace> for PaceFields {
+    fn from(pace: Pace) -> Self {
+        match pace {
+            Pace::Distance { distance } => Self {
+                distance: Some(distance),
+                start: None,
+                end: None,
+                profile: None,
+            },
+            Pace::Speed {
+                start,
+                end,
+                profile,
+            } => Self {
+                distance: None,
+                start: Some(start),
+                end: Some(end),
+                profile: Some(profile),
+            },
+        }
+    }
+}
+
+impl Pace {
+    /// Whether it goes nowhere.
+    pub(super) fn is_zero(&self) -> bool {
+        match *self {
+            Self::Distance { distance } => distance == 0.0,
+            Self::Speed { start, end, .. } => start == 0.0 && end == 0.0,
+        }
+    }
+
+    /// The distance covered at any time of a block of `frames` frames of 1/60 s.
+    pub(super) fn progress(&self, field: &str, frames: usize) -> Result<Progress, MotionError> {
+        let finite = |key: &str, value: f64| match value.is_finite() {
+            true => Ok(value),
+            false => {
+                let field = format!("{field}.{key}");
+                Err(value_error(field, "finite", value.to_string()))
+            }
+        };
+        match *self {
+            Self::Distance { distance } => Ok(Progress::Eased {
+                distance: finite("distance", distance)?,
+                frames,
+            }),
+            Self::Speed {
+                start,
+                end,
+                profile,
+            } => {
+                let (start, end) = (finite("start", start)?, finite("end", end)?);
+                let mut sums = Vec::with_capacity(frames + 1);
+                sums.push(0.0);
+                let mut sum = 0.0;
+                for frame in 1..=frames {
+                    let place = frame as f64 / frames as f64;
+                    let share = match profile {
+                        Profile::Linear => place,
+                        Profile::Smooth => eased(place),
+                    };
+                    sum += start + (end - start) * share;
+                    sums.push(sum);
+                }
+                Ok(Progress::Summed { sums })
+            }
+        }
+    }
+}
+
+/// The distance covered as a function of the frame of a block.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Progress {
+    /// distance · (1 - cos(π k/frames))/2.
+    Eased { distance: f64, frames: usize },
+    /// The sum of the speeds of the first k frames, `[frames + 1]`; linear between frames.
+    Summed { sums: Vec<f64> },
+}
+
+impl Progress {
+    /// Distance covered [m] after `place` frames of 1/60 s since the start of the block.
+    pub(super) fn at(&self, place: f64) -> f64 {
+        match self {
+            Self::Eased { distance, frames } => distance * eased(place / *frames as f64),
+            Self::Summed { sums } => {
+                let (before, fraction) = split_place(place, sums.len() - 1);
+                if fraction == 0.0 {
+                    return sums[before];
+                }
+                sums[before] + (sums[before + 1] - sums[before]) * fraction
+            }
+        }
+    }
+}
+
+/// (1 - cos(π s))/2: from 0 to 1 with no speed at either end. `[eq:ease]`
+fn eased(s: f64) -> f64 {
+    (1.0 - (PI * s.clamp(0.0, 1.0)).cos()) / 2.0
+}

@@ -1,0 +1,73 @@
+//! Recorded motion: one position per handle and frame of the scene, linear between frames
+//! (data.md §1). A recording has no rate of its own: its frames are the scene's.
+
+use glam::DVec3;
+
+use super::{MotionError, RecordedMotion, split_place, value_error};
+
+/// How far a recording may start from where the handles stand [m]. Positions in files are
+/// often rounded to a tenth of a millimetre; more than this is another scene.
+const START_TOLERANCE: f64 = 1e-3;
+
+/// A recording checked against the handles.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RecordedPath {
+    positions: Vec<Vec<DVec3>>,
+}
+
+impl RecordedPath {
+    pub(super) fn new(motion: &RecordedMotion, start: &[DVec3]) -> Result<Self, MotionError> {
+        let Some(first) = motion.positions.first() else {
+            let expected = "at least one frame";
+            return Err(value_error("positions", expected, "none".into()));
+        };
+        for (frame, positions) in motion.positions.iter().enumerate() {
+            check_frame(frame, positions, start.len())?;
+        }
+        for (handle, (&expected, &found)) in start.iter().zip(first).enumerate() {
+            let distance = expected.distance(found);
+            if distance > START_TOLERANCE {
+                return Err(MotionError::Start {
+                    handle,
+                    expected,
+                    found,
+                    millimetres: distance * 1e3,
+                });
+            }
+        }
+        Ok(Self {
+            positions: motion.positions.clone(),
+        })
+    }
+
+    /// Positions `place` frames of the scene after the start.
+    pub(super) fn at(&self, place: f64) -> Vec<DVec3> {
+        let (before, fraction) = split_place(place, self.positions.len() - 1);
+        if fraction == 0.0 {
+            return self.positions[before].clone();
+        }
+        let (from, to) = (&self.positions[before], &self.positions[before + 1]);
+        from.iter()
+            .zip(to)
+            .map(|(a, b)| a.lerp(*b, fraction))
+            .collect()
+    }
+}
+
+fn check_frame(frame: usize, positions: &[DVec3], expected: usize) -> Result<(), MotionError> {
+    if positions.len() != expected {
+        return Err(MotionError::HandleCount {
+            frame,
+            expected,
+            found: positions.len(),
+        });
+    }
+    match positions.iter().position(|p| !p.is_finite()) {
+        Some(handle) => Err(MotionError::NonFinite {
+            frame,
+            handle,
+            position: positions[handle],
+        }),
+        None => Ok(()),
+    }
+}
