@@ -2,6 +2,18 @@
 //! its arithmetic forward and backward, its weights on disk, and the rollout as a
 //! [`selvedge_cloth::Stepper`].
 
+mod connectivity;
+mod kernels;
+mod layers;
+mod network;
+mod parameters;
+mod product;
+mod real;
+pub mod reference;
 mod spec;
 
+pub use connectivity::Connectivity;
+pub use network::{Dropout, Input, Network, Pass, Workspace};
+pub use parameters::{Parameter, Start};
+pub use real::Real;
 pub use spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};

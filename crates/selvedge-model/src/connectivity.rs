@@ -1,0 +1,127 @@
+//! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
+//! for several side by side (a disjoint union).
+
+use selvedge_cloth::Topology;
+
+/// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
+/// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Connectivity {
+    pub(crate) vertex_count: usize,
+    pub(crate) senders: Vec<u32>,
+    pub(crate) receivers: Vec<u32>,
+    pub(crate) first_arc: Vec<u32>,
+    pub(crate) twins: Vec<u32>,
+}
+
+impl Connectivity {
+    /// The arcs of a cloth.
+    #[must_use]
+    pub fn of(topology: &Topology) -> Self {
+        let arcs = topology.arcs();
+        let mut arcs_of_edge = vec![[u32::MAX; 2]; topology.edges().len()];
+        for (number, arc) in arcs.iter().enumerate() {
+            let pair = &mut arcs_of_edge[arc.edge.index()];
+            let place = usize::from(pair[0] != u32::MAX);
+            pair[place] = number as u32;
+        }
+        let twins = arcs
+            .iter()
+            .enumerate()
+            .map(|(number, arc)| {
+                let [a, b] = arcs_of_edge[arc.edge.index()];
+                if a == number as u32 { b } else { a }
+            })
+            .collect();
+        let mut first_arc = vec![0];
+        for vertex in 0..topology.vertex_count() as u32 {
+            first_arc.push(topology.arcs_into(vertex.into()).end as u32);
+        }
+        Self {
+            vertex_count: topology.vertex_count(),
+            senders: arcs.iter().map(|arc| arc.sender.0).collect(),
+            receivers: arcs.iter().map(|arc| arc.receiver.0).collect(),
+            first_arc,
+            twins,
+        }
+    }
+
+    /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
+    /// each other in order.
+    #[must_use]
+    pub fn union<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut whole = Self {
+            vertex_count: 0,
+            senders: Vec::new(),
+            receivers: Vec::new(),
+            first_arc: vec![0],
+            twins: Vec::new(),
+        };
+        for part in parts {
+            let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
+            whole.vertex_count += part.vertex_count;
+            whole
+                .senders
+                .extend(part.senders.iter().map(|v| v + vertices));
+            whole
+                .receivers
+                .extend(part.receivers.iter().map(|v| v + vertices));
+            whole
+                .first_arc
+                .extend(part.first_arc[1..].iter().map(|a| a + arcs));
+            whole.twins.extend(part.twins.iter().map(|a| a + arcs));
+        }
+        whole
+    }
+
+    /// Number of vertices.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Number of arcs, two per edge.
+    #[must_use]
+    pub fn arc_count(&self) -> usize {
+        self.senders.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strip(first: u32) -> Topology {
+        let faces = [[0, 1, 2], [2, 1, 3], [2, 3, 4]];
+        let count = if first == 0 { 5 } else { 4 };
+        Topology::new(count, &faces[..count - 2]).expect("a strip")
+    }
+
+    #[test]
+    fn twins_are_the_same_edge_the_other_way() {
+        let graph = Connectivity::of(&strip(0));
+        for a in 0..graph.arc_count() {
+            let twin = graph.twins[a] as usize;
+            assert_eq!(graph.senders[a], graph.receivers[twin]);
+            assert_eq!(graph.receivers[a], graph.senders[twin]);
+            assert_eq!(graph.twins[twin] as usize, a);
+        }
+    }
+
+    #[test]
+    fn a_union_keeps_its_parts_apart_and_in_order() {
+        let parts = [Connectivity::of(&strip(0)), Connectivity::of(&strip(1))];
+        let whole = Connectivity::union(&parts);
+        let (vertices, arcs) = (parts[0].vertex_count as u32, parts[0].arc_count());
+        assert_eq!(whole.vertex_count(), 9);
+        for a in 0..parts[1].arc_count() {
+            assert_eq!(whole.senders[arcs + a], parts[1].senders[a] + vertices);
+            assert_eq!(whole.twins[arcs + a], parts[1].twins[a] + arcs as u32);
+        }
+        for v in 0..whole.vertex_count() {
+            for a in whole.first_arc[v]..whole.first_arc[v + 1] {
+                assert_eq!(whole.receivers[a as usize] as usize, v);
+            }
+        }
+    }
+}

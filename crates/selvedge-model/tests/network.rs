@@ -1,0 +1,268 @@
+//! The network against its slow reference, its gradients against finite differences, its layout
+//! against the paper's numbers, its results against the number of threads.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::Topology;
+use selvedge_model::{
+    Connectivity, Dropout, Encoder, Input, ModelSpec, Network, Pass, Workspace, reference,
+};
+
+/// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
+fn strip(columns: u32) -> Connectivity {
+    let mut faces = Vec::new();
+    for c in 0..columns {
+        for row in 0..2 {
+            let v = 3 * c + row;
+            faces.push([v, v + 3, v + 1]);
+            faces.push([v + 1, v + 3, v + 4]);
+        }
+    }
+    let topology = Topology::new(3 * (columns as usize + 1), &faces).expect("a strip");
+    Connectivity::of(&topology)
+}
+
+struct Case {
+    network: Network,
+    graph: Connectivity,
+    weights: Vec<f64>,
+    nodes: Vec<f64>,
+    edges: Vec<f64>,
+}
+
+fn case(spec: &ModelSpec, columns: u32, seed: u64) -> Case {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let network = Network::new(spec).expect("a valid spec");
+    let graph = strip(columns);
+    // Shifted away from the constant start, so that weights of a LayerNorm are tested too.
+    let start = network.initialise(&mut || rng.random::<f64>());
+    let weights = start
+        .iter()
+        .map(|&w| f64::from(w) + 0.1 * (rng.random::<f64>() - 0.5))
+        .collect();
+    let mut numbers = |count: usize| {
+        (0..count)
+            .map(|_| 2.0 * rng.random::<f64>() - 1.0)
+            .collect()
+    };
+    let nodes = numbers(spec.window() * graph.vertex_count() * spec.node_width());
+    let edges = numbers(spec.window() * graph.arc_count() * spec.edge_width());
+    Case {
+        network,
+        graph,
+        weights,
+        nodes,
+        edges,
+    }
+}
+
+impl Case {
+    fn input(&self) -> Input<'_, f64> {
+        Input {
+            nodes: &self.nodes,
+            edges: &self.edges,
+        }
+    }
+
+    fn objective(&self, weights: &[f64], pass: Pass, workspace: &mut Workspace<f64>) -> f64 {
+        let out = self
+            .network
+            .forward(weights, &self.graph, self.input(), pass, workspace);
+        out.iter()
+            .enumerate()
+            .map(|(k, x)| x * coefficient(k))
+            .sum()
+    }
+}
+
+fn coefficient(k: usize) -> f64 {
+    ((k * 37 % 11) as f64 - 5.0) / 5.0
+}
+
+fn specs() -> Vec<ModelSpec> {
+    vec![
+        ModelSpec::physical(Encoder::Mlp, 8, 3),
+        ModelSpec::physical(Encoder::Gru { window: 4 }, 6, 2),
+        ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
+        ModelSpec::mesh_graph_nets(7, 2),
+    ]
+}
+
+#[test]
+fn parameter_counts_are_the_papers() {
+    let count = |spec: &ModelSpec| Network::new(spec).expect("valid").parameter_count();
+    let gru = Encoder::Gru { window: 10 };
+    assert_eq!(count(&ModelSpec::physical(gru, 128, 15)), 2_605_955);
+    assert_eq!(
+        count(&ModelSpec::physical(Encoder::Mlp, 128, 15)),
+        2_334_595
+    );
+    assert_eq!(count(&ModelSpec::mesh_graph_nets(128, 15)), 2_333_699);
+}
+
+#[test]
+fn the_fast_network_is_the_reference() {
+    // 60 columns: more than one tile of arcs and of vertices, the last one shorter.
+    for spec in specs() {
+        let case = case(&spec, 60, 1);
+        let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
+        for pass in [Pass::Inference, Pass::Training(None)] {
+            let mut workspace = Workspace::new();
+            let (network, graph) = (&case.network, &case.graph);
+            let found = network.forward(&case.weights, graph, case.input(), pass, &mut workspace);
+            for (found, expected) in found.iter().zip(&expected) {
+                // Sums of a few hundred terms of order one in another order.
+                assert!(
+                    (found - expected).abs() < 1e-11,
+                    "{spec:?}: {found} {expected}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn f32_agrees_with_f64() {
+    for spec in specs() {
+        let case = case(&spec, 60, 2);
+        let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
+        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
+        let (nodes, edges) = (narrow(&case.nodes), narrow(&case.edges));
+        let input = Input {
+            nodes: &nodes,
+            edges: &edges,
+        };
+        let mut workspace = Workspace::new();
+        let weights = narrow(&case.weights);
+        let pass = Pass::Inference;
+        let found = case
+            .network
+            .forward(&weights, &case.graph, input, pass, &mut workspace);
+        let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for (&found, expected) in found.iter().zip(&expected) {
+            // A few roundings of 6e-8 per layer, amplified by LayerNorms: 1e-5 of the scale.
+            assert!(
+                (f64::from(found) - expected).abs() < 1e-5 * scale,
+                "{spec:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn gradients_match_finite_differences_in_every_tensor() {
+    let dropout = Dropout { rate: 0.2, seed: 7 };
+    for (spec, dropout) in specs().iter().zip([None, Some(dropout), None, None]) {
+        let case = case(spec, 4, 3);
+        let mut workspace = Workspace::new();
+        let pass = Pass::Training(dropout);
+        case.objective(&case.weights, pass, &mut workspace);
+        let mut gradient = vec![0.0; case.weights.len()];
+        let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
+            .map(coefficient)
+            .collect();
+        let both = (&*case.weights, &mut *gradient);
+        case.network
+            .backward(both, &case.graph, case.input(), &output, &mut workspace);
+        for parameter in case.network.parameters() {
+            let count = parameter.range.len();
+            for k in (0..count).step_by((count / 5).max(1)) {
+                let place = parameter.range.start + k;
+                let slope = slope(&case, place, pass, &mut workspace);
+                let error = (slope - gradient[place]).abs();
+                // Central differences of step 1e-5: error 1e-10 curvature + 1e-11 rounding; a
+                // ReLU that switches within the step would show as 1e-5 of its slope.
+                assert!(
+                    error < 2e-7 * (1.0 + slope.abs()),
+                    "{}[{k}]: slope {slope}, gradient {}",
+                    parameter.name,
+                    gradient[place]
+                );
+            }
+        }
+    }
+}
+
+fn slope(case: &Case, place: usize, pass: Pass, workspace: &mut Workspace<f64>) -> f64 {
+    let step = 1e-5;
+    let mut weights = case.weights.clone();
+    weights[place] += step;
+    let above = case.objective(&weights, pass, workspace);
+    weights[place] -= 2.0 * step;
+    let below = case.objective(&weights, pass, workspace);
+    (above - below) / (2.0 * step)
+}
+
+#[test]
+fn dropout_changes_training_only_and_follows_its_seed() {
+    let case = case(&ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1), 5, 4);
+    let run = |pass| case.objective(&case.weights, pass, &mut Workspace::new());
+    let dropped = |seed| Pass::Training(Some(Dropout { rate: 0.5, seed }));
+    assert_eq!(run(Pass::Inference), run(Pass::Training(None)));
+    assert_eq!(run(dropped(1)), run(dropped(1)));
+    assert_ne!(run(dropped(1)), run(dropped(2)));
+    assert_ne!(run(dropped(1)), run(Pass::Inference));
+}
+
+#[test]
+fn a_union_computes_what_its_parts_compute() {
+    for spec in specs() {
+        let parts = &[case(&spec, 3, 5), case(&spec, 50, 6)];
+        let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
+        // Window-major inputs: the parts' rows alternate step by step.
+        let window = spec.window();
+        let join = |of: fn(&Case) -> &[f64]| {
+            let steps = (0..window).flat_map(|step| {
+                parts.iter().flat_map(move |part| {
+                    let rows = of(part).len() / window;
+                    of(part)[step * rows..][..rows].to_vec()
+                })
+            });
+            steps.collect::<Vec<f64>>()
+        };
+        let (nodes, edges) = (join(|c| &c.nodes), join(|c| &c.edges));
+        let input = Input {
+            nodes: &nodes,
+            edges: &edges,
+        };
+        let network = &parts[0].network;
+        let weights = &parts[0].weights;
+        let mut workspace = Workspace::new();
+        let together = network.forward(weights, &whole, input, Pass::Inference, &mut workspace);
+        let apart: Vec<f64> = parts
+            .iter()
+            .flat_map(|part| reference::forward(network, weights, &part.graph, part.input()))
+            .collect();
+        assert_eq!(together.len(), apart.len());
+        for (a, b) in together.iter().zip(&apart) {
+            assert!((a - b).abs() < 1e-11);
+        }
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let case = case(
+        &ModelSpec::physical(Encoder::Gru { window: 2 }, 16, 2),
+        150,
+        8,
+    );
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("a pool").install(|| {
+            let mut workspace = Workspace::new();
+            case.objective(&case.weights, Pass::Training(None), &mut workspace);
+            let mut gradient = vec![0.0; case.weights.len()];
+            let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
+                .map(coefficient)
+                .collect();
+            let both = (&*case.weights, &mut *gradient);
+            case.network
+                .backward(both, &case.graph, case.input(), &output, &mut workspace);
+            gradient
+        })
+    };
+    let one = run(1);
+    assert_eq!(one, run(2));
+    assert_eq!(one, run(3));
+}
