@@ -6,18 +6,24 @@
 //! a cloth comes to it as a [`Stepper`](selvedge_cloth::Stepper).
 
 mod atomic;
+mod dataset;
+mod dataset_writer;
 mod frames;
 pub mod metrics;
 mod playback;
 mod record;
+mod sections;
 mod tensor_file;
 mod trajectory;
 mod trajectory_file;
 
 pub use atomic::{WriteError, write_atomically};
+pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
+pub use dataset_writer::{DatasetPlan, DatasetWriter};
 pub use frames::{Frames, FramesError};
 pub use playback::Playback;
 pub use record::{Drive, Recording, RecordingEnd, record};
+pub use sections::{Sample, Section, SectionError, SectionRule};
 pub use tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
 pub use trajectory_file::{ReadTrajectoryError, TrajectoryFileError};

@@ -1,0 +1,340 @@
+//! A data set: a folder with `index.json` and one trajectory file per motion, split into training
+//! and test. What is opened here is complete; [`DatasetWriter`](crate::DatasetWriter) makes it.
+//!
+//! The index carries format name and version, the resolved configuration that it was made from,
+//! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
+
+use std::path::{Component, Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use thiserror::Error;
+
+use crate::atomic::WriteError;
+use crate::metrics::{MetricError, mean_edge_length, speeds};
+use crate::sections::{Sample, Section, SectionError};
+use crate::trajectory::Trajectory;
+use crate::trajectory_file::{ReadTrajectoryError, TrajectoryFileError};
+
+pub(crate) const INDEX: &str = "index.json";
+pub(crate) const FORMAT: &str = "selvedge-dataset";
+pub(crate) const VERSION: u64 = 1;
+
+/// Which part of a data set a trajectory belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Split {
+    /// Learned from.
+    Train,
+    /// Never learned from.
+    Test,
+}
+
+/// The contents of `index.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetIndex {
+    /// Always "selvedge-dataset".
+    pub format: String,
+    /// Version of the format.
+    pub version: u64,
+    /// What people call it.
+    pub name: String,
+    /// The resolved configuration that it was made from.
+    pub config: Value,
+    /// Its trajectories.
+    pub splits: Splits,
+    /// What of the training split is learned from.
+    pub sections: Vec<Section>,
+    /// A few numbers about the training split.
+    pub statistics: DatasetStatistics,
+}
+
+/// The trajectories of a data set.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Splits {
+    /// Learned from; sections count in this order.
+    pub train: Vec<Entry>,
+    /// Never learned from.
+    pub test: Vec<Entry>,
+}
+
+/// A trajectory of a data set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Name of its motion, once in a split.
+    pub motion: String,
+    /// Its file, relative to the folder.
+    pub file: String,
+    /// BLAKE3 hash of the file, in hexadecimal.
+    pub blake3: String,
+    /// Frames, the start included.
+    pub frames: usize,
+    /// Vertices.
+    pub vertices: usize,
+    /// Mean speed of the vertices [m/s].
+    pub mean_speed: f64,
+    /// Largest speed of a vertex [m/s].
+    pub max_speed: f64,
+    /// Mean length of the edges [m].
+    pub mean_edge_length: f64,
+}
+
+/// A few numbers about the training split.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetStatistics {
+    /// Trajectories in both splits.
+    pub trajectories: usize,
+    /// Frames in the training split.
+    pub train_frames: usize,
+    /// Samples in the sections.
+    pub samples: usize,
+    /// Mean over the training frames of the mean speed [m/s].
+    pub mean_speed: f64,
+    /// Largest speed of a vertex in the training split [m/s].
+    pub max_speed: f64,
+    /// Mean over the training frames of the mean edge length [m].
+    pub mean_edge_length: f64,
+}
+
+/// Why a data set cannot be opened, read or made.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum DatasetError {
+    #[error("{}: could not be read: {source}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("{}: {problem}", path.display())]
+    Index { path: PathBuf, problem: String },
+    #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected})", path.display())]
+    Hash {
+        path: PathBuf,
+        expected: String,
+        found: String,
+    },
+    #[error("{}: has {found}, the index says {expected}", path.display())]
+    Entry {
+        path: PathBuf,
+        expected: String,
+        found: String,
+    },
+    #[error("{}: {problem}", folder.display())]
+    Folder { folder: PathBuf, problem: String },
+    #[error("motion {motion:?}: {problem}")]
+    Motion {
+        motion: String,
+        problem: &'static str,
+    },
+    #[error(transparent)]
+    Trajectory(#[from] ReadTrajectoryError),
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    #[error(transparent)]
+    Sections(#[from] SectionError),
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+}
+
+/// A complete data set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dataset {
+    folder: PathBuf,
+    index: DatasetIndex,
+}
+
+impl Dataset {
+    /// Opens the data set in `folder` and checks its index: format, version, sections within
+    /// their trajectories, files that exist. It does not read the trajectories.
+    ///
+    /// # Errors
+    /// [`DatasetError`] names the file and what is wrong.
+    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+        let path = folder.join(INDEX);
+        let index = read_index(&path)?;
+        let dataset = Self {
+            folder: folder.to_owned(),
+            index,
+        };
+        dataset.check(&path)?;
+        Ok(dataset)
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Its index.
+    #[must_use]
+    pub fn index(&self) -> &DatasetIndex {
+        &self.index
+    }
+
+    /// The trajectories of a split.
+    #[must_use]
+    pub fn entries(&self, split: Split) -> &[Entry] {
+        match split {
+            Split::Train => &self.index.splits.train,
+            Split::Test => &self.index.splits.test,
+        }
+    }
+
+    /// What of the training split is learned from.
+    #[must_use]
+    pub fn sections(&self) -> &[Section] {
+        &self.index.sections
+    }
+
+    /// The samples of all sections, in order.
+    pub fn samples(&self) -> impl Iterator<Item = Sample> + '_ {
+        self.index.sections.iter().flat_map(Section::samples)
+    }
+
+    /// Reads a trajectory and checks its hash and size against the index.
+    ///
+    /// # Errors
+    /// [`DatasetError`] names the file and what is wrong.
+    pub fn read(&self, entry: &Entry) -> Result<Trajectory, DatasetError> {
+        let path = self.folder.join(&entry.file);
+        let bytes = read_checked(&path, entry)?;
+        let trajectory = Trajectory::from_bytes(&bytes).map_err(|source| ReadTrajectoryError {
+            path: path.clone(),
+            source,
+        })?;
+        let size = |frames, vertices| format!("{frames} frames of {vertices} vertices");
+        let expected = size(entry.frames, entry.vertices);
+        let found = size(trajectory.frame_count(), trajectory.vertex_count());
+        if found != expected {
+            return Err(DatasetError::Entry {
+                path,
+                expected,
+                found,
+            });
+        }
+        Ok(trajectory)
+    }
+
+    /// Reads every file and compares its hash with the index.
+    ///
+    /// # Errors
+    /// [`DatasetError::Hash`] for the first file that has changed.
+    pub fn verify_hashes(&self) -> Result<(), DatasetError> {
+        let splits = &self.index.splits;
+        splits
+            .train
+            .iter()
+            .chain(&splits.test)
+            .try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
+    }
+
+    fn check(&self, path: &Path) -> Result<(), DatasetError> {
+        let problem = |problem| DatasetError::Index {
+            path: path.to_owned(),
+            problem,
+        };
+        let splits = &self.index.splits;
+        for entry in splits.train.iter().chain(&splits.test) {
+            if !is_inside(Path::new(&entry.file)) {
+                let text = format!("file {:?} is not inside the data set's folder", entry.file);
+                return Err(problem(text));
+            }
+            if !self.folder.join(&entry.file).is_file() {
+                return Err(problem(format!("file {:?} is missing", entry.file)));
+            }
+        }
+        for (number, section) in self.index.sections.iter().enumerate() {
+            let frames = splits.train.get(section.trajectory).map(|e| e.frames);
+            if section.start >= section.end || frames.is_none_or(|frames| section.end > frames) {
+                let text = format!(
+                    "section {number}: frames {}..{} of training trajectory {} do not exist",
+                    section.start, section.end, section.trajectory
+                );
+                return Err(problem(text));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Entry {
+    /// The entry of `trajectory`, whose `file` has these `bytes`.
+    pub(crate) fn new(
+        motion: &str,
+        file: &str,
+        bytes: &[u8],
+        trajectory: &Trajectory,
+    ) -> Result<Self, MetricError> {
+        let speeds = speeds(trajectory.frames(), trajectory.frame_rate())?;
+        Ok(Self {
+            motion: motion.to_owned(),
+            file: file.to_owned(),
+            blake3: hash(bytes),
+            frames: trajectory.frame_count(),
+            vertices: trajectory.vertex_count(),
+            mean_speed: speeds.mean,
+            max_speed: speeds.max,
+            mean_edge_length: mean_edge_length(trajectory.frames(), trajectory.topology())?,
+        })
+    }
+}
+
+/// Reads an index file of any state, complete or not, and checks format and version first, so
+/// that another version is named as such.
+pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
+    let text = std::fs::read_to_string(path).map_err(|source| DatasetError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    let problem = |problem| DatasetError::Index {
+        path: path.to_owned(),
+        problem,
+    };
+    let value: Value =
+        serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
+    if value["format"] != FORMAT {
+        let found = &value["format"];
+        return Err(problem(format!(
+            "format: expected {FORMAT:?}, found {found}"
+        )));
+    }
+    if value["version"] != VERSION {
+        let found = &value["version"];
+        return Err(problem(format!(
+            "version: expected {VERSION}, found {found}"
+        )));
+    }
+    serde_json::from_value(value).map_err(|error| problem(error.to_string()))
+}
+
+/// The bytes of an entry's file, if they are those of the index.
+pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, DatasetError> {
+    let bytes = std::fs::read(path).map_err(|source| ReadTrajectoryError {
+        path: path.to_owned(),
+        source: TrajectoryFileError::Read(source),
+    })?;
+    let found = hash(&bytes);
+    if found == entry.blake3 {
+        return Ok(bytes);
+    }
+    Err(DatasetError::Hash {
+        path: path.to_owned(),
+        expected: entry.blake3.clone(),
+        found,
+    })
+}
+
+pub(crate) fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
+}
+
+fn is_inside(file: &Path) -> bool {
+    let mut parts = file.components();
+    parts.clone().next().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
+}

@@ -1,0 +1,213 @@
+//! Data sets: what is written is opened with everything in place, an interrupted run goes on, and
+//! what is wrong with a folder is an error that says what.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+use selvedge_cloth::{Handles, Topology};
+use selvedge_data::{
+    Cloth, Dataset, DatasetError, DatasetPlan, DatasetWriter, Provenance, Section, SectionRule,
+    Split, Trajectory,
+};
+use serde_json::json;
+
+/// A triangle that moves by `step` [m] per frame at 2 frames per second.
+fn trajectory(frames: usize, step: f32) -> Trajectory {
+    let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let cloth = Cloth {
+        topology: Topology::new(3, &[[0, 1, 2]]).unwrap(),
+        rest_positions: corners.to_vec(),
+        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
+        vertex_mass: vec![0.1; 3],
+        face_area: vec![0.5],
+        handles: Handles::new(&[0], 3).unwrap(),
+    };
+    let positions = (0..frames)
+        .flat_map(|f| corners.map(|c| c + Vec3::Z * step * f as f32))
+        .collect();
+    let provenance = Provenance {
+        frame_rate: 2.0,
+        scene: json!(null),
+        made_by: "test".to_owned(),
+    };
+    Trajectory::new(cloth, positions, provenance).unwrap()
+}
+
+fn plan() -> DatasetPlan {
+    DatasetPlan {
+        name: "small".to_owned(),
+        config: json!({"seed": 1}),
+        train: vec!["a".to_owned(), "b".to_owned()],
+        test: vec!["a".to_owned()],
+        sections: SectionRule::Whole,
+    }
+}
+
+/// The data set of [`plan`], its trajectories written in another order than the plan's.
+fn make(folder: &Path) -> Dataset {
+    let mut writer = DatasetWriter::open(folder, plan()).unwrap();
+    writer.add(Split::Train, "b", &trajectory(9, 0.5)).unwrap();
+    writer.add(Split::Test, "a", &trajectory(4, 1.0)).unwrap();
+    writer.add(Split::Train, "a", &trajectory(3, 0.25)).unwrap();
+    writer.finish().unwrap()
+}
+
+fn edit_index(folder: &Path, from: &str, to: &str) {
+    let path = folder.join("index.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.contains(from), "{from} is not in {text}");
+    std::fs::write(path, text.replace(from, to)).unwrap();
+}
+
+#[test]
+fn a_finished_data_set_has_its_trajectories_sections_and_statistics() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = make(folder.path());
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset, made);
+    dataset.verify_hashes().unwrap();
+    let train = dataset.entries(Split::Train);
+    assert_eq!(
+        train.iter().map(|e| &e.motion).collect::<Vec<_>>(),
+        ["a", "b"]
+    );
+    assert_eq!(dataset.read(&train[1]).unwrap(), trajectory(9, 0.5));
+    let whole = |trajectory, end| Section {
+        trajectory,
+        start: 0,
+        end,
+    };
+    assert_eq!(dataset.sections(), [whole(0, 3), whole(1, 9)]);
+    assert_eq!(dataset.samples().count(), 1 + 7);
+    let statistics = dataset.index().statistics;
+    assert_eq!(statistics.trajectories, 3);
+    assert_eq!(statistics.train_frames, 12);
+    assert_eq!(statistics.samples, 8);
+    // 0.5 m/s for 3 frames and 1 m/s for 9.
+    assert_eq!(statistics.mean_speed, 0.875);
+    assert_eq!(statistics.max_speed, 1.0);
+    assert!(!folder.path().join("index.partial.json").exists());
+}
+
+#[test]
+fn the_order_of_writing_and_an_interruption_do_not_change_the_index() {
+    let [first, second] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    make(first.path());
+    let mut writer = DatasetWriter::open(second.path(), plan()).unwrap();
+    writer.add(Split::Train, "a", &trajectory(3, 0.25)).unwrap();
+    writer.add(Split::Train, "b", &trajectory(9, 0.5)).unwrap();
+    drop(writer);
+    assert!(Dataset::open(second.path()).is_err());
+    let mut writer = DatasetWriter::open(second.path(), plan()).unwrap();
+    assert!(writer.written(Split::Train, "a").is_some());
+    assert_eq!(writer.missing(), [(Split::Test, "a".to_owned())]);
+    writer.add(Split::Test, "a", &trajectory(4, 1.0)).unwrap();
+    writer.finish().unwrap();
+    let index = |folder: &Path| std::fs::read(folder.join("index.json")).unwrap();
+    assert_eq!(index(first.path()), index(second.path()));
+}
+
+#[test]
+fn a_damaged_file_is_made_again_and_a_finished_set_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = make(folder.path());
+    let entry = &dataset.entries(Split::Train)[0];
+    std::fs::write(folder.path().join(&entry.file), "damaged").unwrap();
+    assert!(matches!(
+        dataset.verify_hashes(),
+        Err(DatasetError::Hash { .. })
+    ));
+    assert!(dataset.read(entry).is_err());
+    let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    assert_eq!(writer.missing(), [(Split::Train, "a".to_owned())]);
+    writer.add(Split::Train, "a", &trajectory(3, 0.25)).unwrap();
+    assert_eq!(writer.finish().unwrap(), dataset);
+    let again = DatasetWriter::open(folder.path(), plan()).unwrap();
+    assert!(again.missing().is_empty());
+}
+
+#[test]
+fn another_configuration_or_foreign_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    let mut other = plan();
+    other.config = json!({"seed": 2});
+    let error = DatasetWriter::open(folder.path(), other).unwrap_err();
+    assert!(
+        error.to_string().contains("another configuration"),
+        "{error}"
+    );
+    std::fs::remove_file(folder.path().join("index.json")).unwrap();
+    let error = DatasetWriter::open(folder.path(), plan()).unwrap_err();
+    assert!(
+        error.to_string().contains("choose an empty folder"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_plan_must_have_usable_names_and_be_fulfilled() {
+    let folder = tempfile::tempdir().unwrap();
+    for train in [
+        vec!["../a"],
+        vec!["a/b"],
+        vec![""],
+        vec![".a"],
+        vec!["a", "a"],
+    ] {
+        let mut bad = plan();
+        bad.train = train.into_iter().map(str::to_owned).collect();
+        assert!(DatasetWriter::open(folder.path(), bad).is_err());
+    }
+    let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    let unplanned = writer.add(Split::Test, "b", &trajectory(3, 0.0));
+    assert!(matches!(unplanned, Err(DatasetError::Motion { .. })));
+    let error = writer.finish().unwrap_err();
+    assert_eq!(error.to_string(), "motion \"a\": has not been written yet");
+}
+
+#[test]
+fn an_index_that_is_wrong_is_an_error_that_says_where() {
+    let cases = [
+        ("selvedge-dataset", "other", "format: expected"),
+        (
+            "\"version\": 1",
+            "\"version\": 7",
+            "version: expected 1, found 7",
+        ),
+        ("\"sections\"", "\"section\"", "unknown field `section`"),
+        (
+            "\"end\": 9",
+            "\"end\": 10",
+            "frames 0..10 of training trajectory 1",
+        ),
+        (
+            "\"trajectory\": 1",
+            "\"trajectory\": 2",
+            "trajectory 2 do not exist",
+        ),
+        ("train/b.safetensors", "../b.safetensors", "not inside"),
+        ("train/b.safetensors", "train/c.safetensors", "is missing"),
+    ];
+    for (from, to, expected) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        make(folder.path());
+        edit_index(folder.path(), from, to);
+        let text = Dataset::open(folder.path()).unwrap_err().to_string();
+        assert!(
+            text.contains("index.json: ") && text.contains(expected),
+            "{text}"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    edit_index(folder.path(), "\"frames\": 9", "\"frames\": 10");
+    let dataset = Dataset::open(folder.path()).unwrap();
+    let text = dataset
+        .read(&dataset.entries(Split::Train)[1])
+        .unwrap_err()
+        .to_string();
+    assert!(text.contains("has 9 frames of 3 vertices"), "{text}");
+}
