@@ -62,7 +62,9 @@ const TEST: [(&str, Move); 15] = [
     ("test-rotation-last-cw", Move::About(1.0, Clockwise)),
 ];
 
-const GENERALISATION: [(&str, fn() -> Motion); 12] = [
+type Recipe = fn() -> Motion;
+
+const GENERALISATION: [(&str, Recipe); 12] = [
     ("bouncy", bouncy),
     ("rotate-bounce", rotate_bounce),
     ("spiral", spiral),

@@ -1,0 +1,100 @@
+//! Random points that keep apart ("blue noise"), by throwing darts: a dart nearer than r to a point
+//! is thrown away, and r shrinks when darts no longer stick, until there are as many as asked for.
+
+use glam::DVec2;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::Rng;
+
+use super::outline::{Boundary, is_within};
+
+/// First distance between points, in spacings. Darts jam at 0.81: this needs few throws.
+const FIRST_DISTANCE: f64 = 0.75;
+/// Darts in a row that may fail, per point wanted (and at least a hundred), before r shrinks.
+const PATIENCE: usize = 2;
+
+/// `count` points within `loops`, apart from each other and from the boundary.
+pub(super) fn scatter(
+    loops: &[Vec<DVec2>],
+    boundary: &Boundary,
+    count: usize,
+    spacing: f64,
+    rng: &mut ChaCha8Rng,
+) -> Vec<DVec2> {
+    let mut cells = Cells::new(&boundary.points, spacing);
+    let mut points = Vec::with_capacity(count);
+    let patience = (PATIENCE * count).max(100);
+    let (mut distance, mut failures) = (FIRST_DISTANCE * spacing, 0);
+    while points.len() < count {
+        let dart = cells.low + DVec2::new(unit(rng), unit(rng)) * cells.extent;
+        if is_within(loops, dart) && cells.is_free(dart, distance) {
+            cells.insert(dart);
+            points.push(dart);
+            failures = 0;
+        } else {
+            failures += 1;
+        }
+        if failures > patience {
+            distance *= 0.95;
+            failures = 0;
+        }
+    }
+    points
+}
+
+/// A number in [0, 1), the same on every machine.
+pub(super) fn unit(rng: &mut ChaCha8Rng) -> f64 {
+    const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
+    (rng.next_u64() >> 11) as f64 * SCALE
+}
+
+/// Points in square cells as wide as the spacing.
+struct Cells {
+    low: DVec2,
+    extent: DVec2,
+    spacing: f64,
+    columns: usize,
+    rows: usize,
+    cells: Vec<Vec<DVec2>>,
+}
+
+impl Cells {
+    fn new(points: &[DVec2], spacing: f64) -> Self {
+        let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+        let high = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let size = |extent: f64| (extent / spacing) as usize + 1;
+        let (columns, rows) = (size(high.x - low.x), size(high.y - low.y));
+        let mut cells = Self {
+            low,
+            extent: high - low,
+            spacing,
+            columns,
+            rows,
+            cells: vec![Vec::new(); columns * rows],
+        };
+        for &point in points {
+            cells.insert(point);
+        }
+        cells
+    }
+
+    fn place(&self, point: DVec2) -> (usize, usize) {
+        let at = (point - self.low) / self.spacing;
+        let column = (at.x as usize).min(self.columns - 1);
+        (column, (at.y as usize).min(self.rows - 1))
+    }
+
+    fn insert(&mut self, point: DVec2) {
+        let (column, row) = self.place(point);
+        self.cells[row * self.columns + column].push(point);
+    }
+
+    /// Whether no point is nearer than `distance`, which is at most the spacing.
+    fn is_free(&self, point: DVec2, distance: f64) -> bool {
+        let (column, row) = self.place(point);
+        let rows = row.saturating_sub(1)..(row + 2).min(self.rows);
+        let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
+        let near = rows.flat_map(|r| columns.clone().map(move |c| r * self.columns + c));
+        near.flat_map(|cell| &self.cells[cell])
+            .all(|other| other.distance_squared(point) >= distance * distance)
+    }
+}

@@ -1,0 +1,75 @@
+//! Keyframed motion: keyframes are met, with no speed; wrong ones are named.
+
+use glam::DVec3;
+
+use super::super::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
+use super::corners;
+
+fn keyframed(handles: Vec<usize>, keyframes: &[(f64, f64, f64)]) -> Motion {
+    let keyframes = keyframes
+        .iter()
+        .map(|&(time, x, rotation_deg)| Keyframe {
+            time,
+            translation: DVec3::X * x,
+            rotation_deg,
+        })
+        .collect();
+    Motion::Keyframes(KeyframeMotion {
+        duration: 2.0,
+        groups: vec![KeyframeGroup { handles, keyframes }],
+    })
+}
+
+#[test]
+fn keyframes_are_met_with_no_speed() {
+    let motion = keyframed(vec![1, 0], &[(0.5, 1.0, 90.0), (1.5, 3.0, -90.0)]);
+    let path = motion.bind(&corners(), 60.0).unwrap();
+    assert_eq!(path.frame_count(), 120);
+    assert_eq!(path.at(0.0), corners());
+    // Turned by +90° about y, +z goes to +x; at the start the centroid is the origin.
+    let first = path.at(0.5);
+    assert!(first[1].distance(DVec3::new(1.5, 0.0, 0.0)) < 1e-15);
+    assert!(first[0].distance(DVec3::new(0.5, 0.0, 0.0)) < 1e-15);
+    let last = path.at(1.5);
+    assert!(last[1].distance(DVec3::new(2.5, 0.0, 0.0)) < 1e-15);
+    assert_eq!(path.at(5.0), last);
+    // Half way in time is half way in place, and angle (symmetry of 3s² - 2s³).
+    assert!(path.at(1.0)[1].distance(DVec3::new(2.0, 0.0, 0.5)) < 1e-15);
+    // Level ends: 3 (2 m)(h/1 s)² after h = 1e-4 s, and the turn's part, is 1e-7 at most.
+    assert!(path.at(0.5001)[0].distance(first[0]) < 2e-7);
+}
+
+#[test]
+fn a_handle_in_no_group_stays() {
+    let path = keyframed(vec![1], &[(1.0, 0.7, 40.0)]);
+    let path = path.bind(&corners(), 60.0).unwrap();
+    assert_eq!(path.at(1.0)[0], corners()[0]);
+    // A single handle is its own centroid: the turn does not move it.
+    assert!(path.at(1.0)[1].distance(corners()[1] + DVec3::X * 0.7) < 1e-15);
+}
+
+#[test]
+fn wrong_keyframes_are_errors() {
+    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err().to_string();
+    assert_eq!(
+        error(keyframed(vec![0, 2], &[(1.0, 1.0, 0.0)])),
+        "motion: groups[0] names handle 2, but the scene has 2 handles (numbered from 0)"
+    );
+    assert_eq!(
+        error(keyframed(vec![0, 0], &[(1.0, 1.0, 0.0)])),
+        "motion: handle 0 is named by groups[0] and again by groups[0]"
+    );
+    let disorder = error(keyframed(vec![0], &[(1.0, 1.0, 0.0), (1.0, 2.0, 0.0)]));
+    assert!(
+        disorder.contains("groups[0].keyframes[1].time"),
+        "{disorder}"
+    );
+    let late = error(keyframed(vec![0], &[(2.5, 1.0, 0.0)]));
+    assert!(late.contains("duration"), "{late}");
+    let jump = error(keyframed(vec![0], &[(0.0, 1.0, 0.0)]));
+    assert!(jump.contains("cannot jump"), "{jump}");
+    let nan = error(keyframed(vec![0], &[(1.0, 1.0, f64::NAN)]));
+    assert!(nan.contains("rotation_deg"), "{nan}");
+    let nobody = error(keyframed(vec![], &[(1.0, 1.0, 0.0)]));
+    assert!(nobody.contains("groups[0].handles"), "{nobody}");
+}

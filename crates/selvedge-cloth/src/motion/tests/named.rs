@@ -1,0 +1,154 @@
+//! The named motions are as data.md §1 describes them: lengths, closure, speeds, angles.
+
+use glam::DVec3;
+
+use super::super::{Motion, named};
+use super::corners;
+
+#[test]
+fn training_motions_close_and_last_1261_positions() {
+    for name in named::training().into_iter().chain(named::test()) {
+        let path = named::by_name(name)
+            .unwrap()
+            .bind(&corners(), 60.0)
+            .unwrap();
+        assert_eq!(path.frame_count() + 1, 1261, "{name}");
+        for (end, start) in path.at(21.0).iter().zip(corners()) {
+            assert!(end.distance(start) < 1e-12, "{name} ends at {end}");
+        }
+        // Still for a second, then a move of one metre (of arc, for the farthest handle).
+        assert_eq!(path.at(1.0), corners(), "{name}");
+        let turn = name.contains("rotation");
+        let moved = |handle: usize| {
+            (0..60).map(move |k| 1.0 + f64::from(k) / 60.0).fold(0.0, {
+                let path = &path;
+                move |sum: f64, t| {
+                    sum + path.at(t)[handle].distance(path.at(t + 1.0 / 60.0)[handle])
+                }
+            })
+        };
+        let longest = moved(0).max(moved(1));
+        // 60 chords of an arc of up to 2 rad: each is short by a share of at most
+        // (2 · 0.02618)²/24 = 1.1e-4; straight moves have no such defect.
+        let tolerance = if turn { 1.2e-4 } else { 1e-12 };
+        assert!(
+            (longest - 1.0).abs() < tolerance,
+            "{name} moves {longest} m"
+        );
+    }
+}
+
+#[test]
+fn each_opposite_mirrors_its_move() {
+    for name in named::training().into_iter().chain(named::test()) {
+        let Some(original) = name.strip_suffix("-opposite") else {
+            continue;
+        };
+        let bind = |name| {
+            named::by_name(name)
+                .unwrap()
+                .bind(&corners(), 60.0)
+                .unwrap()
+        };
+        let (there, back) = (bind(original), bind(name));
+        for (handle, start) in corners().into_iter().enumerate() {
+            let sum = there.at(1.7)[handle] + back.at(1.7)[handle];
+            assert!(sum.distance(2.0 * start) < 1e-15, "{name}");
+        }
+    }
+}
+
+#[test]
+fn bouncy_is_as_described() {
+    let path = named::by_name("bouncy")
+        .unwrap()
+        .bind(&corners(), 60.0)
+        .unwrap();
+    assert_eq!(path.frame_count(), 30 + 5 * 60 + 180);
+    assert_eq!(path.at(0.5), corners());
+    // Forward: (60 + 1)/2 + 3 · 60 + (60 - 1)/2 frames at 0.01. Up and down: -0.02 a block.
+    let end = path.at(5.5)[0] - corners()[0];
+    assert!(
+        end.distance(DVec3::new(0.01 * 240.0, -0.1, 0.0)) < 1e-13,
+        "{end}"
+    );
+    // Top of the first bounce: the first 30 speeds are 0.02(1 - k/30), their sum 0.02 · 14.5.
+    assert!((path.at(1.0)[0].y - 0.29).abs() < 1e-14);
+    assert_eq!(path.at(5.5), path.at(8.5));
+}
+
+#[test]
+fn generalisation_motions_have_their_lengths_and_peak_speeds() {
+    let expected = [
+        ("rotate-bounce", 4.0, 0.02),
+        ("spiral", 10.5, 0.02617),
+        ("snake", 9.0, 0.02617),
+        ("upward-spiral", 8.0, 0.02617_f64.hypot(0.0175)),
+        ("speed-0.015", 4.0, 0.015),
+        ("speed-0.05", 4.0, 0.05),
+    ];
+    for (name, seconds, peak) in expected {
+        let motion = named::by_name(name).unwrap();
+        let path = motion.bind(&corners(), 60.0).unwrap();
+        let frames = (seconds * 60.0) as usize;
+        assert_eq!(path.frame_count(), 30 + frames + 180, "{name}");
+        let mut fastest: f64 = 0.0;
+        for k in 0..path.frame_count() {
+            let (a, b) = (path.at(k as f64 / 60.0), path.at((k + 1) as f64 / 60.0));
+            let arc = |h: usize| (b[h] - a[h]).with_y(0.0).length();
+            let rise = b[0].y - a[0].y;
+            let along = if name == "upward-spiral" { rise } else { 0.0 };
+            fastest = fastest.max(arc(0).max(arc(1)).hypot(along));
+        }
+        // A chord is shorter than its arc by a share of at most (0.02617/0.5)²/24 = 1.1e-4.
+        assert!((fastest / peak - 1.0).abs() < 1.2e-4, "{name}: {fastest}");
+    }
+}
+
+#[test]
+fn snake_turns_by_135_270_and_135_degrees() {
+    let path = named::by_name("snake")
+        .unwrap()
+        .bind(&corners(), 60.0)
+        .unwrap();
+    let heading = |t: f64| {
+        let [a, b] = path.at(t)[..] else { panic!() };
+        (b.x - a.x).atan2(b.z - a.z).to_degrees()
+    };
+    // 0.02617 · (180 ± 1)/2 and 0.02617 · 180 metres at 1 m, in degrees.
+    assert!((heading(3.5) - 135.7).abs() < 0.1);
+    assert!((heading(6.5) + 134.2).abs() < 0.1);
+    assert!(heading(9.5).abs() < 0.1);
+}
+
+#[test]
+fn apart_keeps_the_handles_between_0_6_and_1() {
+    let path = named::by_name("apart")
+        .unwrap()
+        .bind(&corners(), 60.0)
+        .unwrap();
+    let distances: Vec<f64> = (0..=path.frame_count())
+        .map(|k| path.at(k as f64 / 60.0))
+        .map(|p| p[0].distance(p[1]))
+        .collect();
+    let least = distances.iter().copied().fold(f64::MAX, f64::min);
+    let most = distances.iter().copied().fold(0.0, f64::max);
+    assert!((least - 0.6).abs() < 1e-12 && (most - 1.0).abs() < 1e-12);
+    assert_eq!(path.frame_count(), 30 + 300 + 180);
+    assert_eq!(path.at(8.5), corners());
+}
+
+#[test]
+fn every_name_binds_and_is_unique() {
+    let names = named::names();
+    let unique: std::collections::HashSet<_> = names.iter().collect();
+    assert_eq!(unique.len(), names.len());
+    assert_eq!((named::training().len(), named::test().len()), (16, 15));
+    for name in names {
+        let motion = named::by_name(name).unwrap();
+        motion.bind(&corners(), 60.0).unwrap();
+        let text = toml::to_string(&motion).unwrap();
+        assert_eq!(toml::from_str::<Motion>(&text).unwrap(), motion, "{name}");
+    }
+    assert_eq!(named::by_name("sideways"), None);
+}

@@ -1,0 +1,65 @@
+//! Recorded motion is played as it is; wrong recordings are named.
+
+use glam::DVec3;
+
+use super::super::{Motion, MotionError, RecordedMotion};
+use super::corners;
+
+fn recording(mut edit: impl FnMut(&mut Vec<Vec<DVec3>>)) -> Motion {
+    let mut positions: Vec<Vec<DVec3>> = (0..4)
+        .map(|k| {
+            corners()
+                .into_iter()
+                .map(|p| p + DVec3::X * f64::from(k * k))
+                .collect()
+        })
+        .collect();
+    edit(&mut positions);
+    Motion::Recorded(RecordedMotion { positions })
+}
+
+#[test]
+fn a_recording_is_played_as_it_is() {
+    for frame_rate in [24.0, 60.0, 144.0] {
+        let path = recording(|_| ()).bind(&corners(), frame_rate).unwrap();
+        assert_eq!(path.frame_count(), 3);
+        for k in 0..4 {
+            assert_eq!(path.at(f64::from(k) / frame_rate)[1].x, f64::from(k * k));
+        }
+        // Linear between frames, and the last frame for good.
+        assert!((path.at(1.5 / frame_rate)[0].x - 2.5).abs() < 1e-13);
+        assert_eq!(path.at(100.0)[0].x, 9.0);
+    }
+}
+
+#[test]
+fn wrong_recordings_are_errors() {
+    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err();
+    assert_eq!(
+        error(recording(|p| p[2].truncate(1))),
+        MotionError::HandleCount {
+            frame: 2,
+            expected: 2,
+            found: 1
+        }
+    );
+    let nan = error(recording(|p| p[3][1].y = f64::NAN));
+    assert!(matches!(
+        nan,
+        MotionError::NonFinite {
+            frame: 3,
+            handle: 1,
+            ..
+        }
+    ));
+    let away = error(recording(|p| p[0][1].y = 0.002)).to_string();
+    assert!(
+        away.contains("handle 1") && away.contains("2.000 mm"),
+        "{away}"
+    );
+    recording(|p| p[0][1].y = 0.0009)
+        .bind(&corners(), 60.0)
+        .unwrap();
+    let empty = error(recording(Vec::clear)).to_string();
+    assert!(empty.contains("at least one frame"), "{empty}");
+}

@@ -1,0 +1,80 @@
+//! Motions as people write them in TOML, and what is said to them when a key is wrong.
+
+use glam::DVec3;
+
+use super::super::{Motion, Profile, TurnSense};
+use super::{METRE, speed, translation_block, turn_block};
+
+const OWN: &str = r#"
+kind = "blocks"
+[[blocks]]
+duration = 1
+translations = [{ direction = [1, 0, 0], pace = { distance = 1 } }]
+[[blocks]]
+duration = 0.5
+rotation = { center = -1, sense = "clockwise", arc = { start = 0, end = 0.02, profile = "smooth" } }
+"#;
+
+#[test]
+fn toml_reads_naturally() {
+    let motion: Motion = toml::from_str(OWN).unwrap();
+    let expected = Motion::Blocks {
+        blocks: vec![
+            translation_block(1.0, DVec3::X, METRE),
+            turn_block(
+                0.5,
+                -1.0,
+                TurnSense::Clockwise,
+                speed(0.0, 0.02, Profile::Smooth),
+            ),
+        ],
+    };
+    assert_eq!(motion, expected);
+    let keyframes = r#"
+        kind = "keyframes"
+        duration = 2.0
+        [[groups]]
+        handles = [0]
+        keyframes = [{ time = 1.0, translation = [0, 0.1, 0] }, { time = 2, rotation_deg = 20 }]
+    "#;
+    let Motion::Keyframes(motion) = toml::from_str(keyframes).unwrap() else {
+        panic!("read as another kind");
+    };
+    assert_eq!(motion.groups[0].keyframes[1].rotation_deg, 20.0);
+    let recorded = "kind = \"recorded\"\npositions = [[[0, 0, 0]], [[0, 1, 0]]]";
+    let motion: Motion = toml::from_str(recorded).unwrap();
+    assert_eq!(motion.bind(&[DVec3::ZERO], 60.0).unwrap().frame_count(), 1);
+}
+
+#[test]
+fn unknown_and_missing_keys_are_named() {
+    let with = |from: &str, to: &str| {
+        let text = OWN.replace(from, to);
+        assert_ne!(text, OWN);
+        toml::from_str::<Motion>(&text).unwrap_err().to_string()
+    };
+    for (from, to, named) in [
+        (
+            "kind = \"blocks\"",
+            "kind = \"blocks\"\nrepeat = 3",
+            "repeat",
+        ),
+        ("duration = 1\n", "duration = 1\nlength = 2\n", "length"),
+        ("direction =", "dir =", "dir"),
+        ("distance = 1", "distanse = 1", "distanse"),
+        ("distance = 1", "distance = 1, start = 0", "not both"),
+        ("start = 0, ", "", "start"),
+        (", profile = \"smooth\"", "", "profile"),
+        ("center = -1", "centre = -1", "centre"),
+        ("\"clockwise\"", "\"left\"", "left"),
+        ("\"smooth\"", "\"abrupt\"", "abrupt"),
+        ("kind = \"blocks\"", "kind = \"dance\"", "dance"),
+        ("kind = \"blocks\"", "", "kind"),
+    ] {
+        let message = with(from, to);
+        assert!(message.contains(named), "{to}: {message}");
+    }
+    let extra = "kind = \"recorded\"\npositions = []\nrate = 3";
+    let message = toml::from_str::<Motion>(extra).unwrap_err().to_string();
+    assert!(message.contains("rate"), "{message}");
+}
