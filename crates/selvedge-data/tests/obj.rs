@@ -1,0 +1,166 @@
+//! OBJ files: numbers of vertices are the file's, texture coordinates the material's, and what is
+//! not a cloth is an error that names the line or vertex.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use proptest::prelude::*;
+use selvedge_cloth::Topology;
+use selvedge_data::{ObjError, parse_obj, read_obj, write_obj};
+
+const QUAD: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n";
+
+#[test]
+fn two_groups_share_vertices_and_keep_the_numbers_of_the_file() {
+    let text = "o cloth\nv 9 0 0\nv 0 0 0\nv 8 0 1\nv 8 1 1\nvt 0 1\nvt 1 0\nvt 0 0\nvt 1 1\n\
+        g upper\nf 2/3/1 1/2/1 4/4/1\ng lower left\nf -3/3 4/4 -2/1\n";
+    let sheet = parse_obj(text).unwrap();
+    assert_eq!(sheet.mesh.positions()[0], DVec3::new(9.0, 0.0, 0.0));
+    assert_eq!(sheet.mesh.topology().face_indices(), [[1, 0, 3], [1, 3, 2]]);
+    assert_eq!(sheet.mesh.material_coordinates()[2], DVec2::new(0.0, 1.0));
+    assert_eq!(sheet.labels["upper"], [0, 1, 3]);
+    assert_eq!(sheet.labels["lower"], [1, 2, 3]);
+    assert_eq!(sheet.labels["left"], [1, 2, 3]);
+    assert_eq!(sheet.labels["cloth"], [0, 1, 2, 3]);
+}
+
+#[test]
+fn a_flat_sheet_without_texture_gets_isometric_coordinates() {
+    // In the plane x = 3, facing -x as a generated sheet: u along z, v up.
+    let text = "v 3 -1 5\nv 3 -1 7\nv 3 0 7\nv 3 0 5\nf 1 2 3 4\n";
+    let sheet = parse_obj(text).unwrap();
+    let expected = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)].map(DVec2::from);
+    assert_eq!(sheet.mesh.material_coordinates(), expected);
+    // Level, seen from above: u along x, v along -z.
+    let text = "v 0 0 0\nv 2 0 0\nv 2 0 -1\nv 0 0 -1\nf 1 2 3 4\n";
+    let sheet = parse_obj(text).unwrap();
+    assert_eq!(sheet.mesh.material_coordinates(), expected);
+}
+
+#[test]
+fn a_tilted_sheet_keeps_all_lengths() {
+    let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7);
+    let mut text = String::new();
+    let flat = [(0.0, 0.0), (2.0, 0.1), (2.5, 1.0), (0.2, 1.3)];
+    for (x, y) in flat {
+        let p = turn * DVec3::new(x, y, 0.0);
+        text += &format!("v {} {} {}\n", p.x, p.y, p.z);
+    }
+    let sheet = parse_obj(&(text + "f 1 2 3\nf 1 3 4\n")).unwrap();
+    let found = sheet.mesh.material_coordinates();
+    for i in 0..4 {
+        for j in 0..4 {
+            let expected = DVec2::from(flat[i]).distance(DVec2::from(flat[j]));
+            // Rounding of a few operations on numbers of size 2.
+            assert!((found[i].distance(found[j]) - expected).abs() < 1e-14);
+        }
+    }
+}
+
+#[test]
+fn polygons_are_split_where_all_triangles_have_area() {
+    let quad = parse_obj(&format!("{QUAD}f 1 2 3 4 # a comment\n")).unwrap();
+    assert_eq!(quad.mesh.topology().faces().len(), 2);
+    // Concave at vertex 4: only a fan from there or from the corner across works.
+    let dart = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\nf 1 2 \\\n 3 4\n";
+    let faces = parse_obj(dart).unwrap().mesh.topology().face_indices();
+    assert!(
+        faces.iter().all(|f| f.contains(&1) && f.contains(&3)),
+        "{faces:?}"
+    );
+    let pentagon = "v 0 0 0\nv 1 0 0\nv 2 1 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4 5\n";
+    let sheet = parse_obj(pentagon).unwrap();
+    let area: f64 = sheet.mesh.rest_shape(1.0).face_area.iter().sum();
+    assert_eq!(area, 3.0);
+}
+
+#[test]
+fn equal_texture_coordinates_with_different_numbers_are_no_seam() {
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 0 0\n\
+        f 1/1 2/2 3/3\nf 1/5 3/3 4/4\n";
+    assert!(parse_obj(text).is_ok());
+    let seam = text.replace("vt 0 0\nf", "vt 0.5 0\nf");
+    let error = parse_obj(&seam).unwrap_err();
+    assert!(matches!(error, ObjError::Seam { vertex: 1, .. }), "{error}");
+}
+
+#[test]
+fn what_is_not_a_cloth_is_named() {
+    let cases = [
+        ("v 0 0 0\nv 1 0\n", "line 2: expected 3 numbers, found 2"),
+        ("v 0 0 zero\n", "line 1: \"zero\" is no finite number"),
+        ("v 0 0 nan\n", "line 1: \"nan\" is no finite number"),
+        ("v 0 0 0\nf 1 1\n", "line 2: a face needs 3 corners"),
+        (
+            "v 0 0 0\nf 1 2 3\n",
+            "line 2: there is no vertex 2 (there are 1 so far)",
+        ),
+        ("v 0 0 0\nf 0 1 1\n", "there is no vertex 0"),
+        ("v 0 0 0\nf -2 1 1\n", "there is no vertex -2"),
+        ("v 0 0 0\nf a 1 1\n", "\"a\" is no number of a vertex"),
+        (
+            "v 0 0 0\nf 1/1 1/1 1/1\n",
+            "there is no texture coordinate 1",
+        ),
+        ("curv 0 1\n", "line 1: \"curv\" is no statement"),
+        ("v 0 0 0\n", "has no faces"),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+            "vertex 3 belongs to no face",
+        ),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nf 1/1 2/1 3/1\n",
+            "line 5: this face has no texture",
+        ),
+        (
+            "v 0 0 0\nv 1 0 0\nv 1 1 0.1\nv 0 1 0\nf 1 2 3 4\n",
+            "is not flat",
+        ),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0 1\nvt 1 0\nf 1/1 2/2 3/3\n",
+            "face 0 is clockwise",
+        ),
+        (
+            "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3 4/4\n",
+            "line 9: this face of 4 corners",
+        ),
+    ];
+    for (text, expected) in cases {
+        let error = parse_obj(text).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+    let error = read_obj(std::path::Path::new("no/such.obj")).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .starts_with("no/such.obj: could not be read")
+    );
+}
+
+#[test]
+fn a_written_file_is_read_back_exactly() {
+    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+    let coordinates = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.7), (0.0, 0.3)].map(Vec2::from);
+    let positions = coordinates.map(|c| Vec3::new(c.x / 3.0, 1e-9, c.y * 1e9));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    write_obj(&path, &topology, &positions, &coordinates).unwrap();
+    let mesh = read_obj(&path).unwrap().mesh;
+    assert_eq!(mesh.topology(), &topology);
+    let read: Vec<Vec3> = mesh.positions().iter().map(|p| p.as_vec3()).collect();
+    assert_eq!(read, positions);
+    let read: Vec<Vec2> = mesh
+        .material_coordinates()
+        .iter()
+        .map(|c| c.as_vec2())
+        .collect();
+    assert_eq!(read, coordinates);
+}
+
+proptest! {
+    #[test]
+    fn any_text_returns(lines in prop::collection::vec("(v|vt|f|o|g|)( (-?[0-9]{1,2}|1/1|/)){0,5}", 0..12)) {
+        // Whether it is a cloth is not asserted: only that it never panics.
+        let _ = parse_obj(&lines.join("\n"));
+    }
+}
