@@ -3,17 +3,30 @@
 //! [`selvedge_cloth::Stepper`].
 
 mod connectivity;
+mod features;
+mod frame;
+mod graph;
 mod kernels;
 mod layers;
 mod network;
+mod normalizer;
 mod parameters;
 mod product;
 mod real;
 pub mod reference;
 mod spec;
+#[cfg(test)]
+mod test_cloth;
 
 pub use connectivity::Connectivity;
+pub use features::{
+    Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,
+    node_groups,
+};
+pub use frame::{LocalFrame, Yaw};
+pub use graph::{ClothGraph, ClothParts, GraphError, Hinge};
 pub use network::{Dropout, Input, Network, Pass, Workspace};
+pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
 pub use parameters::{Parameter, Start};
 pub use real::Real;
 pub use spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};

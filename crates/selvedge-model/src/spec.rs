@@ -174,27 +174,3 @@ impl ModelSpec {
         self.edge_features.iter().map(|f| f.width()).sum()
     }
 }
-
-impl NodeFeature {
-    /// Number of columns.
-    #[must_use]
-    pub const fn width(self) -> usize {
-        match self {
-            Self::Velocity | Self::ExternalForce => 3,
-            Self::KineticEnergy => 1,
-            Self::NodeType => 9,
-        }
-    }
-}
-
-impl EdgeFeature {
-    /// Number of columns.
-    #[must_use]
-    pub const fn width(self) -> usize {
-        match self {
-            Self::Vector | Self::RestVector => 4,
-            Self::MaterialVector => 3,
-            Self::Elongation | Self::BendingAngle => 1,
-        }
-    }
-}

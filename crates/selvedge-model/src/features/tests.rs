@@ -1,0 +1,357 @@
+//! Invariances and closed forms of the features.
+
+use std::collections::BTreeSet;
+use std::f32::consts::PI;
+
+use glam::DVec3;
+use selvedge_cloth::{Environment, Handles, Topology, geometry};
+
+use super::*;
+use crate::graph::ClothParts;
+use crate::spec::Encoder;
+use crate::test_cloth::{parts, shaken, turn};
+
+fn physical() -> ModelSpec {
+    ModelSpec::physical(Encoder::Mlp, 8, 1)
+}
+
+/// Every feature that there is.
+fn everything() -> ModelSpec {
+    let mut spec = physical();
+    spec.edge_features.insert(EdgeFeature::MaterialVector);
+    spec
+}
+
+struct Features {
+    nodes: Vec<f32>,
+    arcs: Vec<f32>,
+}
+
+fn features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>) -> Features {
+    let mut nodes = vec![f32::NAN; graph.vertex_count() * spec.node_width()];
+    let mut arcs = vec![f32::NAN; graph.arc_count() * spec.edge_width()];
+    node_features(spec, graph, pose, &mut nodes);
+    edge_features(spec, graph, pose, &mut arcs);
+    Features { nodes, arcs }
+}
+
+fn graph(parts: ClothParts) -> ClothGraph {
+    ClothGraph::new(parts).expect("a cloth")
+}
+
+/// A pose that moves 1 cm per frame everywhere and is bent by as much.
+fn moving(rest: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
+    (shaken(rest, 0.01, 8), shaken(rest, 0.01, 9))
+}
+
+/// Two unit triangles left and right of the edge 0 → 1 (along z), folded to the bending angle
+/// `angle`: the wings fall away from the normals where it is positive.
+fn fold(angle: f32) -> (ClothGraph, [Vec3; 4]) {
+    let (sin, cos) = angle.sin_cos();
+    let positions = [Vec3::ZERO, Vec3::Z, Vec3::X, Vec3::new(-cos, -sin, 0.0)];
+    let parts = ClothParts {
+        topology: Topology::new(4, &[[0, 1, 2], [1, 0, 3]]).expect("two triangles"),
+        handles: Handles::new(&[], 4).expect("none"),
+        vertex_mass: vec![0.1; 4],
+        face_area: vec![0.5; 2],
+        material_coordinates: vec![glam::Vec2::ZERO; 4],
+        rest_positions: positions.to_vec(),
+        environment: Environment::default(),
+        frame_rate: 60.0,
+    };
+    (graph(parts), positions)
+}
+
+#[test]
+fn widths_are_those_of_the_method_and_names_are_distinct() {
+    let node = [3, 3, 1, 9];
+    let features = physical().node_features;
+    assert!(features.iter().map(|f| f.width()).eq(node));
+    let edge = [4, 4, 3, 1, 1];
+    let features = everything().edge_features;
+    assert!(features.iter().map(|f| f.width()).eq(edge));
+    let widths = |spec: &ModelSpec| (spec.node_width(), spec.edge_width());
+    assert_eq!(widths(&physical()), (16, 10));
+    assert_eq!(widths(&ModelSpec::mesh_graph_nets(8, 1)), (12, 7));
+    for spec in [physical(), everything(), ModelSpec::mesh_graph_nets(8, 1)] {
+        assert_eq!(node_columns(&spec).len(), spec.node_width());
+        assert_eq!(edge_columns(&spec).len(), spec.edge_width());
+        assert_eq!(node_groups(&spec).iter().sum::<usize>(), spec.node_width());
+        assert_eq!(edge_groups(&spec).iter().sum::<usize>(), spec.edge_width());
+        let mut columns = node_columns(&spec);
+        columns.extend(edge_columns(&spec));
+        let names: BTreeSet<_> = columns.iter().map(|column| column.name).collect();
+        assert_eq!(names.len(), columns.len());
+    }
+}
+
+#[test]
+fn turning_and_moving_cloth_and_handles_leaves_local_features_unchanged() {
+    let mut parts = parts(7, 1);
+    // Wind does not turn with the cloth; gravity does not notice.
+    parts.environment.wind = DVec3::new(0.0, 0.3, 0.0);
+    let graph = graph(parts);
+    let (previous, current) = moving(graph.rest_positions());
+    let local = |previous: &[Vec3], current: &[Vec3]| {
+        let handles = graph.handles().select(current);
+        let yaw = graph.frame().yaw(&handles, Yaw::WORLD);
+        let pose = Pose {
+            previous,
+            current,
+            yaw,
+        };
+        features(&everything(), &graph, pose)
+    };
+    let start = local(&previous, &current);
+    for (angle, by) in [
+        (0.8, Vec3::ZERO),
+        (-2.5, Vec3::new(0.4, -1.0, 0.7)),
+        (3.1, Vec3::X),
+    ] {
+        let yaw = Yaw::from_angle(angle);
+        let moved = local(&turn(&previous, yaw, by), &turn(&current, yaw, by));
+        for (a, b) in start.nodes.iter().zip(&moved.nodes) {
+            // Positions of 2 m are rounded to 1.2e-7; drag sees 60 times that, times 2 ρ A v.
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+        for (row, (a, b)) in start.arcs.iter().zip(&moved.arcs).enumerate() {
+            // An angle sees the rounding of positions over the height of a triangle, 0.1 m, and
+            // these triangles may be slender.
+            let allowed = if row % 13 == 12 { 3e-5 } else { 1e-6 };
+            assert!((a - b).abs() < allowed, "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn the_two_arcs_of_an_edge_see_opposite_vectors_and_the_same_scalars() {
+    let graph = graph(parts(6, 3));
+    let (previous, current) = moving(graph.rest_positions());
+    let pose = Pose {
+        previous: &previous,
+        current: &current,
+        yaw: Yaw::from_angle(0.4),
+    };
+    let spec = everything();
+    let arcs = features(&spec, &graph, pose).arcs;
+    let signs = [
+        -1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0,
+    ];
+    let row = |arc: u32| &arcs[arc as usize * 13..][..13];
+    for &[forward, back] in graph.edge_arcs() {
+        for ((a, b), sign) in row(forward).iter().zip(row(back)).zip(signs) {
+            assert_eq!(*a, sign * b);
+        }
+    }
+    for arc in 0..graph.arc_count() {
+        let ends = [graph.senders()[arc], graph.receivers()[arc]].map(|v| current[v as usize]);
+        let d = row(arc as u32);
+        let world = pose.yaw.to_world(Vec3::new(d[0], d[1], d[2]));
+        assert!(
+            world.distance(ends[0] - ends[1]) < 1e-6,
+            "sender - receiver"
+        );
+        assert_eq!(
+            d[11],
+            ends[0].distance(ends[1]) - d[7],
+            "elongation against the rest length"
+        );
+    }
+}
+
+#[test]
+fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
+    let graph = graph(parts(6, 4));
+    let rest = graph.rest_positions();
+    let pose = Pose {
+        previous: rest,
+        current: rest,
+        yaw: graph.frame().rest_yaw(),
+    };
+    for row in features(&everything(), &graph, pose).arcs.chunks(13) {
+        assert_eq!(row[..4], row[4..8]);
+        assert!(row[11].abs() < 1e-7, "elongation {}", row[11]);
+    }
+}
+
+#[test]
+fn bending_follows_its_closed_form_positive_for_a_ridge() {
+    let spec = physical();
+    for step in -31..=31 {
+        let angle = 0.1 * step as f32;
+        let (graph, positions) = fold(angle);
+        let pose = Pose {
+            previous: &positions,
+            current: &positions,
+            yaw: Yaw::WORLD,
+        };
+        let arcs = features(&spec, &graph, pose).arcs;
+        for (arc, row) in arcs.chunks(10).enumerate() {
+            let interior = graph.arc_edges()[arc] == graph.hinges()[0].edge;
+            let expected = if interior { angle } else { 0.0 };
+            // A few roundings of numbers of order 1.
+            assert!(
+                (row[9] - expected).abs() < 5e-7,
+                "{} for {expected}",
+                row[9]
+            );
+        }
+    }
+    // The normals point up (+y) and the wing hangs down: a ridge.
+    let (_, positions) = fold(0.5);
+    let normal = (positions[1] - positions[0]).cross(positions[2] - positions[0]);
+    assert!(normal.y > 0.0 && positions[3].y < 0.0);
+}
+
+#[test]
+fn a_flat_hinge_is_plus_0_a_closed_one_plus_pi_and_a_degenerate_one_0() {
+    let angle = |right: Vec3| {
+        let (graph, mut positions) = fold(0.0);
+        positions[3] = right;
+        bending_angle(&graph.hinges()[0], &positions)
+    };
+    assert_eq!(angle(-Vec3::X).to_bits(), 0.0_f32.to_bits());
+    assert_eq!(angle(Vec3::X), PI);
+    assert_eq!(angle(Vec3::ZERO), 0.0);
+}
+
+#[test]
+fn bending_is_minus_the_simulators_dihedral_angle() {
+    let graph = graph(parts(8, 5));
+    let positions = shaken(graph.rest_positions(), 0.05, 6);
+    for hinge in graph.hinges() {
+        let [from, to, left, right] = [hinge.from, hinge.to, hinge.left, hinge.right]
+            .map(|v| positions[v as usize].as_dvec3());
+        let expected = -geometry::dihedral_angle(from, to, left, right);
+        let found = f64::from(bending_angle(hinge, &positions));
+        // Differences of f32 positions are exact here up to 1e-7 of an edge; slender wings.
+        assert!((found - expected).abs() < 1e-5, "{found} {expected}");
+    }
+}
+
+#[test]
+fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
+    let start = parts(6, 7);
+    let positions = shaken(&start.rest_positions, 0.03, 1);
+    let faces = start.topology.face_indices();
+    let shuffled: Vec<[u32; 3]> = (0..faces.len())
+        .map(|k| {
+            let [a, b, c] = faces[(k * 7 + 3) % faces.len()];
+            [[a, b, c], [b, c, a], [c, a, b]][k % 3]
+        })
+        .collect();
+    let mut other = start.clone();
+    other.topology = Topology::new(36, &shuffled).expect("the same faces");
+    assert_ne!(other.topology.edges(), start.topology.edges());
+    let angles = |parts: ClothParts| -> Vec<u32> {
+        let graph = graph(parts);
+        let pose = Pose {
+            previous: &positions,
+            current: &positions,
+            yaw: Yaw::WORLD,
+        };
+        let arcs = features(&physical(), &graph, pose).arcs;
+        arcs.chunks(10).map(|row| row[9].to_bits()).collect()
+    };
+    assert_eq!(angles(start), angles(other));
+}
+
+/// External force as method.md §2 says it, in f64 and world axes, vertex by vertex.
+fn slow_external_force(graph: &ClothGraph, pose: Pose<'_>, vertex: usize) -> DVec3 {
+    let air = graph.environment();
+    let mut force = f64::from(graph.vertex_mass()[vertex]) * air.gravity;
+    for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
+        if face.iter().all(|v| v.index() != vertex) {
+            continue;
+        }
+        let at = |k: usize| pose.current[face[k].index()].as_dvec3();
+        let speed =
+            |k: usize| (at(k) - pose.previous[face[k].index()].as_dvec3()) * graph.frame_rate();
+        let relative = air.wind - (speed(0) + speed(1) + speed(2)) / 3.0;
+        let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize();
+        let along = normal.dot(relative);
+        let tangential = relative - along * normal;
+        let pressure = air.air_density * along.abs() * along * normal;
+        force += f64::from(area) / 3.0 * (pressure + air.air_drag * tangential);
+    }
+    force
+}
+
+#[test]
+fn external_force_matches_a_slow_version_in_f64() {
+    let graph = graph(parts(7, 2));
+    let (previous, current) = moving(graph.rest_positions());
+    let pose = Pose {
+        previous: &previous,
+        current: &current,
+        yaw: Yaw::from_angle(-1.2),
+    };
+    let nodes = features(&physical(), &graph, pose).nodes;
+    for (v, row) in nodes.chunks(16).enumerate() {
+        let expected = slow_external_force(&graph, pose, v);
+        let found = pose
+            .yaw
+            .to_world(Vec3::new(row[3], row[4], row[5]))
+            .as_dvec3();
+        // Forces of about 0.02 N from velocities of 0.6 m/s, these exact to 1e-5.
+        assert!(found.distance(expected) < 1e-6, "{found} {expected}");
+    }
+}
+
+#[test]
+fn drag_of_a_sheet_across_the_wind_is_density_area_speed_squared_against_the_motion() {
+    // A flat sheet with unit normal y falls at 3 m/s: ρ A v² = 1 · 1 · 9 N in all, upwards.
+    let (graph, positions) = fold(0.0);
+    let previous = positions.map(|p| p + Vec3::Y * (3.0 / 60.0));
+    let pose = Pose {
+        previous: &previous,
+        current: &positions,
+        yaw: Yaw::WORLD,
+    };
+    let nodes = features(&physical(), &graph, pose).nodes;
+    let total: Vec3 = nodes.chunks(16).map(|r| Vec3::new(r[3], r[4], r[5])).sum();
+    assert!(
+        total.distance(Vec3::Y * (9.0 - 0.4 * 9.8)) < 1e-5,
+        "{total}"
+    );
+}
+
+#[test]
+fn node_types_energies_and_velocities_are_what_they_say() {
+    let graph = graph(parts(4, 2));
+    let (previous, current) = moving(graph.rest_positions());
+    let pose = Pose {
+        previous: &previous,
+        current: &current,
+        yaw: Yaw::from_angle(2.0),
+    };
+    let nodes = features(&physical(), &graph, pose).nodes;
+    for (v, row) in nodes.chunks(16).enumerate() {
+        let moved = (current[v] - previous[v]).as_dvec3();
+        let velocity = Vec3::new(row[0], row[1], row[2]);
+        assert!(pose.yaw.to_world(velocity).as_dvec3().distance(moved) < 1e-8);
+        let energy = 0.5 * f64::from(graph.vertex_mass()[v]) * moved.length_squared();
+        assert!((f64::from(row[6]) / energy - 1.0).abs() < 1e-6);
+        let kind = usize::from(graph.handle_mask()[v]);
+        assert!((0..9).all(|k| row[7 + k] == f32::from(u8::from(k == kind))));
+    }
+}
+
+#[test]
+fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
+    let graph = graph(parts(5, 2));
+    let (previous, current) = moving(graph.rest_positions());
+    let pose = Pose {
+        previous: &previous,
+        current: &current,
+        yaw: Yaw::from_angle(0.3),
+    };
+    let whole = features(&everything(), &graph, pose);
+    let part = features(&ModelSpec::mesh_graph_nets(8, 1), &graph, pose);
+    for (all, some) in whole.nodes.chunks(16).zip(part.nodes.chunks(12)) {
+        assert_eq!((&all[..3], &all[7..]), (&some[..3], &some[3..]));
+    }
+    for (all, some) in whole.arcs.chunks(13).zip(part.arcs.chunks(7)) {
+        assert_eq!((&all[..4], &all[8..11]), (&some[..4], &some[4..]));
+    }
+}
