@@ -1,0 +1,208 @@
+//! Where the numbers of the system matrix stand: 3x3 blocks, one per pair of free vertices that
+//! share a face or an interior edge's stencil, lower triangle only.
+//!
+//! Free vertices are numbered as unknowns in an approximate minimum degree order, so that the
+//! matrix can be factorised as it is. Held vertices are no unknowns. A block has a slot: the
+//! diagonal ones first, then those below the diagonal column by column, then one slot more that
+//! collects what belongs to held vertices and is never read.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::SymbolicSparseColMat;
+use faer::sparse::linalg::amd;
+use glam::DMat3;
+
+use crate::cholesky::FactorError;
+
+/// The block pattern of the lower triangle.
+#[derive(Clone, Debug)]
+pub(crate) struct Pattern {
+    /// Unknown of each vertex; the number of unknowns for a held one.
+    unknown_of_vertex: Vec<u32>,
+    /// Vertex of each unknown.
+    vertex_of_unknown: Vec<u32>,
+    /// Where the blocks below the diagonal start in `rows`, per column and one more.
+    starts: Vec<usize>,
+    /// Row of each block below the diagonal, ascending within a column.
+    rows: Vec<u32>,
+}
+
+impl Pattern {
+    /// The pattern of a matrix that couples the vertices of each stencil; `held` says which
+    /// vertices are no unknowns.
+    pub(crate) fn new<const N: usize>(
+        held: &[bool],
+        triangles: &[[u32; 3]],
+        stencils: &[[u32; N]],
+    ) -> Result<Self, FactorError> {
+        let free: Vec<u32> = (0..held.len() as u32)
+            .filter(|&v| !held[v as usize])
+            .collect();
+        let number = number_unknowns(held.len(), &free);
+        let pairs = coupled_pairs(&number, free.len(), triangles, stencils);
+        let order = fill_reducing_order(free.len(), &pairs)?;
+        let vertex_of_unknown: Vec<u32> = order.iter().map(|&k| free[k]).collect();
+        let unknown_of_vertex = number_unknowns(held.len(), &vertex_of_unknown);
+        let renumbered = coupled_pairs(&unknown_of_vertex, free.len(), triangles, stencils);
+        let mut starts = vec![0; free.len() + 1];
+        for &(column, _) in &renumbered {
+            starts[column as usize + 1] += 1;
+        }
+        for column in 0..free.len() {
+            starts[column + 1] += starts[column];
+        }
+        Ok(Self {
+            unknown_of_vertex,
+            vertex_of_unknown,
+            starts,
+            rows: renumbered.into_iter().map(|(_, row)| row).collect(),
+        })
+    }
+
+    /// Number of unknown vertices.
+    pub(crate) fn unknown_count(&self) -> usize {
+        self.vertex_of_unknown.len()
+    }
+
+    /// Vertex of each unknown.
+    pub(crate) fn vertices(&self) -> &[u32] {
+        &self.vertex_of_unknown
+    }
+
+    /// Unknown of `vertex`; [`Self::unknown_count`] if it is held.
+    pub(crate) fn unknown(&self, vertex: u32) -> u32 {
+        self.unknown_of_vertex[vertex as usize]
+    }
+
+    /// Number of slots, with the one that is never read.
+    pub(crate) fn slot_count(&self) -> usize {
+        self.unknown_count() + self.rows.len() + 1
+    }
+
+    /// Slot of the block that couples two vertices. The row is that of the vertex with the larger
+    /// unknown.
+    pub(crate) fn slot(&self, first: u32, second: u32) -> u32 {
+        let (first, second) = (self.unknown(first), self.unknown(second));
+        let (row, column) = (first.max(second), first.min(second));
+        let unused = self.slot_count() as u32 - 1;
+        if row as usize == self.unknown_count() {
+            return unused;
+        }
+        if row == column {
+            return row;
+        }
+        let start = self.starts[column as usize];
+        let end = self.starts[column as usize + 1];
+        match self.rows[start..end].binary_search(&row) {
+            Ok(place) => (self.unknown_count() + start + place) as u32,
+            Err(_) => unused,
+        }
+    }
+
+    /// The lower triangle as compressed scalar columns: starts and row indices.
+    pub(crate) fn scalar_columns(&self) -> (Vec<usize>, Vec<usize>) {
+        let mut starts = vec![0];
+        let mut rows = Vec::with_capacity(6 * self.unknown_count() + 9 * self.rows.len());
+        for column in 0..self.unknown_count() {
+            let below = &self.rows[self.starts[column]..self.starts[column + 1]];
+            for axis in 0..3 {
+                rows.extend((axis..3).map(|r| 3 * column + r));
+                for &row in below {
+                    rows.extend((0..3).map(|r| 3 * row as usize + r));
+                }
+                starts.push(rows.len());
+            }
+        }
+        (starts, rows)
+    }
+
+    /// Copies blocks (by slot) into the order of [`Self::scalar_columns`].
+    pub(crate) fn expand(&self, blocks: &[DMat3], values: &mut [f64]) {
+        let mut rest = values;
+        for column in 0..self.unknown_count() {
+            let diagonal = blocks[column].to_cols_array_2d();
+            let first = self.unknown_count() + self.starts[column];
+            let below =
+                &blocks[first..first + self.starts[column + 1] - self.starts[column]];
+            for axis in 0..3 {
+                let head = 3 - axis;
+                let (now, later) = rest.split_at_mut(head + 3 * below.len());
+                now[..head].copy_from_slice(&diagonal[axis][axis..]);
+                for (entry, block) in now[head..].chunks_exact_mut(3).zip(below) {
+                    entry.copy_from_slice(&block.col(axis).to_array());
+                }
+                rest = later;
+            }
+        }
+    }
+}
+
+fn number_unknowns(vertex_count: usize, vertices: &[u32]) -> Vec<u32> {
+    let mut number = vec![vertices.len() as u32; vertex_count];
+    for (unknown, &vertex) in vertices.iter().enumerate() {
+        number[vertex as usize] = unknown as u32;
+    }
+    number
+}
+
+/// Pairs (column, row) of coupled unknowns with column < row, sorted, each once.
+fn coupled_pairs<const N: usize>(
+    number: &[u32],
+    unknown_count: usize,
+    triangles: &[[u32; 3]],
+    stencils: &[[u32; N]],
+) -> Vec<(u32, u32)> {
+    let mut pairs = Vec::with_capacity(3 * triangles.len() + N * N * stencils.len() / 2);
+    let mut couple = |vertices: &[u32]| {
+        for (k, &a) in vertices.iter().enumerate() {
+            for &b in &vertices[k + 1..] {
+                let (a, b) = (number[a as usize], number[b as usize]);
+                if a != b && a.max(b) < unknown_count as u32 {
+                    pairs.push((a.min(b), a.max(b)));
+                }
+            }
+        }
+    };
+    triangles.iter().for_each(|triangle| couple(triangle));
+    stencils.iter().for_each(|stencil| couple(stencil));
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// The order in which to eliminate: entry k is the k-th unknown to go.
+fn fill_reducing_order(
+    unknown_count: usize,
+    pairs: &[(u32, u32)],
+) -> Result<Vec<usize>, FactorError> {
+    let resources = |cause: String| FactorError::Resources {
+        unknowns: 3 * unknown_count,
+        cause,
+    };
+    // The upper triangle by columns: column = larger unknown.
+    let mut entries: Vec<(u32, u32)> = pairs.iter().map(|&(a, b)| (b, a)).collect();
+    entries.extend((0..unknown_count as u32).map(|k| (k, k)));
+    entries.sort_unstable();
+    let mut starts = vec![0_usize; unknown_count + 1];
+    for &(column, _) in &entries {
+        starts[column as usize + 1] += 1;
+    }
+    for column in 0..unknown_count {
+        starts[column + 1] += starts[column];
+    }
+    let rows: Vec<usize> = entries.iter().map(|&(_, row)| row as usize).collect();
+    let count = rows.len();
+    let graph = SymbolicSparseColMat::new_checked(unknown_count, unknown_count, starts, None, rows);
+    let mut order = vec![0_usize; unknown_count];
+    let mut inverse = vec![0_usize; unknown_count];
+    let mut workspace = MemBuffer::try_new(amd::order_scratch::<usize>(unknown_count, count))
+        .map_err(|_| resources("out of memory".to_owned()))?;
+    amd::order(
+        &mut order,
+        &mut inverse,
+        graph.as_ref(),
+        amd::Control::default(),
+        MemStack::new(&mut workspace),
+    )
+    .map_err(|cause| resources(format!("{cause:?}")))?;
+    Ok(order)
+}

@@ -1,0 +1,188 @@
+//! Resistance to stretching, per face, of the data-driven model of Wang, O'Brien and Ramamoorthi
+//! 2011 as ARCSim integrates it (simulator.md §2.1).
+//!
+//! With F = ∂x/∂(u, v) (columns f_u, f_v), G = (FᵀF - I)/2 and the shape derivatives d_u, d_v of
+//! the three corners, force and Jacobian are those of an anisotropic Green strain energy whose
+//! stiffness k(G) is held constant when differentiating. In the part of the Jacobian that stems
+//! from the stress only tension counts, so that it stays positive semidefinite wherever
+//! k0 k2 ≥ k1². The look-up of k is in [`crate::stretch_table`].
+
+use glam::{DMat3, DVec2, DVec3};
+use selvedge_cloth::geometry::signed_area_2d;
+
+use crate::stretch_table::StretchStiffness;
+
+/// Green strain G of a face in material axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Strain {
+    /// G00, along the course axis u.
+    pub uu: f64,
+    /// G11, along the wale axis v.
+    pub vv: f64,
+    /// G01, half the shear.
+    pub uv: f64,
+}
+
+/// A face's rest shape: what turns corner positions into a deformation gradient.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StretchElement {
+    /// ∂x/∂u = Σ shape_u\[a\] x_a [1/m].
+    pub shape_u: [f64; 3],
+    /// ∂x/∂v = Σ shape_v\[a\] x_a [1/m].
+    pub shape_v: [f64; 3],
+    /// Area in material space [m²].
+    pub area: f64,
+}
+
+/// Force and Jacobian of one face at one configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct StretchResponse {
+    element: StretchElement,
+    along_u: DVec3,
+    along_v: DVec3,
+    stiffness: [f64; 4],
+    stress: Strain,
+    tension: DVec2,
+}
+
+impl StretchElement {
+    /// The element of a face with these corners in material space [m]; any order of the corners.
+    #[must_use]
+    pub fn new(corners: [DVec2; 3]) -> Self {
+        let [a, b, c] = corners;
+        let (first, second) = (b - a, c - a);
+        let determinant = first.perp_dot(second);
+        let u = [second.y / determinant, -first.y / determinant];
+        let v = [-second.x / determinant, first.x / determinant];
+        Self {
+            shape_u: [-(u[0] + u[1]), u[0], u[1]],
+            shape_v: [-(v[0] + v[1]), v[0], v[1]],
+            area: signed_area_2d(a, b, c).abs(),
+        }
+    }
+
+    /// Columns f_u = ∂x/∂u and f_v = ∂x/∂v of the deformation gradient.
+    #[must_use]
+    #[inline]
+    pub fn gradient(&self, corners: [DVec3; 3]) -> (DVec3, DVec3) {
+        let [a, b, c] = corners;
+        let (first, second) = (b - a, c - a);
+        (
+            first * self.shape_u[1] + second * self.shape_u[2],
+            first * self.shape_v[1] + second * self.shape_v[2],
+        )
+    }
+
+    /// Green strain of corners at these positions [m]: G = (FᵀF - I)/2. `[eq:green-strain]`
+    #[must_use]
+    #[inline]
+    pub fn strain(&self, corners: [DVec3; 3]) -> Strain {
+        let (along_u, along_v) = self.gradient(corners);
+        green_strain(along_u, along_v)
+    }
+
+    /// Force and Jacobian at these corner positions [m].
+    #[must_use]
+    #[inline]
+    pub fn respond(
+        &self,
+        stiffness: &impl StretchStiffness,
+        corners: [DVec3; 3],
+    ) -> StretchResponse {
+        let (along_u, along_v) = self.gradient(corners);
+        let strain = green_strain(along_u, along_v);
+        let [k0, k1, k2, k3] = stiffness.at(strain);
+        let positive = DVec2::new(strain.uu.max(0.0), strain.vv.max(0.0));
+        StretchResponse {
+            element: *self,
+            along_u,
+            along_v,
+            stiffness: [k0, k1, k2, k3],
+            stress: Strain {
+                uu: k0 * strain.uu + k1 * strain.vv,
+                vv: k2 * strain.vv + k1 * strain.uu,
+                uv: k3 * strain.uv,
+            },
+            tension: DVec2::new(
+                k0 * positive.x + k1 * positive.y,
+                k2 * positive.y + k1 * positive.x,
+            ),
+        }
+    }
+}
+
+#[inline]
+fn green_strain(along_u: DVec3, along_v: DVec3) -> Strain {
+    Strain {
+        uu: 0.5 * (along_u.length_squared() - 1.0),
+        vv: 0.5 * (along_v.length_squared() - 1.0),
+        uv: 0.5 * along_u.dot(along_v),
+    }
+}
+
+impl StretchResponse {
+    /// Force on the three corners [N]:
+    /// F = -a [(k0 G00 + k1 G11) g_uu + (k2 G11 + k1 G00) g_vv + 2 k3 G01 g_uv] with
+    /// g_uu = d_u ⊗ f_u, g_vv = d_v ⊗ f_v, g_uv = (d_u ⊗ f_v + d_v ⊗ f_u)/2. `[eq:stretch-force]`
+    #[must_use]
+    #[inline]
+    pub fn force(&self) -> [DVec3; 3] {
+        let (stress, area) = (self.stress, self.element.area);
+        let by_u = (self.along_u * stress.uu + self.along_v * stress.uv) * -area;
+        let by_v = (self.along_v * stress.vv + self.along_u * stress.uv) * -area;
+        self.spread(by_u, by_v)
+    }
+
+    /// Block (`row`, `column`) of the negative Jacobian -J [N/m], `[3, 3]`:
+    /// -J = a [k0 g_uu g_uuᵀ + k2 g_vv g_vvᵀ + k1 (g_uu g_vvᵀ + g_vv g_uuᵀ) + 2 k3 g_uv g_uvᵀ
+    /// + (k0 G00⁺ + k1 G11⁺) d_u d_uᵀ ⊗ I + (k2 G11⁺ + k1 G00⁺) d_v d_vᵀ ⊗ I].
+    /// `[eq:stretch-jacobian]`
+    #[must_use]
+    #[inline]
+    pub fn negative_jacobian(&self, row: usize, column: usize) -> DMat3 {
+        let element = &self.element;
+        let [k0, k1, k2, k3] = self.stiffness.map(|k| k * element.area);
+        let (row_u, row_v) = (element.shape_u[row], element.shape_v[row]);
+        let (column_u, column_v) = (element.shape_u[column], element.shape_v[column]);
+        let (uu, vv) = (row_u * column_u, row_v * column_v);
+        let (uv, vu) = (row_u * column_v, row_v * column_u);
+        let shear = 0.5 * k3;
+        // Left factor of f_uᵀ and of f_vᵀ.
+        let left_u = self.along_u * (k0 * uu + shear * vv) + self.along_v * (k1 * vu + shear * uv);
+        let left_v = self.along_u * (k1 * uv + shear * vu) + self.along_v * (k2 * vv + shear * uu);
+        let diagonal = element.area * (self.tension.x * uu + self.tension.y * vv);
+        let column = |u: f64, v: f64| left_u * u + left_v * v;
+        DMat3::from_cols(
+            column(self.along_u.x, self.along_v.x) + DVec3::new(diagonal, 0.0, 0.0),
+            column(self.along_u.y, self.along_v.y) + DVec3::new(0.0, diagonal, 0.0),
+            column(self.along_u.z, self.along_v.z) + DVec3::new(0.0, 0.0, diagonal),
+        )
+    }
+
+    /// -J applied to one vector per corner.
+    #[must_use]
+    #[inline]
+    pub fn negative_jacobian_times(&self, vectors: [DVec3; 3]) -> [DVec3; 3] {
+        let element = &self.element;
+        let [a, b, c] = vectors;
+        let (first, second) = (b - a, c - a);
+        let rate_u = first * element.shape_u[1] + second * element.shape_u[2];
+        let rate_v = first * element.shape_v[1] + second * element.shape_v[2];
+        let [k0, k1, k2, k3] = self.stiffness;
+        let (uu, vv) = (self.along_u.dot(rate_u), self.along_v.dot(rate_v));
+        let shear = 0.5 * k3 * (self.along_v.dot(rate_u) + self.along_u.dot(rate_v));
+        let by_u = self.along_u * (k0 * uu + k1 * vv)
+            + self.along_v * shear
+            + rate_u * self.tension.x;
+        let by_v = self.along_v * (k2 * vv + k1 * uu)
+            + self.along_u * shear
+            + rate_v * self.tension.y;
+        self.spread(by_u * element.area, by_v * element.area)
+    }
+
+    #[inline]
+    fn spread(&self, by_u: DVec3, by_v: DVec3) -> [DVec3; 3] {
+        let element = &self.element;
+        [0, 1, 2].map(|a| by_u * element.shape_u[a] + by_v * element.shape_v[a])
+    }
+}
