@@ -12,7 +12,9 @@ mod frames;
 pub mod metrics;
 mod obj;
 mod playback;
+mod preset;
 mod record;
+mod scene;
 mod sections;
 mod tensor_file;
 mod trajectory;
@@ -24,7 +26,13 @@ pub use dataset_writer::{DatasetPlan, DatasetWriter};
 pub use frames::{Frames, FramesError};
 pub use obj::{ObjError, ReadObjError, parse_obj, read_obj, write_obj};
 pub use playback::Playback;
+pub use preset::{DatasetConfig, DatasetPreset, NamedMotion, shipped_presets};
 pub use record::{Drive, Recording, RecordingEnd, record};
+pub use scene::{
+    GeneratorSpec, HandleSelection, LoadedScene, MeshSource, MeshSpec, MeshSpecError, MotionSource,
+    RecordedCsvError, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
+    Transform, materials, open_scene, parse_recorded_csv, parse_scene, read_scene, shipped_scenes,
+};
 pub use sections::{Sample, Section, SectionError, SectionRule};
 pub use tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};

@@ -1,0 +1,231 @@
+//! Presets of data sets: one setting, the motions to train on and to test on, and the rule for
+//! sections. Written in TOML by people, resolved to JSON that the data set keeps as its
+//! configuration.
+//!
+//! ```toml
+//! name = "two"
+//! sections = "whole"                # or "paper"
+//! train = ["forward", "wiggle"]     # names of motions: one's own below, or those with a name
+//! test = ["bouncy"]
+//! [setting]                         # as in a scene, without name and motion
+//! [motions.wiggle]                  # as a scene's motion
+//! ```
+//!
+//! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions.
+//! Running the physics is left to whoever has it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use selvedge_cloth::motion::named;
+use selvedge_cloth::{Mesh, Motion};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::dataset::Split;
+use crate::dataset_writer::DatasetPlan;
+use crate::scene::{
+    LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
+    SettingFile, assets, field, parse_toml, read_text,
+};
+use crate::sections::SectionRule;
+
+const PRESETS: [(&str, &str); 2] = assets!("datasets": "first", "tiny");
+
+/// A resolved preset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DatasetPreset {
+    config: DatasetConfig,
+    mesh: Mesh,
+}
+
+/// The configuration of a data set, as its index keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetConfig {
+    /// What people call it.
+    pub name: String,
+    /// What of the training split is learned from.
+    pub sections: SectionRule,
+    /// All of the scenes but their motions.
+    pub setting: Setting,
+    /// Motions of the training split, in order.
+    pub train: Vec<NamedMotion>,
+    /// Motions of the test split, in order.
+    pub test: Vec<NamedMotion>,
+}
+
+/// A motion and its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedMotion {
+    /// What people call it; the name of its file.
+    pub name: String,
+    /// How the handles move.
+    pub motion: Motion,
+}
+
+/// The file's own words.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PresetFile {
+    name: String,
+    sections: SectionRule,
+    train: MotionList,
+    test: MotionList,
+    setting: SettingFile,
+    #[serde(default)]
+    motions: BTreeMap<String, MotionSource>,
+}
+
+/// Names of motions, or what stands for many.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a list of motions, \"all-training\" or \"all-test\""
+)]
+enum MotionList {
+    Set(MotionSet),
+    Names(Vec<String>),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum MotionSet {
+    AllTraining,
+    AllTest,
+}
+
+impl DatasetPreset {
+    /// Opens a preset by the path of its file or by the name of a shipped one.
+    ///
+    /// # Errors
+    /// [`SceneFileError`] names the preset, the field and what is wrong.
+    pub fn open(path_or_name: &str) -> Result<Self, SceneFileError> {
+        let path = Path::new(path_or_name);
+        let shipped = PRESETS.iter().find(|preset| preset.0 == path_or_name);
+        let result = match shipped {
+            Some((_, text)) => Self::parse(text, Path::new("")),
+            None if path.exists() => read_text(path).and_then(|text| {
+                let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
+                Self::parse(&text, &folder)
+            }),
+            None => Err(SceneProblem::Unknown {
+                what: "preset",
+                known: PRESETS.map(|preset| preset.0).join(", "),
+            }),
+        };
+        result.map_err(|problem| SceneFileError {
+            origin: path_or_name.to_owned(),
+            problem,
+        })
+    }
+
+    /// Reads a preset from the text of its file; paths in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// [`SceneProblem`] names the field and what is wrong.
+    pub fn parse(text: &str, folder: &Path) -> Result<Self, SceneProblem> {
+        let file: PresetFile = parse_toml(text)?;
+        let mut own = BTreeMap::new();
+        for (name, source) in &file.motions {
+            own.insert(name.clone(), source.resolve(folder)?);
+        }
+        let train = file.train.resolve("train", &own)?;
+        let test = file.test.resolve("test", &own)?;
+        let (setting, mesh) = file.setting.resolve(folder)?;
+        let preset = Self {
+            config: DatasetConfig {
+                name: file.name,
+                sections: file.sections,
+                setting,
+                train,
+                test,
+            },
+            mesh,
+        };
+        for split in [Split::Train, Split::Test] {
+            for motion in preset.motions(split) {
+                preset.scene(motion)?;
+            }
+        }
+        Ok(preset)
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &DatasetConfig {
+        &self.config
+    }
+
+    /// The motions of a split, in order.
+    #[must_use]
+    pub fn motions(&self, split: Split) -> &[NamedMotion] {
+        match split {
+            Split::Train => &self.config.train,
+            Split::Test => &self.config.test,
+        }
+    }
+
+    /// The scene in which the cloth moves so.
+    ///
+    /// # Errors
+    /// [`SceneSpecError`] when the motion cannot drive the handles.
+    pub fn scene(&self, motion: &NamedMotion) -> Result<LoadedScene, SceneSpecError> {
+        let spec = SceneSpec {
+            name: format!("{}/{}", self.config.name, motion.name),
+            setting: self.config.setting.clone(),
+            motion: motion.motion.clone(),
+        };
+        let scene = spec.with_mesh(self.mesh.clone())?;
+        Ok(LoadedScene { spec, scene })
+    }
+
+    /// What [`DatasetWriter`](crate::DatasetWriter) needs to know.
+    ///
+    /// # Errors
+    /// [`SceneSpecError::Json`] for a number that JSON cannot hold.
+    pub fn plan(&self) -> Result<DatasetPlan, SceneSpecError> {
+        let names = |split| self.motions(split).iter().map(|m| m.name.clone()).collect();
+        let config: Value = serde_json::to_value(&self.config)?;
+        Ok(DatasetPlan {
+            name: self.config.name.clone(),
+            config,
+            train: names(Split::Train),
+            test: names(Split::Test),
+            sections: self.config.sections,
+        })
+    }
+}
+
+/// The shipped presets: names and TOML texts.
+#[must_use]
+pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
+    &PRESETS
+}
+
+impl MotionList {
+    fn resolve(
+        self,
+        split: &'static str,
+        own: &BTreeMap<String, Motion>,
+    ) -> Result<Vec<NamedMotion>, SceneProblem> {
+        let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
+        let names: Vec<String> = match self {
+            Self::Set(MotionSet::AllTraining) => owned(named::training()),
+            Self::Set(MotionSet::AllTest) => owned(named::test()),
+            Self::Names(names) => names,
+        };
+        names
+            .into_iter()
+            .map(|name| {
+                let motion = own.get(&name).cloned().or_else(|| named::by_name(&name));
+                let problem = || format!("no motion is called {name:?}, here or by name");
+                match motion {
+                    Some(motion) => Ok(NamedMotion { name, motion }),
+                    None => Err(field(split, problem())),
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,20 @@
+//! Scenes in files: what a person writes ([`read_scene`], TOML), what is resolved from it and kept
+//! with every result ([`SceneSpec`], JSON), and what is shipped.
+
+mod file;
+mod mesh_spec;
+mod motion_source;
+mod recorded_csv;
+mod shipped;
+mod spec;
+
+pub use file::{
+    HandleSelection, LoadedScene, SceneFileError, SceneProblem, open_scene, parse_scene, read_scene,
+};
+pub(crate) use file::{SettingFile, field, parse_toml, read_text};
+pub use mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform};
+pub use motion_source::MotionSource;
+pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
+pub(crate) use shipped::assets;
+pub use shipped::{materials, shipped_scenes};
+pub use spec::{SceneSpec, SceneSpecError, Setting};

@@ -1,0 +1,172 @@
+//! Recorded handle motion as CSV: the header `frame,handle,x,y,z`, then one row per handle and
+//! frame in any order, positions in metres. Frames and handles count from 0; frame 0 is where the
+//! handles start, and handle 0 is the first in the scene's list.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use selvedge_cloth::RecordedMotion;
+use thiserror::Error;
+
+const HEADER: [&str; 5] = ["frame", "handle", "x", "y", "z"];
+
+/// Why text is no recorded motion. Lines count from 1.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RecordedCsvError {
+    #[error("line 1: expected the header frame,handle,x,y,z, found {found:?}")]
+    Header { found: String },
+    #[error("line {line}: expected 5 columns, found {found}")]
+    Columns { line: usize, found: usize },
+    #[error("line {line}: {column} must be {expected}, found {found:?}")]
+    Value {
+        line: usize,
+        column: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+    #[error("line {line}: frame {frame}, handle {handle} was already given in line {first}")]
+    Repeated {
+        line: usize,
+        frame: usize,
+        handle: usize,
+        first: usize,
+    },
+    #[error("there is no row for frame {frame}, handle {handle}")]
+    Missing { frame: usize, handle: usize },
+    #[error("there are no rows")]
+    Empty,
+}
+
+struct Row {
+    line: usize,
+    position: DVec3,
+}
+
+/// Reads a recorded motion.
+///
+/// # Errors
+/// [`RecordedCsvError`] names the line, or the frame and handle that are missing.
+pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, RecordedCsvError> {
+    let mut lines = text.lines().enumerate();
+    let header = lines.next().map_or("", |(_, header)| header);
+    // Spreadsheets put a byte-order mark before the header.
+    let header = header.trim_start_matches('\u{feff}');
+    if !header.split(',').map(str::trim).eq(HEADER) {
+        return Err(RecordedCsvError::Header {
+            found: header.to_owned(),
+        });
+    }
+    let mut rows: HashMap<(usize, usize), Row> = HashMap::new();
+    for (number, content) in lines {
+        if content.trim().is_empty() {
+            continue;
+        }
+        let line = number + 1;
+        let (frame, handle, position) = parse_row(line, content)?;
+        if let Some(earlier) = rows.insert((frame, handle), Row { line, position }) {
+            return Err(RecordedCsvError::Repeated {
+                line,
+                frame,
+                handle,
+                first: earlier.line,
+            });
+        }
+    }
+    collect(&rows)
+}
+
+fn parse_row(line: usize, content: &str) -> Result<(usize, usize, DVec3), RecordedCsvError> {
+    let cells: Vec<&str> = content.split(',').map(str::trim).collect();
+    let &[frame, handle, x, y, z] = cells.as_slice() else {
+        return Err(RecordedCsvError::Columns {
+            line,
+            found: cells.len(),
+        });
+    };
+    let error = |column, expected, found: &str| RecordedCsvError::Value {
+        line,
+        column,
+        expected,
+        found: found.to_owned(),
+    };
+    let count = |column, text: &str| {
+        text.parse::<usize>()
+            .map_err(|_| error(column, "a number from 0", text))
+    };
+    let metres = |column, text: &str| match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(error(column, "a finite number", text)),
+    };
+    let position = DVec3::new(metres("x", x)?, metres("y", y)?, metres("z", z)?);
+    Ok((count("frame", frame)?, count("handle", handle)?, position))
+}
+
+fn collect(rows: &HashMap<(usize, usize), Row>) -> Result<RecordedMotion, RecordedCsvError> {
+    let last = |of: fn(&(usize, usize)) -> usize| rows.keys().map(of).max();
+    let (Some(last_frame), Some(last_handle)) = (last(|key| key.0), last(|key| key.1)) else {
+        return Err(RecordedCsvError::Empty);
+    };
+    let mut positions = Vec::new();
+    for frame in 0..=last_frame {
+        let mut of_frame = Vec::new();
+        for handle in 0..=last_handle {
+            let row = rows
+                .get(&(frame, handle))
+                .ok_or(RecordedCsvError::Missing { frame, handle })?;
+            of_frame.push(row.position);
+        }
+        positions.push(of_frame);
+    }
+    Ok(RecordedMotion { positions })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_may_come_in_any_order() {
+        let text = "frame, handle, x, y, z\r\n1,0,4,5,6\r\n\r\n0,0,1,2,3\r\n";
+        let motion = parse_recorded_csv(text).unwrap();
+        let expected = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)].map(|p| vec![DVec3::from(p)]);
+        assert_eq!(motion.positions, expected);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_line() {
+        let cases = [
+            ("", "line 1: expected the header"),
+            ("time,handle,x,y,z\n", "found \"time,handle,x,y,z\""),
+            ("frame,handle,x,y,z\n", "there are no rows"),
+            (
+                "frame,handle,x,y,z\n0,0,1,2\n",
+                "line 2: expected 5 columns, found 4",
+            ),
+            (
+                "frame,handle,x,y,z\n0,0,1,2,NaN\n",
+                "line 2: z must be a finite number, found \"NaN\"",
+            ),
+            (
+                "frame,handle,x,y,z\n\n0,-1,1,2,3\n",
+                "line 3: handle must be a number from 0",
+            ),
+            (
+                "frame,handle,x,y,z\n0,0,1,2,3\n2,0,1,2,3\n",
+                "no row for frame 1, handle 0",
+            ),
+            (
+                "frame,handle,x,y,z\n0,0,1,2,3\n0,0,1,2,3\n",
+                "line 3: frame 0, handle 0 was already given in line 2",
+            ),
+            (
+                "frame,handle,x,y,z\n18446744073709551615,0,1,2,3\n",
+                "no row for frame 0, handle 0",
+            ),
+        ];
+        for (text, expected) in cases {
+            let error = parse_recorded_csv(text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error} lacks {expected}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! A resolved scene: every default and every name filled in, as JSON beside what is made from it.
+//!
+//! Only a mesh from a file stays a reference, with its hash. The same spec makes the same scene.
+
+use std::path::Path;
+
+use selvedge_cloth::{
+    Environment, HandleError, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings, Scene,
+    SceneError,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use thiserror::Error;
+
+use super::mesh_spec::{MeshSpec, MeshSpecError};
+
+/// A resolved scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSpec {
+    /// What people call it.
+    pub name: String,
+    /// All but the motion.
+    pub setting: Setting,
+    /// How the handles move.
+    pub motion: Motion,
+}
+
+/// A resolved scene but for its motion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setting {
+    /// The cloth.
+    pub mesh: MeshSpec,
+    /// The held vertices, in the order of the handle targets.
+    pub handles: Vec<u32>,
+    /// What it is made of.
+    pub material: Material,
+    /// What acts on it.
+    pub environment: Environment,
+    /// How the reference simulator runs it.
+    pub physics: PhysicsSettings,
+    /// How its sagged rest pose is found.
+    pub sag: SagSettings,
+    /// Frames per second.
+    pub frame_rate: f64,
+}
+
+/// Why a spec makes no scene.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "each message is its source's")]
+pub enum SceneSpecError {
+    #[error("the scene cannot be understood: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error(transparent)]
+    Mesh(#[from] MeshSpecError),
+    #[error("handles: {0}")]
+    Handles(#[from] HandleError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+impl SceneSpec {
+    /// The spec as JSON, as trajectories carry it.
+    ///
+    /// # Errors
+    /// [`SceneSpecError::Json`] for a number that JSON cannot hold.
+    pub fn to_json(&self) -> Result<Value, SceneSpecError> {
+        Ok(serde_json::to_value(self)?)
+    }
+
+    /// A spec from JSON.
+    ///
+    /// # Errors
+    /// [`SceneSpecError::Json`] names the key that is unknown or missing.
+    pub fn from_json(json: &Value) -> Result<Self, SceneSpecError> {
+        Ok(Self::deserialize(json)?)
+    }
+
+    /// Makes the scene; a mesh file is relative to `folder`.
+    ///
+    /// # Errors
+    /// [`SceneSpecError`] names the part that cannot be used.
+    pub fn build(&self, folder: &Path) -> Result<Scene, SceneSpecError> {
+        self.with_mesh(self.setting.mesh.build(folder)?.mesh)
+    }
+
+    /// Makes the scene with a mesh that has been built already.
+    pub(crate) fn with_mesh(&self, mesh: Mesh) -> Result<Scene, SceneSpecError> {
+        let setting = &self.setting;
+        let scene = Scene {
+            name: self.name.clone(),
+            handles: Handles::new(&setting.handles, mesh.topology().vertex_count())?,
+            mesh,
+            material: setting.material.clone(),
+            environment: setting.environment,
+            motion: self.motion.clone(),
+            physics: setting.physics,
+            sag: setting.sag,
+            frame_rate: setting.frame_rate,
+        };
+        scene.validate()?;
+        Ok(scene)
+    }
+}

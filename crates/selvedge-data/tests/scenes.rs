@@ -1,0 +1,288 @@
+//! Scene files and presets: what is shipped is usable, what is resolved survives JSON, and every
+//! mistake is an error that names the file and the field.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::motion::named;
+use selvedge_cloth::{Material, Motion};
+use selvedge_data::{
+    DatasetConfig, DatasetPreset, LoadedScene, SceneSpec, SectionRule, Split, materials,
+    open_scene, parse_scene, read_scene, shipped_presets, shipped_scenes,
+};
+
+const SCENE: &str = r#"
+name = "s"
+material = "gray-interlock"
+frame_rate = 30
+mesh = { generator = { kind = "square", vertices = 36, size = 1, seed = 1 } }
+handles = { label = "upper-corners" }
+motion = { named = "forward" }
+physics = { substeps = 2 }
+"#;
+
+fn parse(text: &str) -> Result<LoadedScene, String> {
+    parse_scene(text, Path::new(""), "s.toml").map_err(|error| error.to_string())
+}
+
+/// The scene with `from` replaced.
+fn edited(from: &str, to: &str) -> Result<LoadedScene, String> {
+    assert!(SCENE.contains(from), "{from}");
+    parse(&SCENE.replace(from, to))
+}
+
+#[test]
+fn shipped_materials_scenes_and_presets_are_usable() {
+    for (name, text) in materials() {
+        let material: Material = toml::from_str(text).unwrap();
+        material.validate().unwrap();
+        assert_eq!(material.name, *name);
+    }
+    for (name, _) in shipped_scenes() {
+        assert_eq!(open_scene(name).unwrap().scene.name, *name);
+    }
+    for (name, _) in shipped_presets() {
+        let preset = DatasetPreset::open(name).unwrap();
+        assert_eq!(preset.config().name, *name);
+    }
+    let scene = open_scene("default").unwrap().scene;
+    assert_eq!(scene.mesh.topology().vertex_count(), 289);
+    assert_eq!(scene.frame_count().unwrap(), 1260);
+}
+
+#[test]
+fn a_resolved_scene_survives_json_and_makes_the_same_scene() {
+    let loaded = parse(SCENE).unwrap();
+    let text = loaded.spec.to_json().unwrap().to_string();
+    let spec = SceneSpec::from_json(&serde_json::from_str(&text).unwrap()).unwrap();
+    assert_eq!(spec, loaded.spec);
+    assert_eq!(spec.build(Path::new("")).unwrap(), loaded.scene);
+    assert_eq!(spec.setting.physics.substeps, 2);
+    assert_eq!(spec.setting.frame_rate, 30.0);
+    assert_eq!(spec.motion, named::by_name("forward").unwrap());
+    let misspelt = text.replace("\"substeps\"", "\"substep\"");
+    assert!(SceneSpec::from_json(&serde_json::from_str(&misspelt).unwrap()).is_err());
+}
+
+#[test]
+fn handles_are_chosen_by_number_label_or_box() {
+    let chosen = |handles: &str| {
+        let scene = edited("{ label = \"upper-corners\" }", handles)?;
+        Ok::<_, String>(scene.spec.setting.handles)
+    };
+    assert_eq!(chosen("{ vertices = [3, 0] }").unwrap(), [3, 0]);
+    let corners = chosen("{ label = \"upper-corners\" }").unwrap();
+    let upper = chosen("{ box = { min = [-1, -0.001, -2], max = [1, 1, 2] } }").unwrap();
+    assert_eq!(upper, chosen("{ label = \"upper-edge\" }").unwrap());
+    assert!(corners.iter().all(|corner| upper.contains(corner)));
+    let cases = [
+        ("{ vertices = [36] }", "handles: handle 0 is vertex 36"),
+        ("{ vertices = [1, 1] }", "vertex 1 is named twice"),
+        (
+            "{ label = \"top\" }",
+            "handles.label: the mesh has no label \"top\"; it has [boundary, ",
+        ),
+        (
+            "{ box = { min = [5, 5, 5], max = [6, 6, 6] } }",
+            "handles.box: no vertex",
+        ),
+        ("{ vertices = [1], label = \"boundary\" }", "handles"),
+    ];
+    for (handles, expected) in cases {
+        let error = chosen(handles).unwrap_err();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+}
+
+#[test]
+fn mistakes_are_errors_that_name_file_and_field() {
+    let cases = [
+        (
+            "frame_rate = 30",
+            "framerate = 30",
+            "unknown field `framerate`",
+        ),
+        ("substeps = 2", "substep = 2", "unknown field `substep`"),
+        (
+            "substeps = 2",
+            "substeps = 0",
+            "physics.substeps must be between 1 and 1000",
+        ),
+        (
+            "frame_rate = 30",
+            "frame_rate = 0",
+            "frame_rate must be between",
+        ),
+        ("seed = 1", "sead = 1", "unknown field `sead`"),
+        ("\"square\"", "\"cube\"", "unknown variant `cube`"),
+        (
+            "vertices = 36",
+            "vertices = 2",
+            "mesh.generator: a sheet of this shape needs at least",
+        ),
+        (
+            "generator = {",
+            "obj = \"a.obj\", generator = {",
+            "has both a generator and an obj",
+        ),
+        (
+            "\"gray-interlock\"",
+            "\"gray\"",
+            "material: \"gray\" is neither a .toml file nor one of",
+        ),
+        (
+            "\"gray-interlock\"",
+            "\"no.toml\"",
+            "material: no.toml: could not be read",
+        ),
+        (
+            "\"forward\"",
+            "\"forwards\"",
+            "motion.named: no motion is called \"forwards\"",
+        ),
+        (
+            "named = \"forward\"",
+            "file = \"no.toml\"",
+            "motion.file: no.toml: could not be read",
+        ),
+        (
+            "named = \"forward\"",
+            "recorded = \"no.csv\"",
+            "motion.recorded: no.csv: could not",
+        ),
+        ("name = \"s\"", "", "missing field `name`"),
+    ];
+    for (from, to, expected) in cases {
+        let error = edited(from, to).unwrap_err();
+        assert!(error.starts_with("s.toml: "), "{error}");
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+    let error = open_scene("no-such-scene").unwrap_err().to_string();
+    assert!(
+        error.contains("shipped are default, square-1024"),
+        "{error}"
+    );
+}
+
+/// A 2 m by 1 m rectangle in centimetres, texture coordinates from 0 to 1, in two groups.
+const RECTANGLE: &str = "v 0 0 0\nv 200 0 0\nv 200 100 0\nv 0 100 0\n\
+    vt 0 0\nvt 1 0\nvt 1 0.5\nvt 0 0.5\ng lower\nf 1/1 2/2 3/3\ng upper\nf 1/1 3/3 4/4\n";
+
+#[test]
+fn files_beside_the_scene_are_found_and_their_changes_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("sheet.obj", RECTANGLE);
+    write(
+        "my.toml",
+        &materials()[0].1.replace("gray-interlock", "mine"),
+    );
+    write(
+        "still.toml",
+        "kind = \"blocks\"\nblocks = [{ duration = 1.0 }]\n",
+    );
+    let scene = "name = \"r\"\nmaterial = \"my.toml\"\nhandles = { vertices = [3, 2] }\n\
+        motion = { file = \"still.toml\" }\n[mesh]\nobj = \"sheet.obj\"\n[mesh.transform]\n\
+        scale = 0.01\nmaterial_scale = 200\ntranslation = [0, 0, 5]\n\
+        rotation = { axis = [0, 2, 0], angle_deg = -90 }\n";
+    write("scene.toml", scene);
+    let path = folder.path().join("scene.toml");
+    let loaded = read_scene(&path).unwrap();
+    assert_eq!(loaded.scene.material.name, "mine");
+    assert_eq!(loaded.scene.motion, Motion::still(1.0));
+    let mesh = &loaded.scene.mesh;
+    // Rounding of a turn by a quarter on numbers of size 7.
+    assert!(mesh.positions()[2].distance(DVec3::new(0.0, 1.0, 7.0)) < 1e-14);
+    assert!(mesh.material_coordinates()[2].distance(DVec2::new(2.0, 1.0)) < 1e-14);
+    assert_eq!(loaded.spec.build(folder.path()).unwrap(), loaded.scene);
+
+    write("scene.toml", &scene.replace("material_scale = 200\n", ""));
+    let error = read_scene(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("set mesh.transform.material_scale"),
+        "{error}"
+    );
+    write("scene.toml", &scene.replace("scale = 0.01", "scale = 0.0"));
+    let error = read_scene(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("mesh.transform.scale must be finite and positive"),
+        "{error}"
+    );
+    write("sheet.obj", &(RECTANGLE.to_owned() + "# changed\n"));
+    let error = loaded.spec.build(folder.path()).unwrap_err().to_string();
+    assert!(
+        error.contains("has changed since the scene was resolved"),
+        "{error}"
+    );
+}
+
+#[test]
+fn recorded_motion_drives_the_handles() {
+    let folder = tempfile::tempdir().unwrap();
+    let loaded = parse(SCENE).unwrap();
+    let start = loaded.scene.handles.select(loaded.scene.mesh.positions());
+    let mut csv = "frame,handle,x,y,z\n".to_owned();
+    for frame in 0..4 {
+        for (handle, p) in start.iter().enumerate() {
+            csv += &format!(
+                "{frame},{handle},{},{},{}\n",
+                p.x + f64::from(frame),
+                p.y,
+                p.z
+            );
+        }
+    }
+    std::fs::write(folder.path().join("r.csv"), csv).unwrap();
+    let text = SCENE.replace("named = \"forward\"", "recorded = \"r.csv\"");
+    let scene = parse_scene(&text, folder.path(), "s").unwrap().scene;
+    assert_eq!(scene.frame_count().unwrap(), 3);
+    let path = scene.handle_path().unwrap();
+    assert_eq!(path.at(3.0 / 30.0)[1], start[1] + DVec3::X * 3.0);
+}
+
+#[test]
+fn presets_resolve_to_scenes_and_a_plan() {
+    let first = DatasetPreset::open("first").unwrap();
+    assert_eq!(first.motions(Split::Train).len(), 16);
+    assert_eq!(first.motions(Split::Test).len(), 15);
+    assert_eq!(first.config().sections, SectionRule::Whole);
+    let tiny = DatasetPreset::open("tiny").unwrap();
+    let push = &tiny.motions(Split::Train)[0];
+    let scene = tiny.scene(push).unwrap();
+    assert_eq!(scene.spec.name, "tiny/push");
+    assert_eq!(scene.scene.frame_count().unwrap(), 90);
+    let plan = tiny.plan().unwrap();
+    assert_eq!(plan.train, ["push", "turn"]);
+    let config: DatasetConfig = serde_json::from_str(&plan.config.to_string()).unwrap();
+    assert_eq!(&config, tiny.config());
+}
+
+#[test]
+fn mistakes_in_a_preset_are_named() {
+    let (_, tiny) = shipped_presets().iter().find(|p| p.0 == "tiny").unwrap();
+    let cases = [
+        (
+            "[\"lift\"]",
+            "[\"lift\", \"nope\"]",
+            "test: no motion is called \"nope\"",
+        ),
+        ("[\"lift\"]", "\"everything\"", "expected a list of motions"),
+        ("\"whole\"", "\"half\"", "unknown variant `half`"),
+        ("[setting]", "[settings]", "unknown field `settings`"),
+        ("duration = 0.25 }", "duration = -1 }", "duration"),
+    ];
+    for (from, to, expected) in cases {
+        let text = tiny.replacen(from, to, 1);
+        let error = DatasetPreset::parse(&text, Path::new(""))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+    let error = DatasetPreset::open("none").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "none: is neither a file nor a shipped preset; shipped are first, tiny"
+    );
+}
