@@ -100,7 +100,7 @@ pub struct HandleTargets {
 }
 
 impl HandleTargets {
-    /// Targets at the end of the frame only [m], `[handles]`.
+    /// Targets at the end of the frame only `[m]`, `[handles]`.
     ///
     /// # Errors
     /// [`HandleError::NonFinite`].
@@ -109,7 +109,7 @@ impl HandleTargets {
         Self::sampled(positions, handle_count)
     }
 
-    /// Targets at `samples.len() / handle_count` equally spaced times [m],
+    /// Targets at `samples.len() / handle_count` equally spaced times `[m]`,
     /// `[samples, handle_count]`, the last at the end of the frame.
     ///
     /// # Errors
@@ -144,7 +144,7 @@ impl HandleTargets {
         self.handle_count
     }
 
-    /// Targets at the end of the frame [m], `[handles]`.
+    /// Targets at the end of the frame `[m]`, `[handles]`.
     #[must_use]
     pub fn end(&self) -> &[DVec3] {
         &self.samples[self.samples.len() - self.handle_count..]
@@ -167,5 +167,83 @@ impl HandleTargets {
         }
         let before = place.floor() as usize;
         sample(before).lerp(sample(before + 1), place - place.floor())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn handles_are_distinct_and_in_range() {
+        let handles = Handles::new(&[4, 1], 5).unwrap();
+        assert_eq!(handles.vertices(), [VertexId(4), VertexId(1)]);
+        assert_eq!(handles.mask(5), [false, true, false, false, true]);
+        assert_eq!(handles.select(&['a', 'b', 'c', 'd', 'e']), ['e', 'b']);
+        assert_eq!(
+            Handles::new(&[0, 5], 5),
+            Err(HandleError::OutOfRange {
+                handle: 1,
+                vertex: 5,
+                vertex_count: 5
+            })
+        );
+        let vertex = VertexId(2);
+        assert_eq!(
+            Handles::new(&[2, 3, 2], 5),
+            Err(HandleError::Repeated { vertex })
+        );
+        let free = Handles::new(&[], 5).unwrap();
+        assert!(free.is_empty() && free.select(&[0.0; 5]).is_empty());
+    }
+
+    #[test]
+    fn targets_are_counted_and_finite() {
+        let count =
+            |samples: usize, handles| HandleTargets::sampled(vec![DVec3::ZERO; samples], handles);
+        assert_eq!(count(6, 2).unwrap().end().len(), 2);
+        for (samples, handles) in [(5, 2), (0, 2), (1, 0)] {
+            assert_eq!(
+                count(samples, handles),
+                Err(HandleError::Count {
+                    expected: handles,
+                    found: samples
+                })
+            );
+        }
+        assert!(count(0, 0).unwrap().end().is_empty());
+        // The fourth sample is the second handle's, at the second time.
+        let mut samples = vec![DVec3::ZERO; 4];
+        samples[3].z = f64::NAN;
+        let error = HandleTargets::sampled(samples, 2);
+        assert!(matches!(
+            error,
+            Err(HandleError::NonFinite { handle: 1, .. })
+        ));
+    }
+
+    #[test]
+    fn targets_are_linear_between_samples() {
+        // Handle 0 and 1 at four times of the frame: k² and -k².
+        let sample = |k: i32| [DVec3::X, DVec3::NEG_X].map(|x| x * f64::from(k * k));
+        let targets = HandleTargets::sampled((1..=4).flat_map(sample).collect(), 2).unwrap();
+        assert_eq!(targets.end(), sample(4));
+        for k in 1..=4 {
+            let fraction = f64::from(k) / 4.0;
+            assert_eq!(targets.at(1, fraction, DVec3::ZERO), sample(k)[1]);
+            // Half way from the sample before, or from where the handle was.
+            let start = DVec3::Y * 2.0;
+            let before = if k == 1 { start } else { sample(k - 1)[0] };
+            let middle = (before + sample(k)[0]) / 2.0;
+            assert_eq!(targets.at(0, fraction - 0.125, start), middle);
+        }
+        // Three substeps of a frame that was sampled once: thirds of the way.
+        let once = HandleTargets::at_frame_end(vec![DVec3::X * 3.0]).unwrap();
+        let third = once.at(0, 1.0 / 3.0, DVec3::ZERO);
+        assert!(third.distance(DVec3::X) < 1e-15);
+        assert_eq!(
+            once.at(0, 2.0 / 3.0 + 1.0 / 3.0, DVec3::ZERO),
+            DVec3::X * 3.0
+        );
     }
 }

@@ -14,9 +14,9 @@ pub struct Material {
     /// Where its numbers come from.
     #[serde(default)]
     pub source: String,
-    /// Mass per area [kg/m²].
+    /// Mass per area `[kg/m²]`.
     pub density: f64,
-    /// Stiffness-proportional damping [s].
+    /// Stiffness-proportional damping `[s]`.
     #[serde(default)]
     pub damping: f64,
     /// Resistance to stretching.
@@ -27,12 +27,12 @@ pub struct Material {
 
 /// In-plane stiffness: rows = zero strain, then principal stretch 1 + 1/6 with its direction at
 /// 0, 22.5, 45, 67.5 and 90° from the course axis; columns = k0 (uu), k1 (coupling), k2 (vv),
-/// k3 (shear) [N/m], before the factor 2 of the law.
+/// k3 (shear) `[N/m]`, before the factor 2 of the law.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct StretchTable(pub [[f64; 4]; 6]);
 
-/// Bending stiffness [N·m]: rows = edge direction in material space at 0, 45 and 90°, columns =
+/// Bending stiffness `[N·m]`: rows = edge direction in material space at 0, 45 and 90°, columns =
 /// curvature 0 to 4.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -75,5 +75,57 @@ impl Material {
             return Err(error("bend", "finite and not negative everywhere", bad));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Spoil = fn(&mut Material);
+
+    fn material() -> Material {
+        Material {
+            name: "felt".into(),
+            source: String::new(),
+            density: 0.2,
+            damping: 0.0,
+            // Coupling and shear may be negative: the law cuts them off where it must.
+            stretch: StretchTable([[30.0, -12.5, 44.0, -30.0]; 6]),
+            bend: BendTable([[2e-5, 3e-5, 3e-5, 2.5e-5, 1e-5]; 3]),
+        }
+    }
+
+    #[test]
+    fn wrong_values_are_named() {
+        material().validate().unwrap();
+        let wrong: [(&str, Spoil); 6] = [
+            ("density", |m| m.density = 0.0),
+            ("density", |m| m.density = f64::NAN),
+            ("damping", |m| m.damping = -1.0),
+            ("stretch", |m| m.stretch.0[5][3] = f64::INFINITY),
+            ("bend", |m| m.bend.0[2][4] = -1e-6),
+            ("bend", |m| m.bend.0[0][0] = f64::NAN),
+        ];
+        for (field, spoil) in wrong {
+            let mut material = material();
+            spoil(&mut material);
+            let text = material.validate().unwrap_err().to_string();
+            assert!(
+                text.starts_with(&format!("material felt: {field} must")),
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn toml_round_trips_and_names_unknown_keys() {
+        let text = toml::to_string(&material()).unwrap();
+        assert_eq!(toml::from_str::<Material>(&text).unwrap(), material());
+        let error = toml::from_str::<Material>(&format!("colour = 3\n{text}")).unwrap_err();
+        assert!(error.to_string().contains("colour"), "{error}");
+        let short = text.replacen("-12.5, ", "", 1);
+        assert_ne!(short, text);
+        assert!(toml::from_str::<Material>(&short).is_err());
     }
 }

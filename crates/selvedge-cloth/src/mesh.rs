@@ -44,8 +44,8 @@ pub enum MeshError {
 }
 
 impl Mesh {
-    /// Builds a mesh of `faces` (`[faces, 3]`) with `material_coordinates` [m] (`[vertices]`;
-    /// x = course axis u, y = wale axis v) and start `positions` [m] (`[vertices]`).
+    /// Builds a mesh of `faces` (`[faces, 3]`) with `material_coordinates` `[m]` (`[vertices]`;
+    /// x = course axis u, y = wale axis v) and start `positions` `[m]` (`[vertices]`).
     ///
     /// # Errors
     /// A defect of the topology, a count that does not match, a value that is not finite, or a
@@ -81,19 +81,19 @@ impl Mesh {
         &self.topology
     }
 
-    /// Flat coordinates of the unstrained cloth [m], `[vertices]`.
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
     #[must_use]
     pub fn material_coordinates(&self) -> &[DVec2] {
         &self.material_coordinates
     }
 
-    /// Start positions in the world [m], `[vertices]`.
+    /// Start positions in the world `[m]`, `[vertices]`.
     #[must_use]
     pub fn positions(&self) -> &[DVec3] {
         &self.positions
     }
 
-    /// The same mesh at other start positions [m], `[vertices]`.
+    /// The same mesh at other start positions `[m]`, `[vertices]`.
     ///
     /// # Errors
     /// [`MeshError::Count`] or [`MeshError::NonFinite`].
@@ -109,7 +109,7 @@ impl Mesh {
         Ok(Self { positions, ..self })
     }
 
-    /// Areas, lengths and masses of the flat rest shape for a cloth of `density` [kg/m²].
+    /// Areas, lengths and masses of the flat rest shape for a cloth of `density` `[kg/m²]`.
     #[must_use]
     pub fn rest_shape(&self, density: f64) -> RestShape {
         RestShape::of(self, density)
@@ -152,14 +152,14 @@ fn check_areas(topology: &Topology, coordinates: &[DVec2]) -> Result<(), MeshErr
 }
 
 /// Quantities of the flat rest shape; simulator.md §2: a vertex carries a third of the mass of
-/// each of its faces.
+/// each of its faces. `[eq:lumped-mass]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestShape {
-    /// Area of each face in material space [m²], `[faces]`.
+    /// Area of each face in material space `[m²]`, `[faces]`.
     pub face_area: Vec<f64>,
-    /// Length of each edge in material space [m], `[edges]`.
+    /// Length of each edge in material space `[m]`, `[edges]`.
     pub edge_length: Vec<f64>,
-    /// Mass of each vertex [kg], `[vertices]`.
+    /// Mass of each vertex `[kg]`, `[vertices]`.
     pub vertex_mass: Vec<f64>,
 }
 
@@ -189,5 +189,118 @@ impl RestShape {
             edge_length,
             vertex_mass,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{SquareSpec, square};
+
+    /// A quad of two triangles, 2 m wide and 1 m high, flat at z = 0.
+    fn quad() -> (Vec<[u32; 3]>, Vec<DVec2>, Vec<DVec3>) {
+        let uv: Vec<DVec2> = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]
+            .map(|(u, v)| DVec2::new(u, v))
+            .to_vec();
+        let positions = uv.iter().map(|c| c.extend(0.0)).collect();
+        (vec![[0, 1, 2], [0, 2, 3]], uv, positions)
+    }
+
+    #[test]
+    fn a_quad_has_its_masses_and_lengths() {
+        let (faces, uv, positions) = quad();
+        let mesh = Mesh::new(&faces, uv, positions).unwrap();
+        let rest = mesh.rest_shape(0.3);
+        assert_eq!(rest.face_area, [1.0, 1.0]);
+        // Edges by (smaller, larger) vertex: 0-1, 0-2, 0-3, 1-2, 2-3.
+        let diagonal = 5.0_f64.sqrt();
+        assert_eq!(rest.edge_length, [2.0, diagonal, 1.0, 1.0, 2.0]);
+        // A third of 0.3 kg per incident face: one or two of them.
+        for (mass, faces) in rest.vertex_mass.iter().zip([2.0, 1.0, 2.0, 1.0]) {
+            assert!((mass - 0.1 * faces).abs() < 1e-16);
+        }
+    }
+
+    #[test]
+    fn masses_sum_to_density_times_area() {
+        for (size, density) in [(1.0, 0.187), (0.4, 2.0)] {
+            let spec = SquareSpec {
+                vertices: 200,
+                size,
+                seed: 4,
+            };
+            let rest = square(&spec).unwrap().mesh.rest_shape(density);
+            let mass: f64 = rest.vertex_mass.iter().sum();
+            let expected = density * size * size;
+            // 600 additions, each rounded to 1e-16 of the sum at most.
+            assert!((mass / expected - 1.0).abs() < 1e-13, "{mass}");
+            assert!(rest.vertex_mass.iter().all(|&m| m > 0.0));
+        }
+    }
+
+    #[test]
+    fn the_rest_shape_does_not_depend_on_the_pose() {
+        let (faces, uv, positions) = quad();
+        let mesh = Mesh::new(&faces, uv, positions).unwrap();
+        let crumpled = vec![DVec3::ONE; 4];
+        let moved = mesh.clone().with_positions(crumpled.clone()).unwrap();
+        assert_eq!(moved.positions(), crumpled);
+        assert_eq!(moved.rest_shape(1.0), mesh.rest_shape(1.0));
+    }
+
+    #[test]
+    fn defects_are_named() {
+        let build = |spoil: fn(&mut Vec<[u32; 3]>, &mut Vec<DVec2>, &mut Vec<DVec3>)| {
+            let (mut faces, mut uv, mut positions) = quad();
+            spoil(&mut faces, &mut uv, &mut positions);
+            Mesh::new(&faces, uv, positions).unwrap_err()
+        };
+        let topology = build(|faces, _, _| faces[1] = [0, 2, 2]);
+        assert!(matches!(topology, MeshError::Topology(_)));
+        assert_eq!(
+            build(|_, uv, _| uv.truncate(3)),
+            MeshError::Count {
+                what: "the list of material coordinates",
+                expected: 4,
+                found: 3
+            }
+        );
+        let text = build(|_, _, p| p[2].y = f64::NAN).to_string();
+        assert!(
+            text.starts_with("the position of vertex 2 is not finite"),
+            "{text}"
+        );
+        let text = build(|_, uv, _| uv[3].x = f64::INFINITY).to_string();
+        assert!(
+            text.starts_with("the material coordinate of vertex 3"),
+            "{text}"
+        );
+        // Vertex 3 on the diagonal 0-2: face 1 has no area.
+        let flat = build(|_, uv, _| uv[3] = DVec2::new(1.0, 0.5));
+        assert!(
+            matches!(
+                flat,
+                MeshError::ZeroArea {
+                    face: FaceId(1),
+                    ..
+                }
+            ),
+            "{flat}"
+        );
+        let flipped = build(|_, uv, _| uv[3] = DVec2::new(1.0, 0.2));
+        assert!(
+            matches!(
+                flipped,
+                MeshError::Clockwise {
+                    face: FaceId(1),
+                    ..
+                }
+            ),
+            "{flipped}"
+        );
+        let (faces, uv, positions) = quad();
+        let mesh = Mesh::new(&faces, uv, positions).unwrap();
+        assert!(mesh.clone().with_positions(vec![DVec3::ZERO; 3]).is_err());
+        assert!(mesh.with_positions(vec![DVec3::NAN; 4]).is_err());
     }
 }

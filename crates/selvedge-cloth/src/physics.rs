@@ -55,10 +55,10 @@ pub enum StretchLookup {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SagSettings {
-    /// Height of the smooth bulge that the flat start is given along its normals [m]. Its sign
+    /// Height of the smooth bulge that the flat start is given along its normals `[m]`. Its sign
     /// decides to which side the cloth buckles, so that all data lie on one branch.
     pub bulge: f64,
-    /// The pose is at rest when no free vertex is accelerated by more than this [m/s²].
+    /// The pose is at rest when no free vertex is accelerated by more than this `[m/s²]`.
     pub tolerance: f64,
     /// Give up after this many solves.
     pub max_steps: u32,
@@ -112,7 +112,7 @@ impl PhysicsSettings {
 }
 
 impl SagSettings {
-    /// Checks that the numbers are finite, the tolerance positive.
+    /// Checks that the numbers are finite, the tolerance and the number of solves positive.
     ///
     /// # Errors
     /// Names the field and the value.
@@ -131,6 +131,69 @@ impl SagSettings {
                 found: self.tolerance,
             });
         }
+        if self.max_steps == 0 {
+            return Err(PhysicsError {
+                field: "sag.max_steps",
+                expected: "at least 1",
+                found: 0.0,
+            });
+        }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Spoil = fn(&mut SagSettings);
+
+    #[test]
+    fn wrong_settings_are_named() {
+        PhysicsSettings::default().validate().unwrap();
+        SagSettings::default().validate().unwrap();
+        for substeps in [0, 1001] {
+            let settings = PhysicsSettings {
+                substeps,
+                ..PhysicsSettings::default()
+            };
+            let text = settings.validate().unwrap_err().to_string();
+            let expected = format!("physics.substeps must be between 1 and 1000, found {substeps}");
+            assert_eq!(text, expected);
+        }
+        let wrong: [(&str, Spoil); 5] = [
+            ("sag.bulge", |s| s.bulge = f64::NAN),
+            ("sag.tolerance", |s| s.tolerance = 0.0),
+            ("sag.tolerance", |s| s.tolerance = f64::INFINITY),
+            ("sag.tolerance", |s| s.tolerance = f64::NAN),
+            ("sag.max_steps", |s| s.max_steps = 0),
+        ];
+        for (field, spoil) in wrong {
+            let mut settings = SagSettings::default();
+            spoil(&mut settings);
+            let text = settings.validate().unwrap_err().to_string();
+            assert!(text.starts_with(field), "{text}");
+        }
+    }
+
+    #[test]
+    fn toml_keeps_defaults_and_names_unknown_keys() {
+        let text = "handles = \"spring\"\nbending = \"arcsim\"";
+        let settings: PhysicsSettings = toml::from_str(text).unwrap();
+        assert_eq!(settings.substeps, PhysicsSettings::default().substeps);
+        assert_eq!(settings.handles, HandleConstraint::Spring);
+        assert_eq!(settings.bending, BendingLaw::Arcsim);
+        let text = toml::to_string(&settings).unwrap();
+        assert_eq!(toml::from_str::<PhysicsSettings>(&text).unwrap(), settings);
+        for (text, named) in [
+            ("sub_steps = 4", "sub_steps"),
+            ("handles = \"glue\"", "glue"),
+            ("substeps = -1", "-1"),
+        ] {
+            let error = toml::from_str::<PhysicsSettings>(text).unwrap_err();
+            assert!(error.to_string().contains(named), "{error}");
+        }
+        let error = toml::from_str::<SagSettings>("bulge = 0.1\nheight = 1").unwrap_err();
+        assert!(error.to_string().contains("height"), "{error}");
     }
 }

@@ -86,3 +86,73 @@ impl Scene {
         Ok(self.handle_path()?.frame_count())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{SquareSpec, square};
+    use crate::{BendTable, StretchTable};
+
+    fn scene() -> Scene {
+        let spec = SquareSpec {
+            vertices: 30,
+            size: 1.0,
+            seed: 0,
+        };
+        let sheet = square(&spec).unwrap();
+        Scene {
+            name: "square".into(),
+            handles: Handles::new(&sheet.labels["upper-corners"], 30).unwrap(),
+            mesh: sheet.mesh,
+            material: Material {
+                name: "felt".into(),
+                source: String::new(),
+                density: 0.2,
+                damping: 0.0,
+                stretch: StretchTable([[30.0; 4]; 6]),
+                bend: BendTable([[2e-5; 5]; 3]),
+            },
+            environment: Environment::default(),
+            motion: Motion::still(2.0),
+            physics: PhysicsSettings::default(),
+            sag: SagSettings::default(),
+            frame_rate: 60.0,
+        }
+    }
+
+    #[test]
+    fn the_path_starts_at_the_handles() {
+        let scene = scene();
+        scene.validate().unwrap();
+        assert_eq!(scene.frame_count(), Ok(120));
+        let corners = scene.handle_path().unwrap().at(0.0);
+        assert_eq!(corners, scene.handles.select(scene.mesh.positions()));
+    }
+
+    #[test]
+    fn each_part_is_checked() {
+        let error = |spoil: fn(&mut Scene)| {
+            let mut scene = scene();
+            spoil(&mut scene);
+            scene.validate().unwrap_err()
+        };
+        let wrong = error(|s| s.handles = Handles::new(&[40], 50).unwrap());
+        assert!(matches!(wrong, SceneError::Handles(_)));
+        let wrong = error(|s| s.material.density = 0.0);
+        assert!(matches!(wrong, SceneError::Material(_)));
+        let wrong = error(|s| s.environment.air_drag = -1.0);
+        assert!(matches!(wrong, SceneError::Environment(_)));
+        let wrong = error(|s| s.motion = Motion::still(0.0));
+        assert!(matches!(wrong, SceneError::Motion(_)));
+        for spoil in [(|s| s.physics.substeps = 0) as fn(&mut Scene), |s| {
+            s.sag.tolerance = 0.0
+        }] {
+            assert!(matches!(error(spoil), SceneError::Physics(_)));
+        }
+        let found = 0.5;
+        assert_eq!(
+            error(|s| s.frame_rate = 0.5),
+            SceneError::FrameRate { found }
+        );
+    }
+}

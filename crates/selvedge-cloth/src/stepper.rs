@@ -16,7 +16,7 @@ pub trait Stepper {
     /// The handles, in the order in which [`Self::step`] expects their targets.
     fn handles(&self) -> &Handles;
 
-    /// Positions now [m], `[vertices]`.
+    /// Positions now `[m]`, `[vertices]`.
     fn positions(&self) -> &[Vec3];
 
     /// Frames stepped since the start.

@@ -10,6 +10,10 @@ use thiserror::Error;
 
 use crate::{EdgeId, FaceId, VertexId};
 
+/// Most vertices, and most faces: the arcs (up to 6 per face) and the 3 unknowns per vertex of a
+/// solve must be numbered by a u32 as well.
+const LARGEST: usize = u32::MAX as usize / 6;
+
 /// An undirected edge. `vertices[0]` → `vertices[1]` runs counter-clockwise in `faces[0]`, and
 /// clockwise in the second face where there is one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +65,7 @@ pub struct Topology {
 pub enum TopologyError {
     #[error("the mesh has no faces: a cloth needs at least one triangle")]
     Empty,
-    #[error("the mesh has {count} {what}, more than the 2^31 that indices allow")]
+    #[error("the mesh has {count} {what}, more than the {LARGEST} that indices allow")]
     TooLarge { what: &'static str, count: usize },
     #[error("face {face} names vertex {vertex}, but the mesh has {vertex_count} vertices (0 to {})", vertex_count.saturating_sub(1))]
     VertexOutOfRange {
@@ -179,8 +183,7 @@ impl Topology {
 }
 
 fn check_size(what: &'static str, count: usize) -> Result<(), TopologyError> {
-    // Arcs (about 6 per vertex) and the 3 V unknowns of a solve must fit a u32 as well.
-    if count > (1 << 31) / 3 {
+    if count > LARGEST {
         return Err(TopologyError::TooLarge { what, count });
     }
     Ok(())
@@ -324,3 +327,6 @@ fn collect_arcs(vertex_count: usize, edges: &[Edge]) -> (Vec<Arc>, Vec<u32>) {
     }
     (arcs, first_arc)
 }
+
+#[cfg(test)]
+mod tests;

@@ -24,7 +24,7 @@ const MOST_VERTICES: usize = 1_000_000;
 pub struct SquareSpec {
     /// Number of vertices, at least 4; the mesh has exactly so many.
     pub vertices: usize,
-    /// Length of a side [m].
+    /// Length of a side `[m]`.
     pub size: f64,
     /// Decides where the inner vertices lie.
     pub seed: u64,
@@ -65,6 +65,15 @@ pub enum GenerateError {
 ///
 /// Labels: `upper-corners` and `lower-corners` (left, then right), `upper-edge` (left to right),
 /// `boundary`.
+///
+/// ```
+/// use selvedge_cloth::generate::{SquareSpec, square};
+///
+/// let sheet = square(&SquareSpec { vertices: 1024, size: 1.0, seed: 1 })?;
+/// assert_eq!(sheet.mesh.topology().vertex_count(), 1024);
+/// assert_eq!(sheet.labels["upper-corners"], [0, 30]);
+/// # Ok::<(), selvedge_cloth::generate::GenerateError>(())
+/// ```
 ///
 /// # Errors
 /// [`GenerateError`] names what cannot be used.

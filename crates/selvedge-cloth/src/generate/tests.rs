@@ -1,3 +1,5 @@
+//! Generated sheets: quality, exact counts, placement, sameness of bytes, other outlines.
+
 use std::f64::consts::PI;
 
 use proptest::prelude::*;
@@ -14,7 +16,7 @@ fn unit_square(vertices: usize, seed: u64) -> Sheet {
     .unwrap()
 }
 
-/// Smallest angle [degrees], shortest and longest edge over the mean, and the mean [m].
+/// Smallest angle `[degrees]`, shortest and longest edge over the mean, and the mean `[m]`.
 fn quality(mesh: &Mesh) -> (f64, f64, f64, f64) {
     let uv = mesh.material_coordinates();
     let mut angle = f64::MAX;

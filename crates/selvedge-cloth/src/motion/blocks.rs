@@ -34,7 +34,7 @@ struct Segment {
 #[derive(Clone, Debug, PartialEq)]
 struct Turn {
     axis: DVec3,
-    /// Angle per arc of the farthest handle [rad/m], signed.
+    /// Angle per arc of the farthest handle `[rad/m]`, signed.
     angle_per_arc: f64,
     arc: Progress,
 }

@@ -44,7 +44,7 @@ impl KeyframePath {
         Ok(Self { start, groups })
     }
 
-    /// Positions at `time` [s].
+    /// Positions at `time` `[s]`.
     pub(super) fn at(&self, time: f64) -> Vec<DVec3> {
         let mut positions = self.start.clone();
         for group in &self.groups {
@@ -59,7 +59,7 @@ impl KeyframePath {
 }
 
 impl Group {
-    /// Displacement [m] and angle [rad] at `time` [s].
+    /// Displacement `[m]` and angle `[rad]` at `time` `[s]`.
     fn pose(&self, time: f64) -> (DVec3, f64) {
         let after = self.keyframes.partition_point(|k| k.time <= time).max(1);
         let from = &self.keyframes[after - 1];

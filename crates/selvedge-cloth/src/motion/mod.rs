@@ -26,7 +26,7 @@ use crate::{HandleError, HandleTargets};
 /// Frames per second in which durations are counted and speeds are given.
 pub(crate) const MOTION_RATE: f64 = 60.0;
 
-/// Longest duration of one block or one keyframed motion [s]: a day.
+/// Longest duration of one block or one keyframed motion `[s]`: a day.
 const LONGEST: f64 = 86_400.0;
 
 /// How the handles move.
@@ -48,7 +48,7 @@ pub enum Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// How long it lasts [s]; a whole number of frames of 1/60 s.
+    /// How long it lasts `[s]`; a whole number of frames of 1/60 s.
     pub duration: f64,
     /// Translations of all handles, added up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -77,7 +77,7 @@ pub struct Rotation {
     pub center: f64,
     /// Which way, seen from above.
     pub sense: TurnSense,
-    /// Arc of the handle that is farthest from the axis [m], or its speed.
+    /// Arc of the handle that is farthest from the axis `[m]`, or its speed.
     pub arc: Pace,
 }
 
@@ -95,7 +95,7 @@ pub enum TurnSense {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyframeMotion {
-    /// How long the motion lasts [s]; a whole number of frames of 1/60 s.
+    /// How long the motion lasts `[s]`; a whole number of frames of 1/60 s.
     pub duration: f64,
     /// The groups.
     pub groups: Vec<KeyframeGroup>,
@@ -116,12 +116,12 @@ pub struct KeyframeGroup {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
-    /// Time [s].
+    /// Time `[s]`.
     pub time: f64,
-    /// Displacement from the start [m].
+    /// Displacement from the start `[m]`.
     #[serde(default)]
     pub translation: DVec3,
-    /// Angle about the vertical axis through the group's start centroid [degrees].
+    /// Angle about the vertical axis through the group's start centroid `[degrees]`.
     #[serde(default)]
     pub rotation_deg: f64,
 }
@@ -130,7 +130,7 @@ pub struct Keyframe {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedMotion {
-    /// Positions [m], `[frames + 1][handles]`; the first is where the handles start.
+    /// Positions `[m]`, `[frames + 1][handles]`; the first is where the handles start.
     pub positions: Vec<Vec<DVec3>>,
 }
 
@@ -204,7 +204,7 @@ enum PathForm {
 }
 
 impl Motion {
-    /// No motion for `duration` [s].
+    /// No motion for `duration` `[s]`.
     #[must_use]
     pub fn still(duration: f64) -> Self {
         Self::Blocks {
@@ -212,8 +212,19 @@ impl Motion {
         }
     }
 
-    /// Binds the motion to handles that start at `start` [m], `[handles]`, in a scene of
+    /// Binds the motion to handles that start at `start` `[m]`, `[handles]`, in a scene of
     /// `frame_rate` frames per second.
+    ///
+    /// ```
+    /// use glam::DVec3;
+    /// use selvedge_cloth::motion::named;
+    ///
+    /// let start = [DVec3::new(0.0, 0.0, -0.5), DVec3::new(0.0, 0.0, 0.5)];
+    /// let path = named::by_name("forward").expect("a known name").bind(&start, 60.0)?;
+    /// assert_eq!(path.frame_count(), 1260);
+    /// assert_eq!(path.at(2.0)[0], start[0] + DVec3::X);
+    /// # Ok::<(), selvedge_cloth::MotionError>(())
+    /// ```
     ///
     /// # Errors
     /// [`MotionError`] names the field, or the frame of a recording, that cannot be used.
@@ -253,7 +264,7 @@ impl Motion {
 }
 
 impl Block {
-    /// No motion for `duration` [s].
+    /// No motion for `duration` `[s]`.
     #[must_use]
     pub fn still(duration: f64) -> Self {
         Self {
@@ -271,7 +282,7 @@ impl HandlePath {
         self.frame_count
     }
 
-    /// Positions of the handles at `time` [s], `[handles]` [m]; past the end they stay.
+    /// Positions of the handles at `time` `[s]`, `[handles]` `[m]`; past the end they stay.
     #[must_use]
     pub fn at(&self, time: f64) -> Vec<DVec3> {
         let time = time.max(0.0);
@@ -306,7 +317,7 @@ fn value_error(field: impl Into<String>, expected: &'static str, found: String) 
     }
 }
 
-/// The frames of 1/60 s in `duration` [s], which must be a whole number of them, one at least.
+/// The frames of 1/60 s in `duration` `[s]`, which must be a whole number of them, one at least.
 fn whole_frames(field: impl Into<String>, duration: f64) -> Result<usize, MotionError> {
     let frames = duration * MOTION_RATE;
     // Eight digits of a duration such as 1/3 s are enough; 0.333 s is not meant to be 20 frames.
@@ -337,7 +348,7 @@ fn split_place(place: f64, last: usize) -> (usize, f64) {
     }
 }
 
-/// `point` turned by `angle` [rad] about the vertical axis through `axis`.
+/// `point` turned by `angle` `[rad]` about the vertical axis through `axis`.
 fn turned(point: DVec3, axis: DVec3, angle: f64) -> DVec3 {
     let (sin, cos) = angle.sin_cos();
     let (x, z) = (point.x - axis.x, point.z - axis.z);

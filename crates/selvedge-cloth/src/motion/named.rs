@@ -79,7 +79,7 @@ const GENERALISATION: [(&str, Recipe); 12] = [
     ("apart", apart),
 ];
 
-/// Peak speed of a training motion as the paper rounds it [m/frame]: π/2/60 = 0.026180.
+/// Peak speed of a training motion as the paper rounds it `[m/frame]`: π/2/60 = 0.026180.
 const TRAINED_SPEED: f64 = 0.02617;
 
 /// The name of no motion at all, for ten seconds.

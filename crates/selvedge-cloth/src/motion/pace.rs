@@ -15,14 +15,14 @@ use super::{MotionError, split_place, value_error};
 pub enum Pace {
     /// A distance, covered with s(t) = (1 - cos(π t/T))/2.
     Distance {
-        /// Distance covered over the block [m].
+        /// Distance covered over the block `[m]`.
         distance: f64,
     },
     /// A speed profile, sampled at t = 1/60, 2/60, … T.
     Speed {
-        /// Speed at the start [m/frame].
+        /// Speed at the start `[m/frame]`.
         start: f64,
-        /// Speed at the end [m/frame].
+        /// Speed at the end `[m/frame]`.
         end: f64,
         /// How it passes from one to the other.
         profile: Profile,
@@ -169,7 +169,7 @@ pub(super) enum Progress {
 }
 
 impl Progress {
-    /// Distance covered [m] after `place` frames of 1/60 s since the start of the block.
+    /// Distance covered `[m]` after `place` frames of 1/60 s since the start of the block.
     pub(super) fn at(&self, place: f64) -> f64 {
         match self {
             Self::Eased { distance, frames } => distance * eased(place / *frames as f64),

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::{MotionError, RecordedMotion, split_place, value_error};
 
-/// How far a recording may start from where the handles stand [m]. Positions in files are
+/// How far a recording may start from where the handles stand `[m]`. Positions in files are
 /// often rounded to a tenth of a millimetre; more than this is another scene.
 const START_TOLERANCE: f64 = 1e-3;
 

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
 use proptest::prelude::*;
 
-use super::super::*;
+use super::super::{KeyframeMotion, MotionError, RecordedMotion, named};
 use super::*;
 
 #[test]
@@ -226,7 +226,7 @@ proptest! {
             prop_assert!(end.distance(start) < 1e-12);
         }
         for joint in 1..4 {
-            // |s''| ≤ π²/2 · 2 m/(1/60 s)² = 4e4 m/s², so that from no speed 1e-9 s move it by 4e-14 m.
+            // |s''| ≤ π²/2 · 2 m/(1/60 s)² = 4e4 m/s²: from no speed, 1e-9 s are 4e-14 m.
             let t = f64::from(joint) * duration;
             let (a, b) = (path.at(t - 1e-9), path.at(t + 1e-9));
             prop_assert!(a[0].distance(b[0]) < 1e-11);

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::{Motion, Profile, TurnSense};
-use super::{METRE, speed, translation_block, turn_block};
+use super::{METRE, corners, speed, translation_block, turn_block};
 
 const OWN: &str = r#"
 kind = "blocks"
@@ -77,4 +77,18 @@ fn unknown_and_missing_keys_are_named() {
     let extra = "kind = \"recorded\"\npositions = []\nrate = 3";
     let message = toml::from_str::<Motion>(extra).unwrap_err().to_string();
     assert!(message.contains("rate"), "{message}");
+}
+
+#[test]
+fn the_shipped_examples_play() {
+    let the_loop = include_str!("../../../../../assets/motions/loop.toml");
+    let motion: Motion = toml::from_str(the_loop).unwrap();
+    let path = motion.bind(&corners(), 60.0).unwrap();
+    assert_eq!(path.frame_count(), 390);
+    // Each swing from 0.02 to -0.02 ends 0.02 m short of where it began: the two cancel.
+    assert!(path.at(2.5)[0].distance(corners()[0]) < 1e-13);
+    let curtsey = include_str!("../../../../../assets/motions/curtsey.toml");
+    let motion: Motion = toml::from_str(curtsey).unwrap();
+    let path = motion.bind(&corners(), 60.0).unwrap();
+    assert_eq!(path.at(6.0), [0, 1].map(|k| corners()[k] + DVec3::X * 0.4));
 }

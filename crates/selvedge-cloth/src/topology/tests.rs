@@ -1,0 +1,218 @@
+//! Topology: each defect with its numbers, and the identities of a sound mesh.
+
+use std::collections::HashSet;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::generate::{SquareSpec, square};
+
+fn sheet(vertices: usize, seed: u64) -> Topology {
+    let spec = SquareSpec {
+        vertices,
+        size: 1.0,
+        seed,
+    };
+    square(&spec).unwrap().mesh.topology().clone()
+}
+
+/// Everything that holds of any valid topology.
+fn check_identities(topology: &Topology) {
+    let (faces, edges, arcs) = (topology.faces(), topology.edges(), topology.arcs());
+    // Each face has three sides; an edge is one or two of them.
+    let inner = edges.iter().filter(|edge| !edge.is_boundary()).count();
+    assert_eq!(3 * faces.len(), edges.len() + inner);
+    let keys: Vec<_> = edges
+        .iter()
+        .map(|edge| (edge.vertices.iter().min(), edge.vertices.iter().max()))
+        .collect();
+    assert!(keys.is_sorted_by(|a, b| a < b));
+    for (number, edge) in edges.iter().enumerate() {
+        let [a, b] = edge.vertices;
+        let runs = |face: FaceId, from, to, opposite| {
+            let corners = faces[face.index()];
+            (0..3).any(|k| {
+                let listed = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
+                let its_edge = topology.face_edges()[face.index()][k].index();
+                listed == [from, to, opposite] && its_edge == number
+            })
+        };
+        assert!(runs(edge.faces.0, a, b, edge.opposite.0));
+        assert_eq!(edge.faces.1.is_some(), edge.opposite.1.is_some());
+        if let (Some(face), Some(opposite)) = (edge.faces.1, edge.opposite.1) {
+            assert!(face > edge.faces.0 && runs(face, b, a, opposite));
+        }
+    }
+    check_arcs(topology);
+    let boundary = topology.boundary_vertices();
+    for (vertex, &on_boundary) in boundary.iter().enumerate() {
+        let here = arcs[topology.arcs_into(VertexId(vertex as u32))].iter();
+        let touching = here.filter(|arc| edges[arc.edge.index()].is_boundary());
+        assert_eq!(touching.count() > 0, on_boundary);
+    }
+}
+
+/// Every edge has two arcs that are each other's reverse, and those into a vertex are together.
+fn check_arcs(topology: &Topology) {
+    let arcs = topology.arcs();
+    assert_eq!(arcs.len(), 2 * topology.edges().len());
+    assert!(arcs.is_sorted_by_key(|arc| (arc.receiver, arc.sender)));
+    let directions: HashSet<_> = arcs
+        .iter()
+        .map(|a| (a.sender, a.receiver, a.edge))
+        .collect();
+    assert_eq!(directions.len(), arcs.len());
+    for arc in arcs {
+        assert!(directions.contains(&(arc.receiver, arc.sender, arc.edge)));
+        let ends = topology.edges()[arc.edge.index()].vertices;
+        assert!(ends == [arc.sender, arc.receiver] || ends == [arc.receiver, arc.sender]);
+    }
+    let mut next = 0;
+    for vertex in 0..topology.vertex_count() as u32 {
+        let range = topology.arcs_into(VertexId(vertex));
+        assert_eq!(range.start, next);
+        assert!(
+            arcs[range.clone()]
+                .iter()
+                .all(|arc| arc.receiver.0 == vertex)
+        );
+        next = range.end;
+    }
+    assert_eq!(next, arcs.len());
+}
+
+fn euler(topology: &Topology) -> i64 {
+    let [v, e, f] = [
+        topology.vertex_count(),
+        topology.edges().len(),
+        topology.faces().len(),
+    ]
+    .map(|count| count as i64);
+    v - e + f
+}
+
+#[test]
+fn a_pair_of_triangles() {
+    let topology = Topology::new(4, &[[2, 3, 0], [0, 1, 2]]).unwrap();
+    check_identities(&topology);
+    // Edges by (smaller, larger) vertex: 0-1, 0-2, 0-3, 1-2, 2-3.
+    let diagonal = topology.edges()[1];
+    assert_eq!(diagonal.vertices, [VertexId(0), VertexId(2)]);
+    assert_eq!(diagonal.faces, (FaceId(0), Some(FaceId(1))));
+    assert_eq!(diagonal.opposite, (VertexId(3), Some(VertexId(1))));
+    let face_edges = topology.face_edges();
+    assert_eq!(face_edges[0].map(|e| e.0), [4, 2, 1]);
+    assert_eq!(face_edges[1].map(|e| e.0), [0, 3, 1]);
+    let into_2: Vec<u32> = topology.arcs()[topology.arcs_into(VertexId(2))]
+        .iter()
+        .map(|arc| arc.sender.0)
+        .collect();
+    assert_eq!(into_2, [0, 1, 3]);
+    assert_eq!(topology.boundary_vertices(), [true; 4]);
+    assert_eq!(topology.face_indices(), [[2, 3, 0], [0, 1, 2]]);
+}
+
+#[test]
+fn closed_and_separate_sheets_have_their_euler_characteristic() {
+    // A tetrahedron is a sphere: 2, and no boundary.
+    let sphere = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let topology = Topology::new(4, &sphere).unwrap();
+    check_identities(&topology);
+    assert_eq!(euler(&topology), 2);
+    assert_eq!(topology.boundary_vertices(), [false; 4]);
+    // Two triangles apart are two discs; joined in one vertex the count is one less.
+    let apart = Topology::new(6, &[[0, 1, 2], [3, 4, 5]]).unwrap();
+    let joined = Topology::new(5, &[[0, 1, 2], [2, 3, 4]]).unwrap();
+    check_identities(&apart);
+    check_identities(&joined);
+    assert_eq!((euler(&apart), euler(&joined)), (2, 1));
+}
+
+#[test]
+fn each_defect_has_its_numbers() {
+    let error = |count, faces: &[[u32; 3]]| Topology::new(count, faces).unwrap_err();
+    let [first, second] = [FaceId(0), FaceId(1)];
+    assert_eq!(error(3, &[]), TopologyError::Empty);
+    assert_eq!(
+        error(4, &[[0, 1, 2], [0, 4, 3]]),
+        TopologyError::VertexOutOfRange {
+            face: second,
+            vertex: 4,
+            vertex_count: 4
+        }
+    );
+    for corners in [[2, 2, 0], [0, 2, 2], [2, 0, 2]] {
+        assert_eq!(
+            error(3, &[[0, 1, 2], corners]),
+            TopologyError::RepeatedVertex {
+                face: second,
+                vertex: VertexId(2)
+            }
+        );
+    }
+    for again in [[1, 2, 0], [0, 2, 1]] {
+        assert_eq!(
+            error(3, &[[0, 1, 2], again]),
+            TopologyError::DuplicateFace { first, second }
+        );
+    }
+    assert_eq!(
+        error(5, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]),
+        TopologyError::NonManifoldEdge {
+            vertices: [VertexId(0), VertexId(1)],
+            faces: vec![0, 1, 2]
+        }
+    );
+    assert_eq!(
+        error(4, &[[0, 1, 2], [0, 1, 3]]),
+        TopologyError::InconsistentOrientation {
+            vertices: [VertexId(0), VertexId(1)],
+            first,
+            second
+        }
+    );
+    assert_eq!(
+        error(6, &[[0, 1, 3]]),
+        TopologyError::IsolatedVertex {
+            vertex: VertexId(2),
+            count: 3
+        }
+    );
+    let huge = error(LARGEST + 1, &[[0, 1, 2]]).to_string();
+    assert!(huge.contains("715827882"), "{huge}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn sheets_keep_the_identities(vertices in 4..200_usize, seed in any::<u64>()) {
+        let topology = sheet(vertices, seed);
+        check_identities(&topology);
+        prop_assert_eq!(euler(&topology), 1);
+    }
+
+    /// Neither the order of the faces nor where each begins changes edges and arcs.
+    #[test]
+    fn the_listing_of_faces_does_not_matter(seed in any::<u64>(), shift in 0..100_usize) {
+        let topology = sheet(60, seed);
+        let mut faces = topology.face_indices();
+        let count = faces.len();
+        faces.rotate_left(shift % count);
+        for (number, face) in faces.iter_mut().enumerate() {
+            face.rotate_left((number + shift) % 3);
+        }
+        let other = Topology::new(60, &faces).unwrap();
+        check_identities(&other);
+        prop_assert_eq!(other.arcs(), topology.arcs());
+        for (a, b) in other.edges().iter().zip(topology.edges()) {
+            // The same edge, its first face perhaps the other one, with all that follows from it.
+            let [from, to] = b.vertices;
+            let same = a.vertices == [from, to] && a.opposite == b.opposite;
+            let swapped = a.vertices == [to, from]
+                && Some(a.opposite.0) == b.opposite.1
+                && a.opposite.1 == Some(b.opposite.0);
+            prop_assert!(same || swapped);
+        }
+    }
+}
