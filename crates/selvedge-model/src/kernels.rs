@@ -5,7 +5,7 @@
 //! set (baseline, AVX2, AVX-512, NEON) and chooses at run time. Sums run over fixed lanes in a fixed order,
 //! so that the choice never changes a bit (no fused multiply-add is used here).
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::real::Real;
 
@@ -14,6 +14,27 @@ const LANES: usize = 16;
 
 /// Added to a variance before its root, as in PyTorch.
 const LAYER_NORM_EPSILON: f64 = 1e-5;
+
+struct Loop<F>(F);
+
+impl<F: FnMut()> WithSimd for Loop<F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) {
+        (self.0)();
+    }
+}
+
+/// Runs a loop compiled for the widest vectors of this machine.
+///
+/// The loop is an `FnMut`, not an `FnOnce`: the body of an inlined closure is inlined where its
+/// own kind is called, but not through the shim that makes an `FnOnce` of it, and would then be
+/// compiled for the baseline.
+#[inline(always)]
+fn vectorised(body: impl FnMut()) {
+    Arch::new().dispatch(Loop(body));
+}
 
 #[inline(always)]
 fn sum<T: Real>(row: &[T]) -> T {
@@ -61,7 +82,7 @@ fn fold<T: Real>(mut lanes: [T; LANES]) -> T {
 
 /// rows ← max(rows + bias, 0).
 pub(crate) fn bias_relu<T: Real>(rows: &mut [T], bias: &[T]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for row in rows.chunks_exact_mut(bias.len()) {
@@ -75,7 +96,7 @@ pub(crate) fn bias_relu<T: Real>(rows: &mut [T], bias: &[T]) {
 
 /// rows ← rows + bias.
 pub(crate) fn add_bias<T: Real>(rows: &mut [T], bias: &[T]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for row in rows.chunks_exact_mut(bias.len()) {
@@ -89,7 +110,7 @@ pub(crate) fn add_bias<T: Real>(rows: &mut [T], bias: &[T]) {
 
 /// to ← to + from.
 pub(crate) fn add<T: Real>(to: &mut [T], from: &[T]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (x, &y) in to.iter_mut().zip(from) {
@@ -101,7 +122,7 @@ pub(crate) fn add<T: Real>(to: &mut [T], from: &[T]) {
 
 /// gradient ← 0 where the activation of a ReLU is 0.
 pub(crate) fn relu_backward<T: Real>(gradient: &mut [T], activation: &[T]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (g, &a) in gradient.iter_mut().zip(activation) {
@@ -113,7 +134,7 @@ pub(crate) fn relu_backward<T: Real>(gradient: &mut [T], activation: &[T]) {
 
 /// sums ← sums + the sum of all rows: the gradient of a bias.
 pub(crate) fn add_column_sums<T: Real>(sums: &mut [T], rows: &[T]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for row in rows.chunks_exact(sums.len()) {
@@ -145,12 +166,12 @@ pub(crate) fn layer_norm<T: Real>(
     let width = weight.len();
     let inverse_width = T::from_f64(1.0 / width as f64);
     let epsilon = T::from_f64(LAYER_NORM_EPSILON);
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             let normals = rows.normal.chunks_exact_mut(width);
             let outs = out.chunks_exact_mut(width);
-            for ((x, out), inverse) in normals.zip(outs).zip(rows.inverse_deviation) {
+            for ((x, out), inverse) in normals.zip(outs).zip(rows.inverse_deviation.iter_mut()) {
                 for (x, &b) in x.iter_mut().zip(linear_bias) {
                     *x += b;
                 }
@@ -180,7 +201,7 @@ pub(crate) fn layer_norm_backward<T: Real>(
 ) {
     let width = weight.len();
     let inverse_width = T::from_f64(1.0 / width as f64);
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             let gradients = gradient.chunks_exact_mut(width);
@@ -203,6 +224,19 @@ pub(crate) fn layer_norm_backward<T: Real>(
     );
 }
 
+// Slices of one known length, so that the loops over them need no bounds checks and vectorise.
+
+#[inline(always)]
+fn thirds<T>(row: &[T], width: usize) -> [&[T]; 3] {
+    [0, 1, 2].map(|k| &row[k * width..][..width])
+}
+
+#[inline(always)]
+fn halves_mut<T>(row: &mut [T], width: usize) -> [&mut [T]; 2] {
+    let (first, second) = row.split_at_mut(width);
+    [&mut first[..width], &mut second[..width]]
+}
+
 /// The gates of one step of a recurrent unit, rows of `hidden` values each.
 pub(crate) struct Gates<'a, T> {
     /// In: input part with its bias, `[rows, 3 hidden]`, gates r, z, n.
@@ -222,7 +256,7 @@ pub(crate) struct Gates<'a, T> {
 /// One step of a gated recurrent unit as PyTorch defines it (Cho et al. 2014) `[eq:gru]`:
 /// r, z = σ(..), n = tanh(W_in x + b_in + r ∘ (W_hn h + b_hn)), h' = (1 - z) ∘ n + z ∘ h.
 pub(crate) fn gru_gates<T: Real>(gates: Gates<'_, T>, hidden: usize) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             let rows = gates
@@ -232,22 +266,29 @@ pub(crate) fn gru_gates<T: Real>(gates: Gates<'_, T>, hidden: usize) {
                 .zip(gates.before.chunks_exact(hidden))
                 .zip(gates.kept.chunks_exact_mut(4 * hidden))
                 .zip(gates.after.chunks_exact_mut(hidden));
-            let (bias_r, bias) = gates.bias_hidden.split_at(hidden);
-            let (bias_z, bias_n) = bias.split_at(hidden);
+            let [bias_r, bias_z, bias_n] = thirds(gates.bias_hidden, hidden);
             for ((((input, state), before), kept), after) in rows {
-                let (input_r, input) = input.split_at(hidden);
-                let (input_z, input_n) = input.split_at(hidden);
-                let (state_r, state) = state.split_at(hidden);
-                let (state_z, state_n) = state.split_at(hidden);
-                let (r, kept) = kept.split_at_mut(hidden);
-                let (z, kept) = kept.split_at_mut(hidden);
-                let (n, recurrent) = kept.split_at_mut(hidden);
-                for k in 0..hidden {
-                    r[k] = (input_r[k] + state_r[k] + bias_r[k]).sigmoid();
-                    z[k] = (input_z[k] + state_z[k] + bias_z[k]).sigmoid();
-                    recurrent[k] = state_n[k] + bias_n[k];
-                    n[k] = (input_n[k] + r[k] * recurrent[k]).tanh();
-                    after[k] = n[k] + z[k] * (before[k] - n[k]);
+                let [input_r, input_z, input_n] = thirds(input, hidden);
+                let [state_r, state_z, state_n] = thirds(state, hidden);
+                let (gates_rz, rest) = kept.split_at_mut(2 * hidden);
+                let [r, z] = halves_mut(gates_rz, hidden);
+                let [n, recurrent] = halves_mut(rest, hidden);
+                let (before, after) = (&before[..hidden], &mut after[..hidden]);
+                // Short loops over few slices: one over all of them does not vectorise.
+                for (((r, &i), &s), &b) in r.iter_mut().zip(input_r).zip(state_r).zip(bias_r) {
+                    *r = (i + s + b).sigmoid();
+                }
+                for (((z, &i), &s), &b) in z.iter_mut().zip(input_z).zip(state_z).zip(bias_z) {
+                    *z = (i + s + b).sigmoid();
+                }
+                for ((x, &s), &b) in recurrent.iter_mut().zip(state_n).zip(bias_n) {
+                    *x = s + b;
+                }
+                for (((n, &i), &r), &x) in n.iter_mut().zip(input_n).zip(&*r).zip(&*recurrent) {
+                    *n = (i + r * x).tanh();
+                }
+                for (((a, &n), &z), &b) in after.iter_mut().zip(&*n).zip(&*z).zip(before) {
+                    *a = n + z * (b - n);
                 }
             }
         },
@@ -270,7 +311,7 @@ pub(crate) struct GateGradients<'a, T> {
 
 /// The gradient of [`gru_gates`].
 pub(crate) fn gru_gates_backward<T: Real>(gates: GateGradients<'_, T>, hidden: usize) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             let rows = gates
@@ -281,25 +322,31 @@ pub(crate) fn gru_gates_backward<T: Real>(gates: GateGradients<'_, T>, hidden: u
                 .zip(gates.input.chunks_exact_mut(3 * hidden))
                 .zip(gates.hidden.chunks_exact_mut(3 * hidden));
             for ((((kept, before), state), to_input), to_hidden) in rows {
-                let (r, kept) = kept.split_at(hidden);
-                let (z, kept) = kept.split_at(hidden);
-                let (n, recurrent) = kept.split_at(hidden);
-                let (input_r, to_input) = to_input.split_at_mut(hidden);
-                let (input_z, input_n) = to_input.split_at_mut(hidden);
-                let (hidden_r, to_hidden) = to_hidden.split_at_mut(hidden);
-                let (hidden_z, hidden_n) = to_hidden.split_at_mut(hidden);
+                let [r, z, n] = thirds(kept, hidden);
+                let recurrent = &kept[3 * hidden..][..hidden];
+                let (input_rz, input_n) = to_input.split_at_mut(2 * hidden);
+                let [input_r, input_z] = halves_mut(input_rz, hidden);
+                let (hidden_rz, hidden_n) = to_hidden.split_at_mut(2 * hidden);
+                let [hidden_r, hidden_z] = halves_mut(hidden_rz, hidden);
+                let (input_n, hidden_n) = (&mut input_n[..hidden], &mut hidden_n[..hidden]);
+                let (before, state) = (&before[..hidden], &mut state[..hidden]);
                 for k in 0..hidden {
-                    let d_n = state[k] * (T::ONE - z[k]) * (T::ONE - n[k] * n[k]);
-                    let d_z = state[k] * (before[k] - n[k]) * z[k] * (T::ONE - z[k]);
-                    let d_r = d_n * recurrent[k] * r[k] * (T::ONE - r[k]);
-                    input_r[k] = d_r;
-                    input_z[k] = d_z;
-                    input_n[k] = d_n;
-                    hidden_r[k] = d_r;
-                    hidden_z[k] = d_z;
-                    hidden_n[k] = d_n * r[k];
+                    input_n[k] = state[k] * (T::ONE - z[k]) * (T::ONE - n[k] * n[k]);
+                }
+                for k in 0..hidden {
+                    input_z[k] = state[k] * (before[k] - n[k]) * z[k] * (T::ONE - z[k]);
+                }
+                for k in 0..hidden {
+                    input_r[k] = input_n[k] * recurrent[k] * r[k] * (T::ONE - r[k]);
+                }
+                for k in 0..hidden {
+                    hidden_n[k] = input_n[k] * r[k];
+                }
+                for k in 0..hidden {
                     state[k] *= z[k];
                 }
+                hidden_r.copy_from_slice(input_r);
+                hidden_z.copy_from_slice(input_z);
             }
         },
     );
@@ -314,7 +361,7 @@ pub(crate) fn gather_add<T: Real>(
     at_sender: &[T],
     at_receiver: &[T],
 ) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             let (senders, receivers) = ends;
@@ -336,7 +383,7 @@ pub(crate) fn sum_incoming<T: Real>(
     messages: &[T],
     first_arc: &[u32],
 ) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (row, ends) in sums.chunks_exact_mut(width).zip(first_arc.windows(2)) {
@@ -359,7 +406,7 @@ pub(crate) fn sum_outgoing<T: Real>(
     rows: &[T],
     (first_arc, twins): (&[u32], &[u32]),
 ) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (total, ends) in sums.chunks_exact_mut(width).zip(first_arc.windows(2)) {
@@ -382,7 +429,7 @@ pub(crate) fn scatter_add<T: Real>(
     receivers: &[u32],
     at_receiver: &[T],
 ) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (row, &r) in rows.chunks_exact_mut(width).zip(receivers) {

@@ -8,15 +8,19 @@ mod frame;
 mod graph;
 mod kernels;
 mod layers;
+mod model;
+mod model_file;
 mod network;
 mod normalizer;
 mod parameters;
 mod product;
 mod real;
 pub mod reference;
+mod rollout;
 mod spec;
 #[cfg(test)]
 mod test_cloth;
+mod window;
 
 pub use connectivity::Connectivity;
 pub use features::{
@@ -25,8 +29,12 @@ pub use features::{
 };
 pub use frame::{LocalFrame, Yaw};
 pub use graph::{ClothGraph, ClothParts, GraphError, Hinge};
+pub use model::{Model, ModelError, Normalizers};
+pub use model_file::{MODEL_FORMAT, ModelFileError};
 pub use network::{Dropout, Input, Network, Pass, Workspace};
 pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
 pub use parameters::{Parameter, Start};
 pub use real::Real;
+pub use rollout::{LearnedStepper, RolloutError, integrate};
 pub use spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};
+pub use window::{Place, Window};

@@ -110,18 +110,13 @@ fn exp(x: f32) -> f32 {
     let shifted = x * std::f32::consts::LOG2_E + TO_NEAREST;
     let n = shifted - TO_NEAREST;
     let r = (x - n * LN_2_HIGH) - n * LN_2_LOW;
-    let mut series = 1.0 / 5040.0;
-    for inverse_factorial in [
-        1.0 / 720.0,
-        1.0 / 120.0,
-        1.0 / 24.0,
-        1.0 / 6.0,
-        0.5,
-        1.0,
-        1.0,
-    ] {
-        series = series * r + inverse_factorial;
-    }
+    // Written out: a loop over the coefficients would keep the loops around it from vectorising.
+    let series = (1.0 / 5040.0) * r + 1.0 / 720.0;
+    let series = series * r + 1.0 / 120.0;
+    let series = series * r + 1.0 / 24.0;
+    let series = series * r + 1.0 / 6.0;
+    let series = (series * r + 0.5) * r + 1.0;
+    let series = series * r + 1.0;
     // The low bits of `shifted` hold n as an integer; moved up they are an exponent.
     let exponent = (shifted.to_bits() << 23).wrapping_add(127 << 23);
     series * f32::from_bits(exponent)

@@ -1,0 +1,230 @@
+//! Model files: one `.safetensors` with the weights under their module paths (f32), the
+//! normaliser's statistics (f64), and metadata: format, version, the resolved spec and how the
+//! model was trained, both as JSON.
+//!
+//! Works on bytes; who reads and writes files does so elsewhere.
+
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use thiserror::Error;
+
+use crate::model::{Model, ModelError, Normalizers};
+use crate::network::Network;
+use crate::normalizer::{Normalizer, NormalizerError};
+use crate::spec::{ModelSpec, SpecError};
+
+/// `format` in the metadata of a model file.
+pub const MODEL_FORMAT: &str = "selvedge-model";
+const VERSION: &str = "1";
+
+/// Names of the statistics in a model file.
+const STATISTICS: [&str; 3] = ["nodes", "edges", "acceleration"];
+
+/// Why bytes are not a model that can be used.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ModelFileError {
+    #[error("not a whole safetensors file ({0}): it may be truncated, or of another kind")]
+    Container(#[from] SafeTensorError),
+    #[error(
+        "metadata \"{key}\" is {found}, expected \"{expected}\": this file is no model that this version reads"
+    )]
+    Metadata {
+        key: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+    #[error("metadata \"spec\": {0}")]
+    SpecText(#[from] serde_json::Error),
+    #[error(transparent)]
+    Spec(#[from] SpecError),
+    #[error("tensor {name} is missing: the weights are of another spec than the file says")]
+    Missing { name: String },
+    #[error("tensor {name} is in the file, but the spec of the model has no such weight")]
+    Unknown { name: String },
+    #[error(
+        "tensor {name} is {found_dtype:?} {found:?}, but the spec of the model needs {dtype:?} {expected:?}"
+    )]
+    Shape {
+        name: String,
+        dtype: Dtype,
+        expected: Vec<usize>,
+        found_dtype: Dtype,
+        found: Vec<usize>,
+    },
+    #[error("normalizer.{name}: {source}")]
+    Normalizer {
+        name: &'static str,
+        #[source]
+        source: NormalizerError,
+    },
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+impl Model {
+    /// Reads a model from the bytes of its file.
+    ///
+    /// # Errors
+    /// [`ModelFileError`] names the metadata or the tensor that cannot be used.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let text = |key| metadata.get(key).map(String::as_str);
+        for (key, expected) in [("format", MODEL_FORMAT), ("version", VERSION)] {
+            if text(key) != Some(expected) {
+                return Err(ModelFileError::Metadata {
+                    key,
+                    expected,
+                    found: text(key).map_or("missing".into(), |found| format!("\"{found}\"")),
+                });
+            }
+        }
+        let tensors = SafeTensors::deserialize(bytes)?;
+        let spec: ModelSpec = serde_json::from_str(text("spec").unwrap_or_default())?;
+        let network = Network::new(&spec)?;
+        check_names(&network, &tensors)?;
+        let mut weights = Vec::with_capacity(network.parameter_count());
+        for parameter in network.parameters() {
+            let bytes = read(
+                &tensors,
+                &parameter.name,
+                Dtype::F32,
+                Some(&parameter.shape),
+            )?;
+            weights.extend(bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
+        }
+        let [nodes, edges, acceleration] = STATISTICS;
+        let normalizers = Normalizers {
+            nodes: read_normalizer(&tensors, nodes)?,
+            edges: read_normalizer(&tensors, edges)?,
+            acceleration: read_normalizer(&tensors, acceleration)?,
+        };
+        let training = text("training").unwrap_or_default().to_owned();
+        Ok(Self::new(&spec, weights, normalizers, training)?)
+    }
+
+    /// The bytes of the model's file; the same model gives the same bytes.
+    ///
+    /// The container's own writer keeps metadata in a hash map, whose order differs from run to
+    /// run; so the header (its length, then JSON, padded to 8 bytes) is written here.
+    ///
+    /// # Errors
+    /// [`ModelFileError::SpecText`] when the header cannot be written as JSON.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, ModelFileError> {
+        let mut header = serde_json::Map::new();
+        let mut body = Vec::new();
+        let mut add = |name: String, dtype: &str, shape: &[usize], bytes: &[u8]| {
+            let offsets = [body.len(), body.len() + bytes.len()];
+            body.extend_from_slice(bytes);
+            let entry =
+                serde_json::json!({"dtype": dtype, "shape": shape, "data_offsets": offsets});
+            header.insert(name, entry);
+        };
+        // The widest values first, so that all are aligned.
+        for (name, bytes) in statistics_bytes(self.normalizers()) {
+            add(name, "F64", &[bytes.len() / 8], &bytes);
+        }
+        for parameter in self.network().parameters() {
+            let values = &self.weights()[parameter.range.clone()];
+            let bytes = bytes_of(values, f32::to_le_bytes);
+            add(parameter.name.clone(), "F32", &parameter.shape, &bytes);
+        }
+        let metadata = serde_json::json!({
+            "format": MODEL_FORMAT,
+            "version": VERSION,
+            "spec": serde_json::to_string(self.spec())?,
+            "training": self.training,
+        });
+        header.insert("__metadata__".to_owned(), metadata);
+        let mut text = serde_json::to_vec(&header)?;
+        text.resize(text.len().next_multiple_of(8), b' ');
+        let mut out = (text.len() as u64).to_le_bytes().to_vec();
+        out.append(&mut text);
+        out.append(&mut body);
+        Ok(out)
+    }
+}
+
+fn statistics_bytes(normalizers: &Normalizers) -> Vec<(String, Vec<u8>)> {
+    let all = [
+        &normalizers.nodes,
+        &normalizers.edges,
+        &normalizers.acceleration,
+    ];
+    let mut out = Vec::new();
+    for (name, normalizer) in STATISTICS.into_iter().zip(all) {
+        for (kind, values) in [
+            ("mean", normalizer.mean()),
+            ("deviation", normalizer.deviation()),
+        ] {
+            let bytes = bytes_of(values, f64::to_le_bytes);
+            out.push((format!("normalizer.{name}.{kind}"), bytes));
+        }
+    }
+    out
+}
+
+fn bytes_of<T: Copy, const N: usize>(values: &[T], to: impl Fn(T) -> [u8; N]) -> Vec<u8> {
+    values.iter().flat_map(|&x| to(x)).collect()
+}
+
+fn check_names(network: &Network, tensors: &SafeTensors<'_>) -> Result<(), ModelFileError> {
+    let mut names = tensors.names();
+    names.sort_unstable();
+    for name in names {
+        let statistic = STATISTICS.iter().any(|s| {
+            let rest = name
+                .strip_prefix("normalizer.")
+                .and_then(|n| n.strip_prefix(s));
+            matches!(rest, Some(".mean" | ".deviation"))
+        });
+        if !statistic && !network.parameters().iter().any(|p| p.name == name) {
+            return Err(ModelFileError::Unknown { name: name.into() });
+        }
+    }
+    Ok(())
+}
+
+fn read<'a>(
+    tensors: &SafeTensors<'a>,
+    name: &str,
+    dtype: Dtype,
+    shape: Option<&[usize]>,
+) -> Result<&'a [u8], ModelFileError> {
+    let view = tensors
+        .tensor(name)
+        .map_err(|_| ModelFileError::Missing { name: name.into() })?;
+    let fits = shape.is_none_or(|shape| view.shape() == shape) && view.shape().len() <= 2;
+    if view.dtype() != dtype || !fits {
+        return Err(ModelFileError::Shape {
+            name: name.into(),
+            dtype,
+            expected: shape.unwrap_or_default().to_vec(),
+            found_dtype: view.dtype(),
+            found: view.shape().to_vec(),
+        });
+    }
+    Ok(view.data())
+}
+
+fn read_normalizer(
+    tensors: &SafeTensors<'_>,
+    name: &'static str,
+) -> Result<Normalizer, ModelFileError> {
+    let values = |kind: &str| -> Result<Vec<f64>, ModelFileError> {
+        let bytes = read(
+            tensors,
+            &format!("normalizer.{name}.{kind}"),
+            Dtype::F64,
+            None,
+        )?;
+        Ok(bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| f64::from_le_bytes(*b))
+            .collect())
+    };
+    Normalizer::new(values("mean")?, values("deviation")?)
+        .map_err(|source| ModelFileError::Normalizer { name, source })
+}

@@ -1,0 +1,181 @@
+//! The learned simulator as a [`Stepper`]: features of the last frames, one pass of the network,
+//! and the integration p^{t+1} = a + 2 p^t - p^{t-1} `[eq:integration]`.
+//!
+//! Handle vertices never follow the network: after the step they are where their targets are.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use selvedge_cloth::{HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId};
+use thiserror::Error;
+
+use crate::connectivity::Connectivity;
+use crate::frame::Yaw;
+use crate::graph::ClothGraph;
+use crate::model::Model;
+use crate::network::{Input, Pass, Workspace};
+use crate::window::{Place, Window};
+
+/// A cloth that a trained model moves.
+pub struct LearnedStepper {
+    model: Arc<Model>,
+    graph: ClothGraph,
+    connectivity: Connectivity,
+    /// Positions of the frame before the window and of each frame of it, oldest first; the
+    /// oldest buffer receives the next frame.
+    history: Vec<Vec<Vec3>>,
+    next: Vec<Vec3>,
+    yaw: Yaw,
+    frame: usize,
+    features: Window,
+    workspace: Workspace<f32>,
+    acceleration: Vec<f32>,
+}
+
+/// Why a rollout cannot start.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RolloutError {
+    #[error("the start has {found} positions in a frame, the cloth has {expected} vertices")]
+    Count { expected: usize, found: usize },
+    #[error("the start needs at least one frame")]
+    NoFrame,
+    #[error("the start position of vertex {vertex} is not finite")]
+    NonFinite { vertex: VertexId },
+}
+
+impl LearnedStepper {
+    /// Starts from the last frames before now, oldest first [m], `[frames][vertices]`. Where
+    /// there are fewer than the model looks at, the cloth is taken to have stood still before the first.
+    ///
+    /// # Errors
+    /// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
+    pub fn new(
+        model: Arc<Model>,
+        graph: ClothGraph,
+        start: &[&[Vec3]],
+    ) -> Result<Self, RolloutError> {
+        let expected = graph.vertex_count();
+        let needed = model.spec().window() + 1;
+        let first = *start.first().ok_or(RolloutError::NoFrame)?;
+        for frame in start {
+            if frame.len() != expected {
+                let found = frame.len();
+                return Err(RolloutError::Count { expected, found });
+            }
+            if let Some(vertex) = frame.iter().position(|p| !p.is_finite()) {
+                let vertex = VertexId(vertex as u32);
+                return Err(RolloutError::NonFinite { vertex });
+            }
+        }
+        let still = std::iter::repeat_n(first, needed.saturating_sub(start.len()));
+        let recent = &start[start.len().saturating_sub(needed)..];
+        Ok(Self {
+            connectivity: Connectivity::of(graph.topology()),
+            history: still
+                .chain(recent.iter().copied())
+                .map(<[_]>::to_vec)
+                .collect(),
+            next: vec![Vec3::ZERO; expected],
+            yaw: graph.frame().rest_yaw(),
+            frame: 0,
+            features: Window::default(),
+            workspace: Workspace::new(),
+            acceleration: Vec::new(),
+            model,
+            graph,
+        })
+    }
+
+    /// The model that moves the cloth.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn predict(&mut self, yaw: Yaw) {
+        let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
+        let frames: Vec<&[Vec3]> = self.history.iter().map(Vec::as_slice).collect();
+        self.features.fit(spec, &place);
+        self.features.write(spec, &self.graph, &frames, yaw, &place);
+        let normalizers = self.model.normalizers();
+        self.features
+            .normalize(&normalizers.nodes, &normalizers.edges);
+        let out = self.model.network().forward(
+            self.model.weights(),
+            &self.connectivity,
+            Input {
+                nodes: &self.features.nodes,
+                edges: &self.features.edges,
+            },
+            Pass::Inference,
+            &mut self.workspace,
+        );
+        self.acceleration.clear();
+        self.acceleration.extend_from_slice(out);
+        normalizers.acceleration.denormalize(&mut self.acceleration);
+    }
+}
+
+impl Stepper for LearnedStepper {
+    fn topology(&self) -> &Topology {
+        self.graph.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.graph.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.history[self.history.len() - 1]
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        let frame = self.frame + 1;
+        let (expected, found) = (self.handles().len(), targets.handle_count());
+        if expected != found {
+            let source = HandleError::Count { expected, found };
+            return Err(StepError::Handles { frame, source });
+        }
+        let handles_now = self.handles().select(self.positions());
+        let yaw = self.graph.frame().yaw(&handles_now, self.yaw);
+        self.predict(yaw);
+        let newest = self.history.len() - 1;
+        integrate(
+            &self.acceleration,
+            yaw,
+            [&self.history[newest - 1], &self.history[newest]],
+            &mut self.next,
+        );
+        for (vertex, target) in self.graph.handles().vertices().iter().zip(targets.end()) {
+            self.next[vertex.index()] = target.as_vec3();
+        }
+        if let Some(vertex) = self.next.iter().position(|p| !p.is_finite()) {
+            let vertex = VertexId(vertex as u32);
+            return Err(StepError::NonFinite { frame, vertex });
+        }
+        self.history.rotate_left(1);
+        std::mem::swap(&mut self.history[newest], &mut self.next);
+        self.yaw = yaw;
+        self.frame = frame;
+        Ok(())
+    }
+}
+
+/// p^{t+1} = a + 2 p^t - p^{t-1}, with `acceleration` [m/frame²] in the local frame of `yaw`,
+/// `[vertices, 3]`, and the rest in the world, `[vertices]` [m].
+pub fn integrate(
+    acceleration: &[f32],
+    yaw: Yaw,
+    [previous, current]: [&[Vec3]; 2],
+    next: &mut [Vec3],
+) {
+    let rows = acceleration.as_chunks::<3>().0;
+    for ((next, a), (p, q)) in next.iter_mut().zip(rows).zip(current.iter().zip(previous)) {
+        *next = yaw.to_world(Vec3::from_array(*a)) + (2.0 * *p - *q);
+    }
+}
