@@ -1,1 +1,37 @@
-//! selvedge-view: see its Cargo.toml.
+//! What people look at: stills, contact sheets and clips of a cloth in motion, made by a small
+//! software raster, so that they need no GPU, no window and no font.
+//!
+//! A [`Run`] borrows the frames of a motion and checks them once; a [`Panel`] is a run with a label
+//! and a colouring. [`still`] and [`contact_sheet`] make an [`Image`], [`write_clip`] an animated
+//! GIF whose clock is real. All of them look through one camera that holds the whole run.
+//!
+//! Conventions: metres and seconds, y up; pixels count from the top left corner, x to the right and
+//! y down; colours are sRGB outside and linear light inside. This crate opens no files: images are
+//! written to any [`std::io::Write`].
+
+mod backdrop;
+mod camera;
+mod clip;
+mod colour;
+mod colour_bar;
+mod error;
+mod font;
+mod image;
+mod page;
+mod palette;
+mod raster;
+mod run;
+mod shade;
+mod sheet;
+mod surface;
+mod text;
+
+pub use camera::{Camera, Orbit, Projected, Stage};
+pub use clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
+pub use colour::{ColourMap, Rgb};
+pub use error::ViewError;
+pub use image::Image;
+pub use raster::{EdgeLines, Renderer, Supersampling};
+pub use run::{Colouring, Panel, Run, ScalarField};
+pub use sheet::{SheetSettings, StillSettings, contact_sheet, still};
+pub use text::{Align, TextStyle, draw_text, text_width};

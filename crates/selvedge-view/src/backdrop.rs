@@ -1,0 +1,256 @@
+//! What stands behind the cloth: a soft wall that runs into a floor, and the shadow that the cloth
+//! throws onto it.
+//!
+//! The wall and the floor depend on the camera alone and are computed once. The shadow is drawn
+//! into a small map of the floor, blurred three times by a box (nearly a Gaussian), and looked up
+//! where a pixel sees the floor.
+
+use glam::{Vec2, Vec3, Vec3A};
+use selvedge_cloth::Topology;
+
+use crate::Rgb;
+use crate::camera::{Stage, cast};
+use crate::colour::{Linear16, to_linear, to_linear16};
+
+const WALL_TOP: Rgb = [236, 238, 242];
+const HORIZON: Rgb = [250, 249, 247];
+const FLOOR_NEAR: Rgb = [222, 221, 222];
+/// The part of the light that the middle of a full shadow takes away.
+const SHADOW_DEPTH: f32 = 0.42;
+/// Cells along the longer side of the shadow map.
+const CELLS: usize = 144;
+/// Radius of each of the three boxes, in cells.
+const BLUR_RADIUS: usize = 4;
+
+/// The picture without the cloth, in linear light, and where each pixel sees the floor.
+#[derive(Clone, Debug)]
+pub(crate) struct Backdrop {
+    colours: Vec<Linear16>,
+    /// Place in the shadow map [cells]; NaN where the pixel sees no part of it.
+    places: Vec<Vec2>,
+    shadow: ShadowMap,
+}
+
+impl Backdrop {
+    pub(crate) fn new(stage: &Stage, [width, height]: [u32; 2]) -> Self {
+        let shadow = ShadowMap::new(stage);
+        let count = width as usize * height as usize;
+        let mut colours = Vec::with_capacity(count);
+        let mut places = Vec::with_capacity(count);
+        for row in 0..height {
+            let y = (row as f32 + 0.5) / height as f32;
+            for column in 0..width {
+                let x = (column as f32 + 0.5) / width as f32;
+                let ray = stage.camera.ray(x, y);
+                colours.push(to_linear16(wall_and_floor(stage, ray)));
+                places.push(shadow.place_seen(stage, ray));
+            }
+        }
+        Self {
+            colours,
+            places,
+            shadow,
+        }
+    }
+
+    /// Casts the shadow of a frame.
+    pub(crate) fn cast_shadow(&mut self, topology: &Topology, positions: &[Vec3]) {
+        self.shadow.update(topology, positions);
+    }
+
+    /// The colour of a pixel, in linear light.
+    #[inline]
+    pub(crate) fn colour(&self, pixel: usize) -> Linear16 {
+        let colour = self.colours[pixel];
+        let place = self.places[pixel];
+        if place.x.is_nan() {
+            return colour;
+        }
+        let dark = self.shadow.at(place);
+        if dark <= 0.0 {
+            return colour;
+        }
+        let left = 1.0 - SHADOW_DEPTH * dark;
+        colour.map(|channel| (f32::from(channel) * left) as u16)
+    }
+}
+
+/// The wall and the floor meet in a curve: the colour depends on the slope of the ray alone, and on
+/// a pool of light around the middle of the picture.
+fn wall_and_floor(stage: &Stage, ray: Vec3) -> Vec3A {
+    let ray = ray.normalize_or_zero();
+    let [top, horizon, near] = [WALL_TOP, HORIZON, FLOOR_NEAR].map(to_linear);
+    let colour = if ray.y >= 0.0 {
+        horizon.lerp(top, smooth(ray.y / 0.30))
+    } else {
+        horizon.lerp(near, smooth(-ray.y / 0.55))
+    };
+    let aside = ray.cross(stage.camera.backward()).length_squared();
+    (colour * (1.0 - 0.55 * aside)).into()
+}
+
+fn smooth(share: f32) -> f32 {
+    let t = share.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// How dark the floor is, on a grid of square cells.
+#[derive(Clone, Debug)]
+struct ShadowMap {
+    origin: Vec2,
+    cell: f32,
+    size: [usize; 2],
+    light: Vec3,
+    floor: f32,
+    dark: Vec<f32>,
+    scratch: Vec<f32>,
+}
+
+impl ShadowMap {
+    fn new(stage: &Stage) -> Self {
+        let extent = stage.shadow_high - stage.shadow_low;
+        let border = 3 * BLUR_RADIUS + 2;
+        let cell = (extent.max_element() / (CELLS - 2 * border) as f32).max(1e-5);
+        let cells = |length: f32| ((length / cell).ceil() as usize + 2 * border).min(CELLS + 2);
+        let size = [cells(extent.x), cells(extent.y)];
+        Self {
+            origin: stage.shadow_low - Vec2::splat(border as f32 * cell),
+            cell,
+            size,
+            light: stage.shadow_light,
+            floor: stage.floor,
+            dark: vec![0.0; size[0] * size[1]],
+            scratch: vec![0.0; size[0] * size[1]],
+        }
+    }
+
+    /// Where the floor that `ray` meets lies in the map [cells], or NaN.
+    fn place_seen(&self, stage: &Stage, ray: Vec3) -> Vec2 {
+        let eye = stage.camera.position();
+        let reach = (self.floor - eye.y) / ray.y;
+        let met = eye + reach * ray;
+        let place = (Vec2::new(met.x, met.z) - self.origin) / self.cell;
+        let last = Vec2::new(self.size[0] as f32 - 1.0, self.size[1] as f32 - 1.0);
+        let inside = reach > 0.0 && place.cmpge(Vec2::ZERO).all() && place.cmplt(last).all();
+        if inside { place } else { Vec2::NAN }
+    }
+
+    fn update(&mut self, topology: &Topology, positions: &[Vec3]) {
+        self.dark.fill(0.0);
+        for face in topology.faces() {
+            let corners = face.map(|vertex| {
+                let place = cast(positions[vertex.index()], self.light, self.floor);
+                (place - self.origin) / self.cell
+            });
+            self.fill_triangle(corners);
+        }
+        for _ in 0..3 {
+            self.blur();
+        }
+    }
+
+    /// Darkens the cells whose middle lies in a triangle, and those under its corners, so that a
+    /// sheet seen edge-on by the light still throws a line.
+    fn fill_triangle(&mut self, [a, b, c]: [Vec2; 3]) {
+        let width = self.size[0];
+        let last = Vec2::new(width as f32 - 1.0, self.size[1] as f32 - 1.0);
+        for corner in [a, b, c] {
+            let corner = corner.clamp(Vec2::ZERO, last);
+            self.dark[corner.y.round() as usize * width + corner.x.round() as usize] = 1.0;
+        }
+        let low = a.min(b).min(c).clamp(Vec2::ZERO, last).ceil();
+        let high = a.max(b).max(c).clamp(Vec2::ZERO, last).floor();
+        for y in low.y as usize..=high.y as usize {
+            for x in low.x as usize..=high.x as usize {
+                let p = Vec2::new(x as f32, y as f32);
+                let sides = [(a, b), (b, c), (c, a)].map(|(s, e)| (e - s).perp_dot(p - s));
+                let inside = sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0);
+                if inside {
+                    self.dark[y * width + x] = 1.0;
+                }
+            }
+        }
+    }
+
+    /// Replaces each cell by the mean of a square box around it.
+    fn blur(&mut self) {
+        let [width, height] = self.size;
+        for row in 0..height {
+            let line = row * width..(row + 1) * width;
+            blur_line(&self.dark[line.clone()], &mut self.scratch[line], 1, width);
+        }
+        for column in 0..width {
+            blur_line(
+                &self.scratch[column..],
+                &mut self.dark[column..],
+                width,
+                height,
+            );
+        }
+    }
+
+    /// Bilinear look-up at `place` [cells], which lies inside the map.
+    #[inline]
+    fn at(&self, place: Vec2) -> f32 {
+        let (x, y) = (place.x as usize, place.y as usize);
+        let share = place - Vec2::new(x as f32, y as f32);
+        let first = y * self.size[0] + x;
+        let second = first + self.size[0];
+        let above = self.dark[first] + (self.dark[first + 1] - self.dark[first]) * share.x;
+        let below = self.dark[second] + (self.dark[second + 1] - self.dark[second]) * share.x;
+        above + (below - above) * share.y
+    }
+}
+
+/// Moving mean over `count` entries that lie `stride` apart; nothing lies outside.
+fn blur_line(from: &[f32], to: &mut [f32], stride: usize, count: usize) {
+    let weight = 1.0 / (2 * BLUR_RADIUS + 1) as f32;
+    let mut sum: f32 = (0..BLUR_RADIUS.min(count)).map(|k| from[k * stride]).sum();
+    for k in 0..count {
+        if k + BLUR_RADIUS < count {
+            sum += from[(k + BLUR_RADIUS) * stride];
+        }
+        // What rounding leaves of a sum that was subtracted again must not tint the floor.
+        to[k * stride] = if sum > 1e-4 { sum * weight } else { 0.0 };
+        if k >= BLUR_RADIUS {
+            sum -= from[(k - BLUR_RADIUS) * stride];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Orbit, Run};
+
+    #[test]
+    fn a_moving_mean_keeps_the_sum_and_spreads_it_evenly() {
+        let mut line = vec![0.0; 40];
+        line[20] = 9.0;
+        let mut blurred = vec![0.0; 40];
+        blur_line(&line, &mut blurred, 1, 40);
+        for (k, &value) in blurred.iter().enumerate() {
+            let expected = if (16..=24).contains(&k) { 1.0 } else { 0.0 };
+            assert!((value - expected).abs() < 1e-6, "{k}: {value}");
+        }
+    }
+
+    #[test]
+    fn the_shadow_lies_where_the_light_throws_it() {
+        let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+        let corners = [
+            Vec3::new(-1.0, 1.0, -1.0),
+            Vec3::new(-1.0, 1.0, 1.0),
+            Vec3::new(1.0, 1.5, 0.0),
+        ];
+        let run = Run::new(&topology, [&corners[..]], &[], 60.0).unwrap();
+        let stage = Stage::of_runs(&[&run], &Orbit::default(), 1.0).unwrap();
+        let mut shadow = ShadowMap::new(&stage);
+        shadow.update(&topology, &corners);
+        let place = |point| (cast(point, shadow.light, shadow.floor) - shadow.origin) / shadow.cell;
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        // The blurs reach 12 cells; the centre lies farther inside, a place 0.9 m aside outside.
+        assert!((shadow.at(place(centre)) - 1.0).abs() < 1e-3);
+        assert_eq!(shadow.at(place(Vec3::new(0.9, 1.0, 0.9))), 0.0);
+    }
+}

@@ -1,0 +1,277 @@
+//! Clips: one or several panels side by side as an animated GIF whose clock is that of the run.
+//!
+//! GIF counts time in 10 ms. Picture k shows the frame nearest to k times the delay, whatever the
+//! frame rate of the run, so that a second of cloth lasts a second. One palette serves all
+//! pictures; after the first, a picture holds only the rectangle in which something changed, and
+//! in it only the pixels that did.
+
+use std::io::Write;
+use std::ops::ControlFlow;
+
+use crate::camera::Stage;
+use crate::page::Page;
+use crate::palette::{Palette, UNCHANGED, distance_squared};
+use crate::run::check_panels;
+use crate::sheet::{clock, stage};
+use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
+
+/// How a clip is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipSettings {
+    /// Width and height of one panel [pixels].
+    pub tile: [u32; 2],
+    /// Time between two pictures [ms]: a multiple of 10 from 20 to 1000. Viewers slow down what is
+    /// faster.
+    pub delay_ms: u16,
+    /// Where it is seen from.
+    pub orbit: Orbit,
+    /// Samples per pixel.
+    pub supersampling: Supersampling,
+    /// Edges drawn over the cloth.
+    pub lines: EdgeLines,
+    /// Colours of the palette, 2 to 255: fewer make a smaller file.
+    pub colours: usize,
+}
+
+impl Default for ClipSettings {
+    fn default() -> Self {
+        Self {
+            tile: [320, 320],
+            delay_ms: 50,
+            orbit: Orbit::default(),
+            supersampling: Supersampling::Two,
+            lines: EdgeLines::Border,
+            colours: 127,
+        }
+    }
+}
+
+/// How far a clip is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClipProgress {
+    /// Pictures written.
+    pub written: usize,
+    /// Pictures in all.
+    pub total: usize,
+}
+
+/// How a clip ended; its file is whole either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClipEnd {
+    /// All pictures were written.
+    Complete {
+        /// How many.
+        pictures: usize,
+    },
+    /// `progress` asked to stop.
+    Stopped {
+        /// How many were written until then.
+        pictures: usize,
+    },
+}
+
+/// Pictures that the palette is chosen from.
+const PALETTE_SAMPLES: usize = 8;
+/// A pixel that is nearer than this to what is shown stays: two or three levels per channel, which
+/// the eye does not see and which would double the file.
+const TOLERANCE: u32 = 40;
+
+/// Writes `panels` side by side under a title (may be empty) as a GIF that repeats for ever. After
+/// each picture `progress` is told, and may stop.
+///
+/// # Errors
+/// [`ViewError::NoPanels`], [`ViewError::PanelsDiffer`], what is wrong with a panel or a setting,
+/// or [`ViewError::Gif`] when the writer fails.
+pub fn write_clip(
+    out: &mut dyn Write,
+    title: &str,
+    panels: &[Panel<'_>],
+    settings: &ClipSettings,
+    progress: &mut dyn FnMut(ClipProgress) -> ControlFlow<()>,
+) -> Result<ClipEnd, ViewError> {
+    settings.validate()?;
+    check_panels(panels)?;
+    let frames = frames_at(panels[0].run, settings.delay_ms);
+    let mut studio = Studio::new(title, panels, settings)?;
+    let palette = studio.palette(&frames, settings.colours)?;
+    let [width, height] = studio.size();
+    let mut recorder = Recorder {
+        encoder: gif::Encoder::new(out, width, height, &palette.table())?,
+        palette,
+        shown: vec![UNCHANGED; usize::from(width) * usize::from(height)],
+        size: [width, height].map(usize::from),
+        delay: settings.delay_ms / 10,
+    };
+    recorder.encoder.set_repeat(gif::Repeat::Infinite)?;
+    let total = frames.len();
+    let mut end = ClipEnd::Complete { pictures: total };
+    for (number, &frame) in frames.iter().enumerate() {
+        recorder.write(&studio.picture(frame)?)?;
+        let written = number + 1;
+        if progress(ClipProgress { written, total }).is_break() && written < total {
+            end = ClipEnd::Stopped { pictures: written };
+            break;
+        }
+    }
+    recorder.encoder.into_inner()?;
+    Ok(end)
+}
+
+impl ClipSettings {
+    fn validate(&self) -> Result<(), ViewError> {
+        let delay = self.delay_ms;
+        if !((20..=1000).contains(&delay) && delay.is_multiple_of(10)) {
+            return Err(ViewError::Setting {
+                field: "delay_ms",
+                expected: "a multiple of 10 from 20 to 1000",
+                found: delay.to_string(),
+            });
+        }
+        if !(2..=255).contains(&self.colours) {
+            return Err(ViewError::Setting {
+                field: "colours",
+                expected: "between 2 and 255",
+                found: self.colours.to_string(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The frame nearest to each multiple of the delay, to the end of the run.
+fn frames_at(run: &Run<'_>, delay_ms: u16) -> Vec<usize> {
+    let last = run.frames().len() - 1;
+    let per_picture = f64::from(delay_ms) * 1e-3 * run.frame_rate();
+    // Half a thousandth of a picture: 3 s at 50 ms must not lose its last one to rounding.
+    let count = (last as f64 / per_picture + 5e-4) as usize + 1;
+    (0..count)
+        .map(|k| ((k as f64 * per_picture).round() as usize).min(last))
+        .collect()
+}
+
+/// Makes the pictures of a clip.
+struct Studio<'a> {
+    panels: &'a [Panel<'a>],
+    page: Page<'a>,
+    blank: Image,
+    renderer: Renderer,
+}
+
+impl<'a> Studio<'a> {
+    fn new(
+        title: &'a str,
+        panels: &'a [Panel<'a>],
+        settings: &ClipSettings,
+    ) -> Result<Self, ViewError> {
+        let page = Page::new(title, panels, settings.tile, [panels.len() as u32, 1])?;
+        let stage: Stage = stage(panels, &settings.orbit, settings.tile)?;
+        Ok(Self {
+            panels,
+            blank: page.draw()?,
+            page,
+            renderer: Renderer::new(
+                &stage,
+                settings.tile,
+                settings.supersampling,
+                settings.lines,
+            )?,
+        })
+    }
+
+    fn size(&self) -> [u16; 2] {
+        // The page has checked that it fits.
+        [self.blank.width(), self.blank.height()].map(|side| side as u16)
+    }
+
+    fn picture(&mut self, frame: usize) -> Result<Image, ViewError> {
+        let mut image = self.blank.clone();
+        for (column, panel) in self.panels.iter().enumerate() {
+            let picture = self.renderer.render(panel, frame)?;
+            let place = self.page.place(column as u32, 0);
+            let time = clock(panel.run, frame);
+            self.page
+                .put(&mut image, place, &picture, [panel.label, &time]);
+        }
+        Ok(image)
+    }
+
+    fn palette(&mut self, frames: &[usize], colours: usize) -> Result<Palette, ViewError> {
+        let step = frames.len().div_ceil(PALETTE_SAMPLES);
+        let samples: Result<Vec<Image>, ViewError> = frames
+            .iter()
+            .step_by(step)
+            .map(|&frame| self.picture(frame))
+            .collect();
+        Ok(Palette::of_images(&samples?, colours))
+    }
+}
+
+/// Writes pictures as changes of what is shown.
+struct Recorder<'a> {
+    encoder: gif::Encoder<&'a mut dyn Write>,
+    palette: Palette,
+    /// Palette numbers on the screen, row by row.
+    shown: Vec<u8>,
+    size: [usize; 2],
+    delay: u16,
+}
+
+impl Recorder<'_> {
+    fn write(&mut self, picture: &Image) -> Result<(), ViewError> {
+        let mut changes = vec![UNCHANGED; self.shown.len()];
+        for (at, &colour) in picture.pixels().iter().enumerate() {
+            let number = self.palette.number(colour);
+            let shown = self.shown[at];
+            let near = shown == number
+                || self
+                    .palette
+                    .colour(shown)
+                    .is_some_and(|there| distance_squared(there, colour) <= TOLERANCE);
+            if !near {
+                changes[at] = number;
+                self.shown[at] = number;
+            }
+        }
+        let [columns, rows] = changed_rectangle(&changes, self.size[0]);
+        let cut: Vec<u8> = rows
+            .clone()
+            .flat_map(|row| {
+                let line = row * self.size[0];
+                changes[line + columns.start..line + columns.end]
+                    .iter()
+                    .copied()
+            })
+            .collect();
+        self.encoder.write_frame(&gif::Frame {
+            delay: self.delay,
+            dispose: gif::DisposalMethod::Keep,
+            transparent: Some(UNCHANGED),
+            left: columns.start as u16,
+            top: rows.start as u16,
+            width: columns.len() as u16,
+            height: rows.len() as u16,
+            buffer: cut.into(),
+            ..gif::Frame::default()
+        })?;
+        Ok(())
+    }
+}
+
+/// The columns and rows that hold every change; one pixel when there is none, for a picture of no
+/// size is not a GIF.
+fn changed_rectangle(changes: &[u8], width: usize) -> [std::ops::Range<usize>; 2] {
+    let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
+    for (row, line) in changes.chunks(width).enumerate() {
+        let first = line.iter().position(|&change| change != UNCHANGED);
+        let last = line.iter().rposition(|&change| change != UNCHANGED);
+        if let (Some(first), Some(last)) = (first, last) {
+            (left, right) = (left.min(first), right.max(last + 1));
+            (top, bottom) = (top.min(row), row + 1);
+        }
+    }
+    if left < right {
+        [left..right, top..bottom]
+    } else {
+        [0..1, 0..1]
+    }
+}

@@ -1,0 +1,174 @@
+//! Light on cloth, in linear light: a soft key from the upper left of the viewer, a faint fill from
+//! the right, a sky and a ground, a satin highlight and a trace of light at grazing angles.
+//!
+//! The lights hang on the camera, so that a cloth is lit alike from everywhere. A point whose
+//! normal looks away is the back of the cloth: it has the back's tint and the turned normal.
+
+use glam::Vec3A;
+
+use crate::camera::Camera;
+use crate::colour::to_linear;
+use crate::{ColourMap, Rgb};
+
+/// Indigo warp in front, ecru weft at the back, and the red thread of a selvedge at the border.
+const FRONT: Rgb = [72, 114, 184];
+const BACK: Rgb = [214, 194, 160];
+const EDGE_FRONT: Rgb = [20, 38, 80];
+const EDGE_BACK: Rgb = [128, 98, 62];
+/// The border of the cloth.
+pub(crate) const BORDER: Rgb = [196, 52, 44];
+/// Handles.
+pub(crate) const HANDLE: Rgb = [236, 124, 36];
+/// Around handles.
+pub(crate) const HANDLE_RING: Rgb = [255, 252, 246];
+
+/// What a point of the surface looks like before light falls on it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Point {
+    /// Unit normal, towards the viewer's side of the surface.
+    pub(crate) normal: Vec3A,
+    /// In about [-1, 1], positive in a valley of the visible side.
+    pub(crate) hollow: f32,
+}
+
+/// The two tints of a side: of the cloth, and of the edge lines drawn over it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Side {
+    pub(crate) cloth: Vec3A,
+    pub(crate) edge: Vec3A,
+}
+
+/// The tints and lights of a picture.
+#[derive(Clone, Debug)]
+pub(crate) struct Shader {
+    key: Vec3A,
+    fill: Vec3A,
+    eye: Vec3A,
+    half: Vec3A,
+    pub(crate) front: Side,
+    pub(crate) back: Side,
+    pub(crate) border: Vec3A,
+}
+
+impl Shader {
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let [eye, right] = [camera.backward(), camera.right()].map(Vec3A::from);
+        let level = Vec3A::new(eye.x, 0.0, eye.z).normalize_or(eye);
+        let key = (-0.80 * right + 0.70 * Vec3A::Y + 0.35 * level).normalize();
+        let fill = (0.9 * right + 0.1 * Vec3A::Y + 0.35 * level).normalize();
+        Self {
+            key,
+            fill,
+            eye,
+            half: (key + eye).normalize_or(eye),
+            front: Side {
+                cloth: to_linear(FRONT).into(),
+                edge: to_linear(EDGE_FRONT).into(),
+            },
+            back: Side {
+                cloth: to_linear(BACK).into(),
+                edge: to_linear(EDGE_BACK).into(),
+            },
+            border: to_linear(BORDER).into(),
+        }
+    }
+
+    /// A flat point of the surface with `normal` turned towards the viewer.
+    pub(crate) fn facing(&self, normal: Vec3A) -> Point {
+        let away = normal.dot(self.eye) < 0.0;
+        Point {
+            normal: if away { -normal } else { normal },
+            hollow: 0.0,
+        }
+    }
+
+    /// Light that a tint of the cloth sends to the viewer.
+    #[inline]
+    pub(crate) fn cloth(&self, tint: Vec3A, point: Point) -> Vec3A {
+        let normal = point.normal;
+        // Wrapped: light reaches a little behind the terminator, as it does in woven cloth.
+        let key = ((normal.dot(self.key) + 0.18) / 1.18).max(0.0);
+        let fill = normal.dot(self.fill).max(0.0);
+        let sky = 0.5 + 0.5 * normal.y;
+        let shelter = (1.0 - 1.9 * point.hollow).clamp(0.45, 1.25);
+        let light = Vec3A::new(1.06, 1.0, 0.92) * (1.15 * key)
+            + Vec3A::new(0.70, 0.82, 1.0) * (0.20 * fill)
+            + Vec3A::new(0.28, 0.30, 0.34) * (0.60 + 0.6 * sky) * shelter;
+        let grazing = 1.0 - normal.dot(self.eye).clamp(0.0, 1.0);
+        let sheen = 0.10 * grazing * grazing * grazing;
+        let highlight = normal.dot(self.half).max(0.0);
+        let satin = 0.055 * power16(highlight) * key;
+        tint * light * (0.75 + 0.25 * shelter) + Vec3A::splat(sheen * (0.3 + key) + satin)
+    }
+
+    /// Light of a colour that stands for a number: shaded only so far that folds still show.
+    #[inline]
+    pub(crate) fn value(&self, tint: Vec3A, point: Point) -> Vec3A {
+        let key = ((point.normal.dot(self.key) + 0.4) / 1.4).max(0.0);
+        let shelter = (1.0 - 0.8 * point.hollow).clamp(0.7, 1.1);
+        tint * ((0.66 + 0.44 * key) * shelter)
+    }
+}
+
+#[inline]
+fn power16(base: f32) -> f32 {
+    let square = base * base;
+    let fourth = square * square;
+    let eighth = fourth * fourth;
+    eighth * eighth
+}
+
+/// The colours of the values of a field, in linear light at 256 steps of its range.
+#[derive(Clone, Debug)]
+pub(crate) struct ValueColours {
+    table: Vec<Vec3A>,
+    low: f32,
+    per_step: f32,
+}
+
+impl ValueColours {
+    pub(crate) fn new(map: ColourMap, [low, high]: [f32; 2]) -> Self {
+        Self {
+            table: map.linear_table(),
+            low,
+            per_step: 255.0 / (high - low),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn tint(&self, value: f32) -> Vec3A {
+        let step = (value - self.low) * self.per_step + 0.5;
+        self.table[(step as usize).min(255)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Orbit;
+
+    #[test]
+    fn values_outside_the_range_take_the_colours_of_its_ends() {
+        let colours = ValueColours::new(ColourMap::Viridis, [2.0, 4.0]);
+        let table = ColourMap::Viridis.linear_table();
+        assert_eq!(colours.tint(-9.0), table[0]);
+        assert_eq!(colours.tint(4.0), table[255]);
+        assert_eq!(colours.tint(1e30), table[255]);
+    }
+
+    #[test]
+    fn a_surface_that_faces_the_key_light_is_brighter_than_one_that_faces_away() {
+        let shader = Shader::new(&Orbit::default().fit([glam::Vec3::ZERO], 1.0));
+        let lit = |normal: Vec3A| {
+            let point = Point {
+                normal,
+                hollow: 0.0,
+            };
+            let cloth = shader.cloth(shader.front.cloth, point);
+            let value = shader.value(Vec3A::ONE, point);
+            [cloth.element_sum(), value.element_sum()]
+        };
+        let (bright, dark) = (lit(shader.key), lit(-shader.key));
+        assert!(bright[0] > dark[0] && bright[1] > dark[1]);
+    }
+}
