@@ -74,11 +74,11 @@ pub struct Entry {
     pub frames: usize,
     /// Vertices.
     pub vertices: usize,
-    /// Mean speed of the vertices [m/s].
+    /// Mean speed of the vertices `[m/s]`.
     pub mean_speed: f64,
-    /// Largest speed of a vertex [m/s].
+    /// Largest speed of a vertex `[m/s]`.
     pub max_speed: f64,
-    /// Mean length of the edges [m].
+    /// Mean length of the edges `[m]`.
     pub mean_edge_length: f64,
 }
 
@@ -92,11 +92,11 @@ pub struct DatasetStatistics {
     pub train_frames: usize,
     /// Samples in the sections.
     pub samples: usize,
-    /// Mean over the training frames of the mean speed [m/s].
+    /// Mean over the training frames of the mean speed `[m/s]`.
     pub mean_speed: f64,
-    /// Largest speed of a vertex in the training split [m/s].
+    /// Largest speed of a vertex in the training split `[m/s]`.
     pub max_speed: f64,
-    /// Mean over the training frames of the mean edge length [m].
+    /// Mean over the training frames of the mean edge length `[m]`.
     pub mean_edge_length: f64,
 }
 

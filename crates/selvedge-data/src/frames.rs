@@ -19,7 +19,7 @@ pub struct FramesError {
 }
 
 impl<'a> Frames<'a> {
-    /// Views `positions` [m], `[frames * vertex_count]`, as frames.
+    /// Views `positions` `[m]`, `[frames * vertex_count]`, as frames.
     ///
     /// # Errors
     /// [`FramesError`] when the length is no multiple of `vertex_count`.
@@ -59,7 +59,7 @@ impl<'a> Frames<'a> {
         self.vertex_count
     }
 
-    /// Positions in frame `index` [m], `[vertices]`.
+    /// Positions in frame `index` `[m]`, `[vertices]`.
     ///
     /// # Panics
     /// When `index` is not below [`Self::len`], as for a slice.

@@ -1,4 +1,5 @@
-//! How far two runs of one cloth are apart, and how a run stretches and moves (method.md §8).
+//! How far two runs of one cloth are apart, and how a run stretches and moves: the measures of
+//! Libao et al. 2023, section 6, and a few of our own.
 //!
 //! Pure functions over frames; sums are `f64`. Two runs are compared over the frames that both
 //! have. A value that is not finite makes the measure so: it is never left out.
@@ -15,17 +16,17 @@ use crate::Frames;
 pub struct Comparison {
     /// Frames compared.
     pub frames: usize,
-    /// See [`position_rmse`] [m].
+    /// See [`position_rmse`] `[m]`.
     pub position_rmse: f64,
-    /// Largest distance of a vertex from where it should be [m].
+    /// Largest distance of a vertex from where it should be `[m]`.
     pub position_max: f64,
-    /// Mean distance of a vertex from where it should be [m].
+    /// Mean distance of a vertex from where it should be `[m]`.
     pub mean_vertex_error: f64,
-    /// See [`edge_length_rmse`] [m].
+    /// See [`edge_length_rmse`] `[m]`.
     pub edge_length_rmse: f64,
-    /// Mean length of the edges of `a` [m].
+    /// Mean length of the edges of `a` `[m]`.
     pub edge_length_mean: f64,
-    /// Position RMSE of each frame [m], `[frames]`.
+    /// Position RMSE of each frame `[m]`, `[frames]`.
     pub per_frame_rmse: Vec<f64>,
 }
 
@@ -62,7 +63,17 @@ pub fn compare(
     })
 }
 
-/// Position RMSE `[eq:position-rmse]`: √(mean over frames and vertices of |p - p̂|²) [m].
+/// Position RMSE `[eq:position-rmse]`: √(mean over frames and vertices of |p - p̂|²) `[m]`.
+///
+/// ```
+/// use glam::Vec3;
+/// use selvedge_data::{Frames, metrics::position_rmse};
+///
+/// let (a, b) = ([Vec3::ZERO; 2], [Vec3::ZERO, Vec3::new(3.0, 4.0, 0.0)]);
+/// let rmse = position_rmse(Frames::new(&a, 2)?, Frames::new(&b, 2)?)?;
+/// assert_eq!(rmse, 12.5_f64.sqrt());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// [`MetricError`].
@@ -71,7 +82,7 @@ pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     Ok((squares.value / squares.count).sqrt())
 }
 
-/// Position RMSE of each frame [m], `[frames]`.
+/// Position RMSE of each frame `[m]`, `[frames]`.
 ///
 /// # Errors
 /// [`MetricError`].
@@ -86,7 +97,7 @@ pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricEr
         .collect())
 }
 
-/// Mean distance of a vertex from where it should be [m].
+/// Mean distance of a vertex from where it should be `[m]`.
 ///
 /// # Errors
 /// [`MetricError`].
@@ -95,7 +106,7 @@ pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricErro
     Ok(sum.value / sum.count)
 }
 
-/// Largest distance of a vertex from where it should be [m].
+/// Largest distance of a vertex from where it should be `[m]`.
 ///
 /// # Errors
 /// [`MetricError`].
@@ -104,7 +115,7 @@ pub fn max_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError
 }
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
-/// (|d| - |d̂|)²) [m].
+/// (|d| - |d̂|)²) `[m]`.
 ///
 /// # Errors
 /// [`MetricError`].
@@ -123,7 +134,7 @@ pub fn edge_length_rmse(
     Ok((squares / (a.len() * topology.edges().len()) as f64).sqrt())
 }
 
-/// Mean length of the edges over all frames [m].
+/// Mean length of the edges over all frames `[m]`.
 ///
 /// # Errors
 /// [`MetricError`].
@@ -136,8 +147,8 @@ pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, 
     Ok(sum / (frames.len() * topology.edges().len()) as f64)
 }
 
-/// Length of each edge in material space [m], `[edges]`, from the flat coordinates of the
-/// vertices [m], `[vertices]`.
+/// Length of each edge in material space `[m]`, `[edges]`, from the flat coordinates of the
+/// vertices `[m]`, `[vertices]`.
 #[must_use]
 pub fn material_edge_lengths(topology: &Topology, material_coordinates: &[Vec2]) -> Vec<f64> {
     topology
@@ -152,7 +163,7 @@ pub fn material_edge_lengths(topology: &Topology, material_coordinates: &[Vec2])
         .collect()
 }
 
-/// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` [m],
+/// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` `[m]`,
 /// `[edges]`, as from [`material_edge_lengths`]. Negative where every edge is shortened.
 ///
 /// # Errors
@@ -180,9 +191,9 @@ pub fn largest_strain(
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Speeds {
-    /// Mean over frames and vertices [m/s].
+    /// Mean over frames and vertices `[m/s]`.
     pub mean: f64,
-    /// The largest [m/s].
+    /// The largest `[m/s]`.
     pub max: f64,
 }
 
@@ -209,7 +220,7 @@ pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError
     })
 }
 
-/// Mean speed of the vertices in the last second [m/s]: how far a run is from rest at its end.
+/// Mean speed of the vertices in the last second `[m/s]`: how far a run is from rest at its end.
 ///
 /// # Errors
 /// [`MetricError::NoFrames`].

@@ -8,7 +8,7 @@ use selvedge_cloth::{HandlePath, StepError, Stepper};
 /// What was recorded, whether or not it came to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// Positions [m], `[frames * vertices]`, the start first.
+    /// Positions `[m]`, `[frames * vertices]`, the start first.
     pub positions: Vec<Vec3>,
     /// How it ended.
     pub end: RecordingEnd,

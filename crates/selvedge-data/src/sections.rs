@@ -1,7 +1,7 @@
 //! Which frames of the training trajectories are learned from: sections, and the samples in them.
 //!
 //! A sample needs the frame before, the current frame and the one to predict; a section of n frames
-//! gives n - 2. The paper's sections (data.md §1.1) leave out most of the rest at the end.
+//! gives n - 2. The sections of Libao et al. 2023 leave out most of the long rest at the end.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

@@ -1,7 +1,7 @@
 //! A trajectory: the positions of a cloth over time, with everything about the cloth that does not
 //! change, checked once in [`Trajectory::new`].
 //!
-//! Positions are world coordinates [m] in `f32`, one row of vertices per frame; frame 0 is the
+//! Positions are world coordinates `[m]` in `f32`, one row of vertices per frame; frame 0 is the
 //! start. The file format is in `trajectory_file`; [`Playback`] makes a trajectory a [`Stepper`].
 //!
 //! [`Stepper`]: selvedge_cloth::Stepper
@@ -19,13 +19,13 @@ use crate::frames::Frames;
 pub struct Cloth {
     /// The connectivity.
     pub topology: Topology,
-    /// The sagged rest pose [m], `[vertices]`.
+    /// The sagged rest pose `[m]`, `[vertices]`.
     pub rest_positions: Vec<Vec3>,
-    /// Flat coordinates of the unstrained cloth [m], `[vertices]`.
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
     pub material_coordinates: Vec<Vec2>,
-    /// Mass of each vertex [kg], `[vertices]`.
+    /// Mass of each vertex `[kg]`, `[vertices]`.
     pub vertex_mass: Vec<f32>,
-    /// Area of each face in material space [m²], `[faces]`.
+    /// Area of each face in material space `[m²]`, `[faces]`.
     pub face_area: Vec<f32>,
     /// The held vertices, in the order of the handle targets.
     pub handles: Handles,
@@ -92,7 +92,7 @@ pub enum TrajectoryError {
 }
 
 impl Cloth {
-    /// The cloth of `scene` with its sagged `rest_positions` [m], `[vertices]`.
+    /// The cloth of `scene` with its sagged `rest_positions` `[m]`, `[vertices]`.
     #[must_use]
     pub fn of_scene(scene: &Scene, rest_positions: Vec<Vec3>) -> Self {
         let rest = scene.mesh.rest_shape(scene.material.density);
@@ -166,7 +166,7 @@ impl Cloth {
 }
 
 impl Trajectory {
-    /// Makes a trajectory of `positions` [m], `[frames * vertices]`, one frame after another.
+    /// Makes a trajectory of `positions` `[m]`, `[frames * vertices]`, one frame after another.
     ///
     /// # Errors
     /// [`TrajectoryError`] names the first array, frame and vertex that cannot be used.
@@ -213,7 +213,7 @@ impl Trajectory {
         self.cloth.topology.vertex_count()
     }
 
-    /// Positions in frame `index` [m], `[vertices]`.
+    /// Positions in frame `index` `[m]`, `[vertices]`.
     ///
     /// # Panics
     /// When `index` is not below [`Self::frame_count`], as for a slice.
@@ -228,7 +228,7 @@ impl Trajectory {
         Frames::of_whole(&self.positions, self.vertex_count())
     }
 
-    /// All positions [m], `[frames * vertices]`, one frame after another.
+    /// All positions `[m]`, `[frames * vertices]`, one frame after another.
     #[must_use]
     pub fn positions(&self) -> &[Vec3] {
         &self.positions

@@ -1,4 +1,4 @@
-//! Meshes as Wavefront OBJ: texture coordinates are the material coordinates [m], vertices keep the
+//! Meshes as Wavefront OBJ: texture coordinates are the material coordinates `[m]`, vertices keep the
 //! numbers that they have in the file (from 0 here, from 1 there), and objects and groups become
 //! labels of vertices.
 //!

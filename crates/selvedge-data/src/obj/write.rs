@@ -9,7 +9,7 @@ use selvedge_cloth::Topology;
 
 use crate::atomic::{WriteError, write_atomically};
 
-/// Writes `positions` [m], `[vertices]`, and `material_coordinates` [m], `[vertices]`, of a cloth
+/// Writes `positions` `[m]`, `[vertices]`, and `material_coordinates` `[m]`, `[vertices]`, of a cloth
 /// with this topology, all or nothing.
 ///
 /// # Errors

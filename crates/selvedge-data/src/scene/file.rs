@@ -77,9 +77,9 @@ pub enum HandleSelection {
     Label(String),
     /// All start positions in a box, its faces included, by number.
     Box {
-        /// Smallest x, y and z [m].
+        /// Smallest x, y and z `[m]`.
         min: DVec3,
-        /// Largest x, y and z [m].
+        /// Largest x, y and z `[m]`.
         max: DVec3,
     },
 }

@@ -44,7 +44,7 @@ pub enum GeneratorSpec {
     Square {
         /// Number of vertices.
         vertices: usize,
-        /// Length of a side [m].
+        /// Length of a side `[m]`.
         size: f64,
         /// Decides where the inner vertices lie.
         seed: u64,
@@ -62,7 +62,7 @@ pub struct Transform {
     pub material_scale: f64,
     /// Turns the positions.
     pub rotation: Rotate,
-    /// Moves the positions [m].
+    /// Moves the positions `[m]`.
     pub translation: DVec3,
 }
 
@@ -72,7 +72,7 @@ pub struct Transform {
 pub struct Rotate {
     /// The axis; need not have length one.
     pub axis: DVec3,
-    /// Right-handed angle [degrees].
+    /// Right-handed angle `[degrees]`.
     pub angle_deg: f64,
 }
 
