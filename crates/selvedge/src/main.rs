@@ -1,2 +1,57 @@
-//! The command line.
-fn main() {}
+//! `selvedge`, the command line: reads what is asked, composes the crates that do it, prints a table
+//! for people or one JSON object for programs.
+//!
+//! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
+//! command answers goes to standard output, everything else to standard error.
+
+mod cli;
+mod commands;
+mod failure;
+mod interrupt;
+mod output;
+mod place;
+mod progress;
+mod reference;
+mod span;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use tracing_subscriber::filter::LevelFilter;
+
+use crate::cli::Cli;
+use crate::output::End;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    listen_to_traces(cli.verbose);
+    match answer(&cli) {
+        Ok(End::Complete) => ExitCode::SUCCESS,
+        Ok(End::Interrupted) => ExitCode::from(interrupt::EXIT_CODE),
+        Err(error) => {
+            failure::print(&error);
+            ExitCode::from(failure::exit_code(&error))
+        }
+    }
+}
+
+fn answer(cli: &Cli) -> anyhow::Result<End> {
+    interrupt::install()?;
+    let answer = commands::run(&cli.command)?;
+    answer.print(cli.reader())?;
+    Ok(answer.end())
+}
+
+fn listen_to_traces(verbose: u8) {
+    let level = match verbose {
+        0 => LevelFilter::WARN,
+        1 => LevelFilter::INFO,
+        _ => LevelFilter::DEBUG,
+    };
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .without_time()
+        .init();
+}

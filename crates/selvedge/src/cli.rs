@@ -1,0 +1,329 @@
+//! What can be asked, and the help that teaches it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use selvedge_data::Split;
+
+use crate::output::Reader;
+use crate::span;
+
+/// A learned cloth simulator.
+///
+/// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth,
+/// from a graph network that was trained on its own physics simulator.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true, after_help = OVERVIEW)]
+pub(crate) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Print the answer as one JSON object on standard output.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Say more about what is being done; twice for still more.
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+impl Cli {
+    /// Who is to read the answer.
+    pub(crate) fn reader(&self) -> Reader {
+        if self.json {
+            Reader::Program
+        } else {
+            Reader::Person
+        }
+    }
+}
+
+/// Frames at most: they are held in memory, 1.2 GB for the 1024 vertices of the paper.
+const MOST_FRAMES: i64 = 100_000;
+
+const OVERVIEW: &str = "\
+Start here:
+  selvedge rollout
+      run the shipped model on the shipped scene; pictures and a clip go to out/
+  selvedge simulate default --out truth.safetensors
+      the same scene by the physics
+  selvedge inspect truth.safetensors
+      what is in a file
+
+Exit codes: 0 done, 1 failed or interrupted, 2 wrong usage.
+Ctrl-C finishes the files that can be finished; a second one stops at once.";
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Rollout(RolloutArgs),
+    Simulate(SimulateArgs),
+    Sag(SagArgs),
+    #[command(subcommand)]
+    Dataset(DatasetCommand),
+    Train(TrainArgs),
+    Evaluate(EvaluateArgs),
+    Compare(CompareArgs),
+    Inspect(InspectArgs),
+}
+
+/// Run a trained model on a scene, beside the physics.
+///
+/// The cloth first sags to its rest pose; then the model moves it frame by frame while the handles
+/// follow the scene's motion. The physics runs the same scene, and both are drawn side by side.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge rollout
+  selvedge rollout square-1024 --frames 300 --no-truth
+  selvedge rollout my-scene.toml --model my-model.safetensors --out my-run
+
+Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
+contact sheet) and clip.gif.")]
+pub(crate) struct RolloutArgs {
+    /// A scene: a TOML file, or the name of a shipped one.
+    #[arg(default_value = "default")]
+    pub(crate) scene: String,
+    /// The model's weights [default: the shipped model].
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: Option<PathBuf>,
+    /// The folder to write into; it is made.
+    #[arg(long, value_name = "FOLDER", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// How many frames [default: as long as the scene's motion].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
+    pub(crate) frames: Option<u32>,
+    /// Also simulate the truth and compare with it (the default).
+    #[arg(long, conflicts_with = "no_truth")]
+    truth: bool,
+    /// Do not simulate the truth.
+    #[arg(long)]
+    no_truth: bool,
+    /// Do not make a clip.
+    #[arg(long)]
+    no_clip: bool,
+}
+
+/// Whether something is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// It is.
+    Yes,
+    /// It is not.
+    No,
+}
+
+impl Wanted {
+    fn unless(refused: bool) -> Self {
+        if refused { Self::No } else { Self::Yes }
+    }
+}
+
+impl RolloutArgs {
+    /// Whether the physics is to run too.
+    pub(crate) fn truth(&self) -> Wanted {
+        Wanted::unless(self.no_truth && !self.truth)
+    }
+
+    /// Whether a clip is to be made.
+    pub(crate) fn clip(&self) -> Wanted {
+        Wanted::unless(self.no_clip)
+    }
+}
+
+/// Run the physics on a scene.
+///
+/// The cloth starts in its sagged rest pose, the handles follow the scene's motion. Ctrl-C writes
+/// the frames so far.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge simulate default --out truth.safetensors
+  selvedge simulate my-scene.toml --out run.safetensors --frames 120
+  selvedge simulate my-scene.toml --out fall.safetensors --from-start")]
+pub(crate) struct SimulateArgs {
+    /// A scene: a TOML file, or the name of a shipped one.
+    pub(crate) scene: String,
+    /// The trajectory to write (.safetensors).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// How many frames [default: as long as the scene's motion].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
+    pub(crate) frames: Option<u32>,
+    /// Start in the sagged rest pose (the default).
+    #[arg(long, conflicts_with = "from_start")]
+    from_rest: bool,
+    /// Start where the mesh's vertices stand, as a flat sheet that falls.
+    #[arg(long)]
+    from_start: bool,
+}
+
+/// Where a simulation starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum From {
+    /// From the sagged rest pose.
+    Rest,
+    /// From the positions of the mesh.
+    Start,
+}
+
+impl SimulateArgs {
+    /// Where to start.
+    pub(crate) fn from(&self) -> From {
+        if self.from_start && !self.from_rest {
+            From::Start
+        } else {
+            From::Rest
+        }
+    }
+}
+
+/// Find the sagged rest pose of a scene: how the cloth hangs from its still handles.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge sag default --out rest.safetensors
+  selvedge sag my-scene.toml --out rest.obj")]
+pub(crate) struct SagArgs {
+    /// A scene: a TOML file, or the name of a shipped one.
+    pub(crate) scene: String,
+    /// What to write: a trajectory of one frame (.safetensors) or a mesh (.obj).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+}
+
+/// Make data to learn from, or look at it.
+#[derive(Debug, Subcommand)]
+pub(crate) enum DatasetCommand {
+    Generate(GenerateArgs),
+    Inspect(DatasetInspectArgs),
+}
+
+/// Simulate all motions of a preset.
+///
+/// A run that was interrupted goes on where it stopped when it is started again. The files are the
+/// same for any number of threads.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge dataset generate small --out data/small
+  selvedge dataset generate my-preset.toml --out data/mine --threads 4")]
+pub(crate) struct GenerateArgs {
+    /// A preset: a TOML file, or the name of a shipped one.
+    pub(crate) preset: String,
+    /// The folder of the data set; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Scenes that are simulated at once [default: as many as there are processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+}
+
+/// Say what is in a data set, and check every file against its hash.
+#[derive(Debug, Args)]
+pub(crate) struct DatasetInspectArgs {
+    /// The folder of the data set.
+    pub(crate) folder: PathBuf,
+}
+
+/// Train a model on a data set.
+///
+/// Checkpoints go to the folder as training goes on; Ctrl-C writes one more, and --resume goes on
+/// from the last as if nothing had happened.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge train small --data data/small --out runs/first --for 30m
+  selvedge train small --data data/small --out runs/first --resume")]
+pub(crate) struct TrainArgs {
+    /// A configuration: a TOML file, or the name of a shipped one.
+    pub(crate) config: String,
+    /// The folder of the run: checkpoints, log, model.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// The folder of the data set [default: as the configuration says].
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) data: Option<PathBuf>,
+    /// Go on from the last checkpoint in the folder.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Optimiser steps in all [default: as the configuration says].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) steps: Option<u64>,
+    /// Stop after this long, as 90s, 30m or 2h.
+    #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
+    pub(crate) span: Option<Duration>,
+}
+
+/// Measure a model on a data set, beside two naive rivals.
+///
+/// For every trajectory the model runs from its start to its end, fed with its own output, while
+/// the handles move as they did. The rivals: the rest pose moved rigidly with the handles, and the
+/// physics itself from the other branch of the buckling.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge evaluate --model runs/first/model.safetensors --data data/small
+  selvedge evaluate --model m.safetensors --data data/small --motions test-x-minus-z --curves e.csv")]
+pub(crate) struct EvaluateArgs {
+    /// The model's weights.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: PathBuf,
+    /// The folder of the data set.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) data: PathBuf,
+    /// Which trajectories.
+    #[arg(long, value_enum, default_value_t = SplitName::Test)]
+    pub(crate) split: SplitName,
+    /// Only these motions, separated by commas.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) motions: Vec<String>,
+    /// Write the error of every frame to this file (.csv).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) curves: Option<PathBuf>,
+}
+
+/// Part of a data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SplitName {
+    /// What models learn from.
+    Train,
+    /// What they never see.
+    Test,
+}
+
+impl SplitName {
+    /// As the data set has it.
+    pub(crate) fn split(self) -> Split {
+        match self {
+            Self::Train => Split::Train,
+            Self::Test => Split::Test,
+        }
+    }
+}
+
+/// Measure how far two trajectories of one mesh are apart.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  selvedge compare out/truth.safetensors out/rollout.safetensors")]
+pub(crate) struct CompareArgs {
+    /// The truth.
+    pub(crate) a: PathBuf,
+    /// What is compared with it.
+    pub(crate) b: PathBuf,
+}
+
+/// Say what a file or folder is and what is in it.
+///
+/// Knows trajectories, models, data sets, scenes and meshes.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge inspect out/rollout.safetensors
+  selvedge inspect data/small
+  selvedge inspect my-scene.toml")]
+pub(crate) struct InspectArgs {
+    /// A file, a data set's folder, or the name of a shipped scene.
+    pub(crate) path: PathBuf,
+}

@@ -1,0 +1,108 @@
+//! `selvedge compare`: how far two trajectories of one mesh are apart.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use selvedge_data::Trajectory;
+use selvedge_data::metrics::{self, Comparison};
+use serde::Serialize;
+
+use crate::cli::CompareArgs;
+use crate::output::{Answer, Facts, millimetres, percent};
+
+#[derive(Serialize)]
+struct Report {
+    a: PathBuf,
+    b: PathBuf,
+    frames_a: usize,
+    frames_b: usize,
+    #[serde(flatten)]
+    comparison: Comparison,
+}
+
+/// Compares two trajectories.
+///
+/// # Errors
+/// A file that cannot be read, or trajectories of different meshes or frame rates.
+pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
+    let a = Trajectory::read(&args.a)?;
+    let b = Trajectory::read(&args.b)?;
+    let comparison = compare(&a, &b).with_context(|| {
+        format!(
+            "{} and {} cannot be compared",
+            args.a.display(),
+            args.b.display()
+        )
+    })?;
+    let report = Report {
+        a: args.a.clone(),
+        b: args.b.clone(),
+        frames_a: a.frame_count(),
+        frames_b: b.frame_count(),
+        comparison,
+    };
+    Answer::new(text(&report), &report)
+}
+
+/// The measures of `b` against `a`.
+///
+/// # Errors
+/// Trajectories of different meshes or frame rates.
+pub(crate) fn compare(a: &Trajectory, b: &Trajectory) -> anyhow::Result<Comparison> {
+    let vertices = [a, b].map(Trajectory::vertex_count);
+    if vertices[0] != vertices[1] {
+        bail!(
+            "they are of different meshes: {} and {} vertices",
+            vertices[0],
+            vertices[1]
+        );
+    }
+    if a.topology() != b.topology() {
+        bail!("they are of different meshes: as many vertices, but other faces");
+    }
+    let rates = [a, b].map(Trajectory::frame_rate);
+    if rates[0] != rates[1] {
+        bail!(
+            "they have {} and {} frames per second: a frame of one is no frame of the other",
+            rates[0],
+            rates[1]
+        );
+    }
+    Ok(metrics::compare(a.frames(), b.frames(), a.topology())?)
+}
+
+fn text(report: &Report) -> Facts {
+    let measures = &report.comparison;
+    let mut facts = Facts::new();
+    let frames = if report.frames_a == report.frames_b {
+        measures.frames.to_string()
+    } else {
+        format!(
+            "{} (the first has {}, the second {})",
+            measures.frames, report.frames_a, report.frames_b
+        )
+    };
+    facts.add("frames compared", frames);
+    facts.add("position RMSE", millimetres(measures.position_rmse));
+    facts.add("mean distance", millimetres(measures.mean_vertex_error));
+    facts.add("largest distance", millimetres(measures.position_max));
+    let relative = measures.edge_length_rmse / measures.edge_length_mean;
+    facts.add(
+        "edge-length RMSE",
+        format!(
+            "{:.4} mm, {} of the mean edge",
+            1e3 * measures.edge_length_rmse,
+            percent(relative)
+        ),
+    );
+    let per_frame = &measures.per_frame_rmse;
+    let worst = (0..per_frame.len()).max_by(|&i, &j| per_frame[i].total_cmp(&per_frame[j]));
+    if let (Some(worst), Some(&last)) = (worst, per_frame.last()) {
+        facts.add(
+            "worst frame",
+            format!("{worst}, position RMSE {}", millimetres(per_frame[worst])),
+        );
+        facts.add("last frame", format!("position RMSE {}", millimetres(last)));
+    }
+    facts
+}

@@ -1,0 +1,245 @@
+//! `selvedge dataset`: simulates the motions of a preset, scenes side by side, and says what a data
+//! set holds.
+//!
+//! All scenes of a preset share one cloth, so one rest pose serves them all. Each scene is the work
+//! of one thread from its start to its end, and the index is sorted: the files do not depend on the
+//! number of threads. A finished trajectory is in the index at once, so that an interrupted run
+//! loses at most the scenes under way.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::{Context, anyhow};
+use glam::DVec3;
+use rayon::prelude::*;
+use selvedge_data::{Dataset, DatasetPreset, DatasetWriter, LoadedScene, Split};
+use serde::Serialize;
+
+use crate::cli::GenerateArgs;
+use crate::output::{Answer, End, Facts, Table};
+use crate::progress::Progress;
+use crate::{interrupt, place, reference};
+
+#[derive(Serialize)]
+struct Report {
+    name: String,
+    out: PathBuf,
+    train: usize,
+    test: usize,
+    samples: usize,
+    frames_made: usize,
+    trajectories_kept: usize,
+    trajectories_missing: usize,
+    seconds: f64,
+    interrupted: bool,
+}
+
+/// A trajectory that is still to be made.
+struct Job {
+    split: Split,
+    motion: String,
+    scene: LoadedScene,
+    frames: usize,
+}
+
+/// Makes a data set, or goes on with one.
+///
+/// # Errors
+/// What of the preset, a scene, the folder or a file went wrong.
+pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
+    let started = Instant::now();
+    let preset = DatasetPreset::open(&args.preset)?;
+    place::make_folder(&args.out)?;
+    let writer = DatasetWriter::open(&args.out, preset.plan()?)?;
+    let jobs = jobs(&preset, &writer)?;
+    let planned = preset.motions(Split::Train).len() + preset.motions(Split::Test).len();
+    let kept = planned - jobs.len();
+    let writer = match jobs.first() {
+        Some(job) => {
+            let rest = reference::rest_pose(&job.scene.scene)?.positions;
+            simulate_all(&jobs, &rest, writer, args.threads)?
+        }
+        None => writer,
+    };
+    let missing = writer.missing().len();
+    let made = |job: &&Job| writer.written(job.split, &job.motion).is_some();
+    let mut report = Report {
+        name: preset.config().name.clone(),
+        out: args.out.clone(),
+        train: preset.motions(Split::Train).len(),
+        test: preset.motions(Split::Test).len(),
+        samples: 0,
+        frames_made: jobs.iter().filter(made).map(|job| job.frames + 1).sum(),
+        trajectories_kept: kept,
+        trajectories_missing: missing,
+        seconds: 0.0,
+        interrupted: missing > 0,
+    };
+    let end = if missing > 0 {
+        End::Interrupted
+    } else {
+        report.samples = writer.finish()?.index().statistics.samples;
+        End::Complete
+    };
+    report.seconds = started.elapsed().as_secs_f64();
+    Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Job>> {
+    let missing = writer.missing();
+    let mut jobs = Vec::with_capacity(missing.len());
+    for (split, name) in missing {
+        let motion = preset.motions(split).iter().find(|m| m.name == name);
+        let motion = motion.ok_or_else(|| anyhow!("motion {name:?} is not in the preset"))?;
+        let scene = preset.scene(motion)?;
+        jobs.push(Job {
+            split,
+            motion: name,
+            frames: scene.scene.frame_count()?,
+            scene,
+        });
+    }
+    Ok(jobs)
+}
+
+/// Simulates the jobs from `rest` [m], `[vertices]`, until all are done or an end is asked for.
+fn simulate_all(
+    jobs: &[Job],
+    rest: &[DVec3],
+    writer: DatasetWriter,
+    threads: Option<u16>,
+) -> anyhow::Result<DatasetWriter> {
+    let frames = jobs.iter().map(|job| job.frames).sum();
+    let progress = Progress::new("simulating", frames, "frames");
+    let writer = Mutex::new(writer);
+    // Zero threads mean one per processor.
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, usize::from))
+        .build()
+        .context("starting the threads")?;
+    // One job at a time for each thread: blocks of them would leave threads idle at the end.
+    let simulate = |job: &Job| -> anyhow::Result<()> {
+        let scene = &job.scene.scene;
+        let run = reference::run(scene, rest.to_vec(), job.frames, &mut || {
+            progress.advance();
+            interrupt::flow()
+        })?;
+        if run.end == End::Interrupted {
+            return Ok(());
+        }
+        let trajectory = reference::trajectory(&job.scene.spec, scene, rest, run.positions)?;
+        // `add` leaves the writer as it was where it fails, so that it is never half done.
+        let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(writer.add(job.split, &job.motion, &trajectory)?)
+    };
+    pool.install(|| {
+        jobs.par_iter().with_max_len(1).try_for_each(|job| {
+            if interrupt::requested() {
+                return Ok(());
+            }
+            simulate(job)
+        })
+    })?;
+    Ok(writer.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+fn text(report: &Report) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("data set", &report.name);
+    facts.add(
+        "trajectories",
+        format!("{} to train on, {} to test on", report.train, report.test),
+    );
+    if report.trajectories_kept > 0 {
+        facts.add("already there", report.trajectories_kept);
+    }
+    facts.add(
+        "simulated",
+        format!("{} frames in {:.1} s", report.frames_made, report.seconds),
+    );
+    if report.interrupted {
+        let missing = report.trajectories_missing;
+        facts.add(
+            "interrupted",
+            format!("{missing} trajectories are missing: run the same command again"),
+        );
+    } else {
+        facts.add("samples", report.samples);
+    }
+    facts.add("wrote", report.out.display());
+    facts
+}
+
+#[derive(Serialize)]
+struct Contents<'a> {
+    kind: &'static str,
+    folder: &'a Path,
+    #[serde(flatten)]
+    index: &'a selvedge_data::DatasetIndex,
+}
+
+/// Says what a data set holds, after checking all its files.
+///
+/// # Errors
+/// What is wrong with it.
+pub(crate) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
+    let dataset = open(folder)?;
+    dataset.verify_hashes()?;
+    let index = dataset.index();
+    let mut facts = Facts::new();
+    facts.add("kind", "data set");
+    facts.add("name", &index.name);
+    facts.add("folder", folder.display());
+    facts.add("trajectories", index.statistics.trajectories);
+    facts.add("training frames", index.statistics.train_frames);
+    facts.add("sections", index.sections.len());
+    facts.add("samples", index.statistics.samples);
+    facts.add("files", "complete, all hashes right");
+    let headings = [
+        "motion",
+        "split",
+        "frames",
+        "vertices",
+        "mean speed",
+        "largest speed",
+    ];
+    let mut table = Table::new(headings.into_iter().chain(["mean edge"]));
+    for (split, name) in [(Split::Train, "train"), (Split::Test, "test")] {
+        for entry in dataset.entries(split) {
+            table.row([
+                entry.motion.clone(),
+                name.to_owned(),
+                entry.frames.to_string(),
+                entry.vertices.to_string(),
+                format!("{:.3} m/s", entry.mean_speed),
+                format!("{:.3} m/s", entry.max_speed),
+                format!("{:.2} mm", 1e3 * entry.mean_edge_length),
+            ]);
+        }
+    }
+    let contents = Contents {
+        kind: "dataset",
+        folder,
+        index,
+    };
+    Answer::new(format!("{facts}\n{table}"), &contents)
+}
+
+/// Opens a complete data set, and says of an incomplete one how to complete it.
+///
+/// # Errors
+/// What is wrong with it.
+pub(crate) fn open(folder: &Path) -> anyhow::Result<Dataset> {
+    let dataset = Dataset::open(folder);
+    let begun = folder.join("index.partial.json").is_file();
+    match dataset {
+        Err(error) if begun && !folder.join("index.json").exists() => Err(anyhow!(error).context(
+            format!(
+                "{}: this data set is not complete: run `selvedge dataset generate` again with the same preset and folder",
+                folder.display()
+            ),
+        )),
+        other => Ok(other?),
+    }
+}

@@ -1,0 +1,241 @@
+//! `selvedge inspect`: what a file or folder is, and what is in it.
+//!
+//! What it is taken for follows from its name: a folder is a data set, `.toml` a scene, `.obj` a
+//! mesh, and a `.safetensors` file says itself whether it is a trajectory or a model.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use glam::Vec3;
+use selvedge_cloth::Mesh;
+use selvedge_data::{
+    LoadedScene, Trajectory, TrajectoryFileError, metrics, open_scene, read_obj, shipped_scenes,
+};
+use selvedge_model::{MODEL_FORMAT, Model};
+use serde_json::{Value, json};
+
+use super::dataset;
+use crate::cli::InspectArgs;
+use crate::output::{Answer, Facts, millimetres, percent};
+use crate::reference;
+
+/// Says what `path` is.
+///
+/// # Errors
+/// When it is nothing that Selvedge knows, or is damaged.
+pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
+    let path = args.path.as_path();
+    let name = path.to_string_lossy();
+    if path.is_dir() {
+        return dataset::inspect(path);
+    }
+    if !path.exists() && shipped_scenes().iter().any(|scene| scene.0 == name) {
+        return inspect_scene(&open_scene(&name)?, &name);
+    }
+    if !path.exists() {
+        bail!("{name}: there is no such file or folder");
+    }
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("safetensors") => inspect_container(path),
+        Some("toml") => inspect_scene(&open_scene(&name)?, &name),
+        Some("obj") => {
+            let sheet = read_obj(path)?;
+            inspect_mesh(&sheet.mesh, sheet.labels.keys(), path)
+        }
+        _ => bail!(
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes in .toml, meshes in .obj, and a data set is a folder"
+        ),
+    }
+}
+
+/// A trajectory, or a model if the file says so.
+fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    match Trajectory::from_bytes(&bytes) {
+        Ok(trajectory) => inspect_trajectory(&trajectory, path),
+        Err(TrajectoryFileError::Metadata { name, found, .. })
+            if name == "format" && found == MODEL_FORMAT =>
+        {
+            let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
+            inspect_model(&model, path)
+        }
+        Err(error) => Err(error).with_context(|| path.display().to_string()),
+    }
+}
+
+fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<Answer> {
+    let provenance = trajectory.provenance();
+    let frames = trajectory.frames();
+    let speeds = metrics::speeds(frames, provenance.frame_rate)?;
+    let edge = metrics::mean_edge_length(frames, trajectory.topology())?;
+    let strain = reference::largest_strain(trajectory)?;
+    let (low, high) = box_of(trajectory.positions());
+    let handles: Vec<u32> = trajectory
+        .handles()
+        .vertices()
+        .iter()
+        .map(|v| v.0)
+        .collect();
+    let duration = (trajectory.frame_count() - 1) as f64 / provenance.frame_rate;
+    let scene = provenance.scene["name"].as_str().unwrap_or("none");
+    let mut facts = Facts::new();
+    facts.add("kind", "trajectory");
+    facts.add("file", path.display());
+    facts.add("scene", scene);
+    facts.add("made by", &provenance.made_by);
+    facts.add(
+        "frames",
+        format!(
+            "{} at {} per second: {duration:.2} s",
+            trajectory.frame_count(),
+            provenance.frame_rate
+        ),
+    );
+    facts.add("vertices", trajectory.vertex_count());
+    facts.add("faces", trajectory.topology().faces().len());
+    facts.add("edges", trajectory.topology().edges().len());
+    facts.add("handles", format!("{handles:?}"));
+    facts.add("from", format!("{low} m"));
+    facts.add("to", format!("{high} m"));
+    facts.add(
+        "speed",
+        format!("mean {:.3} m/s, largest {:.3} m/s", speeds.mean, speeds.max),
+    );
+    facts.add("mean edge", millimetres(edge));
+    facts.add("largest strain", percent(strain));
+    let report = json!({
+        "kind": "trajectory",
+        "file": path,
+        "made_by": provenance.made_by,
+        "frames": trajectory.frame_count(),
+        "frame_rate": provenance.frame_rate,
+        "vertices": trajectory.vertex_count(),
+        "faces": trajectory.topology().faces().len(),
+        "edges": trajectory.topology().edges().len(),
+        "handles": handles,
+        "lowest_corner": low.to_array(),
+        "highest_corner": high.to_array(),
+        "mean_speed": speeds.mean,
+        "max_speed": speeds.max,
+        "mean_edge_length": edge,
+        "largest_strain": strain,
+        "scene": provenance.scene,
+    });
+    Answer::new(facts, &report)
+}
+
+fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
+    let spec = model.spec();
+    let training: Value = serde_json::from_str(&model.training)
+        .unwrap_or_else(|_| Value::String(model.training.clone()));
+    let weights = model.weights();
+    let largest = weights.iter().fold(0.0_f32, |a, w| a.max(w.abs()));
+    let mut facts = Facts::new();
+    facts.add("kind", "model");
+    facts.add("file", path.display());
+    facts.add("parameters", weights.len());
+    facts.add("largest weight", format!("{largest:.3}"));
+    facts.add("encoder", serde_json::to_string(&spec.encoder)?);
+    facts.add("latent", spec.latent);
+    facts.add("blocks", spec.blocks);
+    facts.add(
+        "vertex features",
+        serde_json::to_string(&spec.node_features)?,
+    );
+    facts.add("edge features", serde_json::to_string(&spec.edge_features)?);
+    facts.add("training", &training);
+    let report = json!({
+        "kind": "model",
+        "file": path,
+        "parameters": weights.len(),
+        "largest_weight": largest,
+        "spec": spec,
+        "training": training,
+    });
+    Answer::new(facts, &report)
+}
+
+fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
+    let scene = &loaded.scene;
+    let frames = scene.frame_count()?;
+    let handles: Vec<u32> = scene.handles.vertices().iter().map(|v| v.0).collect();
+    let topology = scene.mesh.topology();
+    let mut facts = Facts::new();
+    facts.add("kind", "scene");
+    facts.add("file", name);
+    facts.add("name", &scene.name);
+    facts.add("vertices", topology.vertex_count());
+    facts.add("faces", topology.faces().len());
+    facts.add("handles", format!("{handles:?}"));
+    facts.add(
+        "material",
+        format!("{}, {} kg/m²", scene.material.name, scene.material.density),
+    );
+    facts.add(
+        "motion",
+        format!(
+            "{frames} frames at {} per second: {:.2} s",
+            scene.frame_rate,
+            frames as f64 / scene.frame_rate
+        ),
+    );
+    facts.add(
+        "physics",
+        format!("{} substeps per frame", scene.physics.substeps),
+    );
+    let report = json!({
+        "kind": "scene",
+        "file": name,
+        "vertices": topology.vertex_count(),
+        "faces": topology.faces().len(),
+        "frames": frames,
+        "scene": loaded.spec.to_json()?,
+    });
+    Answer::new(facts, &report)
+}
+
+fn inspect_mesh<'a>(
+    mesh: &Mesh,
+    labels: impl Iterator<Item = &'a String>,
+    path: &Path,
+) -> anyhow::Result<Answer> {
+    let topology = mesh.topology();
+    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+    let labels: Vec<&String> = labels.collect();
+    let boundary = topology.edges().iter().filter(|e| e.is_boundary()).count();
+    let (low, high) = box_of(&reference::rounded(mesh.positions()));
+    let mut facts = Facts::new();
+    facts.add("kind", "mesh");
+    facts.add("file", path.display());
+    facts.add("vertices", topology.vertex_count());
+    facts.add("faces", topology.faces().len());
+    facts.add(
+        "edges",
+        format!("{}, {boundary} on the boundary", topology.edges().len()),
+    );
+    facts.add("area", format!("{area:.4} m²"));
+    facts.add("from", format!("{low} m"));
+    facts.add("to", format!("{high} m"));
+    facts.add("labels", format!("{labels:?}"));
+    let report = json!({
+        "kind": "mesh",
+        "file": path,
+        "vertices": topology.vertex_count(),
+        "faces": topology.faces().len(),
+        "edges": topology.edges().len(),
+        "boundary_edges": boundary,
+        "area": area,
+        "lowest_corner": low.to_array(),
+        "highest_corner": high.to_array(),
+        "labels": labels,
+    });
+    Answer::new(facts, &report)
+}
+
+/// The smallest box with sides along the axes that holds `positions`.
+fn box_of(positions: &[Vec3]) -> (Vec3, Vec3) {
+    let first = positions.first().copied().unwrap_or_default();
+    positions
+        .iter()
+        .fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)))
+}

@@ -1,0 +1,109 @@
+//! `selvedge sag`: the sagged rest pose of a scene, as a trajectory of one frame or as a mesh.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::Scene;
+use selvedge_data::{LoadedScene, open_scene, write_obj};
+use serde::Serialize;
+
+use crate::cli::SagArgs;
+use crate::output::{Answer, Facts, millimetres};
+use crate::{place, reference};
+
+#[derive(Serialize)]
+struct Report {
+    scene: String,
+    out: PathBuf,
+    vertices: usize,
+    /// How far the middle between the handles hangs below them [m].
+    middle_sag: f64,
+    /// How far the lowest vertex hangs below the handles [m].
+    lowest: f64,
+    largest_strain: f64,
+    solves: u32,
+    residual: f64,
+}
+
+/// Finds the rest pose and writes it.
+///
+/// # Errors
+/// What of the scene, the solve or the file went wrong.
+pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
+    place::check_file(&args.out, &["safetensors", "obj"])?;
+    let loaded = open_scene(&args.scene)?;
+    let scene = &loaded.scene;
+    let rest = reference::rest_pose(scene)?;
+    let largest_strain = write(&args.out, &loaded, &rest.positions)?;
+    let report = Report {
+        scene: scene.name.clone(),
+        out: args.out.clone(),
+        vertices: rest.positions.len(),
+        middle_sag: below_handles(scene, rest.positions[middle(scene)]),
+        lowest: rest
+            .positions
+            .iter()
+            .map(|p| below_handles(scene, *p))
+            .fold(f64::NEG_INFINITY, f64::max),
+        largest_strain,
+        solves: rest.solves,
+        residual: rest.residual,
+    };
+    let mut facts = Facts::new();
+    facts.add("scene", &report.scene);
+    facts.add("vertices", report.vertices);
+    facts.add("middle", below(report.middle_sag));
+    facts.add("lowest point", below(report.lowest));
+    facts.add("largest strain", crate::output::percent(largest_strain));
+    facts.add(
+        "residual",
+        format!(
+            "{:.1e} m/s² after {} solves",
+            report.residual, report.solves
+        ),
+    );
+    facts.add("wrote", report.out.display());
+    Answer::new(facts, &report)
+}
+
+fn below(metres: f64) -> String {
+    format!("{} below the handles", millimetres(metres))
+}
+
+/// Writes `rest` [m], `[vertices]`, and gives its largest strain.
+fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64> {
+    let scene = &loaded.scene;
+    let frame = reference::rounded(rest);
+    let trajectory = reference::trajectory(&loaded.spec, scene, rest, frame)?;
+    if out.extension().is_some_and(|e| e == "obj") {
+        let cloth = trajectory.cloth();
+        write_obj(
+            out,
+            &cloth.topology,
+            &cloth.rest_positions,
+            &cloth.material_coordinates,
+        )?;
+    } else {
+        trajectory.write(out)?;
+    }
+    reference::largest_strain(&trajectory)
+}
+
+/// The vertex nearest in the material to the middle of the handles: for a square held by two
+/// corners, the middle of its upper edge.
+fn middle(scene: &Scene) -> usize {
+    let places = scene.mesh.material_coordinates();
+    let held = scene.handles.select(places);
+    let middle = held.iter().sum::<DVec2>() / held.len().max(1) as f64;
+    let distance = |v: &usize| places[*v].distance_squared(middle);
+    (0..places.len())
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or_default()
+}
+
+/// How far `position` [m] is below the mean height of the handles [m].
+fn below_handles(scene: &Scene, position: DVec3) -> f64 {
+    let held = scene.handles.select(scene.mesh.positions());
+    let height: f64 = held.iter().map(|p| p.y).sum::<f64>() / held.len().max(1) as f64;
+    height - position.y
+}

@@ -1,0 +1,85 @@
+//! How a failure is told: one line, `error: what was done: what went wrong: why`, and an exit code
+//! that says whether the call itself was wrong.
+
+use std::fmt;
+use std::io::Write;
+
+/// Failed.
+const FAILED: u8 = 1;
+/// Wrong usage, as clap has it.
+const WRONG_USAGE: u8 = 2;
+
+/// A call that makes no sense, as opposed to one that went wrong.
+#[derive(Debug)]
+pub(crate) struct WrongUsage(String);
+
+impl WrongUsage {
+    /// Says what is wrong with the call, and how it should be.
+    pub(crate) fn new(problem: impl Into<String>) -> Self {
+        Self(problem.into())
+    }
+}
+
+impl fmt::Display for WrongUsage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl std::error::Error for WrongUsage {}
+
+/// What the program exits with.
+pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
+    if error.is::<WrongUsage>() {
+        WRONG_USAGE
+    } else {
+        FAILED
+    }
+}
+
+/// Tells a person.
+pub(crate) fn print(error: &anyhow::Error) {
+    // Where standard error is closed nobody can be told.
+    let _ = writeln!(std::io::stderr(), "error: {}", chain(error));
+}
+
+/// The messages from the outermost to the cause. Many errors already quote their cause: what stands
+/// in the message before is not said twice.
+fn chain(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    let mut last = String::new();
+    for cause in error.chain() {
+        let message = cause.to_string();
+        if last.contains(message.trim()) {
+            continue;
+        }
+        if !told.is_empty() {
+            told.push_str(": ");
+        }
+        told.push_str(message.trim());
+        last = message;
+    }
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let cause = std::io::Error::other("disk full");
+        let quoting = anyhow::Error::new(cause).context("a.txt: disk full");
+        assert_eq!(
+            chain(&quoting.context("saving")),
+            "saving: a.txt: disk full"
+        );
+    }
+
+    #[test]
+    fn only_wrong_usage_exits_with_2() {
+        let wrong = anyhow::Error::new(WrongUsage::new("no")).context("reading the call");
+        assert_eq!(exit_code(&wrong), 2);
+        assert_eq!(exit_code(&anyhow::anyhow!("no")), 1);
+    }
+}

@@ -1,0 +1,192 @@
+//! What a command answers: a text for people or, with `--json`, one JSON object for programs. It is
+//! the only thing that goes to standard output; all else goes to standard error.
+
+use std::fmt::{self, Display, Write as _};
+use std::io::{self, Write as _};
+
+use anyhow::Context;
+use serde::Serialize;
+use serde_json::Value;
+
+/// What a command has to say at its end.
+pub(crate) struct Answer {
+    text: String,
+    json: Value,
+    end: End,
+}
+
+/// How a command ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// Everything was done.
+    Complete,
+    /// Ctrl-C was pressed; what was written is whole.
+    Interrupted,
+}
+
+/// Who reads the answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reader {
+    /// A person.
+    Person,
+    /// A program: JSON.
+    Program,
+}
+
+impl Answer {
+    /// An answer whose JSON is `report`.
+    ///
+    /// # Errors
+    /// When the report is no JSON object.
+    pub(crate) fn new(text: impl Display, report: &impl Serialize) -> anyhow::Result<Self> {
+        Ok(Self {
+            text: text.to_string(),
+            json: serde_json::to_value(report).context("writing the answer as JSON")?,
+            end: End::Complete,
+        })
+    }
+
+    /// The same, ended as `end` says.
+    pub(crate) fn ended(self, end: End) -> Self {
+        Self { end, ..self }
+    }
+
+    /// How the command ended.
+    pub(crate) fn end(&self) -> End {
+        self.end
+    }
+
+    /// Prints the answer to standard output.
+    ///
+    /// # Errors
+    /// When standard output cannot be written. A reader that has gone away (`| head`) is no error.
+    pub(crate) fn print(&self, reader: Reader) -> anyhow::Result<()> {
+        let text = match reader {
+            Reader::Person => self.text.trim_end().to_owned(),
+            Reader::Program => self.json.to_string(),
+        };
+        let mut out = io::stdout().lock();
+        match writeln!(out, "{text}").and_then(|()| out.flush()) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            result => result.context("writing to standard output"),
+        }
+    }
+}
+
+/// Rows of text in aligned columns: the first to the left, the others to the right.
+pub(crate) struct Table {
+    rows: Vec<Vec<String>>,
+    rules: Vec<usize>,
+}
+
+impl Table {
+    /// A table with these headings.
+    pub(crate) fn new<'a>(headings: impl IntoIterator<Item = &'a str>) -> Self {
+        Self {
+            rows: vec![headings.into_iter().map(str::to_owned).collect()],
+            rules: vec![1],
+        }
+    }
+
+    /// Adds a row.
+    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+
+    /// Draws a line under what is there.
+    pub(crate) fn rule(&mut self) {
+        self.rules.push(self.rows.len());
+    }
+
+    fn widths(&self) -> Vec<usize> {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let width = |column: usize| {
+            let cells = self.rows.iter().filter_map(|row| row.get(column));
+            cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+        };
+        (0..columns).map(width).collect()
+    }
+}
+
+impl Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let widths = self.widths();
+        let across = widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1);
+        for (number, row) in self.rows.iter().enumerate() {
+            if self.rules.contains(&number) {
+                writeln!(f, "{}", "-".repeat(across))?;
+            }
+            let mut line = String::new();
+            for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+                match column {
+                    0 => write!(line, "{cell:<width$}")?,
+                    _ => write!(line, "  {cell:>width$}")?,
+                }
+            }
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        Ok(())
+    }
+}
+
+/// Named facts under each other.
+#[derive(Default)]
+pub(crate) struct Facts {
+    lines: Vec<(&'static str, String)>,
+}
+
+impl Facts {
+    /// No facts yet.
+    pub(crate) fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a fact.
+    pub(crate) fn add(&mut self, name: &'static str, value: impl Display) {
+        self.lines.push((name, value.to_string()));
+    }
+}
+
+impl Display for Facts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let widest = self.lines.iter().map(|(name, _)| name.len()).max();
+        let width = widest.unwrap_or(0);
+        for (name, value) in &self.lines {
+            writeln!(f, "{name:<width$}  {value}")?;
+        }
+        Ok(())
+    }
+}
+
+/// A length [m] as millimetres.
+pub(crate) fn millimetres(metres: f64) -> String {
+    format!("{:.2} mm", 1e3 * metres)
+}
+
+/// A fraction as percent.
+pub(crate) fn percent(fraction: f64) -> String {
+    format!("{:.1} %", 1e2 * fraction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned_and_rules_as_wide_as_the_table() {
+        let mut table = Table::new(["motion", "error"]);
+        table.row(["forward".to_owned(), "1.50 mm".to_owned()]);
+        table.rule();
+        table.row(["mean".to_owned(), "12.00 mm".to_owned()]);
+        let expected = "motion      error\n-----------------\nforward   1.50 mm\n-----------------\nmean     12.00 mm\n";
+        assert_eq!(table.to_string(), expected);
+    }
+
+    #[test]
+    fn facts_stand_in_two_columns() {
+        let mut facts = Facts::new();
+        facts.add("frames", 12);
+        facts.add("at", "rest");
+        assert_eq!(facts.to_string(), "frames  12\nat      rest\n");
+    }
+}

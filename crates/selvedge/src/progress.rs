@@ -1,0 +1,133 @@
+//! How far something is: a bar with rate and estimate on standard error for what takes longer than
+//! two seconds. Where standard error is no terminal, a plain line every ten seconds instead.
+//!
+//! A [`Progress`] may be told from several threads at once.
+
+use std::io::{IsTerminal, Write};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Nothing is shown before.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Between two plain lines.
+const PLAIN_INTERVAL: Duration = Duration::from_secs(10);
+/// Between two drawings of the bar.
+const DRAWS_PER_SECOND: u8 = 8;
+
+/// A count on its way to a total.
+pub(crate) struct Progress {
+    what: String,
+    unit: &'static str,
+    total: Option<u64>,
+    started: Instant,
+    form: Form,
+}
+
+enum Form {
+    Bar(ProgressBar),
+    Plain(Mutex<Plain>),
+}
+
+struct Plain {
+    done: u64,
+    said: Instant,
+}
+
+impl Progress {
+    /// Starts counting to `total` of `unit` (in the plural).
+    pub(crate) fn new(what: impl Into<String>, total: usize, unit: &'static str) -> Self {
+        Self::start(what.into(), Some(total as u64), unit)
+    }
+
+    /// Starts counting `unit` (in the plural) where nobody knows how many there will be.
+    pub(crate) fn open_ended(what: impl Into<String>, unit: &'static str) -> Self {
+        Self::start(what.into(), None, unit)
+    }
+
+    fn start(what: String, total: Option<u64>, unit: &'static str) -> Self {
+        let started = Instant::now();
+        let form = if std::io::stderr().is_terminal() {
+            Form::Bar(hidden_bar(&what, total, unit))
+        } else {
+            Form::Plain(Mutex::new(Plain {
+                done: 0,
+                said: started,
+            }))
+        };
+        Self {
+            what,
+            unit,
+            total,
+            started,
+            form,
+        }
+    }
+
+    /// One more is done.
+    pub(crate) fn advance(&self) {
+        match &self.form {
+            Form::Bar(bar) => {
+                if bar.is_hidden() && self.started.elapsed() >= PATIENCE {
+                    bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(DRAWS_PER_SECOND));
+                }
+                bar.inc(1);
+            }
+            Form::Plain(plain) => {
+                // A panic elsewhere does not make a count wrong.
+                let mut plain = plain.lock().unwrap_or_else(PoisonError::into_inner);
+                plain.done += 1;
+                if plain.said.elapsed() >= PLAIN_INTERVAL {
+                    plain.said = Instant::now();
+                    self.say(plain.done);
+                }
+            }
+        }
+    }
+
+    /// A word on what is being done now, beside the bar.
+    pub(crate) fn note(&self, note: impl Into<String>) {
+        if let Form::Bar(bar) = &self.form {
+            bar.set_message(note.into());
+        }
+    }
+
+    fn say(&self, done: u64) {
+        let elapsed = self.started.elapsed().as_secs_f64();
+        let rate = done as f64 / elapsed.max(1e-9);
+        let (of, left) = self.total.map_or_else(Default::default, |total| {
+            let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
+            (format!(" of {total}"), format!(", about {left:.0} s to go"))
+        });
+        // Standard error may be closed; that is no reason to stop.
+        let _ = writeln!(
+            std::io::stderr(),
+            "{}: {done}{of} {} after {elapsed:.0} s, {rate:.1} per second{left}",
+            self.what,
+            self.unit
+        );
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Form::Bar(bar) = &self.form {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn hidden_bar(what: &str, total: Option<u64>, unit: &str) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
+    let template = match total {
+        Some(_) => format!(
+            "{{prefix}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} to go {{wide_msg}}"
+        ),
+        None => format!("{{prefix}} {{pos}} {unit}, {{per_sec}} {{wide_msg}}"),
+    };
+    let style = ProgressStyle::with_template(&template)
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .progress_chars("=> ");
+    bar.with_style(style).with_prefix(what.to_owned())
+}
