@@ -1,1 +1,26 @@
-//! selvedge-train: see its Cargo.toml.
+//! Learning: what a prediction is judged by, how weights follow, how samples are drawn and put
+//! together, the loop, and checkpoints from which it goes on bit for bit.
+
+mod checkpoint;
+mod config;
+mod corpus;
+mod lane;
+mod losses;
+mod optimizer;
+mod run;
+mod schedule;
+mod trainer;
+
+pub use checkpoint::ResumeError;
+pub use config::{
+    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, ScheduledSampling, TrainConfig,
+};
+pub use corpus::{CorpusError, graph_of};
+pub use losses::{
+    LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError, Report,
+    RunningLossStatistics, Triplet,
+};
+pub use optimizer::{Adam, AdamError, AdamSettings, clip_norm};
+pub use run::{Limits, RunEnd, RunError, files, run};
+pub use schedule::{LearningRate, ScheduleError, TruthProbability};
+pub use trainer::{StepReport, TrainError, Trainer};

@@ -1,0 +1,270 @@
+//! The configuration of a training: a TOML file, checked once, saved beside the result.
+
+use std::path::{Path, PathBuf};
+
+use selvedge_model::{ModelSpec, SpecError};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::losses::{LossWeights, LossWeightsError};
+use crate::optimizer::{AdamError, AdamSettings};
+use crate::schedule::{LearningRate, ScheduleError, TruthProbability};
+
+/// Everything that decides a training besides its data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainConfig {
+    /// What people call it.
+    pub name: String,
+    /// Decides every random number.
+    pub seed: u64,
+    /// Optimiser steps in all.
+    pub steps: u64,
+    /// The network.
+    pub model: ModelSpec,
+    /// What a prediction is judged by.
+    #[serde(default)]
+    pub losses: LossWeights,
+    /// How weights follow gradients.
+    #[serde(default)]
+    pub optimizer: AdamSettings,
+    /// The learning rate.
+    pub learning_rate: LearningRate,
+    /// The largest norm of a gradient; longer ones are shortened. None: no limit.
+    #[serde(default)]
+    pub gradient_clip: Option<f64>,
+    /// Probability that a value between the recurrent layers is dropped.
+    #[serde(default)]
+    pub dropout: f64,
+    /// How samples are put together.
+    pub batch: BatchConfig,
+    /// What is added to them.
+    #[serde(default)]
+    pub noise: NoiseConfig,
+    /// How often the model learns from its own predictions.
+    #[serde(default)]
+    pub scheduled_sampling: ScheduledSampling,
+    /// Samples from which the statistics of inputs and targets are taken before the first step.
+    pub statistics_samples: usize,
+    /// A line of the log every so many steps.
+    pub log_every: u64,
+}
+
+/// How samples are put together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BatchConfig {
+    /// Samples per optimiser step.
+    pub samples: usize,
+    /// Samples that go through the network together, as one disjoint union. Shards are what
+    /// threads share, so this and not the number of threads decides the order of sums.
+    pub shard: usize,
+}
+
+/// Noise on ground truth (GNS, Sanchez-Gonzalez et al. 2020): n is added to the newest positions
+/// of free vertices, (1 - γ) n to the target; none on the model's own predictions.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseConfig {
+    /// Standard deviation per coordinate [m].
+    pub deviation: f64,
+    /// γ: the part of a displacement that the target takes back in one frame.
+    pub correction: f64,
+}
+
+/// Scheduled sampling: with probability 1 - p the model's own prediction becomes the current
+/// position of the next sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScheduledSampling {
+    /// p by step.
+    pub truth: TruthProbability,
+    /// Predictions in a row, at most.
+    pub longest: u32,
+    /// A run ends when a vertex is farther from the truth than this [m].
+    pub farthest: f64,
+    /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
+    /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
+    pub correction: f64,
+}
+
+impl Default for NoiseConfig {
+    /// The paper's.
+    fn default() -> Self {
+        Self {
+            deviation: 0.003,
+            correction: 0.1,
+        }
+    }
+}
+
+impl Default for ScheduledSampling {
+    /// None; the rest as in the paper.
+    fn default() -> Self {
+        Self {
+            truth: TruthProbability::Always {},
+            longest: 30,
+            farthest: 1e3,
+            correction: 1.0,
+        }
+    }
+}
+
+/// A configuration that cannot be used.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ConfigError {
+    #[error("cannot read {path}: {source}")]
+    Read {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("{path}: {source}")]
+    Syntax {
+        path: PathBuf,
+        source: Box<toml::de::Error>,
+    },
+    #[error("{path}: {source}")]
+    Invalid {
+        path: PathBuf,
+        source: InvalidConfig,
+    },
+}
+
+/// A value of a configuration that cannot be used.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "each message is its source's")]
+pub enum InvalidConfig {
+    #[error(transparent)]
+    Model(#[from] SpecError),
+    #[error(transparent)]
+    Losses(#[from] LossWeightsError),
+    #[error(transparent)]
+    Optimizer(#[from] AdamError),
+    #[error(transparent)]
+    Schedule(#[from] ScheduleError),
+    #[error("{field} must be {expected}, found {found}")]
+    Value {
+        field: &'static str,
+        expected: &'static str,
+        found: f64,
+    },
+}
+
+impl TrainConfig {
+    /// Reads and checks the TOML file at `path`.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file and the field.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// Checks the TOML text of a configuration that people know as `path`.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file and the field.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let path = path.to_owned();
+        let cfg: Self = match toml::from_str(text) {
+            Ok(cfg) => cfg,
+            Err(source) => {
+                let source = Box::new(source);
+                return Err(ConfigError::Syntax { path, source });
+            }
+        };
+        match cfg.validate() {
+            Ok(()) => Ok(cfg),
+            Err(source) => Err(ConfigError::Invalid { path, source }),
+        }
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`InvalidConfig`] names the field.
+    pub fn validate(&self) -> Result<(), InvalidConfig> {
+        self.model.validate()?;
+        self.losses.validate()?;
+        self.optimizer.validate()?;
+        self.learning_rate.validate()?;
+        self.scheduled_sampling.truth.validate()?;
+        let sampling = &self.scheduled_sampling;
+        let clip = self.gradient_clip.unwrap_or(1.0);
+        let (samples, shard) = (self.batch.samples as f64, self.batch.shard as f64);
+        let part = "between 0 and 1";
+        let positive = "finite and positive";
+        let rules = [
+            ("steps", self.steps >= 1, "at least 1", self.steps as f64),
+            ("batch.samples", samples >= 1.0, "at least 1", samples),
+            (
+                "batch.shard",
+                shard >= 1.0 && shard <= samples,
+                "between 1 and batch.samples",
+                shard,
+            ),
+            (
+                "gradient_clip",
+                clip.is_finite() && clip > 0.0,
+                positive,
+                clip,
+            ),
+            (
+                "dropout",
+                (0.0..1.0).contains(&self.dropout),
+                "at least 0 and below 1",
+                self.dropout,
+            ),
+            (
+                "noise.deviation",
+                (0.0..1.0).contains(&self.noise.deviation),
+                "at least 0 and below 1 (metres)",
+                self.noise.deviation,
+            ),
+            (
+                "noise.correction",
+                (0.0..=1.0).contains(&self.noise.correction),
+                part,
+                self.noise.correction,
+            ),
+            (
+                "scheduled_sampling.correction",
+                (0.0..=1.0).contains(&sampling.correction),
+                part,
+                sampling.correction,
+            ),
+            (
+                "scheduled_sampling.farthest",
+                sampling.farthest.is_finite() && sampling.farthest > 0.0,
+                positive,
+                sampling.farthest,
+            ),
+            (
+                "statistics_samples",
+                self.statistics_samples >= 1,
+                "at least 1",
+                self.statistics_samples as f64,
+            ),
+            (
+                "log_every",
+                self.log_every >= 1,
+                "at least 1",
+                self.log_every as f64,
+            ),
+        ];
+        for (field, holds, expected, found) in rules {
+            if !holds {
+                return Err(InvalidConfig::Value {
+                    field,
+                    expected,
+                    found,
+                });
+            }
+        }
+        Ok(())
+    }
+}

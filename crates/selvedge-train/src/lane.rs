@@ -1,0 +1,209 @@
+//! A lane: one place of the batch, which shows the network one sample per step.
+//!
+//! A lane starts a run at a random sample of ground truth. After each step, with probability
+//! 1 - p, the model's own prediction becomes the current position of the next sample and the frames
+//! before it shift along (scheduled sampling); else, and at the latest after `longest` predictions
+//! or at the end of the section, the next sample is ground truth again, drawn afresh. With
+//! p = 1 this is a plain shuffle of all samples with replacement.
+//!
+//! Every random number follows from (seed, step, lane) alone.
+
+use glam::{DVec3, Vec3};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use selvedge_data::Section;
+use selvedge_model::{ClothGraph, Yaw, integrate};
+
+use crate::config::{NoiseConfig, TrainConfig};
+use crate::corpus::Corpus;
+use crate::losses::Triplet;
+
+/// Where a lane stands between two steps; all that a checkpoint keeps of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LaneState {
+    pub(crate) section: Section,
+    /// The current frame of the sample to come, if the run goes on.
+    pub(crate) current: usize,
+    /// Predictions in a row so far; 0: the next sample is drawn afresh.
+    pub(crate) run: u32,
+    /// World positions of the frame before the window and of the window, oldest first [m];
+    /// empty while `run` is 0.
+    pub(crate) history: Vec<Vec<Vec3>>,
+}
+
+/// What the network is shown in one step.
+#[derive(Default)]
+pub(crate) struct Shown {
+    pub(crate) trajectory: usize,
+    pub(crate) yaw: Option<Yaw>,
+    /// World positions of the frame before the window and of the window, noise included [m].
+    pub(crate) frames: Vec<Vec<Vec3>>,
+    /// Previous, current and target positions in the local frame of the current ones [m].
+    pub(crate) local: [Vec<DVec3>; 3],
+    /// Decides the dropout of this sample's shard.
+    pub(crate) dropout_seed: u64,
+}
+
+impl LaneState {
+    /// A lane that draws its first sample.
+    pub(crate) fn new() -> Self {
+        Self {
+            section: Section {
+                trajectory: 0,
+                start: 0,
+                end: 0,
+            },
+            current: 0,
+            run: 0,
+            history: Vec::new(),
+        }
+    }
+
+    /// Prepares the sample of this step.
+    pub(crate) fn show(
+        &mut self,
+        cfg: &TrainConfig,
+        corpus: &Corpus,
+        rng: &mut ChaCha8Rng,
+        shown: &mut Shown,
+    ) {
+        if self.run == 0 {
+            let number = rng.random_range(0..corpus.sample_count());
+            let (sample, section) = corpus.sample(number);
+            self.section = *section;
+            self.current = sample.current;
+            let motion = corpus.motion(sample.trajectory);
+            let window = cfg.model.window() as i64;
+            let first = sample.current as i64 - window;
+            let frames = first..=sample.current as i64;
+            self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
+        }
+        let motion = corpus.motion(self.section.trajectory);
+        let graph = &*motion.graph;
+        shown.trajectory = self.section.trajectory;
+        shown.dropout_seed = rng.next_u64();
+        let truth = motion.frame(self.current as i64);
+        let mut target: Vec<DVec3> = motion
+            .frame(self.current as i64 + 1)
+            .iter()
+            .map(|p| p.as_dvec3())
+            .collect();
+        if self.run == 0 {
+            let newest = self.history.len() - 1;
+            add_noise(cfg, graph, rng, (&mut self.history[newest], &mut target));
+        } else {
+            let shift = 1.0 - cfg.scheduled_sampling.correction;
+            let newest = &self.history[self.history.len() - 1];
+            for ((target, now), truth) in target.iter_mut().zip(newest).zip(truth) {
+                *target += shift * (now.as_dvec3() - truth.as_dvec3());
+            }
+        }
+        shown.frames.clone_from(&self.history);
+        self.to_local(graph, &target, shown);
+    }
+
+    /// Previous, current and target positions in the local frame of the current ones.
+    fn to_local(&self, graph: &ClothGraph, target: &[DVec3], shown: &mut Shown) {
+        let count = self.history.len();
+        let (previous, current) = (&self.history[count - 2], &self.history[count - 1]);
+        let handles = graph.handles().select(current);
+        let yaw = graph.frame().yaw(&handles, graph.frame().rest_yaw());
+        let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
+        let local = |p: DVec3| yaw.to_local_f64(p - origin);
+        let [to_previous, to_current, to_target] = &mut shown.local;
+        to_previous.clear();
+        to_previous.extend(previous.iter().map(|p| local(p.as_dvec3())));
+        to_current.clear();
+        to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
+        to_target.clear();
+        to_target.extend(target.iter().map(|&p| local(p)));
+        shown.yaw = Some(yaw);
+    }
+
+    /// Decides how the lane goes on after the network predicted `acceleration` (local, [m/frame²],
+    /// `[vertices, 3]`).
+    pub(crate) fn advance(
+        &mut self,
+        cfg: &TrainConfig,
+        corpus: &Corpus,
+        (step, rng): (u64, &mut ChaCha8Rng),
+        yaw: Yaw,
+        acceleration: &[f32],
+    ) {
+        let sampling = &cfg.scheduled_sampling;
+        let uses_truth = rng.random::<f64>() < sampling.truth.at(step);
+        let next = self.current + 1;
+        let can_go_on = self.run < sampling.longest && Corpus::section_has(&self.section, next);
+        if uses_truth || !can_go_on {
+            self.run = 0;
+            self.history.clear();
+            return;
+        }
+        let motion = corpus.motion(self.section.trajectory);
+        let truth = motion.frame(next as i64);
+        let count = self.history.len();
+        let mut predicted = std::mem::take(&mut self.history[0]);
+        let last = [&*self.history[count - 2], &*self.history[count - 1]];
+        integrate(acceleration, yaw, last, &mut predicted);
+        for vertex in motion.graph.handles().vertices() {
+            predicted[vertex.index()] = truth[vertex.index()];
+        }
+        let farthest = sampling.farthest as f32;
+        let close = |(p, q): (&Vec3, &Vec3)| p.distance(*q) <= farthest;
+        // False for a position that is not finite, too.
+        if !predicted.iter().zip(truth).all(close) {
+            self.run = 0;
+            self.history.clear();
+            return;
+        }
+        self.history.rotate_left(1);
+        self.history[count - 1] = predicted;
+        self.current = next;
+        self.run += 1;
+    }
+}
+
+/// The numbers of lane `lane` in step `step`.
+pub(crate) fn rng_of(seed: u64, step: u64, lane: usize, lanes: usize) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // Stream 0 is for the weights.
+    rng.set_stream(1 + step * lanes as u64 + lane as u64);
+    rng
+}
+
+/// n on the newest positions of free vertices, (1 - γ) n on their targets.
+fn add_noise(
+    cfg: &TrainConfig,
+    graph: &ClothGraph,
+    rng: &mut impl Rng,
+    (newest, target): (&mut [Vec3], &mut [DVec3]),
+) {
+    let NoiseConfig {
+        deviation,
+        correction,
+    } = cfg.noise;
+    if deviation == 0.0 {
+        return;
+    }
+    let rows = newest.iter_mut().zip(target).zip(graph.handle_mask());
+    for ((now, target), _) in rows.filter(|(_, handle)| !**handle) {
+        let mut normal = || -> f64 { StandardNormal.sample(rng) };
+        let noise = deviation * DVec3::new(normal(), normal(), normal());
+        *now = (now.as_dvec3() + noise).as_vec3();
+        *target += (1.0 - correction) * noise;
+    }
+}
+
+impl Shown {
+    /// The sample for the losses.
+    pub(crate) fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
+        let [previous, current, target] = &self.local;
+        Triplet {
+            graph,
+            previous,
+            current,
+            target,
+        }
+    }
+}

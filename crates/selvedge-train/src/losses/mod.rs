@@ -1,0 +1,375 @@
+//! What a prediction is judged by (paper §5.3, method.md §5), with the gradient that the network
+//! learns from, for one sample:
+//!
+//! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`
+//!
+//! The prediction is a normalised acceleration. It gives positions p̄ = a + 2 p - p_previous;
+//! handles take their target instead. Kinetic energy, edge vector, edge length and bending angle
+//! of p̄ and of the target are compared in deviations of the *target* quantity; the means cancel.
+//! All positions of a sample stand in one frame of reference: the local frame of its current
+//! positions. Everything inside is f64; a component that never varied is not compared.
+
+mod geometry;
+mod statistics;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+use selvedge_model::{ClothGraph, Hinge, Normalizer, Real};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use geometry::{bending_angle, bending_angle_with_gradient, length_with_gradient, wrapped};
+pub use statistics::{LossStatistics, RunningLossStatistics};
+
+/// How much each term counts beside the acceleration, which counts 1. A term of weight 0 is off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LossWeights {
+    /// λ_KE.
+    pub kinetic_energy: f64,
+    /// λ_ev.
+    pub edge_vector: f64,
+    /// λ_el.
+    pub edge_length: f64,
+    /// λ_θ.
+    pub bending_angle: f64,
+}
+
+/// A weight that no loss can have.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("losses.{field} must be finite and not negative, found {found}")]
+pub struct LossWeightsError {
+    field: &'static str,
+    found: f64,
+}
+
+impl Default for LossWeights {
+    /// The paper's.
+    fn default() -> Self {
+        Self {
+            kinetic_energy: 1.0,
+            edge_vector: 30.0,
+            edge_length: 30.0,
+            bending_angle: 0.5,
+        }
+    }
+}
+
+impl LossWeights {
+    /// The acceleration alone (MeshGraphNets).
+    pub const ACCELERATION_ONLY: Self = Self {
+        kinetic_energy: 0.0,
+        edge_vector: 0.0,
+        edge_length: 0.0,
+        bending_angle: 0.0,
+    };
+
+    /// Checks that every weight is finite and none negative.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub fn validate(&self) -> Result<(), LossWeightsError> {
+        for (field, found) in [
+            ("kinetic_energy", self.kinetic_energy),
+            ("edge_vector", self.edge_vector),
+            ("edge_length", self.edge_length),
+            ("bending_angle", self.bending_angle),
+        ] {
+            if !(found.is_finite() && found >= 0.0) {
+                return Err(LossWeightsError { field, found });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Three consecutive frames of a cloth, all in the same axes [m], `[vertices]` each.
+#[derive(Clone, Copy, Debug)]
+pub struct Triplet<'a> {
+    /// The cloth.
+    pub graph: &'a ClothGraph,
+    /// Positions one frame before the current ones.
+    pub previous: &'a [DVec3],
+    /// Positions that the prediction starts from.
+    pub current: &'a [DVec3],
+    /// Positions that it should lead to.
+    pub target: &'a [DVec3],
+}
+
+impl Triplet<'_> {
+    /// The target's acceleration of vertex `v` [m/frame²].
+    fn acceleration(&self, v: usize) -> DVec3 {
+        (self.target[v] - self.current[v]) - (self.current[v] - self.previous[v])
+    }
+
+    /// Kinetic energy of vertex `v` on its way to `next` [kg m²/frame²].
+    fn kinetic_energy(&self, v: usize, next: DVec3) -> f64 {
+        let mass = f64::from(self.graph.vertex_mass()[v]);
+        0.5 * mass * (next - self.current[v]).length_squared()
+    }
+
+    fn free_vertices(&self) -> impl Iterator<Item = usize> {
+        let mask = self.graph.handle_mask().iter().enumerate();
+        mask.filter(|(_, handle)| !**handle).map(|(v, _)| v)
+    }
+
+    fn hinge_points(&self, hinge: &Hinge, positions: &[DVec3]) -> [DVec3; 4] {
+        [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| positions[v as usize])
+    }
+}
+
+/// Which terms are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Report {
+    /// Those that count.
+    Weighted,
+    /// Those of weight 0 as well, for a report; they do not enter total or gradient.
+    Every,
+}
+
+/// The terms of one sample's loss, each before its weight; `None` for one that was not computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossTerms {
+    /// L_acc.
+    pub acceleration: f64,
+    /// L_KE.
+    pub kinetic_energy: Option<f64>,
+    /// L_ev.
+    pub edge_vector: Option<f64>,
+    /// L_el.
+    pub edge_length: Option<f64>,
+    /// L_θ.
+    pub bending_angle: Option<f64>,
+    /// The weighted sum.
+    pub total: f64,
+}
+
+/// Computes losses and their gradients; keeps its buffers between samples.
+#[derive(Clone, Debug)]
+pub struct LossEvaluator {
+    weights: LossWeights,
+    report: Report,
+    /// p̄ [m], `[vertices]`.
+    positions: Vec<DVec3>,
+    /// ∂(weighted position terms)/∂p̄, `[vertices]`.
+    by_position: Vec<DVec3>,
+}
+
+impl LossEvaluator {
+    /// An evaluator of these terms.
+    #[must_use]
+    pub fn new(weights: LossWeights, report: Report) -> Self {
+        Self {
+            weights,
+            report,
+            positions: Vec::new(),
+            by_position: Vec::new(),
+        }
+    }
+
+    /// The loss of the normalised acceleration `predicted` (`[vertices, 3]`); `gradient`, of the
+    /// same shape, receives that of the total, 0 for handles.
+    ///
+    /// A prediction that is not finite gives a total that is not finite.
+    ///
+    /// # Panics
+    /// When a slice does not have the size of the cloth.
+    pub fn evaluate<T: Real>(
+        &mut self,
+        triplet: &Triplet<'_>,
+        statistics: &LossStatistics,
+        predicted: &[T],
+        gradient: &mut [T],
+    ) -> LossTerms {
+        let vertices = triplet.graph.vertex_count();
+        for positions in [triplet.previous, triplet.current, triplet.target] {
+            assert_eq!(positions.len(), vertices, "one position per vertex");
+        }
+        assert_eq!(predicted.len(), 3 * vertices, "predicted acceleration");
+        assert_eq!(gradient.len(), 3 * vertices, "gradient");
+        self.predict_positions(triplet, &statistics.acceleration, predicted);
+        let weights = self.weights;
+        let kinetic_energy = self.term(weights.kinetic_energy, |this, weight| {
+            this.kinetic_energy(triplet, &statistics.kinetic_energy, weight)
+        });
+        let edge_vector = self.term(weights.edge_vector, |this, weight| {
+            this.edge_vector(triplet, &statistics.edge_vector, weight)
+        });
+        let edge_length = self.term(weights.edge_length, |this, weight| {
+            this.edge_length(triplet, &statistics.edge_length, weight)
+        });
+        let bending_angle = self.term(weights.bending_angle, |this, weight| {
+            this.bending_angle(triplet, &statistics.bending_angle, weight)
+        });
+        let acceleration =
+            self.acceleration(triplet, &statistics.acceleration, predicted, gradient);
+        let weighted = [
+            (weights.kinetic_energy, kinetic_energy),
+            (weights.edge_vector, edge_vector),
+            (weights.edge_length, edge_length),
+            (weights.bending_angle, bending_angle),
+        ];
+        let counted = weighted.iter().filter(|(weight, _)| *weight > 0.0);
+        LossTerms {
+            acceleration,
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
+            total: acceleration + counted.map(|(w, l)| w * l.unwrap_or(0.0)).sum::<f64>(),
+        }
+    }
+
+    fn term(&mut self, weight: f64, compute: impl FnOnce(&mut Self, f64) -> f64) -> Option<f64> {
+        (weight > 0.0 || self.report == Report::Every).then(|| compute(self, weight))
+    }
+
+    /// p̄ = a + 2 p - p_previous for free vertices `[eq:integration]`, the target for handles.
+    fn predict_positions<T: Real>(
+        &mut self,
+        triplet: &Triplet<'_>,
+        acceleration: &Normalizer,
+        predicted: &[T],
+    ) {
+        let (mean, deviation) = (
+            vector(acceleration.mean()),
+            vector(acceleration.deviation()),
+        );
+        self.positions.clear();
+        self.positions.extend_from_slice(triplet.target);
+        self.by_position.clear();
+        self.by_position.resize(triplet.target.len(), DVec3::ZERO);
+        for v in triplet.free_vertices() {
+            let a = row(predicted, v) * deviation + mean;
+            let velocity = triplet.current[v] - triplet.previous[v];
+            self.positions[v] = triplet.current[v] + (velocity + a);
+        }
+    }
+
+    /// L_acc = mean over free vertices of |a - ā|², normalised `[eq:acceleration-loss]`; also
+    /// collects the whole gradient: ∂p̄/∂(normalised a) is the acceleration's deviation.
+    fn acceleration<T: Real>(
+        &self,
+        triplet: &Triplet<'_>,
+        statistics: &Normalizer,
+        predicted: &[T],
+        gradient: &mut [T],
+    ) -> f64 {
+        let (mean, deviation) = (vector(statistics.mean()), vector(statistics.deviation()));
+        let scale = vector(statistics.deviation()).map(inverse);
+        let share = share(triplet.free_vertices().count());
+        gradient.fill(T::ZERO);
+        let mut loss = 0.0;
+        for v in triplet.free_vertices() {
+            let target = (triplet.acceleration(v) - mean) * scale;
+            let difference = row(predicted, v) - target;
+            loss += difference.length_squared();
+            let by_acceleration = 2.0 * share * difference + self.by_position[v] * deviation;
+            for (out, value) in gradient[3 * v..].iter_mut().zip(by_acceleration.to_array()) {
+                *out = T::from_f64(value);
+            }
+        }
+        loss * share
+    }
+
+    /// L_KE = mean over free vertices of (KE - K̄E)², in deviations of KE
+    /// `[eq:kinetic-energy-loss]`.
+    fn kinetic_energy(&mut self, triplet: &Triplet<'_>, of: &Normalizer, weight: f64) -> f64 {
+        let scale = inverse(of.deviation()[0]);
+        let share = share(triplet.free_vertices().count());
+        let mut loss = 0.0;
+        for v in triplet.free_vertices() {
+            let target = triplet.kinetic_energy(v, triplet.target[v]);
+            let found = triplet.kinetic_energy(v, self.positions[v]);
+            let difference = scale * (found - target);
+            loss += difference * difference;
+            let momentum = f64::from(triplet.graph.vertex_mass()[v])
+                * (self.positions[v] - triplet.current[v]);
+            self.by_position[v] += 2.0 * weight * share * difference * scale * momentum;
+        }
+        loss * share
+    }
+
+    /// L_ev = mean over edges of |d - d̄|², each component in its deviations
+    /// `[eq:edge-vector-loss]`.
+    fn edge_vector(&mut self, triplet: &Triplet<'_>, of: &Normalizer, weight: f64) -> f64 {
+        let scale = vector(of.deviation()).map(inverse);
+        let edges = triplet.graph.topology().edges();
+        let share = share(edges.len());
+        let mut loss = 0.0;
+        for edge in edges {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            let target = triplet.target[a] - triplet.target[b];
+            let difference = scale * (self.positions[a] - self.positions[b] - target);
+            loss += difference.length_squared();
+            let by_vector = 2.0 * weight * share * difference * scale;
+            self.by_position[a] += by_vector;
+            self.by_position[b] -= by_vector;
+        }
+        loss * share
+    }
+
+    /// L_el = mean over edges of (|d| - |d̄|)², in deviations of |d| `[eq:edge-length-loss]`.
+    fn edge_length(&mut self, triplet: &Triplet<'_>, of: &Normalizer, weight: f64) -> f64 {
+        let scale = inverse(of.deviation()[0]);
+        let edges = triplet.graph.topology().edges();
+        let share = share(edges.len());
+        let mut loss = 0.0;
+        for edge in edges {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            let target = triplet.target[a].distance(triplet.target[b]);
+            let (found, slope) = length_with_gradient(self.positions[a] - self.positions[b]);
+            let difference = scale * (found - target);
+            loss += difference * difference;
+            let by_vector = 2.0 * weight * share * difference * scale * slope;
+            self.by_position[a] += by_vector;
+            self.by_position[b] -= by_vector;
+        }
+        loss * share
+    }
+
+    /// L_θ = mean over edges of (θ - θ̄)², in deviations of θ `[eq:bending-loss]`. The difference is
+    /// taken the shorter way round, so that two almost closed folds on either side of ±π are
+    /// alike; boundary edges add nothing but count.
+    fn bending_angle(&mut self, triplet: &Triplet<'_>, of: &Normalizer, weight: f64) -> f64 {
+        let scale = inverse(of.deviation()[0]);
+        let share = share(triplet.graph.topology().edges().len());
+        let mut loss = 0.0;
+        for hinge in triplet.graph.hinges() {
+            let target = bending_angle(triplet.hinge_points(hinge, triplet.target));
+            let points = triplet.hinge_points(hinge, &self.positions);
+            let (found, slopes) = bending_angle_with_gradient(points);
+            let difference = scale * wrapped(found - target);
+            loss += difference * difference;
+            let by_angle = 2.0 * weight * share * difference * scale;
+            let vertices = [hinge.from, hinge.to, hinge.left, hinge.right];
+            for (v, slope) in vertices.into_iter().zip(slopes) {
+                self.by_position[v as usize] += by_angle * slope;
+            }
+        }
+        loss * share
+    }
+}
+
+/// 1 / deviation, and 0 for what never varied.
+fn inverse(deviation: f64) -> f64 {
+    if deviation > 0.0 {
+        1.0 / deviation
+    } else {
+        0.0
+    }
+}
+
+/// What one of `count` things counts in their mean.
+fn share(count: usize) -> f64 {
+    1.0 / count.max(1) as f64
+}
+
+fn vector(components: &[f64]) -> DVec3 {
+    DVec3::from_slice(components)
+}
+
+fn row<T: Real>(rows: &[T], v: usize) -> DVec3 {
+    DVec3::from_array([0, 1, 2].map(|k| rows[3 * v + k].to_f64()))
+}

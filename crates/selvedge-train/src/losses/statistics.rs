@@ -1,0 +1,105 @@
+//! Statistics of the quantities that the losses compare, gathered from the targets alone, so that
+//! a prediction cannot move its own yardstick (method.md §4, §5).
+
+use glam::DVec3;
+use selvedge_model::{Normalizer, RunningStatistics};
+use serde::{Deserialize, Serialize};
+
+use super::Triplet;
+use super::geometry::bending_angle;
+
+/// Frozen statistics of what the losses compare.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LossStatistics {
+    /// Acceleration of a free vertex [m/frame²], width 3: the network's output.
+    pub acceleration: Normalizer,
+    /// Kinetic energy of a free vertex [kg m²/frame²], width 1.
+    pub kinetic_energy: Normalizer,
+    /// Vector of an edge, both ways [m], width 3.
+    pub edge_vector: Normalizer,
+    /// Length of an edge [m], width 1.
+    pub edge_length: Normalizer,
+    /// Bending angle of an edge [rad], 0 on the boundary, width 1.
+    pub bending_angle: Normalizer,
+}
+
+/// The same while they are gathered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunningLossStatistics {
+    acceleration: RunningStatistics,
+    kinetic_energy: RunningStatistics,
+    edge_vector: RunningStatistics,
+    edge_length: RunningStatistics,
+    bending_angle: RunningStatistics,
+}
+
+impl Default for RunningLossStatistics {
+    fn default() -> Self {
+        Self {
+            acceleration: RunningStatistics::new(&[3]),
+            kinetic_energy: RunningStatistics::new(&[1]),
+            edge_vector: RunningStatistics::new(&[3]),
+            edge_length: RunningStatistics::new(&[1]),
+            bending_angle: RunningStatistics::new(&[1]),
+        }
+    }
+}
+
+impl RunningLossStatistics {
+    /// Number of samples' vertices so far, handles not counted.
+    #[must_use]
+    pub fn count(&self) -> f64 {
+        self.acceleration.count()
+    }
+
+    /// Adds the targets of one sample.
+    pub fn add(&mut self, triplet: &Triplet<'_>) {
+        let free = || triplet.free_vertices();
+        let accelerations = free().flat_map(|v| triplet.acceleration(v).to_array());
+        self.acceleration.add(&accelerations.collect::<Vec<f64>>());
+        let energies = free().map(|v| triplet.kinetic_energy(v, triplet.target[v]));
+        self.kinetic_energy.add(&energies.collect::<Vec<f64>>());
+
+        let edges = triplet.graph.topology().edges();
+        let mut vectors = Vec::with_capacity(6 * edges.len());
+        let mut lengths = Vec::with_capacity(edges.len());
+        for edge in edges {
+            let [a, b] = edge.vertices.map(|v| triplet.target[v.index()]);
+            let d: DVec3 = a - b;
+            vectors.extend(d.to_array());
+            vectors.extend((-d).to_array());
+            lengths.push(d.length());
+        }
+        self.edge_vector.add(&vectors);
+        self.edge_length.add(&lengths);
+
+        let mut angles = vec![0.0; edges.len()];
+        for hinge in triplet.graph.hinges() {
+            let points = triplet.hinge_points(hinge, triplet.target);
+            angles[hinge.edge as usize] = bending_angle(points);
+        }
+        self.bending_angle.add(&angles);
+    }
+
+    /// Adds what others have gathered.
+    pub fn merge(&mut self, other: &Self) {
+        self.acceleration.merge(&other.acceleration);
+        self.kinetic_energy.merge(&other.kinetic_energy);
+        self.edge_vector.merge(&other.edge_vector);
+        self.edge_length.merge(&other.edge_length);
+        self.bending_angle.merge(&other.bending_angle);
+    }
+
+    /// The statistics as they are now, for good.
+    #[must_use]
+    pub fn freeze(&self) -> LossStatistics {
+        LossStatistics {
+            acceleration: self.acceleration.freeze(),
+            kinetic_energy: self.kinetic_energy.freeze(),
+            edge_vector: self.edge_vector.freeze(),
+            edge_length: self.edge_length.freeze(),
+            bending_angle: self.bending_angle.freeze(),
+        }
+    }
+}

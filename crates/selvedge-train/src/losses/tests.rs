@@ -1,0 +1,347 @@
+//! Each term against its closed form, and its gradient against finite differences.
+
+use glam::{Vec2, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::{Environment, Handles};
+use selvedge_model::ClothParts;
+
+use super::*;
+
+/// An irregular cloth with two handles, and three frames of it in motion.
+struct Sample {
+    graph: ClothGraph,
+    previous: Vec<DVec3>,
+    current: Vec<DVec3>,
+    target: Vec<DVec3>,
+}
+
+impl Sample {
+    fn triplet(&self) -> Triplet<'_> {
+        Triplet {
+            graph: &self.graph,
+            previous: &self.previous,
+            current: &self.current,
+            target: &self.target,
+        }
+    }
+}
+
+fn sample(vertices: usize) -> Sample {
+    let spec = SquareSpec {
+        vertices,
+        size: 1.0,
+        seed: 3,
+    };
+    let sheet = square(&spec).expect("a square");
+    let shape = sheet.mesh.rest_shape(0.15);
+    let rest = sheet.mesh.positions();
+    let graph = ClothGraph::new(ClothParts {
+        topology: sheet.mesh.topology().clone(),
+        handles: Handles::new(&[0, 1], rest.len()).expect("two handles"),
+        vertex_mass: shape.vertex_mass.iter().map(|&m| m as f32).collect(),
+        face_area: shape.face_area.iter().map(|&a| a as f32).collect(),
+        material_coordinates: vec![Vec2::ZERO; rest.len()],
+        rest_positions: vec![Vec3::ZERO; rest.len()],
+        environment: Environment::default(),
+        frame_rate: 60.0,
+    });
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut draw =
+        |size: f64| DVec3::from_array([(); 3].map(|()| size * (2.0 * rng.random::<f64>() - 1.0)));
+    let current: Vec<DVec3> = rest.iter().map(|&p| p + draw(0.01)).collect();
+    Sample {
+        graph: graph.expect("a cloth"),
+        previous: current.iter().map(|&p| p + draw(0.02)).collect(),
+        target: current.iter().map(|&p| p + draw(0.02)).collect(),
+        current,
+    }
+}
+
+fn statistics(triplet: &Triplet<'_>) -> LossStatistics {
+    let mut running = RunningLossStatistics::default();
+    running.add(triplet);
+    running.freeze()
+}
+
+fn numbers(count: usize, seed: u64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..count)
+        .map(|_| 2.0 * rng.random::<f64>() - 1.0)
+        .collect()
+}
+
+/// The normalised acceleration that leads exactly to the target.
+fn perfect(triplet: &Triplet<'_>, statistics: &LossStatistics) -> Vec<f64> {
+    let (mean, deviation) = (
+        statistics.acceleration.mean(),
+        statistics.acceleration.deviation(),
+    );
+    (0..triplet.target.len())
+        .flat_map(|v| ((triplet.acceleration(v) - vector(mean)) / vector(deviation)).to_array())
+        .collect()
+}
+
+fn evaluate(weights: LossWeights, sample: &Sample, predicted: &[f64]) -> (LossTerms, Vec<f64>) {
+    let triplet = sample.triplet();
+    let mut gradient = vec![f64::NAN; predicted.len()];
+    let mut evaluator = LossEvaluator::new(weights, Report::Every);
+    let terms = evaluator.evaluate(&triplet, &statistics(&triplet), predicted, &mut gradient);
+    (terms, gradient)
+}
+
+const OFF: LossWeights = LossWeights::ACCELERATION_ONLY;
+
+fn cases() -> [(&'static str, LossWeights); 6] {
+    let weight = 7.0;
+    [
+        ("acceleration", OFF),
+        (
+            "kinetic energy",
+            LossWeights {
+                kinetic_energy: weight,
+                ..OFF
+            },
+        ),
+        (
+            "edge vector",
+            LossWeights {
+                edge_vector: weight,
+                ..OFF
+            },
+        ),
+        (
+            "edge length",
+            LossWeights {
+                edge_length: weight,
+                ..OFF
+            },
+        ),
+        (
+            "bending angle",
+            LossWeights {
+                bending_angle: weight,
+                ..OFF
+            },
+        ),
+        ("all", LossWeights::default()),
+    ]
+}
+
+#[test]
+fn every_term_has_the_gradient_of_its_finite_differences() {
+    let sample = sample(40);
+    let start = numbers(3 * 40, 1);
+    for (name, weights) in cases() {
+        let (_, gradient) = evaluate(weights, &sample, &start);
+        for seed in 0..20 {
+            // Along random directions, every component at once.
+            let direction = numbers(start.len(), 100 + seed);
+            let step = 1e-5;
+            let at = |sign: f64| {
+                let moved: Vec<f64> = start
+                    .iter()
+                    .zip(&direction)
+                    .map(|(x, d)| x + sign * step * d)
+                    .collect();
+                evaluate(weights, &sample, &moved).0.total
+            };
+            let expected = (at(1.0) - at(-1.0)) / (2.0 * step);
+            let found: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
+            let size = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+            // Truncation step² times third derivatives, rounding 1e-16 · loss / step.
+            assert!(
+                (found - expected).abs() < 1e-7 * size,
+                "{name}: {found} {expected}"
+            );
+        }
+        for (v, &handle) in sample.graph.handle_mask().iter().enumerate() {
+            assert_eq!(
+                handle,
+                gradient[3 * v..][..3] == [0.0; 3],
+                "{name}, vertex {v}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_perfect_prediction_costs_nothing_and_has_no_gradient() {
+    let sample = sample(40);
+    let triplet = sample.triplet();
+    let predicted = perfect(&triplet, &statistics(&triplet));
+    let (terms, gradient) = evaluate(LossWeights::default(), &sample, &predicted);
+    // Squares of roundings of 1e-16 m in 1e-2 m.
+    assert!(terms.total < 1e-20, "{terms:?}");
+    assert!(gradient.iter().all(|g| g.abs() < 1e-9));
+}
+
+#[test]
+fn acceleration_and_kinetic_energy_follow_their_closed_forms() {
+    let sample = sample(40);
+    let triplet = sample.triplet();
+    let statistics = statistics(&triplet);
+    // One normalised unit too much along x, everywhere.
+    let mut predicted = perfect(&triplet, &statistics);
+    for row in predicted.chunks_mut(3) {
+        row[0] += 1.0;
+    }
+    let (terms, _) = evaluate(OFF, &sample, &predicted);
+    assert!((terms.acceleration - 1.0).abs() < 1e-12);
+    assert_eq!(terms.total, terms.acceleration);
+    let extra = DVec3::X * statistics.acceleration.deviation()[0];
+    let squares: Vec<f64> = triplet
+        .free_vertices()
+        .map(|v| {
+            let moved = triplet.target[v] - triplet.current[v];
+            let mass = f64::from(sample.graph.vertex_mass()[v]);
+            let more = 0.5 * mass * (2.0 * moved.dot(extra) + extra.length_squared());
+            (more / statistics.kinetic_energy.deviation()[0]).powi(2)
+        })
+        .collect();
+    let expected = squares.iter().sum::<f64>() / squares.len() as f64;
+    let found = terms.kinetic_energy.expect("every term is reported");
+    assert!((found / expected - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_uniform_stretch_of_the_cloth_costs_what_it_says() {
+    // Without handles, predict the target scaled by 1 + s: d̄ - d = s d, and angles stay.
+    let mut sample = sample(40);
+    sample.graph = free(&sample.graph);
+    let triplet = sample.triplet();
+    let statistics = statistics(&triplet);
+    let scale = 0.01;
+    let deviation = vector(statistics.acceleration.deviation());
+    let predicted: Vec<f64> = perfect(&triplet, &statistics)
+        .chunks(3)
+        .zip(&sample.target)
+        .flat_map(|(row, &p)| (vector(row) + scale * p / deviation).to_array())
+        .collect();
+    let (terms, _) = evaluate(OFF, &sample, &predicted);
+    let edges = sample.graph.topology().edges();
+    let (mut by_vector, mut by_length) = (0.0, 0.0);
+    for edge in edges {
+        let [a, b] = edge.vertices.map(|v| sample.target[v.index()]);
+        let d = scale * (a - b);
+        by_vector += (d / vector(statistics.edge_vector.deviation())).length_squared();
+        by_length += (d.length() / statistics.edge_length.deviation()[0]).powi(2);
+    }
+    let count = edges.len() as f64;
+    let close = |found: Option<f64>, expected: f64| {
+        assert!((found.expect("reported") / expected - 1.0).abs() < 1e-9);
+    };
+    close(terms.edge_vector, by_vector / count);
+    close(terms.edge_length, by_length / count);
+    assert!(terms.bending_angle.expect("reported") < 1e-20);
+}
+
+fn free(graph: &ClothGraph) -> ClothGraph {
+    ClothGraph::new(ClothParts {
+        topology: graph.topology().clone(),
+        handles: Handles::new(&[], graph.vertex_count()).expect("none"),
+        vertex_mass: graph.vertex_mass().to_vec(),
+        face_area: graph.face_area().to_vec(),
+        material_coordinates: graph.material_coordinates().to_vec(),
+        rest_positions: graph.rest_positions().to_vec(),
+        environment: *graph.environment(),
+        frame_rate: graph.frame_rate(),
+    })
+    .expect("a cloth")
+}
+
+#[test]
+fn terms_of_weight_0_are_left_out_unless_asked_for_and_change_nothing() {
+    let sample = sample(40);
+    let triplet = sample.triplet();
+    let statistics = statistics(&triplet);
+    let predicted = numbers(3 * 40, 2);
+    let weights = LossWeights {
+        edge_length: 2.0,
+        ..OFF
+    };
+    let mut results = [Report::Weighted, Report::Every].map(|report| {
+        let mut gradient = vec![0.0; predicted.len()];
+        let mut evaluator = LossEvaluator::new(weights, report);
+        // Twice: buffers of the sample before must not show.
+        evaluator.evaluate(&triplet, &statistics, &numbers(3 * 40, 9), &mut gradient);
+        let terms = evaluator.evaluate(&triplet, &statistics, &predicted, &mut gradient);
+        (terms, gradient)
+    });
+    let [(some, some_gradient), (every, every_gradient)] = &mut results;
+    assert_eq!(
+        (some.total, &*some_gradient),
+        (every.total, &*every_gradient)
+    );
+    assert_eq!(
+        (some.kinetic_energy, some.edge_vector, some.bending_angle),
+        (None, None, None)
+    );
+    assert!(every.kinetic_energy.is_some() && every.edge_vector.is_some());
+    assert_eq!(
+        some.total,
+        some.acceleration + 2.0 * some.edge_length.expect("weighted")
+    );
+}
+
+#[test]
+fn f32_gives_the_same_as_f64_up_to_its_own_rounding() {
+    let sample = sample(40);
+    let triplet = sample.triplet();
+    let single: Vec<f32> = numbers(3 * 40, 4).iter().map(|&x| x as f32).collect();
+    let double: Vec<f64> = single.iter().map(|&x| f64::from(x)).collect();
+    let (terms, gradient) = evaluate(LossWeights::default(), &sample, &double);
+    let mut rounded = vec![0.0_f32; single.len()];
+    let mut evaluator = LossEvaluator::new(LossWeights::default(), Report::Every);
+    let found = evaluator.evaluate(&triplet, &statistics(&triplet), &single, &mut rounded);
+    assert_eq!(found, terms);
+    assert!(gradient.iter().zip(&rounded).all(|(&g, &r)| g as f32 == r));
+}
+
+#[test]
+fn statistics_count_free_vertices_and_edges_both_ways_and_merge() {
+    let sample = sample(40);
+    let triplet = sample.triplet();
+    let statistics = statistics(&triplet);
+    let energies: Vec<f64> = triplet
+        .free_vertices()
+        .map(|v| triplet.kinetic_energy(v, triplet.target[v]))
+        .collect();
+    let mean = energies.iter().sum::<f64>() / 38.0;
+    assert!((statistics.kinetic_energy.mean()[0] / mean - 1.0).abs() < 1e-12);
+    assert!(
+        statistics
+            .edge_vector
+            .mean()
+            .iter()
+            .all(|m| m.abs() < 1e-15)
+    );
+    let (mut twice, mut once) = <(RunningLossStatistics, RunningLossStatistics)>::default();
+    once.add(&triplet);
+    twice.merge(&once);
+    twice.merge(&once);
+    assert_eq!(twice.count(), 2.0 * once.count());
+    assert_eq!(
+        twice.freeze().acceleration.mean(),
+        once.freeze().acceleration.mean()
+    );
+}
+
+#[test]
+fn weights_are_checked_and_their_names_too() {
+    let weights = |text: &str| toml::from_str::<LossWeights>(text);
+    assert_eq!(weights("").expect("defaults"), LossWeights::default());
+    assert!(
+        weights("bending = 1.0")
+            .expect_err("a wrong name")
+            .to_string()
+            .contains("bending")
+    );
+    let negative = weights("edge_length = -1.0").expect("a number");
+    let message = negative.validate().expect_err("negative").to_string();
+    assert_eq!(
+        message,
+        "losses.edge_length must be finite and not negative, found -1"
+    );
+}

@@ -1,0 +1,213 @@
+//! The training loop: steps, lines of the log, checkpoints, until the last step, a time limit or
+//! the person says stop.
+//!
+//! The folder holds `config.toml` (resolved), `log.jsonl` (a line every `log_every` steps),
+//! `checkpoint.safetensors` (to go on from) and `model.safetensors` (to use), each written whole.
+
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use selvedge_data::{Dataset, WriteError, write_atomically};
+use selvedge_model::ModelFileError;
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::trainer::{StepReport, TrainError, Trainer};
+
+/// File names in the folder of a training.
+pub mod files {
+    /// To go on from.
+    pub const CHECKPOINT: &str = "checkpoint.safetensors";
+    /// To use.
+    pub const MODEL: &str = "model.safetensors";
+    /// One JSON object per line.
+    pub const LOG: &str = "log.jsonl";
+    /// The resolved configuration.
+    pub const CONFIG: &str = "config.toml";
+}
+
+/// When a run ends besides after its last step, and how often it saves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Stop cleanly after this time.
+    pub time: Option<Duration>,
+    /// Time between checkpoints.
+    pub checkpoint_every: Duration,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunEnd {
+    /// All steps are done.
+    Finished,
+    /// The time was up.
+    TimeUp,
+    /// The observer said stop.
+    Stopped,
+}
+
+/// Why a run failed; the last checkpoint is whole.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RunError {
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    #[error("cannot write the log {path}: {source}")]
+    Log {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("the model cannot be written: {0}")]
+    Model(#[from] ModelFileError),
+}
+
+/// A line of the log.
+#[derive(Serialize)]
+struct LogLine {
+    step: u64,
+    loss: f64,
+    acceleration: f64,
+    kinetic_energy: Option<f64>,
+    edge_vector: Option<f64>,
+    edge_length: Option<f64>,
+    bending_angle: Option<f64>,
+    gradient_norm: f64,
+    learning_rate: f64,
+    truth_probability: f64,
+}
+
+/// Sums of the steps since the last line.
+#[derive(Default)]
+struct Tally {
+    reports: Vec<StepReport>,
+}
+
+/// Trains until the last step, a limit, or until `observe` breaks; it is called after each step.
+///
+/// # Errors
+/// [`RunError`]; the last checkpoint is then whole.
+pub fn run(
+    trainer: &mut Trainer,
+    dataset: &Dataset,
+    folder: &Path,
+    limits: Limits,
+    observe: &mut dyn FnMut(&StepReport) -> ControlFlow<()>,
+) -> Result<RunEnd, RunError> {
+    let log_path = folder.join(files::LOG);
+    trim_log(&log_path, trainer.steps_done())?;
+    write_config(trainer, folder)?;
+    let mut tally = Tally::default();
+    let started = Instant::now();
+    let mut saved = Instant::now();
+    let end = loop {
+        if trainer.steps_done() >= trainer.config().steps {
+            break RunEnd::Finished;
+        }
+        if limits.time.is_some_and(|time| started.elapsed() >= time) {
+            break RunEnd::TimeUp;
+        }
+        let report = trainer.step()?;
+        let flow = observe(&report);
+        tally.reports.push(report);
+        if trainer
+            .steps_done()
+            .is_multiple_of(trainer.config().log_every)
+        {
+            append(&log_path, &tally.line())?;
+            tally.reports.clear();
+        }
+        if saved.elapsed() >= limits.checkpoint_every {
+            save(trainer, dataset, folder)?;
+            saved = Instant::now();
+        }
+        if flow.is_break() {
+            break RunEnd::Stopped;
+        }
+    };
+    save(trainer, dataset, folder)?;
+    Ok(end)
+}
+
+fn save(trainer: &Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
+    trainer.save(&folder.join(files::CHECKPOINT), dataset)?;
+    let account = serde_json::json!({
+        "config": trainer.config(),
+        "steps_done": trainer.steps_done(),
+        "dataset": dataset.index().name,
+    });
+    let bytes = trainer.model(account.to_string())?.to_bytes()?;
+    write_atomically(&folder.join(files::MODEL), |out| out.write_all(&bytes))?;
+    Ok(())
+}
+
+fn write_config(trainer: &Trainer, folder: &Path) -> Result<(), RunError> {
+    let text = toml::to_string(trainer.config()).unwrap_or_default();
+    write_atomically(&folder.join(files::CONFIG), |out| {
+        out.write_all(text.as_bytes())
+    })?;
+    Ok(())
+}
+
+impl Tally {
+    /// The means since the last line, with the rates of the last step.
+    fn line(&self) -> Option<LogLine> {
+        let last = self.reports.last()?;
+        let share = 1.0 / self.reports.len() as f64;
+        let mean =
+            |of: &dyn Fn(&StepReport) -> f64| share * self.reports.iter().map(of).sum::<f64>();
+        let some = |of: fn(&StepReport) -> Option<f64>| {
+            of(last).map(|_| mean(&|report| of(report).unwrap_or(0.0)))
+        };
+        Some(LogLine {
+            step: last.step,
+            loss: mean(&|r| r.terms.total),
+            acceleration: mean(&|r| r.terms.acceleration),
+            kinetic_energy: some(|r| r.terms.kinetic_energy),
+            edge_vector: some(|r| r.terms.edge_vector),
+            edge_length: some(|r| r.terms.edge_length),
+            bending_angle: some(|r| r.terms.bending_angle),
+            gradient_norm: mean(&|r| r.gradient_norm),
+            learning_rate: last.learning_rate,
+            truth_probability: last.truth_probability,
+        })
+    }
+}
+
+fn append(path: &Path, line: &Option<LogLine>) -> Result<(), RunError> {
+    let Some(line) = line else { return Ok(()) };
+    let written = serde_json::to_string(line)
+        .map_err(std::io::Error::from)
+        .and_then(|text| {
+            let mut file = OpenOptions::new().create(true).append(true).open(path)?;
+            file.write_all(format!("{text}\n").as_bytes())
+        });
+    written.map_err(|source| RunError::Log {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Drops the lines of steps that a resumed training will do again, and a line cut short.
+fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
+    let Ok(text) = std::fs::read_to_string(path) else {
+        return Ok(());
+    };
+    let step_of = |line: &str| -> Option<u64> {
+        let value: serde_json::Value = serde_json::from_str(line).ok()?;
+        value.get("step")?.as_u64()
+    };
+    let mut kept = String::new();
+    for line in text.lines() {
+        if step_of(line).is_some_and(|step| step <= steps_done) {
+            kept.push_str(line);
+            kept.push('\n');
+        }
+    }
+    write_atomically(path, |out| out.write_all(kept.as_bytes()))?;
+    Ok(())
+}
