@@ -20,7 +20,7 @@ const HELP: &str = "\
 usage: cargo xtask COMMAND
 
   ci      run every step of .ci/run: tests, format, lints, docs, tidy
-  tidy    check dependencies, file sizes, openings, equation labels, marks, cards and the code map
+  tidy    check dependencies, file sizes, openings, equation labels, marks, cards and documents
   help    print this text";
 
 fn main() -> ExitCode {

@@ -7,6 +7,7 @@
 mod cards;
 mod dependencies;
 mod equations;
+mod manifests;
 mod map;
 mod marks;
 mod sizes;
@@ -84,6 +85,7 @@ pub(crate) fn run() -> Result<()> {
 fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     let mut all = dependencies::check(graph);
     all.extend(sizes::check(tree));
+    all.extend(manifests::check(tree));
     all.extend(equations::check(tree));
     all.extend(marks::check(tree));
     all.extend(cards::check(tree));
