@@ -1,31 +1,41 @@
-//! Small irregular cloths for the tests of this crate: jittered grids, hanging and rippled.
+//! Small irregular cloths for the tests of this crate, hanging and rippled.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::{Environment, Handles, Mesh};
+use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::{Environment, Handles};
 
 use crate::frame::Yaw;
 use crate::graph::ClothParts;
 
-/// A hanging square of `side` × `side` vertices, handles at its upper corners, at rest slightly
-/// rippled; the air moves.
+/// A hanging square of `side`² vertices, its handles the upper corners (right one first), at rest
+/// slightly rippled; the air moves.
 pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
-    let mesh = mesh(side, seed);
-    let rest = mesh.rest_shape(0.15);
-    let positions = mesh.positions().iter().map(|p| p.as_vec3()).collect();
-    let coordinates = mesh.material_coordinates();
-    let (last, corner) = (side * side - 1, side * (side - 1));
+    let vertices = side * side;
+    let spec = SquareSpec {
+        vertices,
+        size: 1.0,
+        seed,
+    };
+    let sheet = square(&spec).expect("a square");
+    let [left, right] = sheet.labels["upper-corners"][..] else {
+        panic!("two upper corners");
+    };
+    let (mesh, rest) = (&sheet.mesh, sheet.mesh.rest_shape(0.15));
+    let coordinates = mesh.material_coordinates().iter().map(|c| c.as_vec2());
+    let ripple = |p: &DVec3| DVec3::new(0.05 * (9.0 * p.z).sin() * p.y, p.y, p.z);
     ClothParts {
         topology: mesh.topology().clone(),
-        handles: Handles::new(&[last as u32, corner as u32], side * side).expect("two corners"),
+        handles: Handles::new(&[right, left], vertices).expect("two corners"),
         vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
         face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
-        material_coordinates: coordinates
+        material_coordinates: coordinates.collect(),
+        rest_positions: mesh
+            .positions()
             .iter()
-            .map(|c| Vec2::new(c.x as f32, c.y as f32))
+            .map(|p| ripple(p).as_vec3())
             .collect(),
-        rest_positions: positions,
         environment: Environment {
             wind: DVec3::new(0.4, 0.1, -0.7),
             air_drag: 0.3,
@@ -33,37 +43,6 @@ pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
         },
         frame_rate: 60.0,
     }
-}
-
-fn mesh(side: usize, seed: u64) -> Mesh {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let step = 1.0 / (side - 1) as f64;
-    let mut coordinates = Vec::new();
-    for row in 0..side {
-        for column in 0..side {
-            let jitter = DVec2::new(rng.random::<f64>(), rng.random::<f64>()) - 0.5;
-            let place = DVec2::new(column as f64, row as f64);
-            coordinates.push(step * (place + 0.3 * jitter));
-        }
-    }
-    let mut faces = Vec::new();
-    for row in 0..side as u32 - 1 {
-        for column in 0..side as u32 - 1 {
-            let a = row * side as u32 + column;
-            let (b, c, d) = (a + 1, a + 1 + side as u32, a + side as u32);
-            let split = if rng.random::<bool>() {
-                [[a, b, c], [c, d, a]]
-            } else {
-                [[b, c, d], [d, a, b]]
-            };
-            faces.extend(split);
-        }
-    }
-    let positions = coordinates
-        .iter()
-        .map(|c| DVec3::new(0.05 * (9.0 * c.x).sin() * (1.0 - c.y), c.y - 1.0, c.x - 0.5))
-        .collect();
-    Mesh::new(&faces, coordinates, positions).expect("a jittered grid")
 }
 
 /// `positions` moved at random by up to `size` [m] per coordinate.
