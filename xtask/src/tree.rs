@@ -28,7 +28,7 @@ pub(crate) struct Tree {
     pub(crate) sizes: BTreeMap<String, u64>,
 }
 
-/// Files larger than this are data, whatever they contain [bytes].
+/// Files larger than this are data, whatever they contain (in bytes).
 const LARGEST_TEXT: u64 = 1 << 20;
 
 impl Tree {

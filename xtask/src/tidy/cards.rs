@@ -15,7 +15,7 @@ const HEADINGS: [&str; 7] = [
     "known failures",
 ];
 
-/// All that is carried along: assets, and arrays wherever they lie [bytes].
+/// All that is carried along: assets, and arrays wherever they lie (in bytes).
 const LARGEST_CARGO: u64 = 40_000_000;
 const ARRAYS: [&str; 5] = [".safetensors", ".npy", ".npz", ".bin", ".tfrecord"];
 

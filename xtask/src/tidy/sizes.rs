@@ -4,7 +4,7 @@
 use super::Violation;
 use crate::tree::{TextFile, Tree};
 
-/// No file is longer than this [lines].
+/// No file is longer than this (in lines).
 const HARD_LIMIT: usize = 600;
 
 /// What files aim for [lines]; longer ones are noted.
