@@ -107,9 +107,9 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 /// One frame of the network's window.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
-    /// World positions one frame earlier [m], `[vertices]`.
+    /// World positions one frame earlier `[m]`, `[vertices]`.
     pub previous: &'a [Vec3],
-    /// World positions in this frame [m], `[vertices]`.
+    /// World positions in this frame `[m]`, `[vertices]`.
     pub current: &'a [Vec3],
     /// The local frame that features are expressed in: that of the *newest* frame of the window.
     pub yaw: Yaw,
@@ -202,7 +202,7 @@ fn velocity(pose: Pose<'_>, mut out: Columns<'_>) {
 
 /// Gravity on each vertex and, of each face, a third of the drag of the air on each corner
 /// `[eq:external-force]`: f = m g + ⅓ Σ A (ρ |vₙ| vₙ n + c v_t) over the faces of a vertex, with
-/// the air's velocity relative to the face v = wind - mean corner velocity [m/s], vₙ = n·v,
+/// the air's velocity relative to the face v = wind - mean corner velocity `[m/s]`, vₙ = n·v,
 /// v_t = v - vₙ n.
 fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
     let environment = graph.environment();
@@ -303,7 +303,7 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
     }
 }
 
-/// The bending angle of a hinge [rad], in (-π, π] `[eq:bending-angle]`:
+/// The bending angle of a hinge `[rad]`, in (-π, π] `[eq:bending-angle]`:
 /// θ = atan2(-|e| n_l·r, n_l·n_r) with e = to - from, n_l = e × (left - from), r = right - from,
 /// n_r = r × e. Positive where the right wing falls away from the normals. 0 for a degenerate face.
 fn bending_angle(hinge: &Hinge, positions: &[Vec3]) -> f32 {

@@ -27,7 +27,7 @@ impl Yaw {
     /// The world's own axes.
     pub const WORLD: Self = Self { cos: 1.0, sin: 0.0 };
 
-    /// The rotation by `angle` about +y [rad].
+    /// The rotation by `angle` about +y `[rad]`.
     #[must_use]
     pub fn from_angle(angle: f64) -> Self {
         Self {
@@ -36,7 +36,7 @@ impl Yaw {
         }
     }
 
-    /// The angle of rotation about +y [rad], in (-π, π].
+    /// The angle of rotation about +y `[rad]`, in (-π, π].
     #[must_use]
     pub fn angle(self) -> f64 {
         self.sin.atan2(self.cos)
@@ -106,12 +106,12 @@ pub struct LocalFrame {
     rest_yaw: Yaw,
     /// Handles at rest about their centroid, horizontally, as complex numbers z + i x.
     rest: Vec<DVec2>,
-    /// Σ |rest|² [m²]; 0 where the handles have no horizontal direction.
+    /// Σ |rest|² `[m²]`; 0 where the handles have no horizontal direction.
     spread: f64,
 }
 
 impl LocalFrame {
-    /// The frame of a cloth whose handles rest at `rest_handle_positions` [m], `[handles]`.
+    /// The frame of a cloth whose handles rest at `rest_handle_positions` `[m]`, `[handles]`.
     #[must_use]
     pub fn new(rest_handle_positions: &[Vec3]) -> Self {
         let count = rest_handle_positions.len().max(1) as f64;
@@ -144,7 +144,7 @@ impl LocalFrame {
         self.rest_yaw
     }
 
-    /// The yaw when the handles are at `handle_positions` [m], `[handles]`: that of the rest pose
+    /// The yaw when the handles are at `handle_positions` `[m]`, `[handles]`: that of the rest pose
     /// turned by ψ = arg Σ conj(aᵢ) bᵢ, the rotation that minimises Σ |bᵢ - e^{iψ} aᵢ|² over
     /// handles at rest a and now b, horizontal and about their centroids `[eq:local-frame]`.
     ///

@@ -18,13 +18,13 @@ pub struct ClothParts {
     pub topology: Topology,
     /// The vertices whose motion is given.
     pub handles: Handles,
-    /// Mass of each vertex [kg], `[vertices]`.
+    /// Mass of each vertex `[kg]`, `[vertices]`.
     pub vertex_mass: Vec<f32>,
-    /// Area of each face in material space [m²], `[faces]`.
+    /// Area of each face in material space `[m²]`, `[faces]`.
     pub face_area: Vec<f32>,
-    /// Flat coordinates of the unstrained cloth [m], `[vertices]`.
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
     pub material_coordinates: Vec<Vec2>,
-    /// The sagged rest pose in the world [m], `[vertices]`.
+    /// The sagged rest pose in the world `[m]`, `[vertices]`.
     pub rest_positions: Vec<Vec3>,
     /// Gravity and air.
     pub environment: Environment,
@@ -146,25 +146,25 @@ impl ClothGraph {
         &self.handle_mask
     }
 
-    /// Mass of each vertex [kg], `[vertices]`.
+    /// Mass of each vertex `[kg]`, `[vertices]`.
     #[must_use]
     pub fn vertex_mass(&self) -> &[f32] {
         &self.parts.vertex_mass
     }
 
-    /// Area of each face in material space [m²], `[faces]`.
+    /// Area of each face in material space `[m²]`, `[faces]`.
     #[must_use]
     pub fn face_area(&self) -> &[f32] {
         &self.parts.face_area
     }
 
-    /// Flat coordinates of the unstrained cloth [m], `[vertices]`.
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
     #[must_use]
     pub fn material_coordinates(&self) -> &[Vec2] {
         &self.parts.material_coordinates
     }
 
-    /// The sagged rest pose in the world [m], `[vertices]`.
+    /// The sagged rest pose in the world `[m]`, `[vertices]`.
     #[must_use]
     pub fn rest_positions(&self) -> &[Vec3] {
         &self.parts.rest_positions
@@ -230,14 +230,14 @@ impl ClothGraph {
         &self.hinges
     }
 
-    /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame [m],
+    /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,
     /// `[edges]`.
     #[must_use]
     pub fn rest_vectors(&self) -> &[Vec3] {
         &self.rest_vectors
     }
 
-    /// Length of each edge in the sagged rest pose [m], `[edges]`.
+    /// Length of each edge in the sagged rest pose `[m]`, `[edges]`.
     #[must_use]
     pub fn rest_lengths(&self) -> &[f32] {
         &self.rest_lengths

@@ -27,11 +27,11 @@ pub struct ModelSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NodeFeature {
-    /// p^t - p^{t-1} [m/frame], 3 columns.
+    /// p^t - p^{t-1} `[m/frame]`, 3 columns.
     Velocity,
-    /// Gravity and air [N], 3 columns.
+    /// Gravity and air `[N]`, 3 columns.
     ExternalForce,
-    /// m |v|² / 2 [kg m²/frame²], 1 column.
+    /// m |v|² / 2 `[kg m²/frame²]`, 1 column.
     KineticEnergy,
     /// One-hot of 9: free vertex = 0, handle = 1.
     NodeType,
@@ -41,15 +41,15 @@ pub enum NodeFeature {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EdgeFeature {
-    /// p_sender - p_receiver and its length [m], 4 columns.
+    /// p_sender - p_receiver and its length `[m]`, 4 columns.
     Vector,
-    /// The same in the sagged rest pose [m], 4 columns.
+    /// The same in the sagged rest pose `[m]`, 4 columns.
     RestVector,
-    /// The same in material space [m], 3 columns (the baseline's rest feature).
+    /// The same in material space `[m]`, 3 columns (the baseline's rest feature).
     MaterialVector,
-    /// Elongation against the sagged rest pose [m], 1 column.
+    /// Elongation against the sagged rest pose `[m]`, 1 column.
     Elongation,
-    /// Signed dihedral angle [rad], 1 column.
+    /// Signed dihedral angle `[rad]`, 1 column.
     BendingAngle,
 }
 

@@ -45,7 +45,7 @@ pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
     }
 }
 
-/// `positions` moved at random by up to `size` [m] per coordinate.
+/// `positions` moved at random by up to `size` `[m]` per coordinate.
 pub(crate) fn shaken(positions: &[Vec3], size: f32, seed: u64) -> Vec<Vec3> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draw = || size * (2.0 * rng.random::<f32>() - 1.0);

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-/// Length of `d` [m] and its gradient d / |d|.
+/// Length of `d` `[m]` and its gradient d / |d|.
 pub(super) fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
     let length = d.length();
     let gradient = if length > 0.0 {
@@ -17,7 +17,7 @@ pub(super) fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
     (length, gradient)
 }
 
-/// The bending angle [rad] of the hinge `[from, to, left, right]`, as the feature has it.
+/// The bending angle `[rad]` of the hinge `[from, to, left, right]`, as the feature has it.
 pub(super) fn bending_angle([from, to, left, right]: [DVec3; 4]) -> f64 {
     let (along, to_right) = (to - from, right - from);
     let normal_left = along.cross(left - from);
@@ -25,7 +25,7 @@ pub(super) fn bending_angle([from, to, left, right]: [DVec3; 4]) -> f64 {
     sine.atan2(normal_left.dot(to_right.cross(along)))
 }
 
-/// The bending angle [rad] and its gradient [rad/m] with respect to the four points
+/// The bending angle `[rad]` and its gradient `[rad/m]` with respect to the four points
 /// `[eq:bending-angle-gradient]`: with e = to - from, n_l = e × (left - from),
 /// n_r = (right - from) × e and the feet of the wings at the parts s_l, s_r of the edge,
 /// ∂θ/∂left = g_l = -|e| n_l/|n_l|², ∂θ/∂right = g_r = -|e| n_r/|n_r|²,
@@ -74,6 +74,10 @@ mod tests {
         [-1.0..1.0, -1.0..1.0, -1.0..1.0_f64].prop_map(DVec3::from)
     }
 
+    fn hinge() -> impl Strategy<Value = [DVec3; 4]> {
+        [point(), point(), point(), point()]
+    }
+
     /// The central difference of `value` at coordinate `axis` of point `k`.
     fn slope(
         mut points: [DVec3; 4],
@@ -90,17 +94,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_gradient_of_the_angle_matches_finite_differences(hinge in [point(), point(), point(), point()]) {
-            let [from, to, left, right] = hinge;
+        fn the_gradient_of_the_angle_matches_finite_differences(points in hinge()) {
+            let [from, to, left, right] = points;
             let along = (to - from).normalize_or_zero();
             let height = |p: DVec3| along.cross(p - from).length();
             // Curvature grows with 1/height²; keep the wings and the edge of order 1.
             prop_assume!(from.distance(to) > 0.3 && height(left) > 0.3 && height(right) > 0.3);
-            let (angle, gradient) = bending_angle_with_gradient(hinge);
+            let (angle, gradient) = bending_angle_with_gradient(points);
             prop_assert!((angle + dihedral_angle(from, to, left, right)).abs() < 1e-12);
             for (k, by_point) in gradient.iter().enumerate() {
                 for (axis, found) in by_point.to_array().into_iter().enumerate() {
-                    let expected = slope(hinge, k, axis, bending_angle);
+                    let expected = slope(points, k, axis, bending_angle);
                     // Third derivatives below 1e3 times STEP², and rounding 1e-16 / STEP.
                     prop_assert!((found - expected).abs() < 2e-8 * (1.0 + expected.abs()));
                 }
@@ -108,14 +112,14 @@ mod tests {
         }
 
         #[test]
-        fn the_angle_does_not_change_under_rigid_motion(hinge in [point(), point(), point(), point()]) {
-            let [from, to, left, right] = hinge;
+        fn the_angle_does_not_change_under_rigid_motion(points in hinge()) {
+            let [from, to, left, right] = points;
             prop_assume!(from.distance(to) > 0.1);
             prop_assume!((to - from).cross(left - from).length() > 0.03);
             prop_assume!((to - from).cross(right - from).length() > 0.03);
-            let (_, gradient) = bending_angle_with_gradient(hinge);
+            let (_, gradient) = bending_angle_with_gradient(points);
             let force: DVec3 = gradient.iter().sum();
-            let torque: DVec3 = hinge.iter().zip(gradient).map(|(p, g)| p.cross(g)).sum();
+            let torque: DVec3 = points.iter().zip(gradient).map(|(p, g)| p.cross(g)).sum();
             // Gradients up to 1/0.03.
             prop_assert!(force.length() < 1e-12 && torque.length() < 1e-11);
         }

@@ -84,7 +84,7 @@ impl LossWeights {
     }
 }
 
-/// Three consecutive frames of a cloth, all in the same axes [m], `[vertices]` each.
+/// Three consecutive frames of a cloth, all in the same axes `[m]`, `[vertices]` each.
 #[derive(Clone, Copy, Debug)]
 pub struct Triplet<'a> {
     /// The cloth.
@@ -98,12 +98,12 @@ pub struct Triplet<'a> {
 }
 
 impl Triplet<'_> {
-    /// The target's acceleration of vertex `v` [m/frame²].
+    /// The target's acceleration of vertex `v` `[m/frame²]`.
     fn acceleration(&self, v: usize) -> DVec3 {
         (self.target[v] - self.current[v]) - (self.current[v] - self.previous[v])
     }
 
-    /// Kinetic energy of vertex `v` on its way to `next` [kg m²/frame²].
+    /// Kinetic energy of vertex `v` on its way to `next` `[kg m²/frame²]`.
     fn kinetic_energy(&self, v: usize, next: DVec3) -> f64 {
         let mass = f64::from(self.graph.vertex_mass()[v]);
         0.5 * mass * (next - self.current[v]).length_squared()
@@ -150,7 +150,7 @@ pub struct LossTerms {
 pub struct LossEvaluator {
     weights: LossWeights,
     report: Report,
-    /// p̄ [m], `[vertices]`.
+    /// p̄ `[m]`, `[vertices]`.
     positions: Vec<DVec3>,
     /// ∂(weighted position terms)/∂p̄, `[vertices]`.
     by_position: Vec<DVec3>,
@@ -225,7 +225,7 @@ impl LossEvaluator {
         (weight > 0.0 || self.report == Report::Every).then(|| compute(self, weight))
     }
 
-    /// p̄ = a + 2 p - p_previous for free vertices `[eq:integration]`, the target for handles.
+    /// p̄ = a + 2 p - p_previous for free vertices, the target for handles.
     fn predict_positions<T: Real>(
         &mut self,
         triplet: &Triplet<'_>,

@@ -11,15 +11,15 @@ use super::geometry::bending_angle;
 /// Frozen statistics of what the losses compare.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LossStatistics {
-    /// Acceleration of a free vertex [m/frame²], width 3: the network's output.
+    /// Acceleration of a free vertex `[m/frame²]`, width 3: the network's output.
     pub acceleration: Normalizer,
-    /// Kinetic energy of a free vertex [kg m²/frame²], width 1.
+    /// Kinetic energy of a free vertex `[kg m²/frame²]`, width 1.
     pub kinetic_energy: Normalizer,
-    /// Vector of an edge, both ways [m], width 3.
+    /// Vector of an edge, both ways `[m]`, width 3.
     pub edge_vector: Normalizer,
-    /// Length of an edge [m], width 1.
+    /// Length of an edge `[m]`, width 1.
     pub edge_length: Normalizer,
-    /// Bending angle of an edge [rad], 0 on the boundary, width 1.
+    /// Bending angle of an edge `[rad]`, 0 on the boundary, width 1.
     pub bending_angle: Normalizer,
 }
 
