@@ -275,3 +275,6 @@ fn changed_rectangle(changes: &[u8], width: usize) -> [std::ops::Range<usize>; 2
         [0..1, 0..1]
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,6 +8,21 @@
 //! Conventions: metres and seconds, y up; pixels count from the top left corner, x to the right and
 //! y down; colours are sRGB outside and linear light inside. This crate opens no files: images are
 //! written to any [`std::io::Write`].
+//!
+//! ```
+//! use glam::Vec3;
+//! use selvedge_cloth::{Topology, VertexId};
+//! use selvedge_view::{Colouring, Panel, Run, StillSettings, still};
+//!
+//! let topology = Topology::new(3, &[[0, 1, 2]])?;
+//! let frame = [Vec3::ZERO, Vec3::Z, Vec3::Y];
+//! let run = Run::new(&topology, [&frame[..]], &[VertexId(2)], 60.0)?;
+//! let panel = Panel { label: "", run: &run, colouring: Colouring::Plain };
+//! let settings = StillSettings { size: [64, 48], ..StillSettings::default() };
+//! let png = still(&panel, 0, &settings)?.to_png()?;
+//! assert_eq!(png[1..4], *b"PNG");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod backdrop;
 mod camera;
@@ -15,6 +30,7 @@ mod clip;
 mod colour;
 mod colour_bar;
 mod error;
+mod field;
 mod font;
 mod image;
 mod page;
@@ -30,8 +46,9 @@ pub use camera::{Camera, Orbit, Projected, Stage};
 pub use clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
 pub use colour::{ColourMap, Rgb};
 pub use error::ViewError;
+pub use field::ScalarField;
 pub use image::Image;
 pub use raster::{EdgeLines, Renderer, Supersampling};
-pub use run::{Colouring, Panel, Run, ScalarField};
+pub use run::{Colouring, Panel, Run};
 pub use sheet::{SheetSettings, StillSettings, contact_sheet, still};
 pub use text::{Align, TextStyle, draw_text, text_width};

@@ -40,7 +40,8 @@ impl<'a> Page<'a> {
         }
         let shorter = tile[0].min(tile[1]) as f32;
         let caption = (shorter / 30.0).clamp(7.0, 18.0).round();
-        let labelled = panels.iter().any(|panel| !panel.label.is_empty());
+        // A lone panel has the title for its label.
+        let labelled = panels.len() > 1 && panels.iter().any(|panel| !panel.label.is_empty());
         let page = Self {
             title,
             fields,
@@ -106,7 +107,9 @@ impl<'a> Page<'a> {
         let inset = 1.1 * self.caption;
         let style = self.style(1.05 * self.caption, 0.14, LABEL_INK);
         let base = top - 0.6 * self.caption;
-        draw_text(page, label, [left, base], &style);
+        if self.strip > 0 {
+            draw_text(page, label, [left, base], &style);
+        }
         let style = self.style(0.9 * self.caption, 0.11, CAPTION_INK);
         let base = top + self.tile[1] as f32 - inset;
         draw_text(page, caption, [left + inset, base], &style);

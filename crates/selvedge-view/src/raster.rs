@@ -6,6 +6,8 @@
 //! an edge, bᵢ · 2 area / length, draws the edge lines in the same pass. Samples are averaged in
 //! linear light. Triangles that reach behind the camera are left out.
 
+mod triangle;
+
 use std::ops::Range;
 
 use glam::{Vec2, Vec3, Vec3A};
@@ -16,9 +18,10 @@ use crate::camera::{Camera, Stage};
 use crate::colour::{Encoder, Linear16, to_linear, to_linear16};
 use crate::image::check_size;
 use crate::run::check_panels;
-use crate::shade::{HANDLE, HANDLE_RING, Point, Shader, Side, ValueColours};
+use crate::shade::{HANDLE, HANDLE_RING, Shader, ValueColours};
 use crate::surface::Surface;
 use crate::{Image, Panel, ViewError};
+use triangle::{Pen, ScreenVertex, Triangle, bounds};
 
 /// Samples along each side of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,20 +76,7 @@ pub struct Renderer {
     touched: [Range<usize>; 2],
 }
 
-/// A vertex on the screen.
-#[derive(Clone, Copy, Debug)]
-struct ScreenVertex {
-    /// In samples from the top left corner.
-    place: Vec2,
-    /// 1/depth [1/m]; 0 behind the camera.
-    nearness: f32,
-    normal: Vec3A,
-    hollow: f32,
-    value: f32,
-}
-
-/// Lines are this wide [pixels] on a picture 480 pixels high.
-const EDGE_WIDTH: f32 = 0.8;
+/// The border is this wide [pixels] on a picture 480 pixels high; handles have this radius.
 const BORDER_WIDTH: f32 = 2.4;
 const HANDLE_RADIUS: f32 = 4.6;
 /// A handle shows through cloth that hides it by less than this part of its distance.
@@ -148,7 +138,11 @@ impl Renderer {
         self.clear();
         self.fill_faces(topology, colours.as_ref());
         if self.lines != EdgeLines::None {
-            self.fill_border(topology);
+            let tint = match field {
+                None => self.shader.border,
+                Some(_) => self.shader.value_border,
+            };
+            self.fill_border(topology, tint);
         }
         self.fill_handles(panel.run.handles());
         self.resolve()
@@ -250,9 +244,8 @@ impl Renderer {
     }
 
     /// Draws the boundary edges as round-ended lines over the cloth.
-    fn fill_border(&mut self, topology: &Topology) {
+    fn fill_border(&mut self, topology: &Topology, tint: Vec3A) {
         let radius = 0.5 * BORDER_WIDTH * self.line_scale();
-        let tint = self.shader.border;
         for edge in topology.edges().iter().filter(|edge| edge.is_boundary()) {
             let [from, to] = edge.vertices.map(|vertex| self.vertices[vertex.index()]);
             if from.nearness <= 0.0 || to.nearness <= 0.0 {
@@ -361,147 +354,5 @@ impl Renderer {
     }
 }
 
-/// A triangle on the screen, ready to be filled. Weights are barycentric, one per corner.
-#[derive(Clone, Copy, Debug)]
-struct Triangle {
-    places: [Vec2; 3],
-    /// Whether its front is seen.
-    front: bool,
-    /// Change of the weights per sample to the right and down [1/sample].
-    across: Vec3A,
-    down: Vec3A,
-    nearness: Vec3A,
-    /// Normals times nearness, towards the visible side.
-    normals: [Vec3A; 3],
-    hollow: Vec3A,
-    values: Vec3A,
-    /// Samples of distance from the opposite edge per unit of weight.
-    heights: Vec3A,
-    /// Half the width of the edge lines [samples], and how much they cover.
-    half_width: f32,
-    faint: f32,
-}
-
-/// How the lines of a picture are drawn.
-#[derive(Clone, Copy, Debug)]
-struct Pen {
-    lines: EdgeLines,
-    /// Samples per pixel of line width.
-    scale: f32,
-    /// Samples along a side of a pixel.
-    factor: f32,
-}
-
-impl Triangle {
-    /// `None` for a triangle that reaches behind the camera or is seen edge-on.
-    fn new(corners: [ScreenVertex; 3], pen: Pen) -> Option<Self> {
-        let places = corners.map(|corner| corner.place);
-        let [a, b, c] = places;
-        // Twice the signed area; y runs down, so that the front has a negative one.
-        let doubled_area = (b - a).perp_dot(c - a);
-        let nearness = Vec3A::from_array(corners.map(|corner| corner.nearness));
-        if nearness.min_element() <= 0.0 || doubled_area.abs() < 1e-9 {
-            return None;
-        }
-        let front = doubled_area < 0.0;
-        let sign = if front { 1.0 } else { -1.0 };
-        let lengths = Vec3A::new(b.distance(c), c.distance(a), a.distance(b));
-        // Inner lines fade where the mesh is finer than they could show.
-        let longest = lengths.max_element() / pen.factor;
-        let faint = 0.30 * ((longest - 5.0) / 8.0).clamp(0.0, 1.0);
-        Some(Self {
-            places,
-            front,
-            across: Vec3A::new(b.y - c.y, c.y - a.y, a.y - b.y) / doubled_area,
-            down: Vec3A::new(c.x - b.x, a.x - c.x, b.x - a.x) / doubled_area,
-            nearness,
-            normals: corners.map(|corner| corner.normal * (sign * corner.nearness)),
-            hollow: Vec3A::from_array(corners.map(|corner| corner.hollow)) * sign,
-            values: Vec3A::from_array(corners.map(|corner| corner.value * corner.nearness)),
-            heights: doubled_area.abs() / lengths,
-            half_width: 0.5 * EDGE_WIDTH * pen.scale,
-            faint: match pen.lines {
-                EdgeLines::All => faint,
-                EdgeLines::None | EdgeLines::Border => 0.0,
-            },
-        })
-    }
-
-    fn side(&self, shader: &Shader) -> Side {
-        if self.front {
-            shader.front
-        } else {
-            shader.back
-        }
-    }
-
-    fn bounds(&self, width: usize, height: usize) -> Option<[Range<usize>; 2]> {
-        bounds(self.places, 0.0, width, height)
-    }
-
-    /// The weights at `sample`; none is negative inside.
-    #[inline]
-    fn weights(&self, sample: Vec2) -> Vec3A {
-        // Measured from a corner, so that large coordinates cost no accuracy.
-        let offset = sample - self.places[0];
-        Vec3A::X + self.across * offset.x + self.down * offset.y
-    }
-
-    /// The part of `columns` in which no weight is negative, give or take one column, in a row
-    /// that starts with weights `start`.
-    #[inline]
-    fn span(&self, start: Vec3A, columns: &Range<usize>) -> Range<usize> {
-        let (mut first, mut last) = (columns.start as f32, columns.end as f32);
-        for (weight, slope) in start.to_array().into_iter().zip(self.across.to_array()) {
-            let zero = -weight / slope;
-            if slope > 0.0 {
-                first = first.max(zero - 0.5);
-            } else if slope < 0.0 {
-                last = last.min(zero + 1.5);
-            }
-        }
-        first as usize..last as usize
-    }
-
-    /// The surface at `weights`, seen from its visible side.
-    #[inline]
-    fn point_at(&self, weights: Vec3A) -> Point {
-        let [a, b, c] = self.normals;
-        let [u, v, w] = weights.to_array();
-        Point {
-            normal: (a * u + b * v + c * w).normalize_or_zero(),
-            hollow: weights.dot(self.hollow),
-        }
-    }
-
-    /// The value at `weights`.
-    #[inline]
-    fn value_at(&self, weights: Vec3A, nearness: f32) -> f32 {
-        weights.dot(self.values) / nearness
-    }
-
-    /// How much of a sample is covered by edge lines, in [0, 1].
-    #[inline]
-    fn line_at(&self, weights: Vec3A) -> f32 {
-        let nearest = (weights * self.heights).min_element();
-        self.faint * (self.half_width + 0.5 - nearest).clamp(0.0, 1.0)
-    }
-}
-
-/// The columns and rows of samples whose middles can lie within `reach` of a triangle.
-fn bounds(
-    corners: [Vec2; 3],
-    reach: f32,
-    width: usize,
-    height: usize,
-) -> Option<[Range<usize>; 2]> {
-    let [a, b, c] = corners;
-    let low = a.min(b).min(c) - reach;
-    let high = a.max(b).max(c) + reach;
-    let range = |low: f32, high: f32, count: usize| {
-        let first = (low - 0.5).ceil().max(0.0) as usize;
-        let last = ((high + 0.5).floor().max(0.0) as usize).min(count);
-        (first < last).then_some(first..last)
-    };
-    Some([range(low.x, high.x, width)?, range(low.y, high.y, height)?])
-}
+#[cfg(test)]
+mod tests;

@@ -11,12 +11,14 @@ use crate::colour::to_linear;
 use crate::{ColourMap, Rgb};
 
 /// Indigo warp in front, ecru weft at the back, and the red thread of a selvedge at the border.
-const FRONT: Rgb = [72, 114, 184];
+const FRONT: Rgb = [58, 96, 158];
 const BACK: Rgb = [214, 194, 160];
 const EDGE_FRONT: Rgb = [20, 38, 80];
 const EDGE_BACK: Rgb = [128, 98, 62];
 /// The border of the cloth.
-pub(crate) const BORDER: Rgb = [196, 52, 44];
+const BORDER: Rgb = [190, 50, 44];
+/// The border of a cloth that is coloured by numbers: no hue that could be read as one.
+const VALUE_BORDER: Rgb = [52, 52, 60];
 /// Handles.
 pub(crate) const HANDLE: Rgb = [236, 124, 36];
 /// Around handles.
@@ -48,13 +50,14 @@ pub(crate) struct Shader {
     pub(crate) front: Side,
     pub(crate) back: Side,
     pub(crate) border: Vec3A,
+    pub(crate) value_border: Vec3A,
 }
 
 impl Shader {
     pub(crate) fn new(camera: &Camera) -> Self {
         let [eye, right] = [camera.backward(), camera.right()].map(Vec3A::from);
         let level = Vec3A::new(eye.x, 0.0, eye.z).normalize_or(eye);
-        let key = (-0.80 * right + 0.70 * Vec3A::Y + 0.35 * level).normalize();
+        let key = (-0.85 * right + 0.75 * Vec3A::Y + 0.12 * level).normalize();
         let fill = (0.9 * right + 0.1 * Vec3A::Y + 0.35 * level).normalize();
         Self {
             key,
@@ -70,6 +73,7 @@ impl Shader {
                 edge: to_linear(EDGE_BACK).into(),
             },
             border: to_linear(BORDER).into(),
+            value_border: to_linear(VALUE_BORDER).into(),
         }
     }
 
@@ -87,13 +91,13 @@ impl Shader {
     pub(crate) fn cloth(&self, tint: Vec3A, point: Point) -> Vec3A {
         let normal = point.normal;
         // Wrapped: light reaches a little behind the terminator, as it does in woven cloth.
-        let key = ((normal.dot(self.key) + 0.18) / 1.18).max(0.0);
+        let key = ((normal.dot(self.key) + 0.12) / 1.12).max(0.0);
         let fill = normal.dot(self.fill).max(0.0);
         let sky = 0.5 + 0.5 * normal.y;
-        let shelter = (1.0 - 1.9 * point.hollow).clamp(0.45, 1.25);
-        let light = Vec3A::new(1.06, 1.0, 0.92) * (1.15 * key)
+        let shelter = (1.0 - 2.6 * point.hollow).clamp(0.4, 1.3);
+        let light = Vec3A::new(1.06, 1.0, 0.92) * (1.35 * key)
             + Vec3A::new(0.70, 0.82, 1.0) * (0.20 * fill)
-            + Vec3A::new(0.28, 0.30, 0.34) * (0.60 + 0.6 * sky) * shelter;
+            + Vec3A::new(0.21, 0.23, 0.27) * (0.55 + 0.6 * sky) * shelter;
         let grazing = 1.0 - normal.dot(self.eye).clamp(0.0, 1.0);
         let sheen = 0.10 * grazing * grazing * grazing;
         let highlight = normal.dot(self.half).max(0.0);

@@ -162,6 +162,9 @@ fn evenly_spaced(frames: usize, count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Colouring;
+    use glam::Vec3;
+    use selvedge_cloth::Topology;
 
     #[test]
     fn frames_are_spread_from_the_first_to_the_last() {
@@ -169,5 +172,57 @@ mod tests {
         assert_eq!(evenly_spaced(10, 4), [0, 3, 6, 9]);
         assert_eq!(evenly_spaced(3, 8), [0, 1, 2]);
         assert_eq!(evenly_spaced(9, 1), [0]);
+    }
+
+    #[test]
+    fn a_sheet_holds_the_same_pictures_as_stills() {
+        let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+        let frames: Vec<[Vec3; 3]> = (0..6)
+            .map(|k| [Vec3::ZERO, Vec3::Y, Vec3::Z].map(|p| p + 0.1 * k as f32 * Vec3::Z))
+            .collect();
+        let slices = frames.iter().map(<[Vec3; 3]>::as_slice);
+        let run = Run::new(&topology, slices, &[], 60.0).unwrap();
+        let panels = ["truth", "prediction"].map(|label| Panel {
+            label,
+            run: &run,
+            colouring: Colouring::Plain,
+        });
+        let settings = SheetSettings {
+            tile: [60, 50],
+            columns: 2,
+            pictures: 3,
+            supersampling: Supersampling::One,
+            ..SheetSettings::default()
+        };
+        let sheet = contact_sheet("Title", &panels, &settings).unwrap();
+        let page = Page::new("Title", &panels, settings.tile, [2, 4]).unwrap();
+        let one = StillSettings {
+            size: settings.tile,
+            orbit: settings.orbit,
+            supersampling: settings.supersampling,
+            lines: settings.lines,
+        };
+        // Frames 0, 3 and 5 (2.5 rounds up): two rows of panels for the first two, then two more.
+        for (frame, column, rows) in [(0, 0, [0, 1]), (3, 1, [0, 1]), (5, 0, [2, 3])] {
+            let picture = still(&panels[0], frame, &one).unwrap();
+            for row in rows {
+                let [left, top] = page.place(column, row);
+                // The caption covers the lowest 20 rows at most.
+                for (x, y) in (0..60).flat_map(|x| (0..30).map(move |y| (x, y))) {
+                    assert_eq!(sheet.pixel(left + x, top + y), picture.pixel(x, y));
+                }
+            }
+        }
+        let message = contact_sheet(
+            "",
+            &panels,
+            &SheetSettings {
+                columns: 0,
+                ..settings
+            },
+        )
+        .unwrap_err()
+        .to_string();
+        assert_eq!(message, "columns must be between 1 and 10000, found 0");
     }
 }

@@ -1,0 +1,291 @@
+//! Clips are read back with the crate that wrote them: size, count, clock, pixels.
+
+use super::*;
+use crate::Colouring;
+use glam::Vec3;
+use selvedge_cloth::Topology;
+
+const SETTINGS: ClipSettings = ClipSettings {
+    tile: [48, 40],
+    delay_ms: 50,
+    orbit: Orbit {
+        azimuth: 2.5,
+        elevation: 0.25,
+        field_of_view: 0.5,
+        margin: 0.1,
+    },
+    supersampling: Supersampling::One,
+    lines: EdgeLines::Border,
+    colours: 255,
+};
+
+/// A triangle that moves sideways and, in the second half, stands still.
+fn frames(count: usize) -> Vec<[Vec3; 3]> {
+    (0..count)
+        .map(|frame| {
+            let moved = frame.min(count / 2) as f32 / count as f32;
+            [[0.0, 0.0], [0.0, 1.0], [1.0, 0.5]].map(|[z, y]| Vec3::new(0.1 * z, y, z + moved))
+        })
+        .collect()
+}
+
+fn run<'a>(topology: &'a Topology, frames: &'a [[Vec3; 3]], rate: f64) -> Run<'a> {
+    Run::new(
+        topology,
+        frames.iter().map(<[Vec3; 3]>::as_slice),
+        &[],
+        rate,
+    )
+    .unwrap()
+}
+
+/// The pictures of a GIF as numbers of its palette, with their delays.
+struct Played {
+    palette: Vec<u8>,
+    size: [usize; 2],
+    delays: Vec<u16>,
+    areas: Vec<usize>,
+    pictures: Vec<Vec<u8>>,
+    repeat: gif::Repeat,
+}
+
+fn play(bytes: &[u8]) -> Played {
+    let mut options = gif::DecodeOptions::new();
+    options.set_color_output(gif::ColorOutput::Indexed);
+    options.check_frame_consistency(true);
+    let mut decoder = options.read_info(bytes).unwrap();
+    let size = [decoder.width(), decoder.height()].map(usize::from);
+    let mut played = Played {
+        palette: decoder.global_palette().unwrap().to_vec(),
+        size,
+        delays: Vec::new(),
+        areas: Vec::new(),
+        pictures: Vec::new(),
+        repeat: gif::Repeat::Finite(1),
+    };
+    let mut screen = vec![UNCHANGED; size[0] * size[1]];
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        assert_eq!(frame.transparent, Some(UNCHANGED));
+        let width = usize::from(frame.width);
+        for (at, &number) in frame.buffer.iter().enumerate() {
+            let row = usize::from(frame.top) + at / width;
+            let column = usize::from(frame.left) + at % width;
+            if number != UNCHANGED {
+                screen[row * size[0] + column] = number;
+            }
+        }
+        played.delays.push(frame.delay);
+        played.areas.push(frame.buffer.len());
+        played.pictures.push(screen.clone());
+    }
+    played.repeat = decoder.repeat();
+    played
+}
+
+fn clip(panels: &[Panel<'_>], settings: &ClipSettings) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let end = write_clip(&mut bytes, "Title", panels, settings, &mut |_| {
+        ControlFlow::Continue(())
+    });
+    assert!(matches!(end, Ok(ClipEnd::Complete { .. })));
+    bytes
+}
+
+#[test]
+fn a_clip_lasts_as_long_as_its_run() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    // 3 s at 60 and at 24 frames per second, 50 ms and 30 ms.
+    for (rate, count, delay_ms) in [(60.0, 181, 50), (24.0, 73, 50), (60.0, 181, 30)] {
+        let frames = frames(count);
+        let run = run(&topology, &frames, rate);
+        let panel = Panel {
+            label: "one",
+            run: &run,
+            colouring: Colouring::Plain,
+        };
+        let settings = ClipSettings {
+            delay_ms,
+            ..SETTINGS
+        };
+        let played = play(&clip(&[panel], &settings));
+        // Pictures at 0, d, 2 d, ... 3 s.
+        assert_eq!(played.pictures.len(), 3000 / usize::from(delay_ms) + 1);
+        assert!(played.delays.iter().all(|&delay| 10 * delay == delay_ms));
+        assert_eq!(played.repeat, gif::Repeat::Infinite);
+    }
+}
+
+#[test]
+fn frames_are_those_nearest_to_each_moment() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(25);
+    // 24 frames per second every 100 ms: 0, 2.4, 4.8, 7.2, 9.6, 12, ...
+    let run = run(&topology, &frames, 24.0);
+    assert_eq!(
+        frames_at(&run, 100),
+        [0, 2, 5, 7, 10, 12, 14, 17, 19, 22, 24]
+    );
+}
+
+#[test]
+fn decoded_pixels_are_the_pictures_within_the_tolerance() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(31);
+    let run = run(&topology, &frames, 60.0);
+    let panels = ["truth", "prediction"].map(|label| Panel {
+        label,
+        run: &run,
+        colouring: Colouring::Plain,
+    });
+    let played = play(&clip(&panels, &SETTINGS));
+    let mut studio = Studio::new("Title", &panels, &SETTINGS).unwrap();
+    let numbers = frames_at(&run, SETTINGS.delay_ms);
+    let mut palette = studio.palette(&numbers, SETTINGS.colours).unwrap();
+    assert_eq!(played.palette[..palette.table().len()], palette.table());
+    assert_eq!(played.size, studio.size().map(usize::from));
+    for (picture, &frame) in played.pictures.iter().zip(&numbers) {
+        let original = studio.picture(frame).unwrap();
+        for (&number, &colour) in picture.iter().zip(original.pixels()) {
+            let shown = palette.colour(number).unwrap();
+            let best = palette.number(colour);
+            assert!(number == best || distance_squared(shown, colour) <= TOLERANCE);
+        }
+    }
+}
+
+#[test]
+fn what_stands_still_costs_nothing_but_its_clock() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(61);
+    let run = run(&topology, &frames, 60.0);
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let played = play(&clip(&[panel], &SETTINGS));
+    let whole = played.size[0] * played.size[1];
+    assert_eq!(played.areas[0], whole);
+    // The last quarter shows the running time only: less than an eighth of the picture.
+    assert!(played.areas[16..].iter().all(|&area| 8 * area < whole));
+}
+
+#[test]
+fn a_stopped_clip_is_whole() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(61);
+    let run = run(&topology, &frames, 60.0);
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let mut bytes = Vec::new();
+    let mut seen = Vec::new();
+    let end = write_clip(&mut bytes, "", &[panel], &SETTINGS, &mut |progress| {
+        seen.push(progress);
+        if progress.written == 3 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    assert_eq!(end.unwrap(), ClipEnd::Stopped { pictures: 3 });
+    let (written, total) = (3, 21);
+    assert_eq!(seen.last(), Some(&ClipProgress { written, total }));
+    assert_eq!(play(&bytes).pictures.len(), 3);
+    assert_eq!(bytes.last(), Some(&0x3b), "the trailer of a GIF");
+}
+
+#[test]
+fn the_same_run_makes_the_same_bytes() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(19);
+    let run = run(&topology, &frames, 60.0);
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    assert_eq!(clip(&[panel], &SETTINGS), clip(&[panel], &SETTINGS));
+}
+
+#[test]
+fn settings_out_of_range_are_errors_that_name_them() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(3);
+    let run = run(&topology, &frames, 60.0);
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let refuse = |panels: &[Panel<'_>], settings: ClipSettings| {
+        write_clip(&mut Vec::new(), "", panels, &settings, &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap_err()
+        .to_string()
+    };
+    let cases = [
+        (
+            ClipSettings {
+                delay_ms: 35,
+                ..SETTINGS
+            },
+            "delay_ms must be a multiple of 10 from 20 to 1000, found 35",
+        ),
+        (
+            ClipSettings {
+                colours: 256,
+                ..SETTINGS
+            },
+            "colours must be between 2 and 255, found 256",
+        ),
+        (
+            ClipSettings {
+                tile: [0, 40],
+                ..SETTINGS
+            },
+            "tile is 0 x 40 pixels: both must be between 1 and 65535",
+        ),
+    ];
+    for (settings, message) in cases {
+        assert_eq!(refuse(&[panel], settings), message);
+    }
+    assert!(refuse(&[], SETTINGS).contains("at least one run"));
+    let message = refuse(
+        &[panel; 3],
+        ClipSettings {
+            tile: [40_000, 40],
+            ..SETTINGS
+        },
+    );
+    assert!(message.starts_with("page is 120"), "{message}");
+}
+
+#[test]
+fn a_writer_that_fails_is_an_error() {
+    struct Full;
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::Error::other("disk full"))
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(3);
+    let run = run(&topology, &frames, 60.0);
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let end = write_clip(&mut Full, "", &[panel], &SETTINGS, &mut |_| {
+        ControlFlow::Continue(())
+    });
+    let message = end.unwrap_err().to_string();
+    assert_eq!(message, "the GIF clip could not be written: disk full");
+}

@@ -1,0 +1,195 @@
+//! Numbers to colour a cloth by: one per vertex and frame, the range that the colours span, and the
+//! map.
+
+use selvedge_cloth::VertexId;
+
+use crate::run::check_match;
+use crate::{ColourMap, Colouring, Panel, Run, ViewError};
+
+/// One number per vertex and frame, the range that the colours span, and the map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScalarField {
+    name: String,
+    values: Vec<Vec<f32>>,
+    range: [f32; 2],
+    map: ColourMap,
+}
+
+impl ScalarField {
+    /// `values`, `[frames, vertices]`, under a `name` with its unit, as "error [mm]". The colours
+    /// span 0 to the largest value, rounded up to a number that reads well.
+    ///
+    /// # Errors
+    /// [`ViewError::EmptyRun`] or [`ViewError::NonFiniteValue`].
+    pub fn new(name: impl Into<String>, values: Vec<Vec<f32>>) -> Result<Self, ViewError> {
+        let name = name.into();
+        if values.is_empty() {
+            return Err(ViewError::EmptyRun);
+        }
+        for (frame, of_frame) in values.iter().enumerate() {
+            if let Some(vertex) = of_frame.iter().position(|value| !value.is_finite()) {
+                return Err(ViewError::NonFiniteValue {
+                    name,
+                    frame,
+                    vertex: VertexId(vertex as u32),
+                    value: of_frame[vertex],
+                });
+            }
+        }
+        let largest = values.iter().flatten().fold(0.0_f32, |a, &b| a.max(b));
+        Ok(Self {
+            name,
+            values,
+            range: [0.0, round_up(largest)],
+            map: ColourMap::default(),
+        })
+    }
+
+    /// The distance of each vertex of `prediction` from the same vertex of `truth` [mm].
+    ///
+    /// # Errors
+    /// [`ViewError::PanelsDiffer`] when the runs differ in frames or vertices.
+    pub fn distance(truth: &Run<'_>, prediction: &Run<'_>) -> Result<Self, ViewError> {
+        let panel = |label, run| Panel {
+            label,
+            run,
+            colouring: Colouring::Plain,
+        };
+        check_match(&panel("truth", truth), &panel("prediction", prediction))?;
+        let values = truth
+            .frames()
+            .iter()
+            .zip(prediction.frames())
+            .map(|(a, b)| {
+                a.iter()
+                    .zip(*b)
+                    .map(|(p, q)| 1e3 * p.distance(*q))
+                    .collect()
+            })
+            .collect();
+        Self::new("distance from truth [mm]", values)
+    }
+
+    /// The same values with colours that span `low` to `high`.
+    ///
+    /// # Errors
+    /// [`ViewError::Range`] unless both are finite and `low` < `high`.
+    pub fn with_range(self, low: f32, high: f32) -> Result<Self, ViewError> {
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            return Err(ViewError::Range {
+                name: self.name,
+                low,
+                high,
+            });
+        }
+        Ok(Self {
+            range: [low, high],
+            ..self
+        })
+    }
+
+    /// The same values in the colours of another map.
+    #[must_use]
+    pub fn with_map(self, map: ColourMap) -> Self {
+        Self { map, ..self }
+    }
+
+    /// What the numbers are, with the unit.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The values, `[frames, vertices]`.
+    #[must_use]
+    pub fn values(&self) -> &[Vec<f32>] {
+        &self.values
+    }
+
+    /// The values at both ends of the colours.
+    #[must_use]
+    pub fn range(&self) -> [f32; 2] {
+        self.range
+    }
+
+    /// The map from value to colour.
+    #[must_use]
+    pub fn map(&self) -> ColourMap {
+        self.map
+    }
+
+    /// Checks that there is a value for each vertex and frame of `run`.
+    pub(crate) fn check_fits(&self, run: &Run<'_>) -> Result<(), ViewError> {
+        let error = |what, expected, found| ViewError::ValueCount {
+            name: self.name.clone(),
+            what,
+            expected,
+            found,
+        };
+        if self.values.len() != run.frames().len() {
+            return Err(error("frames", run.frames().len(), self.values.len()));
+        }
+        let expected = run.topology().vertex_count();
+        match self.values.iter().find(|v| v.len() != expected) {
+            Some(bad) => Err(error("vertices", expected, bad.len())),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The smallest of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not below `value`; 1 for 0.
+fn round_up(value: f32) -> f32 {
+    if value <= 0.0 {
+        return 1.0;
+    }
+    let power = 10.0_f64.powf(f64::from(value).log10().floor());
+    let steps = [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
+    let rounded = steps
+        .into_iter()
+        .map(|step| (step * power) as f32)
+        .find(|&candidate| candidate >= value);
+    rounded.unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use selvedge_cloth::Topology;
+
+    #[test]
+    fn distance_is_in_millimetres_and_its_range_reads_well() {
+        let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+        let truth = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let moved = truth.map(|p| p + Vec3::new(0.003, 0.0, 0.004));
+        let a = Run::new(&topology, [&truth[..]], &[], 60.0).unwrap();
+        let b = Run::new(&topology, [&moved[..]], &[], 60.0).unwrap();
+        let field = ScalarField::distance(&a, &b).unwrap();
+        for value in &field.values()[0] {
+            // 3-4-5; positions near 1 m carry 6e-8 m of rounding, that is 1e-4 mm.
+            assert!((value - 5.0).abs() < 2e-4, "{value}");
+        }
+        assert!(field.range()[1] >= 4.999 && field.range()[1] <= 6.0);
+        assert_eq!(
+            [0.0, 0.9, 1.0, 1.2, 7.0, 450.0].map(round_up),
+            [1.0, 1.0, 1.0, 1.5, 8.0, 500.0]
+        );
+    }
+
+    #[test]
+    fn values_must_be_finite_and_the_range_must_rise() {
+        let message = ScalarField::new("strain", vec![vec![0.0], vec![f32::NAN]])
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            message,
+            "frame 1: the value of strain at vertex 0 is not finite: NaN"
+        );
+        let field = ScalarField::new("strain", vec![vec![0.0]]).unwrap();
+        let message = field.with_range(2.0, 2.0).unwrap_err().to_string();
+        assert_eq!(
+            message,
+            "the range of strain must be finite and rising, found 2 to 2"
+        );
+    }
+}

@@ -1,0 +1,285 @@
+//! Closed forms of the raster: where points land, what hides what, how much is covered.
+
+use super::*;
+use crate::{Colouring, Orbit, Rgb, Run, ScalarField};
+
+/// From +x at a level, 90 degrees wide, without margin: what spans y, z in [-1, 1] at x = 0
+/// fills the picture when nothing is lower (the floor is kept in view too).
+const LEVEL: Orbit = Orbit {
+    azimuth: 0.0,
+    elevation: 0.0,
+    field_of_view: std::f32::consts::FRAC_PI_2,
+    margin: 0.0,
+};
+
+/// A topology of separate triangles.
+fn scene(triangles: &[[Vec3; 3]]) -> (Topology, Vec<Vec3>) {
+    let positions: Vec<Vec3> = triangles.concat();
+    let faces: Vec<[u32; 3]> = (0..triangles.len() as u32)
+        .map(|k| [3 * k, 3 * k + 1, 3 * k + 2])
+        .collect();
+    (Topology::new(positions.len(), &faces).unwrap(), positions)
+}
+
+struct Shot {
+    image: Image,
+    backdrop: Image,
+    stage: Stage,
+}
+
+/// The picture of a scene, and the same stage with the cloth shrunk to a point.
+fn shoot(triangles: &[[Vec3; 3]], side: u32, supersampling: Supersampling) -> Shot {
+    let (topology, positions) = scene(triangles);
+    let gone = vec![positions[0]; positions.len()];
+    let frames = [positions.as_slice(), gone.as_slice()];
+    let run = Run::new(&topology, frames, &[], 60.0).unwrap();
+    let stage = Stage::of_runs(&[&run], &LEVEL, 1.0).unwrap();
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let mut renderer = Renderer::new(&stage, [side; 2], supersampling, EdgeLines::None).unwrap();
+    Shot {
+        image: renderer.render(&panel, 0).unwrap(),
+        backdrop: renderer.render(&panel, 1).unwrap(),
+        stage,
+    }
+}
+
+fn is_bluish([red, _, blue]: Rgb) -> bool {
+    i32::from(blue) - i32::from(red) > 40
+}
+
+#[test]
+fn covered_pixels_are_the_projected_area() {
+    // All at one depth, so that the projection is a similarity.
+    let triangle = [
+        Vec3::new(0.0, -0.9, 0.8),
+        Vec3::new(0.0, 0.6, -0.9),
+        Vec3::new(0.0, 0.7, 0.95),
+    ];
+    let side = 256;
+    let shot = shoot(&[triangle], side, Supersampling::One);
+    let [a, b, c] = triangle.map(|point| {
+        let seen = shot.stage.camera().project(point);
+        Vec2::new(seen.x, seen.y) * side as f32
+    });
+    let expected = 0.5 * (b - a).perp_dot(c - a).abs();
+    let covered = shot
+        .image
+        .pixels()
+        .iter()
+        .filter(|p| is_bluish(**p))
+        .count() as f32;
+    // Counting middles errs at the outline only, by at most about half a pixel per row it crosses,
+    // at random: a small part of the perimeter.
+    let perimeter = a.distance(b) + b.distance(c) + c.distance(a);
+    assert!(
+        (covered - expected).abs() < 0.05 * perimeter,
+        "{covered} {expected}"
+    );
+}
+
+#[test]
+fn the_nearer_sheet_hides_the_farther_one_in_either_order() {
+    let at = |x: f32, size: f32| {
+        [
+            Vec3::new(x, -size, 0.0),
+            Vec3::new(x, size, -size),
+            Vec3::new(x, size, size),
+        ]
+    };
+    // The small near one shows its back, the large far one its front.
+    let near = at(0.2, 0.3);
+    let mut far = at(-0.2, 1.0);
+    far.swap(1, 2);
+    for order in [[near, far], [far, near]] {
+        let shot = shoot(&order, 64, Supersampling::Two);
+        let colour_of = |point: Vec3| {
+            let seen = shot.stage.camera().project(point);
+            let [x, y] = [seen.x, seen.y].map(|share| (share * 64.0) as u32);
+            shot.image.pixel(x, y).unwrap()
+        };
+        let normal = (near[1] - near[0]).cross(near[2] - near[0]).x;
+        let inside_near = colour_of(Vec3::new(0.2, 0.1, 0.0));
+        let inside_far = colour_of(Vec3::new(-0.2, 0.8, 0.6));
+        assert_eq!(is_bluish(inside_near), normal > 0.0);
+        assert_eq!(is_bluish(inside_far), normal < 0.0);
+    }
+}
+
+#[test]
+fn above_the_horizon_a_pixel_shows_cloth_inside_and_backdrop_outside() {
+    let triangle = [
+        Vec3::new(0.0, -0.5, 0.5),
+        Vec3::new(0.0, 0.5, -0.5),
+        Vec3::new(0.0, 0.5, 0.5),
+    ];
+    let shot = shoot(&[triangle], 64, Supersampling::Two);
+    let corners = triangle.map(|point| {
+        let seen = shot.stage.camera().project(point);
+        64.0 * Vec2::new(seen.x, seen.y)
+    });
+    // The camera is level: the floor, and the shadow on it, fill no more than the lower half.
+    for (x, y) in (0..64).flat_map(|x| (0..32).map(move |y| (x, y))) {
+        let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let depth = (0..3)
+            .map(|k| {
+                let (from, to) = (corners[k], corners[(k + 1) % 3]);
+                -(to - from).normalize().perp_dot(middle - from)
+            })
+            .fold(f32::INFINITY, f32::min);
+        let seen = shot.image.pixel(x, y).unwrap();
+        // A pixel reaches 0.71 from its middle.
+        if depth > 0.71 {
+            assert!(is_bluish(seen), "({x}, {y}): {seen:?}");
+        } else if depth < -0.71 {
+            assert_eq!(Some(seen), shot.backdrop.pixel(x, y), "({x}, {y})");
+        }
+    }
+}
+
+#[test]
+fn values_are_interpolated_in_perspective() {
+    // A tilted sheet: value 0 at the near edge, 1 at the far one. Halfway in space is not halfway
+    // on the screen.
+    let positions = [
+        Vec3::new(1.0, 0.0, -1.0),
+        Vec3::new(1.0, 0.0, 1.0),
+        Vec3::new(-1.0, 1.0, 0.0),
+    ];
+    let (topology, _) = scene(&[positions]);
+    let run = Run::new(&topology, [&positions[..]], &[], 60.0).unwrap();
+    let stage = Stage::of_runs(&[&run], &LEVEL, 1.0).unwrap();
+    let corners = positions.map(|position| {
+        let seen = stage.camera().project(position);
+        ScreenVertex {
+            place: 400.0 * Vec2::new(seen.x, seen.y),
+            nearness: seen.depth.recip(),
+            normal: Vec3A::Y,
+            hollow: 0.0,
+            value: 0.5 * (1.0 - position.x),
+        }
+    });
+    let pen = Pen {
+        lines: EdgeLines::None,
+        scale: 1.0,
+        factor: 1.0,
+    };
+    let triangle = Triangle::new(corners, pen).unwrap();
+    for share in [0.25, 0.5, 0.75] {
+        let point = Vec3::new(1.0 - 2.0 * share, share, 0.0);
+        let seen = stage.camera().project(point);
+        let weights = triangle.weights(400.0 * Vec2::new(seen.x, seen.y));
+        let nearness = weights.dot(triangle.nearness);
+        // Places of some hundred pixels carry 3e-5 of rounding over a triangle as large.
+        assert!((nearness * seen.depth - 1.0).abs() < 1e-4);
+        assert!((triangle.value_at(weights, nearness) - share).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn handles_are_marked_where_they_are() {
+    let triangle = [
+        Vec3::new(0.0, -0.5, 0.5),
+        Vec3::new(0.0, 0.5, 0.5),
+        Vec3::new(0.0, 0.5, -0.5),
+    ];
+    let (topology, positions) = scene(&[triangle]);
+    let handles = [VertexId(2)];
+    let run = Run::new(&topology, [positions.as_slice()], &handles, 60.0).unwrap();
+    let orbit = Orbit {
+        margin: 0.2,
+        ..LEVEL
+    };
+    let stage = Stage::of_runs(&[&run], &orbit, 1.0).unwrap();
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let mut renderer = Renderer::new(&stage, [200; 2], Supersampling::Two, EdgeLines::All).unwrap();
+    let image = renderer.render(&panel, 0).unwrap();
+    let seen = stage.camera().project(positions[2]);
+    let [x, y] = [seen.x, seen.y].map(|share| (share * 200.0) as u32);
+    let middle = image.pixel(x, y).unwrap();
+    // Tables of 4096 steps of light return a byte to within one.
+    assert!(
+        (0..3).all(|k| middle[k].abs_diff(HANDLE[k]) <= 1),
+        "{middle:?}"
+    );
+}
+
+#[test]
+fn a_renderer_forgets_the_picture_before() {
+    let triangle = [
+        Vec3::new(0.0, -0.5, 0.5),
+        Vec3::new(0.0, 0.5, 0.5),
+        Vec3::new(0.0, 0.5, -0.5),
+    ];
+    let (topology, positions) = scene(&[triangle]);
+    let moved: Vec<Vec3> = positions
+        .iter()
+        .map(|p| *p + Vec3::new(0.1, 0.4, -0.3))
+        .collect();
+    let frames = [positions.as_slice(), moved.as_slice()];
+    let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
+    let stage = Stage::of_runs(&[&run], &Orbit::default(), 1.0).unwrap();
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let fresh = || Renderer::new(&stage, [80; 2], Supersampling::Two, EdgeLines::All).unwrap();
+    let mut used = fresh();
+    used.render(&panel, 0).unwrap();
+    used.render(&panel, 1).unwrap();
+    assert_eq!(
+        used.render(&panel, 0).unwrap(),
+        fresh().render(&panel, 0).unwrap()
+    );
+    let error = used.render(&panel, 2).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "frame 2 was asked for, but the run has only 2 frames"
+    );
+}
+
+#[test]
+fn a_flat_field_has_the_hue_of_its_value() {
+    let triangle = [
+        Vec3::new(0.0, -0.5, 0.5),
+        Vec3::new(0.0, 0.5, 0.5),
+        Vec3::new(0.0, 0.5, -0.5),
+    ];
+    let (topology, positions) = scene(&[triangle]);
+    let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
+    let stage = Stage::of_runs(&[&run], &LEVEL, 1.0).unwrap();
+    let field = ScalarField::new("value", vec![vec![3.0; 3]])
+        .unwrap()
+        .with_range(1.0, 3.0)
+        .unwrap();
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::PerVertex(&field),
+    };
+    let mut renderer =
+        Renderer::new(&stage, [100; 2], Supersampling::One, EdgeLines::None).unwrap();
+    let image = renderer.render(&panel, 0).unwrap();
+    let seen = stage
+        .camera()
+        .project((positions[0] + positions[1] + positions[2]) / 3.0);
+    let [x, y] = [seen.x, seen.y].map(|share| (share * 100.0) as u32);
+    // Shading scales light alike in all channels: the ratios stay those of the map's last colour.
+    let light = to_linear(image.pixel(x, y).unwrap());
+    let expected = to_linear([253, 231, 37]);
+    let scale = light.x / expected.x;
+    // A byte near the blue channel's value of 37 is 4 % of its light.
+    assert!(
+        (light / expected - scale).abs().max_element() < 0.06 * scale,
+        "{light}"
+    );
+    assert!(scale > 0.5 && scale < 1.2);
+}

@@ -1,0 +1,172 @@
+//! One triangle on the screen: barycentric weights, and what they interpolate.
+//!
+//! Weights are linear over the screen, bᵢ = area(opposite edge, p) / area, and so is 1/depth; what
+//! is multiplied by 1/depth at the corners and divided by it again is interpolated in perspective.
+//! bᵢ · 2 area / length is the distance of p from the opposite edge.
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3A};
+
+use super::EdgeLines;
+use crate::shade::{Point, Shader, Side};
+
+/// Edge lines are this wide [pixels] on a picture 480 pixels high.
+const EDGE_WIDTH: f32 = 0.8;
+
+/// A vertex on the screen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ScreenVertex {
+    /// In samples from the top left corner.
+    pub(super) place: Vec2,
+    /// 1/depth [1/m]; 0 behind the camera.
+    pub(super) nearness: f32,
+    pub(super) normal: Vec3A,
+    pub(super) hollow: f32,
+    pub(super) value: f32,
+}
+
+/// A triangle on the screen, ready to be filled. Weights are barycentric, one per corner.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Triangle {
+    places: [Vec2; 3],
+    /// Whether its front is seen.
+    front: bool,
+    /// Change of the weights per sample to the right and down [1/sample].
+    pub(super) across: Vec3A,
+    down: Vec3A,
+    pub(super) nearness: Vec3A,
+    /// Normals times nearness, towards the visible side.
+    normals: [Vec3A; 3],
+    hollow: Vec3A,
+    values: Vec3A,
+    /// Samples of distance from the opposite edge per unit of weight.
+    heights: Vec3A,
+    /// Half the width of the edge lines [samples], and how much they cover.
+    half_width: f32,
+    faint: f32,
+}
+
+/// How the lines of a picture are drawn.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pen {
+    pub(super) lines: EdgeLines,
+    /// Samples per pixel of line width.
+    pub(super) scale: f32,
+    /// Samples along a side of a pixel.
+    pub(super) factor: f32,
+}
+
+impl Triangle {
+    /// `None` for a triangle that reaches behind the camera or is seen edge-on.
+    pub(super) fn new(corners: [ScreenVertex; 3], pen: Pen) -> Option<Self> {
+        let places = corners.map(|corner| corner.place);
+        let [a, b, c] = places;
+        // Twice the signed area; y runs down, so that the front has a negative one.
+        let doubled_area = (b - a).perp_dot(c - a);
+        let nearness = Vec3A::from_array(corners.map(|corner| corner.nearness));
+        if nearness.min_element() <= 0.0 || doubled_area.abs() < 1e-9 {
+            return None;
+        }
+        let front = doubled_area < 0.0;
+        let sign = if front { 1.0 } else { -1.0 };
+        let lengths = Vec3A::new(b.distance(c), c.distance(a), a.distance(b));
+        // Inner lines fade where the mesh is finer than they could show.
+        let longest = lengths.max_element() / pen.factor;
+        let faint = 0.30 * ((longest - 5.0) / 8.0).clamp(0.0, 1.0);
+        Some(Self {
+            places,
+            front,
+            across: Vec3A::new(b.y - c.y, c.y - a.y, a.y - b.y) / doubled_area,
+            down: Vec3A::new(c.x - b.x, a.x - c.x, b.x - a.x) / doubled_area,
+            nearness,
+            normals: corners.map(|corner| corner.normal * (sign * corner.nearness)),
+            hollow: Vec3A::from_array(corners.map(|corner| corner.hollow)) * sign,
+            values: Vec3A::from_array(corners.map(|corner| corner.value * corner.nearness)),
+            heights: doubled_area.abs() / lengths,
+            half_width: 0.5 * EDGE_WIDTH * pen.scale,
+            faint: match pen.lines {
+                EdgeLines::All => faint,
+                EdgeLines::None | EdgeLines::Border => 0.0,
+            },
+        })
+    }
+
+    pub(super) fn side(&self, shader: &Shader) -> Side {
+        if self.front {
+            shader.front
+        } else {
+            shader.back
+        }
+    }
+
+    pub(super) fn bounds(&self, width: usize, height: usize) -> Option<[Range<usize>; 2]> {
+        bounds(self.places, 0.0, width, height)
+    }
+
+    /// The weights at `sample`; none is negative inside.
+    #[inline]
+    pub(super) fn weights(&self, sample: Vec2) -> Vec3A {
+        // Measured from a corner, so that large coordinates cost no accuracy.
+        let offset = sample - self.places[0];
+        Vec3A::X + self.across * offset.x + self.down * offset.y
+    }
+
+    /// The part of `columns` in which no weight is negative, give or take one column, in a row
+    /// that starts with weights `start`.
+    #[inline]
+    pub(super) fn span(&self, start: Vec3A, columns: &Range<usize>) -> Range<usize> {
+        let (mut first, mut last) = (columns.start as f32, columns.end as f32);
+        for (weight, slope) in start.to_array().into_iter().zip(self.across.to_array()) {
+            let zero = -weight / slope;
+            if slope > 0.0 {
+                first = first.max(zero - 0.5);
+            } else if slope < 0.0 {
+                last = last.min(zero + 1.5);
+            }
+        }
+        first as usize..last as usize
+    }
+
+    /// The surface at `weights`, seen from its visible side.
+    #[inline]
+    pub(super) fn point_at(&self, weights: Vec3A) -> Point {
+        let [a, b, c] = self.normals;
+        let [u, v, w] = weights.to_array();
+        Point {
+            normal: (a * u + b * v + c * w).normalize_or_zero(),
+            hollow: weights.dot(self.hollow),
+        }
+    }
+
+    /// The value at `weights`.
+    #[inline]
+    pub(super) fn value_at(&self, weights: Vec3A, nearness: f32) -> f32 {
+        weights.dot(self.values) / nearness
+    }
+
+    /// How much of a sample is covered by edge lines, in [0, 1].
+    #[inline]
+    pub(super) fn line_at(&self, weights: Vec3A) -> f32 {
+        let nearest = (weights * self.heights).min_element();
+        self.faint * (self.half_width + 0.5 - nearest).clamp(0.0, 1.0)
+    }
+}
+
+/// The columns and rows of samples whose middles can lie within `reach` of a triangle.
+pub(super) fn bounds(
+    corners: [Vec2; 3],
+    reach: f32,
+    width: usize,
+    height: usize,
+) -> Option<[Range<usize>; 2]> {
+    let [a, b, c] = corners;
+    let low = a.min(b).min(c) - reach;
+    let high = a.max(b).max(c) + reach;
+    let range = |low: f32, high: f32, count: usize| {
+        let first = (low - 0.5).ceil().max(0.0) as usize;
+        let last = ((high + 0.5).floor().max(0.0) as usize).min(count);
+        (first < last).then_some(first..last)
+    };
+    Some([range(low.x, high.x, width)?, range(low.y, high.y, height)?])
+}
