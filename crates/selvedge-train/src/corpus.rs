@@ -54,7 +54,7 @@ pub enum CorpusError {
 /// [`CorpusError`] when the scene's environment cannot be read, or the parts do not fit.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, CorpusError> {
     let scene = &trajectory.provenance().scene;
-    let environment = match scene.get("environment") {
+    let environment = match scene.pointer("/setting/environment") {
         Some(value) => serde_json::from_value(value.clone()).map_err(|source| {
             let motion = motion.to_owned();
             CorpusError::Environment { motion, source }
