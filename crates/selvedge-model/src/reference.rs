@@ -78,7 +78,7 @@ impl Weights<'_> {
             .map(|row| {
                 let at = |step: usize| &input[(step * rows + row) * width..][..width];
                 match spec.encoder {
-                    Encoder::Mlp => self.normalised_mlp(path, at(0)),
+                    Encoder::Mlp {} => self.normalised_mlp(path, at(0)),
                     Encoder::Gru { window } => {
                         let window: Vec<&[f64]> = (0..window).map(at).collect();
                         let last = self.gru(&format!("{path}.gru"), &window, spec.latent);

@@ -45,7 +45,7 @@ pub enum RolloutError {
 }
 
 impl LearnedStepper {
-    /// Starts from the last frames before now, oldest first [m], `[frames][vertices]`. Where
+    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where
     /// there are fewer than the model looks at, the cloth is taken to have stood still before the first.
     ///
     /// # Errors
@@ -166,8 +166,8 @@ impl Stepper for LearnedStepper {
     }
 }
 
-/// p^{t+1} = a + 2 p^t - p^{t-1}, with `acceleration` [m/frame²] in the local frame of `yaw`,
-/// `[vertices, 3]`, and the rest in the world, `[vertices]` [m].
+/// p^{t+1} = a + 2 p^t - p^{t-1}, with `acceleration` `[m/frame²]` in the local frame of `yaw`,
+/// `[vertices, 3]`, and the rest in the world, `[vertices]` `[m]`.
 pub fn integrate(
     acceleration: &[f32],
     yaw: Yaw,

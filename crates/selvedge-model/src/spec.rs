@@ -1,5 +1,5 @@
 //! What a network is made of: features, encoder, sizes. Closed enums, so that a combination that
-//! makes no sense cannot be written (method.md §2, §3).
+//! makes no sense cannot be written.
 
 use std::collections::BTreeSet;
 
@@ -57,8 +57,9 @@ pub enum EdgeFeature {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Encoder {
-    /// A multi-layer perceptron on the current frame.
-    Mlp,
+    /// A multi-layer perceptron on the current frame. (Braces, so that unknown keys beside the
+    /// kind are errors.)
+    Mlp {},
     /// A recurrent network of two layers of gated recurrent units over a window of frames, the
     /// current one last.
     Gru {
@@ -86,7 +87,7 @@ pub enum SpecError {
 }
 
 impl ModelSpec {
-    /// The paper's features (method.md §2, "RP") with the given encoder and sizes.
+    /// The paper's features (Libao et al. 2023) with the given encoder and sizes.
     #[must_use]
     pub fn physical(encoder: Encoder, latent: usize, blocks: usize) -> Self {
         Self {
@@ -114,7 +115,7 @@ impl ModelSpec {
         Self {
             node_features: BTreeSet::from([NodeFeature::Velocity, NodeFeature::NodeType]),
             edge_features: BTreeSet::from([EdgeFeature::Vector, EdgeFeature::MaterialVector]),
-            encoder: Encoder::Mlp,
+            encoder: Encoder::Mlp {},
             latent,
             blocks,
         }
@@ -157,7 +158,7 @@ impl ModelSpec {
     #[must_use]
     pub fn window(&self) -> usize {
         match self.encoder {
-            Encoder::Mlp => 1,
+            Encoder::Mlp {} => 1,
             Encoder::Gru { window } => window,
         }
     }

@@ -74,7 +74,7 @@ impl Window {
             .resize(window * place.arc_count * spec.edge_width(), 0.0);
     }
 
-    /// Writes the features of one cloth, not yet normalised: `frames` are its positions [m] in
+    /// Writes the features of one cloth, not yet normalised: `frames` are its positions `[m]` in
     /// the frame before the window and in each frame of it, oldest first, `[window + 1][vertices]`.
     ///
     /// # Panics

@@ -81,7 +81,7 @@ fn coefficient(k: usize) -> f64 {
 
 fn specs() -> Vec<ModelSpec> {
     vec![
-        ModelSpec::physical(Encoder::Mlp, 8, 3),
+        ModelSpec::physical(Encoder::Mlp {}, 8, 3),
         ModelSpec::physical(Encoder::Gru { window: 4 }, 6, 2),
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
@@ -94,7 +94,7 @@ fn parameter_counts_are_the_papers() {
     let gru = Encoder::Gru { window: 10 };
     assert_eq!(count(&ModelSpec::physical(gru, 128, 15)), 2_605_955);
     assert_eq!(
-        count(&ModelSpec::physical(Encoder::Mlp, 128, 15)),
+        count(&ModelSpec::physical(Encoder::Mlp {}, 128, 15)),
         2_334_595
     );
     assert_eq!(count(&ModelSpec::mesh_graph_nets(128, 15)), 2_333_699);

@@ -66,7 +66,7 @@ pub struct BatchConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseConfig {
-    /// Standard deviation per coordinate [m].
+    /// Standard deviation per coordinate `[m]`.
     pub deviation: f64,
     /// γ: the part of a displacement that the target takes back in one frame.
     pub correction: f64,
@@ -81,7 +81,7 @@ pub struct ScheduledSampling {
     pub truth: TruthProbability,
     /// Predictions in a row, at most.
     pub longest: u32,
-    /// A run ends when a vertex is farther from the truth than this [m].
+    /// A run ends when a vertex is farther from the truth than this `[m]`.
     pub farthest: f64,
     /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
     /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.

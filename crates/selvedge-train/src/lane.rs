@@ -27,7 +27,7 @@ pub(crate) struct LaneState {
     pub(crate) current: usize,
     /// Predictions in a row so far; 0: the next sample is drawn afresh.
     pub(crate) run: u32,
-    /// World positions of the frame before the window and of the window, oldest first [m];
+    /// World positions of the frame before the window and of the window, oldest first `[m]`;
     /// empty while `run` is 0.
     pub(crate) history: Vec<Vec<Vec3>>,
 }
@@ -37,9 +37,9 @@ pub(crate) struct LaneState {
 pub(crate) struct Shown {
     pub(crate) trajectory: usize,
     pub(crate) yaw: Option<Yaw>,
-    /// World positions of the frame before the window and of the window, noise included [m].
+    /// World positions of the frame before the window and of the window, noise included `[m]`.
     pub(crate) frames: Vec<Vec<Vec3>>,
-    /// Previous, current and target positions in the local frame of the current ones [m].
+    /// Previous, current and target positions in the local frame of the current ones `[m]`.
     pub(crate) local: [Vec<DVec3>; 3],
     /// Decides the dropout of this sample's shard.
     pub(crate) dropout_seed: u64,
@@ -121,7 +121,7 @@ impl LaneState {
         shown.yaw = Some(yaw);
     }
 
-    /// Decides how the lane goes on after the network predicted `acceleration` (local, [m/frame²],
+    /// Decides how the lane goes on after the network predicted `acceleration` (local, `[m/frame²]`,
     /// `[vertices, 3]`).
     pub(crate) fn advance(
         &mut self,

@@ -12,7 +12,7 @@ use crate::spec::Encoder;
 use crate::test_cloth::{parts, shaken, turn};
 
 fn physical() -> ModelSpec {
-    ModelSpec::physical(Encoder::Mlp, 8, 1)
+    ModelSpec::physical(Encoder::Mlp {}, 8, 1)
 }
 
 /// Every feature that there is.
@@ -256,7 +256,7 @@ fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
     assert_eq!(angles(start), angles(other));
 }
 
-/// External force as method.md §2 says it, in f64 and world axes, vertex by vertex.
+/// External force as the equations say it, in f64 and world axes, vertex by vertex.
 fn slow_external_force(graph: &ClothGraph, pose: Pose<'_>, vertex: usize) -> DVec3 {
     let air = graph.environment();
     let mut force = f64::from(graph.vertex_mass()[vertex]) * air.gravity;

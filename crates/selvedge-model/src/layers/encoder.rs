@@ -34,7 +34,7 @@ impl EncoderLayers {
         encoder: Encoder,
     ) -> Self {
         match encoder {
-            Encoder::Mlp => Self::Mlp(Mlp::normalised(layout, path, sizes[0], sizes[1])),
+            Encoder::Mlp {} => Self::Mlp(Mlp::normalised(layout, path, sizes[0], sizes[1])),
             Encoder::Gru { window } => Self::Gru(GruEncoder::new(layout, path, sizes, window)),
         }
     }

@@ -1,4 +1,4 @@
-//! What a prediction is judged by (paper §5.3, method.md §5), with the gradient that the network
+//! What a prediction is judged by (Libao et al. 2023, §5.3), with the gradient that the network
 //! learns from, for one sample:
 //!
 //! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`

@@ -1,5 +1,5 @@
 //! Statistics of the quantities that the losses compare, gathered from the targets alone, so that
-//! a prediction cannot move its own yardstick (method.md §4, §5).
+//! a prediction cannot move its own yardstick.
 
 use glam::DVec3;
 use selvedge_model::{Normalizer, RunningStatistics};
