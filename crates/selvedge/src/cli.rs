@@ -241,9 +241,9 @@ pub(crate) struct TrainArgs {
     /// The folder of the run: checkpoints, log, model.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
-    /// The folder of the data set [default: as the configuration says].
+    /// The folder of the data set.
     #[arg(long, value_name = "FOLDER")]
-    pub(crate) data: Option<PathBuf>,
+    pub(crate) data: PathBuf,
     /// Go on from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,
@@ -293,6 +293,14 @@ pub(crate) enum SplitName {
 }
 
 impl SplitName {
+    /// As people call it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+        }
+    }
+
     /// As the data set has it.
     pub(crate) fn split(self) -> Split {
         match self {

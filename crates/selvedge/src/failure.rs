@@ -45,7 +45,7 @@ pub(crate) fn print(error: &anyhow::Error) {
 
 /// The messages from the outermost to the cause. Many errors already quote their cause: what stands
 /// in the message before is not said twice.
-fn chain(error: &anyhow::Error) -> String {
+pub(crate) fn chain(error: &anyhow::Error) -> String {
     let mut told = String::new();
     let mut last = String::new();
     for cause in error.chain() {

@@ -4,14 +4,19 @@
 //! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
 //! command answers goes to standard output, everything else to standard error.
 
+mod assets;
 mod cli;
 mod commands;
+mod evaluation;
 mod failure;
 mod interrupt;
+mod learned;
 mod output;
+mod pictures;
 mod place;
 mod progress;
 mod reference;
+mod rigid;
 mod span;
 
 use std::process::ExitCode;

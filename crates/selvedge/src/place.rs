@@ -12,7 +12,7 @@ use crate::failure::WrongUsage;
 ///
 /// # Errors
 /// Wrong usage for another extension; otherwise what is in the way.
-pub(crate) fn check_file(path: &Path, extensions: &[&str]) -> anyhow::Result<()> {
+pub(crate) fn check_file(path: &Path, flag: &str, extensions: &[&str]) -> anyhow::Result<()> {
     let extension = path
         .extension()
         .and_then(|e| e.to_str())
@@ -20,7 +20,7 @@ pub(crate) fn check_file(path: &Path, extensions: &[&str]) -> anyhow::Result<()>
     if !extensions.contains(&extension) {
         let known: Vec<String> = extensions.iter().map(|e| format!(".{e}")).collect();
         let problem = format!(
-            "--out {}: the name must end in {}",
+            "{flag} {}: the name must end in {}",
             path.display(),
             known.join(" or ")
         );

@@ -2,9 +2,12 @@
 
 mod compare;
 mod dataset;
+mod evaluate;
 mod inspect;
+mod rollout;
 mod sag;
 mod simulate;
+mod train;
 
 use crate::cli::{Command, DatasetCommand};
 use crate::output::Answer;
@@ -21,8 +24,8 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Dataset(DatasetCommand::Inspect(args)) => dataset::inspect(&args.folder),
         Command::Compare(args) => compare::run(args),
         Command::Inspect(args) => inspect::run(args),
-        Command::Rollout(_) | Command::Train(_) | Command::Evaluate(_) => {
-            anyhow::bail!("this build has no learned simulator yet")
-        }
+        Command::Rollout(args) => rollout::run(args),
+        Command::Train(args) => train::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
     }
 }

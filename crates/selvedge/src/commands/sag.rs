@@ -30,7 +30,7 @@ struct Report {
 /// # Errors
 /// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
-    place::check_file(&args.out, &["safetensors", "obj"])?;
+    place::check_file(&args.out, "--out", &["safetensors", "obj"])?;
     let loaded = open_scene(&args.scene)?;
     let scene = &loaded.scene;
     let rest = reference::rest_pose(scene)?;

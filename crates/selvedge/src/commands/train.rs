@@ -1,0 +1,122 @@
+//! `selvedge train`: the loop of `selvedge-train`, with a bar, Ctrl-C and a summary.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use selvedge_data::Dataset;
+use selvedge_train::{Limits, RunEnd, TrainConfig, Trainer, files};
+use serde::Serialize;
+
+use super::dataset;
+use crate::cli::TrainArgs;
+use crate::output::{Answer, End, Facts};
+use crate::progress::Progress;
+use crate::{assets, interrupt, place};
+
+/// Between two checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(300);
+
+/// Weight of the newest loss in the one that is shown.
+const NEWEST: f64 = 0.02;
+
+#[derive(Serialize)]
+struct Report {
+    name: String,
+    out: PathBuf,
+    parameters: usize,
+    samples: usize,
+    steps_done: u64,
+    steps: u64,
+    /// A moving mean over about fifty steps; none where no step was made.
+    loss: Option<f64>,
+    seconds: f64,
+    interrupted: bool,
+}
+
+/// Trains, or goes on with training.
+///
+/// # Errors
+/// What of the configuration, the data, the folder or a step went wrong.
+pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
+    let mut cfg = match assets::training(&args.config) {
+        Some(text) => TrainConfig::parse(text, args.config.as_ref())?,
+        None => TrainConfig::read(args.config.as_ref())?,
+    };
+    if let Some(steps) = args.steps {
+        cfg.steps = steps;
+    }
+    let data = dataset::open(&args.data)?;
+    place::make_folder(&args.out)?;
+    let mut trainer = trainer(cfg, &data, args)?;
+    let limits = Limits {
+        time: args.span,
+        checkpoint_every: CHECKPOINT_EVERY,
+    };
+    let left = trainer.config().steps.saturating_sub(trainer.steps_done());
+    let progress = Progress::new("training", usize::try_from(left)?, "steps");
+    let started = Instant::now();
+    let mut loss = None;
+    let end = selvedge_train::run(&mut trainer, &data, &args.out, limits, &mut |step| {
+        let newest = step.terms.total;
+        let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
+        loss = Some(mean);
+        progress.note(format!("loss {mean:.4}"));
+        progress.advance();
+        interrupt::flow()
+    })
+    .with_context(|| format!("training into {}", args.out.display()))?;
+    drop(progress);
+    let report = Report {
+        name: trainer.config().name.clone(),
+        out: args.out.clone(),
+        parameters: trainer.parameter_count(),
+        samples: trainer.sample_count(),
+        steps_done: trainer.steps_done(),
+        steps: trainer.config().steps,
+        loss,
+        seconds: started.elapsed().as_secs_f64(),
+        interrupted: end == RunEnd::Stopped,
+    };
+    let ended = match end {
+        RunEnd::Finished | RunEnd::TimeUp => End::Complete,
+        RunEnd::Stopped => End::Interrupted,
+    };
+    Ok(Answer::new(text(&report), &report)?.ended(ended))
+}
+
+fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result<Trainer> {
+    let checkpoint = args.out.join(files::CHECKPOINT);
+    if args.resume {
+        return Ok(Trainer::resume(cfg, data, &checkpoint)?);
+    }
+    if checkpoint.exists() {
+        bail!(
+            "{}: there is a training in this folder: go on with it with --resume, or choose another folder",
+            args.out.display()
+        );
+    }
+    Ok(Trainer::new(cfg, data)?)
+}
+
+fn text(report: &Report) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("training", &report.name);
+    facts.add("parameters", report.parameters);
+    facts.add("samples", report.samples);
+    facts.add(
+        "steps",
+        format!("{} of {}", report.steps_done, report.steps),
+    );
+    facts.add("time", format!("{:.0} s", report.seconds));
+    if let Some(loss) = report.loss {
+        facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
+    }
+    if report.steps_done < report.steps {
+        facts.add("to go on", "the same command with --resume");
+    }
+    for file in [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG] {
+        facts.add("wrote", report.out.join(file).display());
+    }
+    facts
+}

@@ -1,0 +1,103 @@
+//! The learned simulator as commands use it: a model from its file, the graph of a scene or of a
+//! trajectory, and a run that is driven by a path of handles.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use glam::Vec3;
+use selvedge_cloth::{HandlePath, Scene, Stepper};
+use selvedge_data::{Cloth, Drive, record};
+use selvedge_model::{ClothGraph, ClothParts, LearnedStepper, Model};
+
+use crate::assets;
+use crate::reference::{self, Run};
+
+/// A model and what people call it.
+pub(crate) struct NamedModel {
+    /// Its file, or the name of the shipped one.
+    pub(crate) name: String,
+    /// Ready to run.
+    pub(crate) model: Arc<Model>,
+}
+
+/// Opens the model in `file`, or the shipped one.
+///
+/// # Errors
+/// When the file cannot be read or is no model of this version.
+pub(crate) fn open(file: Option<&Path>) -> anyhow::Result<NamedModel> {
+    let (name, model) = match (file, assets::MODEL) {
+        (Some(path), _) => {
+            let name = path.display().to_string();
+            let bytes =
+                std::fs::read(path).with_context(|| format!("{name}: could not be read"))?;
+            (name, Model::from_bytes(&bytes))
+        }
+        (None, Some((name, bytes))) => (name.to_owned(), Model::from_bytes(bytes)),
+        (None, None) => bail!("no model is shipped with this build: name one with --model FILE"),
+    };
+    let model = model.with_context(|| name.clone())?;
+    Ok(NamedModel {
+        name,
+        model: Arc::new(model),
+    })
+}
+
+/// The graph of the cloth of `scene` with its `cloth`, which knows its rest pose.
+///
+/// # Errors
+/// When the parts do not fit.
+pub(crate) fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<ClothGraph> {
+    ClothGraph::new(ClothParts {
+        topology: cloth.topology.clone(),
+        handles: cloth.handles.clone(),
+        vertex_mass: cloth.vertex_mass.clone(),
+        face_area: cloth.face_area.clone(),
+        material_coordinates: cloth.material_coordinates.clone(),
+        rest_positions: cloth.rest_positions.clone(),
+        environment: scene.environment,
+        frame_rate: scene.frame_rate,
+    })
+    .with_context(|| format!("the graph of scene {:?}", scene.name))
+}
+
+/// Runs `model` for `frames` from `start` [m], `[vertices]`, at rest, while the handles follow
+/// `path`. `on_frame` hears of every frame and may stop.
+///
+/// # Errors
+/// A step that fails, as where the prediction has left all bounds.
+pub(crate) fn run(
+    model: &NamedModel,
+    graph: ClothGraph,
+    start: &[Vec3],
+    path: &HandlePath,
+    frames: usize,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> anyhow::Result<Run> {
+    let mut stepper = LearnedStepper::new(Arc::clone(&model.model), graph, &[start])
+        .with_context(|| format!("starting model {}", model.name))?;
+    drive(&mut stepper, path, frames, on_frame)
+        .with_context(|| format!("the rollout of model {}", model.name))
+}
+
+/// Steps `stepper` for `frames` along `path`, with one target per frame.
+///
+/// # Errors
+/// A step that fails.
+pub(crate) fn drive(
+    stepper: &mut dyn Stepper,
+    path: &HandlePath,
+    frames: usize,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> anyhow::Result<Run> {
+    let vertices = stepper.positions().len();
+    let drive = Drive {
+        path,
+        samples_per_frame: 1,
+    };
+    let started = Instant::now();
+    let recording = record(stepper, drive, frames, &mut |_| on_frame());
+    reference::timed(recording, vertices, started)
+}

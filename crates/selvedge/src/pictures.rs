@@ -1,0 +1,106 @@
+//! Contact sheets and clips of one or two runs of a cloth, side by side.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use anyhow::Context;
+use selvedge_data::{Trajectory, write_atomically};
+use selvedge_view::{
+    ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, contact_sheet,
+    write_clip,
+};
+
+use crate::interrupt;
+use crate::output::End;
+use crate::progress::Progress;
+
+/// What is drawn.
+pub(crate) struct Show<'a> {
+    /// The heading.
+    pub(crate) title: &'a str,
+    /// The model's run.
+    pub(crate) prediction: &'a Trajectory,
+    /// The run to compare it with, of as many frames.
+    pub(crate) truth: Option<&'a Trajectory>,
+}
+
+const PREDICTION: &str = "model";
+const TRUTH: &str = "physics";
+
+/// Writes a contact sheet (.png) of evenly spaced frames; beside a truth, the model's run once
+/// more in the colours of its error.
+///
+/// # Errors
+/// What cannot be drawn or written.
+pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
+    let prediction = run_of(show.prediction)?;
+    let truth = show.truth.map(run_of).transpose()?;
+    let error = match &truth {
+        Some(truth) => Some(ScalarField::distance(truth, &prediction)?),
+        None => None,
+    };
+    let mut panels = panels(&prediction, truth.as_ref());
+    panels.extend(error.as_ref().map(|error| Panel {
+        label: "error",
+        run: &prediction,
+        colouring: Colouring::PerVertex(error),
+    }));
+    let settings = SheetSettings {
+        tile: [240, 240],
+        columns: 6,
+        pictures: 6,
+        ..SheetSettings::default()
+    };
+    let png = contact_sheet(show.title, &panels, &settings)?.to_png()?;
+    Ok(write_atomically(path, |out| out.write_all(&png))?)
+}
+
+/// Writes a clip (.gif) in real time. A clip that is interrupted ends early, but is whole.
+///
+/// # Errors
+/// What cannot be drawn or written.
+pub(crate) fn write_clip_of(path: &Path, show: &Show<'_>) -> anyhow::Result<End> {
+    let prediction = run_of(show.prediction)?;
+    let truth = show.truth.map(run_of).transpose()?;
+    let panels = panels(&prediction, truth.as_ref());
+    let settings = ClipSettings::default();
+    let seconds = prediction.time(prediction.frames().len() - 1);
+    let pictures = (1e3 * seconds / f64::from(settings.delay_ms)) as usize + 1;
+    let progress = Progress::new("drawing the clip", pictures, "pictures");
+    let mut end = End::Complete;
+    write_atomically(path, |out| {
+        let result = write_clip(out, show.title, &panels, &settings, &mut |_| {
+            progress.advance();
+            interrupt::flow()
+        });
+        if let ClipEnd::Stopped { .. } = result.map_err(io::Error::other)? {
+            end = End::Interrupted;
+        }
+        Ok(())
+    })?;
+    Ok(end)
+}
+
+/// The truth first, as in a table of results.
+fn panels<'a>(prediction: &'a Run<'a>, truth: Option<&'a Run<'a>>) -> Vec<Panel<'a>> {
+    let panel = |label, run| Panel {
+        label,
+        run,
+        colouring: Colouring::Plain,
+    };
+    truth
+        .map(|run| panel(TRUTH, run))
+        .into_iter()
+        .chain([panel(PREDICTION, prediction)])
+        .collect()
+}
+
+fn run_of(trajectory: &Trajectory) -> anyhow::Result<Run<'_>> {
+    Run::new(
+        trajectory.topology(),
+        trajectory.frames().iter(),
+        trajectory.handles().vertices(),
+        trajectory.frame_rate(),
+    )
+    .context("a run to draw")
+}
