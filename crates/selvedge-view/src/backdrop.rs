@@ -26,7 +26,7 @@ const BLUR_RADIUS: usize = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct Backdrop {
     colours: Vec<Linear16>,
-    /// Place in the shadow map [cells]; NaN where the pixel sees no part of it.
+    /// Place in the shadow map `[cells]`; NaN where the pixel sees no part of it.
     places: Vec<Vec2>,
     shadow: ShadowMap,
 }
@@ -124,7 +124,7 @@ impl ShadowMap {
         }
     }
 
-    /// Where the floor that `ray` meets lies in the map [cells], or NaN.
+    /// Where the floor that `ray` meets lies in the map `[cells]`, or NaN.
     fn place_seen(&self, stage: &Stage, ray: Vec3) -> Vec2 {
         let eye = stage.camera.position();
         let reach = (self.floor - eye.y) / ray.y;
@@ -189,7 +189,7 @@ impl ShadowMap {
         }
     }
 
-    /// Bilinear look-up at `place` [cells], which lies inside the map.
+    /// Bilinear look-up at `place` `[cells]`, which lies inside the map.
     #[inline]
     fn at(&self, place: Vec2) -> f32 {
         let (x, y) = (place.x as usize, place.y as usize);

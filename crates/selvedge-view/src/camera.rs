@@ -13,11 +13,11 @@ use crate::{Run, ViewError};
 /// The direction that a run is seen from, and how wide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// Angle of the camera around y, from +x towards +z [rad].
+    /// Angle of the camera around y, from +x towards +z `[rad]`.
     pub azimuth: f32,
-    /// Angle of the camera above the horizon [rad], in [0, 1.4].
+    /// Angle of the camera above the horizon `[rad]`, in [0, 1.4].
     pub elevation: f32,
-    /// Vertical angle of view [rad], in [0.05, 2.5].
+    /// Vertical angle of view `[rad]`, in [0.05, 2.5].
     pub field_of_view: f32,
     /// Part of the half picture that is left free at each side, in [0, 0.9].
     pub margin: f32,
@@ -53,7 +53,7 @@ pub struct Projected {
     pub x: f32,
     /// From the top (0) to the bottom edge (1).
     pub y: f32,
-    /// Distance from the camera's plane [m]; behind the camera it is not positive.
+    /// Distance from the camera's plane `[m]`; behind the camera it is not positive.
     pub depth: f32,
 }
 
@@ -86,7 +86,7 @@ impl Orbit {
         Ok(())
     }
 
-    /// The nearest camera in this direction that sees all `points` [m] in a picture of `aspect`
+    /// The nearest camera in this direction that sees all `points` `[m]` in a picture of `aspect`
     /// (width over height). Without points it looks at the origin.
     #[must_use]
     pub fn fit(&self, points: impl IntoIterator<Item = Vec3>, aspect: f32) -> Camera {
@@ -130,13 +130,13 @@ impl Orbit {
 }
 
 impl Camera {
-    /// Where the camera is [m].
+    /// Where the camera is `[m]`.
     #[must_use]
     pub fn position(&self) -> Vec3 {
         self.position
     }
 
-    /// Where `point` [m] lands in the picture.
+    /// Where `point` `[m]` lands in the picture.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Projected {
         let offset = point - self.position;
@@ -225,7 +225,7 @@ impl Stage {
     }
 }
 
-/// Where the light from `towards_light` throws `point` onto the floor: (x, z) [m].
+/// Where the light from `towards_light` throws `point` onto the floor: (x, z) `[m]`.
 pub(crate) fn cast(point: Vec3, towards_light: Vec3, floor: f32) -> Vec2 {
     let fall = (point.y - floor) / towards_light.y;
     let place = point - fall * towards_light;

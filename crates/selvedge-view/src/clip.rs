@@ -18,9 +18,9 @@ use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewEr
 /// How a clip is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipSettings {
-    /// Width and height of one panel [pixels].
+    /// Width and height of one panel `[pixels]`.
     pub tile: [u32; 2],
-    /// Time between two pictures [ms]: a multiple of 10 from 20 to 1000. Viewers slow down what is
+    /// Time between two pictures `[ms]`: a multiple of 10 from 20 to 1000. Viewers slow down what is
     /// faster.
     pub delay_ms: u16,
     /// Where it is seen from.
@@ -41,7 +41,7 @@ impl Default for ClipSettings {
             orbit: Orbit::default(),
             supersampling: Supersampling::Two,
             lines: EdgeLines::Border,
-            colours: 127,
+            colours: 255,
         }
     }
 }

@@ -22,7 +22,7 @@ impl Measures {
     }
 }
 
-/// Width of the bar with its name and numbers [pixels], for captions of `caption` pixels.
+/// Width of the bar with its name and numbers `[pixels]`, for captions of `caption` pixels.
 pub(crate) fn colour_bar_width(field: &ScalarField, caption: f32) -> u32 {
     let measures = Measures::new(caption);
     let name = text_width(field.name(), caption) + 1.2 * caption;
@@ -30,7 +30,7 @@ pub(crate) fn colour_bar_width(field: &ScalarField, caption: f32) -> u32 {
     name as u32 + measures.width + overhang as u32
 }
 
-/// Height of the bar with its numbers [pixels].
+/// Height of the bar with its numbers `[pixels]`.
 pub(crate) fn colour_bar_height(caption: f32) -> u32 {
     (3.2 * caption).ceil() as u32
 }

@@ -40,6 +40,13 @@ pub enum ViewError {
         height: u32,
         largest: u32,
     },
+    #[error("{field} is {width} x {height} pixels: together at most {most} are allowed")]
+    TooManyPixels {
+        field: &'static str,
+        width: u32,
+        height: u32,
+        most: u64,
+    },
     #[error("{field} must be {expected}, found {found}")]
     Setting {
         field: &'static str,

@@ -16,7 +16,7 @@ pub struct ScalarField {
 }
 
 impl ScalarField {
-    /// `values`, `[frames, vertices]`, under a `name` with its unit, as "error [mm]". The colours
+    /// `values`, `[frames, vertices]`, under a `name` with its unit, as "error `[mm]`". The colours
     /// span 0 to the largest value, rounded up to a number that reads well.
     ///
     /// # Errors
@@ -45,7 +45,7 @@ impl ScalarField {
         })
     }
 
-    /// The distance of each vertex of `prediction` from the same vertex of `truth` [mm].
+    /// The distance of each vertex of `prediction` from the same vertex of `truth` `[mm]`.
     ///
     /// # Errors
     /// [`ViewError::PanelsDiffer`] when the runs differ in frames or vertices.

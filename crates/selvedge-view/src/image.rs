@@ -15,12 +15,15 @@ pub struct Image {
 
 /// The most pixels that a side may have: what GIF can hold.
 pub(crate) const LARGEST_SIDE: u32 = 65_535;
+/// The most pixels, or samples, that an image may have: 16384 × 16384.
+const MOST_PIXELS: u64 = 1 << 28;
 
 impl Image {
     /// An image of one colour.
     ///
     /// # Errors
-    /// [`ViewError::Size`] when a side is 0 or longer than 65535 pixels.
+    /// [`ViewError::Size`] when a side is 0 or longer than 65535 pixels;
+    /// [`ViewError::TooManyPixels`] beyond 2²⁸.
     pub fn filled(width: u32, height: u32, colour: Rgb) -> Result<Self, ViewError> {
         check_size("image", [width, height])?;
         Ok(Self {
@@ -115,18 +118,27 @@ impl Image {
     }
 }
 
-/// Checks that both sides are between 1 and [`LARGEST_SIDE`].
+/// Checks that both sides are between 1 and [`LARGEST_SIDE`], and the area at most
+/// [`MOST_PIXELS`].
 pub(crate) fn check_size(field: &'static str, [width, height]: [u32; 2]) -> Result<(), ViewError> {
     let fits = 1..=LARGEST_SIDE;
-    if fits.contains(&width) && fits.contains(&height) {
-        return Ok(());
+    if !(fits.contains(&width) && fits.contains(&height)) {
+        return Err(ViewError::Size {
+            field,
+            width,
+            height,
+            largest: LARGEST_SIDE,
+        });
     }
-    Err(ViewError::Size {
-        field,
-        width,
-        height,
-        largest: LARGEST_SIDE,
-    })
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return Err(ViewError::TooManyPixels {
+            field,
+            width,
+            height,
+            most: MOST_PIXELS,
+        });
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -156,6 +168,17 @@ mod tests {
         assert_eq!(
             message,
             "image is 0 x 5 pixels: both must be between 1 and 65535"
+        );
+    }
+
+    #[test]
+    fn more_pixels_than_fit_in_memory_are_an_error_not_an_abort() {
+        let message = Image::filled(60_000, 60_000, [0; 3])
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            message,
+            "image is 60000 x 60000 pixels: together at most 268435456 are allowed"
         );
     }
 

@@ -19,12 +19,12 @@ pub(crate) struct Page<'a> {
     grid: [u32; 2],
     /// Height of the strip above every row, in which labels stand; 0 without labels.
     strip: u32,
-    /// Height of captions [pixels].
+    /// Height of captions `[pixels]`.
     caption: f32,
 }
 
 impl<'a> Page<'a> {
-    /// A page of `grid` (columns, rows) tiles of `tile` (width, height) [pixels].
+    /// A page of `grid` (columns, rows) tiles of `tile` (width, height) `[pixels]`.
     pub(crate) fn new(
         title: &'a str,
         panels: &[Panel<'a>],

@@ -28,7 +28,8 @@ struct Cell {
 /// The number of a pixel that keeps what is there.
 pub(crate) const UNCHANGED: u8 = 0;
 
-const LLOYD_ROUNDS: usize = 4;
+const LLOYD_ROUNDS: usize = 3;
+const WEIGHT_POWER: f32 = 0.75;
 
 impl Palette {
     /// At most `size` colours (1 to 255) for `images`.
@@ -84,23 +85,18 @@ pub(crate) fn distance_squared(a: Rgb, b: Rgb) -> u32 {
 }
 
 fn count_cells(images: &[Image]) -> Vec<Cell> {
-    let mut counts: HashMap<u32, (Vec3, u32)> = HashMap::new();
+    let mut counts: HashMap<Rgb, u32> = HashMap::new();
     for &pixel in images.iter().flat_map(Image::pixels) {
-        let key = pixel
-            .iter()
-            .fold(0_u32, |key, &channel| key << 6 | u32::from(channel >> 2));
-        let entry = counts.entry(key).or_insert((Vec3::ZERO, 0));
-        entry.0 += Vec3::from_array(pixel.map(f32::from));
-        entry.1 += 1;
+        *counts.entry(pixel).or_insert(0) += 1;
     }
-    let mut cells: Vec<(u32, (Vec3, u32))> = counts.into_iter().collect();
+    let mut counts: Vec<(Rgb, u32)> = counts.into_iter().collect();
     // The order of a hash map is random: the same frames must make the same file.
-    cells.sort_unstable_by_key(|(key, _)| *key);
-    let cell = |(_, (sum, count)): (u32, (Vec3, u32))| Cell {
-        mean: sum / count as f32,
-        weight: (count as f32).sqrt(),
+    counts.sort_unstable();
+    let cell = |(colour, count): (Rgb, u32)| Cell {
+        mean: Vec3::from_array(colour.map(f32::from)),
+        weight: (count as f32).powf(WEIGHT_POWER),
     };
-    cells.into_iter().map(cell).collect()
+    counts.into_iter().map(cell).collect()
 }
 
 /// A box of cells with its weighted mean, the axis of its largest spread, and its squared error.

@@ -69,14 +69,14 @@ pub struct Renderer {
     encoder: Encoder,
     surface: Surface,
     vertices: Vec<ScreenVertex>,
-    /// 1/depth of each sample [1/m]; 0 where no surface is.
+    /// 1/depth of each sample `[1/m]`; 0 where no surface is.
     nearness: Vec<f32>,
     light: Vec<Linear16>,
     /// The columns and rows of samples that the last picture may have covered.
     touched: [Range<usize>; 2],
 }
 
-/// The border is this wide [pixels] on a picture 480 pixels high; handles have this radius.
+/// The border is this wide `[pixels]` on a picture 480 pixels high; handles have this radius.
 const BORDER_WIDTH: f32 = 2.4;
 const HANDLE_RADIUS: f32 = 4.6;
 /// A handle shows through cloth that hides it by less than this part of its distance.
@@ -85,10 +85,11 @@ const HANDLE_LIFT: f32 = 0.01;
 const BORDER_LIFT: f32 = 0.002;
 
 impl Renderer {
-    /// A renderer of pictures of `size` (width, height) [pixels].
+    /// A renderer of pictures of `size` (width, height) `[pixels]`.
     ///
     /// # Errors
-    /// [`ViewError::Size`] when a side is 0 or longer than 65535 pixels.
+    /// [`ViewError::Size`] or [`ViewError::TooManyPixels`] when it has no pixels, or more samples
+    /// than an image may have pixels.
     pub fn new(
         stage: &Stage,
         size: [u32; 2],
@@ -97,6 +98,7 @@ impl Renderer {
     ) -> Result<Self, ViewError> {
         check_size("picture", size)?;
         let factor = supersampling.factor();
+        check_size("supersampled picture", size.map(|side| side * factor))?;
         let samples = size[0] as usize * size[1] as usize * (factor * factor) as usize;
         Ok(Self {
             camera: stage.camera,

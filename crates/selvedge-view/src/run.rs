@@ -16,7 +16,7 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Frames of positions [m], `[frames, vertices]`, at `frame_rate` [1/s]; `handles` are marked.
+    /// Frames of positions `[m]`, `[frames, vertices]`, at `frame_rate` `[1/s]`; `handles` are marked.
     ///
     /// # Errors
     /// [`ViewError::EmptyRun`], [`ViewError::VertexCount`], [`ViewError::NonFinite`],
@@ -58,7 +58,7 @@ impl<'a> Run<'a> {
         self.topology
     }
 
-    /// Positions in each frame [m], `[frames, vertices]`.
+    /// Positions in each frame `[m]`, `[frames, vertices]`.
     #[must_use]
     pub fn frames(&self) -> &[&'a [Vec3]] {
         &self.frames
@@ -76,7 +76,7 @@ impl<'a> Run<'a> {
         self.frame_rate
     }
 
-    /// Time of a frame since the first [s].
+    /// Time of a frame since the first `[s]`.
     #[must_use]
     pub fn time(&self, frame: usize) -> f64 {
         frame as f64 / self.frame_rate

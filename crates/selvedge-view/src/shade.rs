@@ -4,7 +4,7 @@
 //! The lights hang on the camera, so that a cloth is lit alike from everywhere. A point whose
 //! normal looks away is the back of the cloth: it has the back's tint and the turned normal.
 
-use glam::Vec3A;
+use glam::{Mat4, Vec3A, Vec4};
 
 use crate::camera::Camera;
 use crate::colour::to_linear;
@@ -44,9 +44,9 @@ pub(crate) struct Side {
 #[derive(Clone, Debug)]
 pub(crate) struct Shader {
     key: Vec3A,
-    fill: Vec3A,
     eye: Vec3A,
-    half: Vec3A,
+    /// Takes a normal to its cosines with key, fill, eye and half-way vector: all in one product.
+    cosines: Mat4,
     pub(crate) front: Side,
     pub(crate) back: Side,
     pub(crate) border: Vec3A,
@@ -59,11 +59,12 @@ impl Shader {
         let level = Vec3A::new(eye.x, 0.0, eye.z).normalize_or(eye);
         let key = (-0.85 * right + 0.75 * Vec3A::Y + 0.12 * level).normalize();
         let fill = (0.9 * right + 0.1 * Vec3A::Y + 0.35 * level).normalize();
+        let half = (key + eye).normalize_or(eye);
+        let rows = [key, fill, eye, half].map(|direction| direction.extend(0.0));
         Self {
             key,
-            fill,
             eye,
-            half: (key + eye).normalize_or(eye),
+            cosines: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
             front: Side {
                 cloth: to_linear(FRONT).into(),
                 edge: to_linear(EDGE_FRONT).into(),
@@ -90,18 +91,21 @@ impl Shader {
     #[inline]
     pub(crate) fn cloth(&self, tint: Vec3A, point: Point) -> Vec3A {
         let normal = point.normal;
+        let [x, y, z] = normal.to_array();
+        let cosines: Vec4 =
+            self.cosines.x_axis * x + self.cosines.y_axis * y + self.cosines.z_axis * z;
         // Wrapped: light reaches a little behind the terminator, as it does in woven cloth.
-        let key = ((normal.dot(self.key) + 0.12) / 1.12).max(0.0);
-        let fill = normal.dot(self.fill).max(0.0);
+        let wrap = Vec4::new(0.12, 0.0, 0.0, 0.0);
+        let [key, fill, eye, half] = (cosines + wrap).max(Vec4::ZERO).to_array();
+        let key = key / 1.12;
         let sky = 0.5 + 0.5 * normal.y;
         let shelter = (1.0 - 2.6 * point.hollow).clamp(0.4, 1.3);
         let light = Vec3A::new(1.06, 1.0, 0.92) * (1.35 * key)
             + Vec3A::new(0.70, 0.82, 1.0) * (0.20 * fill)
             + Vec3A::new(0.21, 0.23, 0.27) * (0.55 + 0.6 * sky) * shelter;
-        let grazing = 1.0 - normal.dot(self.eye).clamp(0.0, 1.0);
+        let grazing = 1.0 - eye;
         let sheen = 0.10 * grazing * grazing * grazing;
-        let highlight = normal.dot(self.half).max(0.0);
-        let satin = 0.055 * power16(highlight) * key;
+        let satin = 0.055 * power16(half) * key;
         tint * light * (0.75 + 0.25 * shelter) + Vec3A::splat(sheen * (0.3 + key) + satin)
     }
 

@@ -9,7 +9,7 @@ use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewEr
 /// How one picture is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StillSettings {
-    /// Width and height [pixels].
+    /// Width and height `[pixels]`.
     pub size: [u32; 2],
     /// Where it is seen from.
     pub orbit: Orbit,
@@ -33,7 +33,7 @@ impl Default for StillSettings {
 /// How a contact sheet is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetSettings {
-    /// Width and height of one picture [pixels].
+    /// Width and height of one picture `[pixels]`.
     pub tile: [u32; 2],
     /// Pictures per row.
     pub columns: usize,
@@ -57,6 +57,21 @@ impl Default for SheetSettings {
             supersampling: Supersampling::Four,
             lines: EdgeLines::All,
         }
+    }
+}
+
+impl SheetSettings {
+    fn validate(&self) -> Result<(), ViewError> {
+        for (field, found) in [("columns", self.columns), ("pictures", self.pictures)] {
+            if found == 0 || found > 10_000 {
+                return Err(ViewError::Setting {
+                    field,
+                    expected: "between 1 and 10000",
+                    found: found.to_string(),
+                });
+            }
+        }
+        Ok(())
     }
 }
 
@@ -89,19 +104,8 @@ pub fn contact_sheet(
     panels: &[Panel<'_>],
     settings: &SheetSettings,
 ) -> Result<Image, ViewError> {
+    settings.validate()?;
     check_panels(panels)?;
-    for (field, found) in [
-        ("columns", settings.columns),
-        ("pictures", settings.pictures),
-    ] {
-        if found == 0 || found > 10_000 {
-            return Err(ViewError::Setting {
-                field,
-                expected: "between 1 and 10000",
-                found: found.to_string(),
-            });
-        }
-    }
     let run = panels[0].run;
     let frames = evenly_spaced(run.frames().len(), settings.pictures);
     let columns = settings.columns.min(frames.len());

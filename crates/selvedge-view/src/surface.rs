@@ -15,7 +15,7 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// Computes both for `positions` [m], `[vertices]`.
+    /// Computes both for `positions` `[m]`, `[vertices]`.
     pub(crate) fn update(&mut self, topology: &Topology, positions: &[Vec3]) {
         self.normals.clear();
         self.normals.resize(positions.len(), Vec3::ZERO);

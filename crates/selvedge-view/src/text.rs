@@ -23,7 +23,7 @@ pub enum Align {
 /// How text looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextStyle {
-    /// Height of capitals [pixels].
+    /// Height of capitals `[pixels]`.
     pub height: f32,
     /// Width of strokes as a part of the height of capitals; 0.12 is regular, 0.17 bold.
     pub weight: f32,
@@ -33,7 +33,7 @@ pub struct TextStyle {
     pub align: Align,
 }
 
-/// Width of `text` [pixels] with capitals of `height` [pixels].
+/// Width of `text` `[pixels]` with capitals of `height` `[pixels]`.
 #[must_use]
 pub fn text_width(text: &str, height: f32) -> f32 {
     let units: f32 = text
@@ -43,7 +43,7 @@ pub fn text_width(text: &str, height: f32) -> f32 {
     (units - SPACING).max(0.0) * height / CAPITAL_HEIGHT
 }
 
-/// Draws one line of `text`, its base line at `place` (x, y) [pixels]. What lies outside the image
+/// Draws one line of `text`, its base line at `place` (x, y) `[pixels]`. What lies outside the image
 /// is cut off.
 pub fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &TextStyle) {
     let unit = style.height / CAPITAL_HEIGHT;
@@ -62,7 +62,7 @@ pub fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &TextSty
     }
 }
 
-/// A straight piece of a stroke [pixels].
+/// A straight piece of a stroke `[pixels]`.
 type Segment = [Vec2; 2];
 
 fn segments(strokes: &str, origin: Vec2, unit: f32) -> Vec<Segment> {

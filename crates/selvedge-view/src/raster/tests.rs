@@ -283,3 +283,30 @@ fn a_flat_field_has_the_hue_of_its_value() {
     );
     assert!(scale > 0.5 && scale < 1.2);
 }
+
+#[test]
+fn a_run_that_has_blown_up_is_drawn_without_a_panic() {
+    let triangle = [
+        Vec3::new(0.0, -0.5, 0.5),
+        Vec3::new(0.0, 0.5, -0.5),
+        Vec3::new(0.0, 0.5, 0.5),
+    ];
+    let (topology, positions) = scene(&[triangle]);
+    for far in [1e6_f32, 1e20, 3e38] {
+        let blown = positions.iter().map(|p| *p * far).collect::<Vec<Vec3>>();
+        let frames = [positions.as_slice(), blown.as_slice()];
+        let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
+        let stage = Stage::of_runs(&[&run], &Orbit::default(), 1.0).unwrap();
+        let panel = Panel {
+            label: "",
+            run: &run,
+            colouring: Colouring::Plain,
+        };
+        let mut renderer =
+            Renderer::new(&stage, [40; 2], Supersampling::Two, EdgeLines::All).unwrap();
+        for frame in 0..2 {
+            let image = renderer.render(&panel, frame).unwrap();
+            assert_eq!([image.width(), image.height()], [40, 40]);
+        }
+    }
+}

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3A};
 use super::EdgeLines;
 use crate::shade::{Point, Shader, Side};
 
-/// Edge lines are this wide [pixels] on a picture 480 pixels high.
+/// Edge lines are this wide `[pixels]` on a picture 480 pixels high.
 const EDGE_WIDTH: f32 = 0.8;
 
 /// A vertex on the screen.
@@ -19,7 +19,7 @@ const EDGE_WIDTH: f32 = 0.8;
 pub(super) struct ScreenVertex {
     /// In samples from the top left corner.
     pub(super) place: Vec2,
-    /// 1/depth [1/m]; 0 behind the camera.
+    /// 1/depth `[1/m]`; 0 behind the camera.
     pub(super) nearness: f32,
     pub(super) normal: Vec3A,
     pub(super) hollow: f32,
@@ -32,7 +32,7 @@ pub(super) struct Triangle {
     places: [Vec2; 3],
     /// Whether its front is seen.
     front: bool,
-    /// Change of the weights per sample to the right and down [1/sample].
+    /// Change of the weights per sample to the right and down `[1/sample]`.
     pub(super) across: Vec3A,
     down: Vec3A,
     pub(super) nearness: Vec3A,
@@ -42,7 +42,7 @@ pub(super) struct Triangle {
     values: Vec3A,
     /// Samples of distance from the opposite edge per unit of weight.
     heights: Vec3A,
-    /// Half the width of the edge lines [samples], and how much they cover.
+    /// Half the width of the edge lines `[samples]`, and how much they cover.
     half_width: f32,
     faint: f32,
 }
@@ -133,8 +133,10 @@ impl Triangle {
     pub(super) fn point_at(&self, weights: Vec3A) -> Point {
         let [a, b, c] = self.normals;
         let [u, v, w] = weights.to_array();
+        let normal = a * u + b * v + c * w;
         Point {
-            normal: (a * u + b * v + c * w).normalize_or_zero(),
+            // Three opposite normals could cancel: the floor of the length keeps this finite.
+            normal: normal * normal.length_squared().max(1e-20).sqrt().recip(),
             hollow: weights.dot(self.hollow),
         }
     }
