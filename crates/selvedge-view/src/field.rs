@@ -16,7 +16,7 @@ pub struct ScalarField {
 }
 
 impl ScalarField {
-    /// `values`, `[frames, vertices]`, under a `name` with its unit, as "error `[mm]`". The colours
+    /// `values`, `[frames, vertices]`, under a `name` with its unit, as `error [mm]`. The colours
     /// span 0 to the largest value, rounded up to a number that reads well.
     ///
     /// # Errors
