@@ -78,7 +78,10 @@ impl Weights<'_> {
             .map(|row| {
                 let at = |step: usize| &input[(step * rows + row) * width..][..width];
                 match spec.encoder {
-                    Encoder::Mlp {} => self.normalised_mlp(path, at(0)),
+                    Encoder::Mlp { window } => {
+                        let joined: Vec<f64> = (0..window).flat_map(at).copied().collect();
+                        self.normalised_mlp(path, &joined)
+                    }
                     Encoder::Gru { window } => {
                         let window: Vec<&[f64]> = (0..window).map(at).collect();
                         let last = self.gru(&format!("{path}.gru"), &window, spec.latent);

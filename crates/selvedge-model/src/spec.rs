@@ -57,15 +57,27 @@ pub enum EdgeFeature {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Encoder {
-    /// A multi-layer perceptron on the current frame. (Braces, so that unknown keys beside the
-    /// kind are errors.)
-    Mlp {},
+    /// A multi-layer perceptron on the frames of the window side by side.
+    Mlp {
+        /// Frames in the window, at least 1; the paper's has 1.
+        #[serde(default = "one")]
+        window: usize,
+    },
     /// A recurrent network of two layers of gated recurrent units over a window of frames, the
     /// current one last.
     Gru {
         /// Frames in the window, at least 1.
         window: usize,
     },
+}
+
+fn one() -> usize {
+    1
+}
+
+impl Encoder {
+    /// A perceptron on the current frame, as in MeshGraphNets.
+    pub const MLP: Self = Self::Mlp { window: 1 };
 }
 
 /// A spec that no network can be built from.
@@ -115,7 +127,7 @@ impl ModelSpec {
         Self {
             node_features: BTreeSet::from([NodeFeature::Velocity, NodeFeature::NodeType]),
             edge_features: BTreeSet::from([EdgeFeature::Vector, EdgeFeature::MaterialVector]),
-            encoder: Encoder::Mlp {},
+            encoder: Encoder::MLP,
             latent,
             blocks,
         }
@@ -158,8 +170,7 @@ impl ModelSpec {
     #[must_use]
     pub fn window(&self) -> usize {
         match self.encoder {
-            Encoder::Mlp {} => 1,
-            Encoder::Gru { window } => window,
+            Encoder::Mlp { window } | Encoder::Gru { window } => window,
         }
     }
 

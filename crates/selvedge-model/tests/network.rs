@@ -81,10 +81,11 @@ fn coefficient(k: usize) -> f64 {
 
 fn specs() -> Vec<ModelSpec> {
     vec![
-        ModelSpec::physical(Encoder::Mlp {}, 8, 3),
+        ModelSpec::physical(Encoder::MLP, 8, 3),
         ModelSpec::physical(Encoder::Gru { window: 4 }, 6, 2),
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
+        ModelSpec::physical(Encoder::Mlp { window: 3 }, 6, 1),
     ]
 }
 
@@ -94,7 +95,7 @@ fn parameter_counts_are_the_papers() {
     let gru = Encoder::Gru { window: 10 };
     assert_eq!(count(&ModelSpec::physical(gru, 128, 15)), 2_605_955);
     assert_eq!(
-        count(&ModelSpec::physical(Encoder::Mlp {}, 128, 15)),
+        count(&ModelSpec::physical(Encoder::MLP, 128, 15)),
         2_334_595
     );
     assert_eq!(count(&ModelSpec::mesh_graph_nets(128, 15)), 2_333_699);
@@ -152,7 +153,7 @@ fn f32_agrees_with_f64() {
 #[test]
 fn gradients_match_finite_differences_in_every_tensor() {
     let dropout = Dropout { rate: 0.2, seed: 7 };
-    for (spec, dropout) in specs().iter().zip([None, Some(dropout), None, None]) {
+    for (spec, dropout) in specs().iter().zip([None, Some(dropout), None, None, None]) {
         let case = case(spec, 4, 3);
         let mut workspace = Workspace::new();
         let pass = Pass::Training(dropout);

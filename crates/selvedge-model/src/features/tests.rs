@@ -12,7 +12,7 @@ use crate::spec::Encoder;
 use crate::test_cloth::{parts, shaken, turn};
 
 fn physical() -> ModelSpec {
-    ModelSpec::physical(Encoder::Mlp {}, 8, 1)
+    ModelSpec::physical(Encoder::MLP, 8, 1)
 }
 
 /// Every feature that there is.

@@ -1,5 +1,5 @@
 //! The encoder of vertices or of arcs: normalised features of a window of frames to latent rows,
-//! by a perceptron (window 1) or a recurrent network.
+//! by a perceptron on the frames side by side, or by a recurrent network.
 
 use rayon::prelude::*;
 
@@ -34,7 +34,10 @@ impl EncoderLayers {
         encoder: Encoder,
     ) -> Self {
         match encoder {
-            Encoder::Mlp {} => Self::Mlp(Mlp::normalised(layout, path, sizes[0], sizes[1])),
+            Encoder::Mlp { window } => {
+                let mlp = Mlp::normalised(layout, path, window * sizes[0], sizes[1]);
+                Self::Mlp(mlp)
+            }
             Encoder::Gru { window } => Self::Gru(GruEncoder::new(layout, path, sizes, window)),
         }
     }
@@ -54,13 +57,20 @@ impl EncoderLayers {
                 record.mlp.fit(mlp, out.len() / latent);
                 (
                     mlp_tiles(&mut record.mlp, latent),
-                    input.par_chunks(TILE * width),
                     out.par_chunks_mut(TILE * latent),
                 )
                     .into_par_iter()
-                    .for_each(|(tile, input, out)| {
-                        let columns = (0, width);
-                        mlp.first_product(weights, columns, (input, Store::Replace), tile.hidden1);
+                    .enumerate()
+                    .for_each(|(number, (tile, out))| {
+                        let rows = number * TILE..number * TILE + out.len() / latent;
+                        for (columns, input) in frames(mlp, (input, width), &rows) {
+                            let store = if columns.0 == 0 {
+                                Store::Replace
+                            } else {
+                                Store::Add
+                            };
+                            mlp.first_product(weights, columns, (input, store), tile.hidden1);
+                        }
                         mlp.finish(weights, tile, out);
                     });
             }
@@ -102,11 +112,12 @@ impl EncoderLayers {
                 let mut scratch = MlpScratch::new(latent);
                 for rows in tiles(output.len() / latent) {
                     let output = &mut output[rows.start * latent..rows.end * latent];
-                    let input = &input[rows.start * width..rows.end * width];
                     let tile = record.mlp.tile(mlp, &rows);
                     mlp.finish_backward(weights, &tile, output, &mut scratch, gradient);
                     let first = &scratch.first[..rows.len() * latent];
-                    mlp.first_backward(weights, (0, width), (first, input), gradient, None);
+                    for (columns, input) in frames(mlp, (input, width), &rows) {
+                        mlp.first_backward(weights, columns, (first, input), gradient, None);
+                    }
                 }
             }
             Self::Gru(gru) => {
@@ -128,6 +139,24 @@ impl EncoderLayers {
             }
         }
     }
+}
+
+/// What a perceptron sees of a tile: of each frame of the window, its columns of the first layer
+/// (the first and how many) and the rows of the tile.
+fn frames<'a, T>(
+    mlp: &Mlp,
+    (input, width): (&'a [T], usize),
+    rows: &std::ops::Range<usize>,
+) -> impl Iterator<Item = ((usize, usize), &'a [T])> + use<'a, T> {
+    let window = mlp.first.inputs / width;
+    let size = input.len() / window;
+    let range = rows.start * width..rows.end * width;
+    let columns = (0..window).map(move |frame| (frame * width, width));
+    columns.zip(
+        input
+            .chunks_exact(size)
+            .map(move |frame| &frame[range.clone()]),
+    )
 }
 
 /// The tiles of a perceptron's record, for threads to share.
