@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::network::Network;
+use crate::network::{Network, OUTPUTS};
 use crate::normalizer::Normalizer;
 use crate::spec::{ModelSpec, SpecError};
 
@@ -74,7 +74,7 @@ impl Model {
             ),
             (
                 "normalizer.acceleration",
-                3,
+                OUTPUTS,
                 normalizers.acceleration.width(),
             ),
         ];

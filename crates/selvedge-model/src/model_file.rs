@@ -8,16 +8,14 @@ use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
 
 use crate::model::{Model, ModelError, Normalizers};
-use crate::network::Network;
+use crate::network::{Network, OUTPUTS};
 use crate::normalizer::{Normalizer, NormalizerError};
+use crate::parameters::Parameter;
 use crate::spec::{ModelSpec, SpecError};
 
 /// `format` in the metadata of a model file.
 pub const MODEL_FORMAT: &str = "selvedge-model";
 const VERSION: &str = "1";
-
-/// Names of the statistics in a model file.
-const STATISTICS: [&str; 3] = ["nodes", "edges", "acceleration"];
 
 /// Why bytes are not a model that can be used.
 #[derive(Debug, Error)]
@@ -33,6 +31,8 @@ pub enum ModelFileError {
         expected: &'static str,
         found: String,
     },
+    #[error("metadata \"spec\" is missing: the file does not say which network its weights are of")]
+    NoSpec,
     #[error("metadata \"spec\": {0}")]
     SpecText(#[from] serde_json::Error),
     #[error(transparent)]
@@ -69,35 +69,23 @@ impl Model {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let metadata = header.metadata().clone().unwrap_or_default();
-        let text = |key| metadata.get(key).map(String::as_str);
-        for (key, expected) in [("format", MODEL_FORMAT), ("version", VERSION)] {
-            if text(key) != Some(expected) {
-                return Err(ModelFileError::Metadata {
-                    key,
-                    expected,
-                    found: text(key).map_or("missing".into(), |found| format!("\"{found}\"")),
-                });
-            }
-        }
+        let text = |key: &str| metadata.get(key).map(String::as_str);
+        check_kind(text)?;
         let tensors = SafeTensors::deserialize(bytes)?;
-        let spec: ModelSpec = serde_json::from_str(text("spec").unwrap_or_default())?;
+        let spec: ModelSpec = serde_json::from_str(text("spec").ok_or(ModelFileError::NoSpec)?)?;
         let network = Network::new(&spec)?;
         check_names(&network, &tensors)?;
-        let mut weights = Vec::with_capacity(network.parameter_count());
-        for parameter in network.parameters() {
-            let bytes = read(
-                &tensors,
-                &parameter.name,
-                Dtype::F32,
-                Some(&parameter.shape),
-            )?;
-            weights.extend(bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
-        }
-        let [nodes, edges, acceleration] = STATISTICS;
+        let read_weight = |p: &Parameter| read(&tensors, &p.name, Dtype::F32, &p.shape);
+        let parts = network.parameters().iter().map(read_weight);
+        let parts: Vec<&[u8]> = parts.collect::<Result<_, _>>()?;
+        let numbers = parts.iter().flat_map(|bytes| bytes.as_chunks().0);
+        let weights = numbers.map(|b| f32::from_le_bytes(*b)).collect();
+        let [nodes, edges, acceleration] =
+            statistics(&spec).map(|(name, width)| read_normalizer(&tensors, name, width));
         let normalizers = Normalizers {
-            nodes: read_normalizer(&tensors, nodes)?,
-            edges: read_normalizer(&tensors, edges)?,
-            acceleration: read_normalizer(&tensors, acceleration)?,
+            nodes: nodes?,
+            edges: edges?,
+            acceleration: acceleration?,
         };
         let training = text("training").unwrap_or_default().to_owned();
         Ok(Self::new(&spec, weights, normalizers, training)?)
@@ -121,7 +109,7 @@ impl Model {
             header.insert(name, entry);
         };
         // The widest values first, so that all are aligned.
-        for (name, bytes) in statistics_bytes(self.normalizers()) {
+        for (name, bytes) in statistics_bytes(self) {
             add(name, "F64", &[bytes.len() / 8], &bytes);
         }
         for parameter in self.network().parameters() {
@@ -145,20 +133,36 @@ impl Model {
     }
 }
 
-fn statistics_bytes(normalizers: &Normalizers) -> Vec<(String, Vec<u8>)> {
-    let all = [
-        &normalizers.nodes,
-        &normalizers.edges,
-        &normalizers.acceleration,
-    ];
+/// Names and widths of the statistics in a model file.
+fn statistics(spec: &ModelSpec) -> [(&'static str, usize); 3] {
+    [
+        ("nodes", spec.node_width()),
+        ("edges", spec.edge_width()),
+        ("acceleration", OUTPUTS),
+    ]
+}
+
+const STATISTIC_KINDS: [&str; 2] = ["mean", "deviation"];
+
+fn statistic_name(of: &str, kind: &str) -> String {
+    format!("normalizer.{of}.{kind}")
+}
+
+fn statistics_bytes(model: &Model) -> Vec<(String, Vec<u8>)> {
+    let Normalizers {
+        nodes,
+        edges,
+        acceleration,
+    } = model.normalizers();
     let mut out = Vec::new();
-    for (name, normalizer) in STATISTICS.into_iter().zip(all) {
-        for (kind, values) in [
-            ("mean", normalizer.mean()),
-            ("deviation", normalizer.deviation()),
-        ] {
-            let bytes = bytes_of(values, f64::to_le_bytes);
-            out.push((format!("normalizer.{name}.{kind}"), bytes));
+    for ((of, _), normalizer) in
+        statistics(model.spec())
+            .into_iter()
+            .zip([nodes, edges, acceleration])
+    {
+        let both = [normalizer.mean(), normalizer.deviation()];
+        for (kind, values) in STATISTIC_KINDS.into_iter().zip(both) {
+            out.push((statistic_name(of, kind), bytes_of(values, f64::to_le_bytes)));
         }
     }
     out
@@ -168,17 +172,31 @@ fn bytes_of<T: Copy, const N: usize>(values: &[T], to: impl Fn(T) -> [u8; N]) ->
     values.iter().flat_map(|&x| to(x)).collect()
 }
 
+fn check_kind<'a>(text: impl Fn(&str) -> Option<&'a str>) -> Result<(), ModelFileError> {
+    for (key, expected) in [("format", MODEL_FORMAT), ("version", VERSION)] {
+        if text(key) != Some(expected) {
+            return Err(ModelFileError::Metadata {
+                key,
+                expected,
+                found: text(key).map_or("missing".into(), |found| format!("\"{found}\"")),
+            });
+        }
+    }
+    Ok(())
+}
+
 fn check_names(network: &Network, tensors: &SafeTensors<'_>) -> Result<(), ModelFileError> {
+    let statistics = statistics(network.spec()).map(|(of, _)| of);
+    let is_statistic = |name: &str| {
+        let mut all = statistics
+            .iter()
+            .flat_map(|of| STATISTIC_KINDS.map(|kind| statistic_name(of, kind)));
+        all.any(|known| known == name)
+    };
     let mut names = tensors.names();
     names.sort_unstable();
     for name in names {
-        let statistic = STATISTICS.iter().any(|s| {
-            let rest = name
-                .strip_prefix("normalizer.")
-                .and_then(|n| n.strip_prefix(s));
-            matches!(rest, Some(".mean" | ".deviation"))
-        });
-        if !statistic && !network.parameters().iter().any(|p| p.name == name) {
+        if !is_statistic(name) && !network.parameters().iter().any(|p| p.name == name) {
             return Err(ModelFileError::Unknown { name: name.into() });
         }
     }
@@ -189,17 +207,16 @@ fn read<'a>(
     tensors: &SafeTensors<'a>,
     name: &str,
     dtype: Dtype,
-    shape: Option<&[usize]>,
+    shape: &[usize],
 ) -> Result<&'a [u8], ModelFileError> {
     let view = tensors
         .tensor(name)
         .map_err(|_| ModelFileError::Missing { name: name.into() })?;
-    let fits = shape.is_none_or(|shape| view.shape() == shape) && view.shape().len() <= 2;
-    if view.dtype() != dtype || !fits {
+    if view.dtype() != dtype || view.shape() != shape {
         return Err(ModelFileError::Shape {
             name: name.into(),
             dtype,
-            expected: shape.unwrap_or_default().to_vec(),
+            expected: shape.to_vec(),
             found_dtype: view.dtype(),
             found: view.shape().to_vec(),
         });
@@ -209,22 +226,17 @@ fn read<'a>(
 
 fn read_normalizer(
     tensors: &SafeTensors<'_>,
-    name: &'static str,
+    of: &'static str,
+    width: usize,
 ) -> Result<Normalizer, ModelFileError> {
-    let values = |kind: &str| -> Result<Vec<f64>, ModelFileError> {
-        let bytes = read(
-            tensors,
-            &format!("normalizer.{name}.{kind}"),
-            Dtype::F64,
-            None,
-        )?;
-        Ok(bytes
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| f64::from_le_bytes(*b))
-            .collect())
-    };
-    Normalizer::new(values("mean")?, values("deviation")?)
-        .map_err(|source| ModelFileError::Normalizer { name, source })
+    let [mean, deviation] = STATISTIC_KINDS.map(|kind| -> Result<Vec<f64>, ModelFileError> {
+        let bytes = read(tensors, &statistic_name(of, kind), Dtype::F64, &[width])?;
+        let numbers = bytes.as_chunks().0.iter();
+        Ok(numbers.map(|b| f64::from_le_bytes(*b)).collect())
+    });
+    Normalizer::new(mean?, deviation?)
+        .map_err(|source| ModelFileError::Normalizer { name: of, source })
 }
+
+#[cfg(test)]
+mod tests;

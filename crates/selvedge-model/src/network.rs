@@ -13,7 +13,7 @@ use crate::spec::{ModelSpec, SpecError};
 use rayon::prelude::*;
 
 /// Columns of the output: an acceleration.
-const OUTPUTS: usize = 3;
+pub(crate) const OUTPUTS: usize = 3;
 
 /// A network without its weights: what lies where in the flat array, and the arithmetic.
 #[derive(Clone, Debug)]

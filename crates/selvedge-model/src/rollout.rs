@@ -95,9 +95,9 @@ impl LearnedStepper {
 
     fn predict(&mut self, yaw: Yaw) {
         let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
-        let frames: Vec<&[Vec3]> = self.history.iter().map(Vec::as_slice).collect();
         self.features.fit(spec, &place);
-        self.features.write(spec, &self.graph, &frames, yaw, &place);
+        self.features
+            .write(spec, &self.graph, &self.history, yaw, &place);
         let normalizers = self.model.normalizers();
         self.features
             .normalize(&normalizers.nodes, &normalizers.edges);
@@ -179,3 +179,6 @@ pub fn integrate(
         *next = yaw.to_world(Vec3::from_array(*a)) + (2.0 * *p - *q);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -79,11 +79,11 @@ impl Window {
     ///
     /// # Panics
     /// When there are not `window + 1` frames, or [`Self::fit`] made room for another union.
-    pub fn write(
+    pub fn write<F: AsRef<[Vec3]>>(
         &mut self,
         spec: &ModelSpec,
         graph: &ClothGraph,
-        frames: &[&[Vec3]],
+        frames: &[F],
         yaw: Yaw,
         place: &Place,
     ) {
@@ -91,8 +91,8 @@ impl Window {
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
         for (step, pair) in frames.windows(2).enumerate() {
             let pose = Pose {
-                previous: pair[0],
-                current: pair[1],
+                previous: pair[0].as_ref(),
+                current: pair[1].as_ref(),
                 yaw,
             };
             let row = step * place.vertex_count + place.first_vertex;
@@ -110,3 +110,6 @@ impl Window {
         edges.normalize(&mut self.edges);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,259 @@
+//! What is written is read back to the last bit; what cannot be used is an error that says what.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+
+use super::*;
+use crate::spec::Encoder;
+
+fn normalizer(width: usize, first: f64) -> Normalizer {
+    let mean = (0..width).map(|k| first + k as f64 / 3.0).collect();
+    let deviation = (0..width).map(|k| (k % 4) as f64 / 7.0).collect();
+    Normalizer::new(mean, deviation).expect("statistics")
+}
+
+fn model(spec: &ModelSpec) -> Model {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let network = Network::new(spec).expect("a valid spec");
+    let weights = network.initialise(&mut || rng.random::<f64>());
+    let normalizers = Normalizers {
+        nodes: normalizer(spec.node_width(), 0.1),
+        edges: normalizer(spec.edge_width(), -0.2),
+        acceleration: normalizer(3, 1e-9),
+    };
+    let training = r#"{"steps": 3, "note": "ünï \"quoted\""}"#.to_owned();
+    Model::new(spec, weights, normalizers, training).expect("a model")
+}
+
+fn specs() -> [ModelSpec; 3] {
+    [
+        ModelSpec::physical(Encoder::Gru { window: 2 }, 4, 1),
+        ModelSpec::physical(Encoder::MLP, 5, 2),
+        ModelSpec::mesh_graph_nets(4, 1),
+    ]
+}
+
+fn tiny() -> Vec<u8> {
+    model(&specs()[2]).to_bytes().expect("bytes")
+}
+
+/// Header and body of a safetensors file.
+fn split(bytes: &[u8]) -> (Value, Vec<u8>) {
+    let (length, rest) = bytes.split_at(8);
+    let length = u64::from_le_bytes(length.try_into().expect("8 bytes")) as usize;
+    let header = serde_json::from_slice(&rest[..length]).expect("a header");
+    (header, rest[length..].to_vec())
+}
+
+fn joined(header: &Value, body: &[u8]) -> Vec<u8> {
+    let text = serde_json::to_vec(header).expect("JSON");
+    [&(text.len() as u64).to_le_bytes(), &*text, body].concat()
+}
+
+/// The message for the tiny model's file after `edit` of its header and body.
+fn message(edit: impl FnOnce(&mut Value, &mut Vec<u8>)) -> String {
+    let (mut header, mut body) = split(&tiny());
+    edit(&mut header, &mut body);
+    let error = Model::from_bytes(&joined(&header, &body)).expect_err("a defect");
+    error.to_string()
+}
+
+fn offsets(header: &Value, name: &str) -> [usize; 2] {
+    serde_json::from_value(header[name]["data_offsets"].clone()).expect("offsets")
+}
+
+fn edit_spec(header: &mut Value, edit: impl FnOnce(&mut Value)) {
+    let text = header["__metadata__"]["spec"].as_str().expect("a spec");
+    let mut spec = serde_json::from_str(text).expect("JSON");
+    edit(&mut spec);
+    header["__metadata__"]["spec"] = json!(spec.to_string());
+}
+
+#[test]
+fn bytes_to_model_to_bytes_is_the_identity() {
+    for spec in specs() {
+        let model = model(&spec);
+        let bytes = model.to_bytes().expect("bytes");
+        assert_eq!(bytes, model.to_bytes().expect("the same bytes"));
+        let back = Model::from_bytes(&bytes).expect("its own file");
+        assert_eq!(back.spec(), &spec);
+        assert_eq!(back.weights(), model.weights());
+        assert_eq!(back.normalizers(), model.normalizers());
+        assert_eq!(back.training, model.training);
+        assert_eq!(back.to_bytes().expect("bytes"), bytes);
+    }
+}
+
+#[test]
+fn every_tensor_is_where_another_reader_finds_it() {
+    let model = model(&specs()[0]);
+    let bytes = model.to_bytes().expect("bytes");
+    let tensors = SafeTensors::deserialize(&bytes).expect("a container");
+    assert_eq!(tensors.len(), model.network().parameters().len() + 6);
+    for parameter in model.network().parameters() {
+        let view = tensors.tensor(&parameter.name).expect("a tensor");
+        assert_eq!(view.shape(), parameter.shape);
+        let weights = &model.weights()[parameter.range.clone()];
+        assert_eq!(view.data(), bytes_of(weights, f32::to_le_bytes));
+    }
+    for (name, view) in tensors.tensors() {
+        let width = if view.dtype() == Dtype::F64 { 8 } else { 4 };
+        let start = view.data().as_ptr() as usize - bytes.as_ptr() as usize;
+        assert_eq!(start % width, 0, "{name} starts at byte {start}");
+    }
+}
+
+#[test]
+fn a_file_cut_anywhere_is_an_error() {
+    let bytes = tiny();
+    for length in 0..bytes.len() {
+        assert!(Model::from_bytes(&bytes[..length]).is_err(), "{length}");
+    }
+    let longer = [&*bytes, &[0]].concat();
+    assert!(Model::from_bytes(&longer).is_err());
+}
+
+#[test]
+fn no_damaged_byte_of_a_header_panics() {
+    let mut bytes = tiny();
+    let (_, body) = split(&bytes);
+    for place in 0..bytes.len() - body.len() {
+        let whole = bytes[place];
+        for damage in [whole ^ 1, whole ^ 8, b'9', b'"', 0xff] {
+            bytes[place] = damage;
+            // Some damage is only another name of the training.
+            let _ = Model::from_bytes(&bytes);
+        }
+        bytes[place] = whole;
+    }
+}
+
+#[test]
+fn other_kinds_of_files_are_named() {
+    let text = message(|header, _| header["__metadata__"]["format"] = json!("selvedge-checkpoint"));
+    assert!(text.starts_with("metadata \"format\" is \"selvedge-checkpoint\""));
+    assert!(text.contains("expected \"selvedge-model\""));
+    let text = message(|header, _| header["__metadata__"]["version"] = json!("2"));
+    assert!(text.starts_with("metadata \"version\" is \"2\", expected \"1\""));
+    let text = message(|header, _| header["__metadata__"] = json!({}));
+    assert!(text.starts_with("metadata \"format\" is missing"));
+    let text = message(|header, _| header["__metadata__"] = json!({"format": MODEL_FORMAT}));
+    assert!(text.starts_with("metadata \"version\" is missing"));
+    let kind = json!({"format": MODEL_FORMAT, "version": VERSION});
+    let text = message(|header, _| header["__metadata__"] = kind);
+    assert!(text.starts_with("metadata \"spec\" is missing"), "{text}");
+    let error = Model::from_bytes(b"solid cube").expect_err("no container");
+    assert!(error.to_string().contains("not a whole safetensors file"));
+}
+
+#[test]
+fn a_spec_that_cannot_be_used_is_named() {
+    let text = message(|header, _| edit_spec(header, |spec| spec["colour"] = json!(3)));
+    assert!(text.contains("unknown field `colour`"), "{text}");
+    let text = message(|header, _| edit_spec(header, |spec| spec["latent"] = json!(0)));
+    assert_eq!(text, "model.latent must be between 4 and 4096, found 0");
+}
+
+#[test]
+fn weights_of_another_spec_are_named() {
+    let text = message(|header, _| edit_spec(header, |spec| spec["latent"] = json!(8)));
+    assert!(
+        text.contains("but the spec of the model needs F32 [8"),
+        "{text}"
+    );
+    let text = message(|header, _| edit_spec(header, |spec| spec["blocks"] = json!(2)));
+    assert!(text.starts_with("tensor processor.1.edge.0.weight is missing"));
+    // The largest network that a spec may name is no reason to ask for its memory.
+    let text = message(|header, _| {
+        edit_spec(header, |spec| {
+            spec["blocks"] = json!(256);
+            spec["latent"] = json!(4096);
+        });
+    });
+    assert!(text.starts_with("tensor encoder."), "{text}");
+    let text = message(|header, _| {
+        edit_spec(header, |spec| {
+            let features = ["velocity", "kinetic-energy", "node-type"];
+            spec["node_features"] = json!(features);
+        });
+    });
+    let expected =
+        "tensor encoder.nodes.0.weight is F32 [4, 12], but the spec of the model needs F32 [4, 13]";
+    assert_eq!(text, expected);
+}
+
+#[test]
+fn missing_extra_and_misshapen_tensors_are_named() {
+    let last = "decoder.4.bias";
+    let text = message(|header, body| {
+        let [start, end] = offsets(header, last);
+        assert_eq!(end, body.len(), "the last tensor");
+        body.truncate(start);
+        header.as_object_mut().expect("an object").remove(last);
+    });
+    assert!(text.starts_with("tensor decoder.4.bias is missing"));
+    let text = message(|header, body| {
+        let end = body.len();
+        header["decoder.6.bias"] =
+            json!({"dtype": "F32", "shape": [1], "data_offsets": [end, end + 4]});
+        body.extend([0; 4]);
+    });
+    assert!(text.starts_with("tensor decoder.6.bias is in the file, but"));
+    let text = message(|header, _| header["decoder.4.weight"]["shape"] = json!([4, 3]));
+    let expected =
+        "tensor decoder.4.weight is F32 [4, 3], but the spec of the model needs F32 [3, 4]";
+    assert_eq!(text, expected);
+    let text = message(|header, _| header["decoder.4.weight"]["dtype"] = json!("I32"));
+    let expected =
+        "tensor decoder.4.weight is I32 [3, 4], but the spec of the model needs F32 [3, 4]";
+    assert_eq!(text, expected);
+}
+
+#[test]
+fn values_that_cannot_be_used_are_named() {
+    let text = message(|header, body| {
+        let [start, _] = offsets(header, "decoder.4.weight");
+        body[start + 20..start + 24].copy_from_slice(&f32::NAN.to_le_bytes());
+    });
+    assert_eq!(text, "weight decoder.4.weight[5] is not finite");
+    let text = message(|header, body| {
+        let [start, _] = offsets(header, "normalizer.edges.deviation");
+        body[start + 8..start + 16].copy_from_slice(&(-1.0_f64).to_le_bytes());
+    });
+    let expected =
+        "normalizer.edges: deviation of component 1 must be finite and not negative, found -1";
+    assert_eq!(text, expected);
+    let text = message(|header, body| {
+        let [start, _] = offsets(header, "normalizer.acceleration.mean");
+        body[start..start + 8].copy_from_slice(&f64::INFINITY.to_le_bytes());
+    });
+    assert!(text.starts_with("normalizer.acceleration: mean of component 0 must be finite"));
+}
+
+#[test]
+fn statistics_of_another_width_are_named() {
+    // The mean takes a value from the deviation beside it.
+    let text = message(|header, _| {
+        let [start, middle] = offsets(header, "normalizer.acceleration.mean");
+        let [_, end] = offsets(header, "normalizer.acceleration.deviation");
+        let entry = |shape: usize, from: usize, to: usize| json!({"dtype": "F64", "shape": [shape], "data_offsets": [from, to]});
+        header["normalizer.acceleration.mean"] = entry(4, start, middle + 8);
+        header["normalizer.acceleration.deviation"] = entry(2, middle + 8, end);
+    });
+    let expected =
+        "tensor normalizer.acceleration.mean is F64 [4], but the spec of the model needs F64 [3]";
+    assert_eq!(text, expected);
+    // The same, not through a file.
+    let error = Normalizer::new(vec![0.0; 4], vec![1.0; 2]).expect_err("a defect");
+    assert_eq!(error.to_string(), "deviation has 2 components, expected 4");
+    let normalizers = Normalizers {
+        nodes: normalizer(11, 0.0),
+        ..model(&specs()[2]).normalizers().clone()
+    };
+    let model = model(&specs()[2]);
+    let weights = model.weights().to_vec();
+    let error = Model::new(model.spec(), weights, normalizers, String::new()).expect_err("narrow");
+    let expected = "normalizer.nodes has 11 values, but the spec of the model needs 12";
+    assert_eq!(error.to_string(), expected);
+}
