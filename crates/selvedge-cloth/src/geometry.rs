@@ -19,7 +19,8 @@ pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
 /// 0 where the two faces are flat, ±π where they fold onto each other. `left` is the opposite
 /// vertex of the face in which `from` → `to` runs counter-clockwise, `right` that of the other.
 /// Positive where the wings rise towards the normals (a valley seen from the side of the normals),
-/// θ = atan2(n_left × n_right · ê, n_left · n_right) with the sign so chosen; simulator.md §2.2. `[eq:dihedral]`
+/// θ = atan2(n_left × n_right · ê, n_left · n_right) with the sign so chosen. `[eq:dihedral]`
+/// Angle: Bridson, Marino and Fedkiw 2003; sign: Narain et al. 2012.
 /// Swapping the faces together with the edge's direction leaves it unchanged, as does any rigid
 /// motion. 0 for a degenerate face.
 #[must_use]

@@ -152,8 +152,14 @@ impl HandleTargets {
 
     /// Target of `handle` at `fraction` of the frame, in (0, 1]; linear between the samples, and
     /// from `start` (its position at the start of the frame) to the first.
+    ///
+    /// # Panics
+    /// When `handle` is not below [`Self::handle_count`], as for a slice; so always where there are
+    /// no handles.
     #[must_use]
     pub fn at(&self, handle: usize, fraction: f64, start: DVec3) -> DVec3 {
+        let handles = self.handle_count;
+        assert!(handle < handles, "handle {handle} of {handles} handles");
         let count = self.samples.len() / self.handle_count;
         let sample = |k: usize| match k {
             0 => start,
@@ -220,6 +226,20 @@ mod tests {
             error,
             Err(HandleError::NonFinite { handle: 1, .. })
         ));
+    }
+
+    #[test]
+    #[should_panic(expected = "handle 1 of 1 handles")]
+    fn another_time_is_never_read_as_another_handle() {
+        let targets = HandleTargets::sampled(vec![DVec3::X, DVec3::Y], 1).unwrap();
+        let _ = targets.at(1, 0.5, DVec3::ZERO);
+    }
+
+    #[test]
+    #[should_panic(expected = "handle 0 of 0 handles")]
+    fn a_free_cloth_has_no_target() {
+        let free = HandleTargets::at_frame_end(Vec::new()).unwrap();
+        let _ = free.at(0, 0.5, DVec3::ZERO);
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! A measured fabric: density, and the stiffness tables of the data-driven model of Wang, O'Brien
-//! and Ramamoorthi 2011 (simulator.md §2.1, §2.2, §3). The laws that read the tables are physics
-//! and live in `selvedge-sim`.
+//! and Ramamoorthi 2011. The laws that read the tables are physics and live in `selvedge-sim`.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

@@ -151,8 +151,8 @@ fn check_areas(topology: &Topology, coordinates: &[DVec2]) -> Result<(), MeshErr
     Ok(())
 }
 
-/// Quantities of the flat rest shape; simulator.md §2: a vertex carries a third of the mass of
-/// each of its faces. `[eq:lumped-mass]`
+/// Quantities of the flat rest shape: a vertex carries a third of the mass of each of its faces
+/// (Baraff and Witkin 1998, section 2). `[eq:lumped-mass]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestShape {
     /// Area of each face in material space `[m²]`, `[faces]`.

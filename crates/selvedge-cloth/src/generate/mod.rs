@@ -1,5 +1,6 @@
 //! Meshes made from numbers: irregular sheets (random, then relaxed; no grid lines) with evenly
-//! spaced boundary vertices and all faces counter-clockwise (data.md §2).
+//! spaced boundary vertices and all faces counter-clockwise, as the irregular meshes of Libao et al.
+//! 2023.
 //!
 //! A shape is an outline, and what its labels mean; the mesh comes from one routine for all
 //! outlines. The same numbers give the same bytes on every machine.
@@ -49,6 +50,10 @@ pub enum GenerateError {
     TooManyVertices { found: usize },
     #[error("size must be finite and positive, found {found} m")]
     Size { found: f64 },
+    #[error(
+        "the outline encloses {area} m² of the {around} m² around it, too little to place vertices in: give it width, and sides that do not cross"
+    )]
+    Area { area: f64, around: f64 },
     #[error("the sheet cannot be triangulated: {why}")]
     Triangulation { why: String },
     #[error(transparent)]

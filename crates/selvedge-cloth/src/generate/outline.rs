@@ -16,6 +16,9 @@ use crate::geometry::signed_area_2d;
 
 /// Vertices per A/h² of an irregular mesh with mean edge length near h, away from the boundary.
 const DENSITY: f64 = 1.07;
+/// Least area of a region, as a share of the rectangle around it: random points fall into it as
+/// often.
+const LEAST_SHARE: f64 = 1e-4;
 
 /// A flat triangulation.
 #[derive(Debug)]
@@ -46,7 +49,7 @@ pub(super) struct Boundary {
 ///
 /// # Errors
 /// [`GenerateError::TooFewVertices`] when the corners alone are more than `count`, or
-/// [`GenerateError::TooManyVertices`];
+/// [`GenerateError::TooManyVertices`]; [`GenerateError::Area`] when the region is (nearly) a line;
 /// [`GenerateError::Triangulation`] when the outline crosses itself.
 pub(super) fn sheet_from_outline(
     loops: &[Vec<DVec2>],
@@ -63,6 +66,7 @@ pub(super) fn sheet_from_outline(
             needed,
         });
     }
+    check_area(loops)?;
     let spacing = fitting_spacing(loops, count);
     let boundary = sample_boundary(loops, spacing);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -89,10 +93,28 @@ pub(super) fn sheet_from_outline(
     })
 }
 
+/// That points thrown into the rectangle around the region hit it; false for NaN too.
+fn check_area(loops: &[Vec<DVec2>]) -> Result<(), GenerateError> {
+    let corners = || loops.iter().flatten().copied();
+    let low = corners().fold(DVec2::INFINITY, DVec2::min);
+    let high = corners().fold(DVec2::NEG_INFINITY, DVec2::max);
+    let around = (high - low).element_product();
+    let area = region_area(loops);
+    if area.is_finite() && area > LEAST_SHARE * around {
+        return Ok(());
+    }
+    Err(GenerateError::Area { area, around })
+}
+
+/// Area within the first loop and without the others.
+fn region_area(loops: &[Vec<DVec2>]) -> f64 {
+    let areas = loops.iter().map(|l| polygon_area(l).abs());
+    areas.reduce(|outer, hole| outer - hole).unwrap_or(0.0)
+}
+
 /// The target spacing, enlarged until the boundary needs no more than `count` vertices.
 fn fitting_spacing(loops: &[Vec<DVec2>], count: usize) -> f64 {
-    let area = loops.iter().map(|l| polygon_area(l).abs());
-    let area = area.reduce(|outer, hole| outer - hole).unwrap_or(0.0);
+    let area = region_area(loops);
     let half_perimeter: f64 = loops
         .iter()
         .flat_map(|l| sides(l))

@@ -291,6 +291,30 @@ fn an_outline_that_crosses_itself_is_an_error() {
     );
 }
 
+#[test]
+fn an_outline_without_area_is_an_error() {
+    let polygon = |points: &[(f64, f64)]| -> Vec<DVec2> {
+        points.iter().map(|&(x, y)| DVec2::new(x, y)).collect()
+    };
+    let square = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)];
+    let shapes = [
+        vec![polygon(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])],
+        vec![polygon(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)])],
+        vec![polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 1.0 + 1e-6)])],
+        vec![polygon(&square), polygon(&square)],
+        vec![polygon(&[(0.0, 0.0), (1.0, f64::NAN), (1.0, 0.0)])],
+        vec![],
+    ];
+    for loops in shapes {
+        let error = sheet_from_outline(&loops, 60, 0).unwrap_err();
+        assert!(matches!(error, GenerateError::Area { .. }), "{error}");
+    }
+    // A strip across the diagonal, a thousandth of the rectangle around it, is covered.
+    let strip = polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 1.002)]);
+    let sheet = sheet_from_outline(&[strip], 60, 0).unwrap();
+    assert!((area(&sheet) - 0.001).abs() < 1e-12);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 

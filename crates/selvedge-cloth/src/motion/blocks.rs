@@ -1,5 +1,5 @@
 //! Motion in blocks: each lasts a time and adds translations to a rotation of the handles about a
-//! vertical axis (data.md §1).
+//! vertical axis, the form of the motions of Libao et al. 2023.
 //!
 //! Within a block the rotation acts on the positions at the block's start, and the translations are
 //! added: p(t) = c + R_y(±a(t)/r)(p₀ - c) + Σ d_i s_i(t), with c on the line of the outer handles

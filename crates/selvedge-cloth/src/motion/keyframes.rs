@@ -1,4 +1,4 @@
-//! Keyframed motion: groups of handles that move rigidly from keyframe to keyframe (data.md §1).
+//! Keyframed motion: groups of handles that move rigidly from keyframe to keyframe.
 //!
 //! Between two keyframes translation and angle follow the cubic Hermite curve with level ends,
 //! a + (b - a) s²(3 - 2s). `[eq:keyframe]` The angle turns the group about the vertical axis through

@@ -1,9 +1,10 @@
-//! The motions that have a name: those that the network is trained on, those that it is tested on
-//! and never sees, and those that show how far it generalises (data.md §1.1 to §1.3).
+//! The motions that have a name: those that the network is trained on (of Libao et al. 2023), those
+//! that it is tested on and never sees, and those that show how far it generalises.
 //!
 //! They are meant for a hanging sheet whose handles' line is z and 1 m long, as the paper's.
 //! Translations fit any number of handles; rotations need two or more, with arcs and speeds of the
-//! farthest one, so that a shorter line turns by a larger angle. `apart` is for two handles.
+//! farthest one, so that a shorter line turns by a larger angle. `apart` is for two handles 1 m apart
+//! along z, the first at the smaller z: others it moves as far, but not towards each other.
 
 use glam::DVec3;
 
@@ -196,7 +197,8 @@ fn forward_to(speed: f64) -> Motion {
 }
 
 /// The handles of a line 1 m long come together to 0.6 m and part again to 1 m, twice, the last
-/// one swinging forward before the first.
+/// one swinging forward before the first. Inward is +z for the first and -z for the last, wherever
+/// they stand; one handle alone is an error when the motion is bound, a third stays where it is.
 fn apart() -> Motion {
     // Seconds after the still start, how far each handle is inward, and how far forward [m].
     const FIRST: [(f64, f64, f64); 5] = [

@@ -1,5 +1,5 @@
-//! Recorded motion: one position per handle and frame of the scene, linear between frames
-//! (data.md §1). A recording has no rate of its own: its frames are the scene's.
+//! Recorded motion: one position per handle and frame of the scene, linear between frames.
+//! A recording has no rate of its own: its frames are the scene's.
 
 use glam::DVec3;
 

@@ -1,4 +1,4 @@
-//! The named motions are as data.md §1 describes them: lengths, closure, speeds, angles.
+//! The named motions are as they are meant to be: lengths, closure, speeds, angles.
 
 use glam::DVec3;
 
@@ -136,6 +136,8 @@ fn apart_keeps_the_handles_between_0_6_and_1() {
     assert!((least - 0.6).abs() < 1e-12 && (most - 1.0).abs() < 1e-12);
     assert_eq!(path.frame_count(), 30 + 300 + 180);
     assert_eq!(path.at(8.5), corners());
+    let alone = named::by_name("apart").unwrap();
+    assert!(alone.bind(&corners()[..1], 60.0).is_err());
 }
 
 #[test]
