@@ -3,7 +3,8 @@
 //! The bytes go to a temporary file in the same folder, are flushed and synced, and the file is
 //! then renamed. A failure (a full disk, an error of the caller) leaves what was there before and
 //! nothing else. New files get the usual permissions of the process (its umask), not those of a
-//! private temporary file. A symbolic link is written through; devices and folders are refused.
+//! private temporary file; a file that takes the place of another gets its permissions. A symbolic
+//! link is written through, even where its file does not exist yet; devices and folders are refused.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -25,6 +26,16 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
+/// Links that are followed before they are taken to go round in a circle, as Linux does.
+const MOST_LINKS: usize = 40;
+
+/// Where the bytes are to be in the end.
+struct Target {
+    path: PathBuf,
+    /// Those of the file that is there now.
+    permissions: Option<fs::Permissions>,
+}
+
 /// Writes `path` with `write`, all or nothing.
 ///
 /// # Errors
@@ -42,27 +53,47 @@ pub fn write_atomically(
         }
     };
     let target = target_of(path).map_err(fail("write there"))?;
-    let folder = folder_of(&target);
-    let temporary = create_beside(&target, folder).map_err(fail("create a file in its folder"))?;
+    let folder = folder_of(&target.path);
+    let temporary =
+        create_beside(&target.path, folder).map_err(fail("create a file in its folder"))?;
+    if let Some(permissions) = target.permissions {
+        // Before the first byte, so that nobody can read what the old file kept private.
+        let kept = temporary.as_file().set_permissions(permissions);
+        kept.map_err(fail("keep the permissions of the file that is there"))?;
+    }
     write_and_sync(temporary.as_file(), write).map_err(fail("write it"))?;
     temporary
-        .persist(&target)
+        .persist(&target.path)
         .map_err(|error| fail("rename the finished file")(error.error))?;
     sync_folder(folder);
     Ok(())
 }
 
-/// The file to replace: `path`, or what it links to.
-fn target_of(path: &Path) -> io::Result<PathBuf> {
-    if path.file_name().is_none() {
-        return Err(io::Error::other("the path names no file"));
+/// The file to replace: `path`, or what it links to in the end, which need not exist.
+fn target_of(path: &Path) -> io::Result<Target> {
+    let mut path = path.to_owned();
+    for _ in 0..=MOST_LINKS {
+        if path.file_name().is_none() {
+            return Err(io::Error::other("the path names no file"));
+        }
+        let permissions = match fs::symlink_metadata(&path) {
+            Ok(found) if found.is_symlink() => {
+                path = folder_of(&path).join(fs::read_link(&path)?);
+                continue;
+            }
+            Ok(found) if found.is_dir() => {
+                return Err(io::Error::other("it is a folder, not a file"));
+            }
+            Ok(found) if !found.is_file() => {
+                return Err(io::Error::other("it is not a regular file"));
+            }
+            Ok(found) => Some(found.permissions()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(error) => return Err(error),
+        };
+        return Ok(Target { path, permissions });
     }
-    match fs::metadata(path) {
-        Ok(found) if found.is_dir() => Err(io::Error::other("it is a folder, not a file")),
-        Ok(found) if !found.is_file() => Err(io::Error::other("it is not a regular file")),
-        Ok(_) => fs::canonicalize(path),
-        Err(_) => Ok(path.to_owned()),
-    }
+    Err(io::Error::other("its links lead round in a circle"))
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -168,5 +199,44 @@ mod tests {
         write_atomically(&link, |w| w.write_all(b"through")).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read(&ours).unwrap(), b"through");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_no_file_yet_makes_the_file_and_stays_a_link() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("inner")).unwrap();
+        // Relative to the folder of each link, not to where the program runs.
+        symlink("inner/second", at("first")).unwrap();
+        symlink("../file", at("inner/second")).unwrap();
+        write_atomically(&at("first"), |w| w.write_all(b"new")).unwrap();
+        assert!(fs::symlink_metadata(at("first")).unwrap().is_symlink());
+        assert!(
+            fs::symlink_metadata(at("inner/second"))
+                .unwrap()
+                .is_symlink()
+        );
+        assert_eq!(fs::read(at("file")).unwrap(), b"new");
+        symlink("round", at("round")).unwrap();
+        let error = write_atomically(&at("round"), |_| Ok(())).unwrap_err();
+        assert!(error.to_string().contains("in a circle"), "{error}");
+        assert!(fs::symlink_metadata(at("round")).unwrap().is_symlink());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_replaced_file_keeps_its_permissions() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        for mode in [0o600, 0o664, 0o755] {
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+            write_atomically(&path, |w| w.write_all(b"new")).unwrap();
+            let found = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+            assert_eq!(found, mode, "{found:o} {mode:o}");
+        }
     }
 }

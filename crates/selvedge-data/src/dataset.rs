@@ -6,6 +6,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
@@ -285,9 +286,14 @@ impl Entry {
     }
 }
 
-/// Reads an index file of any state, complete or not, and checks format and version first, so
-/// that another version is named as such.
+/// Reads the index of a finished data set.
 pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
+    read_json(path, FORMAT)
+}
+
+/// Reads an index file and checks format and version first, so that another version is named as
+/// such.
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Result<T, DatasetError> {
     let text = std::fs::read_to_string(path).map_err(|source| DatasetError::Read {
         path: path.to_owned(),
         source,
@@ -298,10 +304,10 @@ pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
     };
     let value: Value =
         serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
-    if value["format"] != FORMAT {
+    if value["format"] != format {
         let found = &value["format"];
         return Err(problem(format!(
-            "format: expected {FORMAT:?}, found {found}"
+            "format: expected {format:?}, found {found}"
         )));
     }
     if value["version"] != VERSION {

@@ -1,30 +1,33 @@
 //! Making a data set, one trajectory at a time, so that an interrupted run can go on.
 //!
-//! Until all are there the index is `index.partial.json`, rewritten after every trajectory; a
-//! second run with the same configuration keeps what has the right hash. The order in which
+//! Until all are there `index.partial.json` holds the plan and what is done, rewritten after every
+//! trajectory; a second run with the same plan keeps what has the right hash. The order in which
 //! trajectories arrive does not change the finished index.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::atomic::write_atomically;
 use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
-    VERSION, read_checked, read_index,
+    VERSION, read_checked, read_index, read_json,
 };
-use crate::sections::{Section, SectionRule};
+use crate::sections::{Section, SectionError, SectionRule};
 use crate::trajectory::Trajectory;
 
 const PARTIAL: &str = "index.partial.json";
+const PARTIAL_FORMAT: &str = "selvedge-dataset-partial";
 
 /// What a data set is to hold.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DatasetPlan {
     /// What people call it.
     pub name: String,
-    /// The resolved configuration; a run goes on only with the same.
+    /// The resolved configuration.
     pub config: Value,
     /// Motions of the training split, in order.
     pub train: Vec<String>,
@@ -32,6 +35,16 @@ pub struct DatasetPlan {
     pub test: Vec<String>,
     /// What of the training split is learned from.
     pub sections: SectionRule,
+}
+
+/// The contents of `index.partial.json`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartialIndex {
+    format: String,
+    version: u64,
+    plan: DatasetPlan,
+    done: Splits,
 }
 
 /// A data set in the making.
@@ -75,10 +88,11 @@ impl DatasetPlan {
 }
 
 impl DatasetWriter {
-    /// Starts a data set in `folder`, which is made, or goes on with one of the same configuration.
+    /// Starts a data set in `folder`, which is made, or goes on with one of the same plan.
     ///
     /// # Errors
-    /// [`DatasetError`] when the folder holds something else, or a name cannot be a file's.
+    /// [`DatasetError`] when the folder holds something else, even a data set whose plan differs in
+    /// a name, a motion or the order of motions; or when a name cannot be a file's.
     pub fn open(folder: &Path, plan: DatasetPlan) -> Result<Self, DatasetError> {
         plan.validate()?;
         let mut writer = Self {
@@ -86,13 +100,16 @@ impl DatasetWriter {
             plan,
             done: Splits::default(),
         };
-        let indices = [PARTIAL, INDEX].map(|name| folder.join(name));
-        match indices.iter().find(|path| path.is_file()) {
-            Some(path) => writer.resume(path)?,
-            None => writer.check_empty()?,
+        let [partial, finished] = [PARTIAL, INDEX].map(|name| folder.join(name));
+        if partial.is_file() {
+            writer.resume_partial(&partial)?;
+        } else if finished.is_file() {
+            writer.resume_finished(&finished)?;
+        } else {
+            writer.check_empty()?;
         }
         writer.make_folders()?;
-        writer.write_index(PARTIAL, Vec::new())?;
+        writer.write_partial()?;
         Ok(writer)
     }
 
@@ -141,7 +158,7 @@ impl DatasetWriter {
         let done = self.entries_mut(split);
         done.retain(|other| other.motion != motion);
         done.push(entry);
-        self.write_index(PARTIAL, Vec::new())
+        self.write_partial()
     }
 
     /// Writes the index of the finished data set and opens it.
@@ -160,29 +177,74 @@ impl DatasetWriter {
             let place = |entry: &Entry| order.iter().position(|m| *m == entry.motion);
             self.entries_mut(split).sort_by_key(place);
         }
-        let lengths: Vec<(&str, usize)> = self
-            .done
-            .train
-            .iter()
-            .map(|entry| (entry.motion.as_str(), entry.frames))
-            .collect();
-        let sections = self.plan.sections.sections(&lengths)?;
-        self.write_index(INDEX, sections)?;
+        let sections = sections(self.plan.sections, &self.done)?;
+        self.write_index(sections)?;
         // The finished index is in place: a partial one that cannot be removed is only untidy.
         let _ = std::fs::remove_file(self.folder.join(PARTIAL));
         Dataset::open(&self.folder)
     }
 
-    fn resume(&mut self, path: &Path) -> Result<(), DatasetError> {
+    fn resume_partial(&mut self, path: &Path) -> Result<(), DatasetError> {
+        let partial: PartialIndex = read_json(path, PARTIAL_FORMAT)?;
+        self.check_same(&partial.plan)?;
+        self.check_same_sections(partial.plan.sections == self.plan.sections)?;
+        self.keep(partial.done);
+        Ok(())
+    }
+
+    fn resume_finished(&mut self, path: &Path) -> Result<(), DatasetError> {
         let index = read_index(path)?;
-        if index.config != self.plan.config {
-            let problem = "holds a data set of another configuration: choose another folder";
-            return Err(self.folder_error(problem.to_owned()));
+        let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();
+        self.check_same(&DatasetPlan {
+            name: index.name,
+            config: index.config,
+            train: motions(&index.splits.train),
+            test: motions(&index.splits.test),
+            sections: self.plan.sections,
+        })?;
+        // The index has no rule, but what the rule gave.
+        let expected = sections(self.plan.sections, &index.splits);
+        self.check_same_sections(expected.is_ok_and(|sections| sections == index.sections))?;
+        self.keep(index.splits);
+        Ok(())
+    }
+
+    /// That the folder's plan is ours, but for the rule of the sections.
+    fn check_same(&self, found: &DatasetPlan) -> Result<(), DatasetError> {
+        let plan = &self.plan;
+        let list = |motions: &[String]| format!("[{}]", motions.join(", "));
+        let problem = if found.name != plan.name {
+            format!("is called {:?}, not {:?}", found.name, plan.name)
+        } else if found.train != plan.train {
+            let (found, ours) = (list(&found.train), list(&plan.train));
+            format!("has the training motions {found}, not {ours}")
+        } else if found.test != plan.test {
+            let (found, ours) = (list(&found.test), list(&plan.test));
+            format!("has the test motions {found}, not {ours}")
+        } else if found.config != plan.config {
+            "has another configuration".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(self.other(&problem))
+    }
+
+    fn check_same_sections(&self, same: bool) -> Result<(), DatasetError> {
+        if same {
+            return Ok(());
         }
-        for (split, entries) in [
-            (Split::Train, index.splits.train),
-            (Split::Test, index.splits.test),
-        ] {
+        Err(self.other("has other sections"))
+    }
+
+    fn other(&self, problem: &str) -> DatasetError {
+        self.folder_error(format!(
+            "holds a data set that {problem}: choose another folder"
+        ))
+    }
+
+    /// Goes on with those of the trajectories `done` that are still as they were written.
+    fn keep(&mut self, done: Splits) {
+        for (split, entries) in [(Split::Train, done.train), (Split::Test, done.test)] {
             let planned = self.plan.motions(split);
             let is_good = |entry: &Entry| {
                 planned.contains(&entry.motion)
@@ -192,7 +254,6 @@ impl DatasetWriter {
             let good: Vec<Entry> = entries.into_iter().filter(is_good).collect();
             *self.entries_mut(split) = good;
         }
-        Ok(())
     }
 
     /// Without an index, what is in the folders is not ours to replace.
@@ -223,7 +284,17 @@ impl DatasetWriter {
         }
     }
 
-    fn write_index(&self, name: &str, sections: Vec<Section>) -> Result<(), DatasetError> {
+    fn write_partial(&self) -> Result<(), DatasetError> {
+        let partial = PartialIndex {
+            format: PARTIAL_FORMAT.to_owned(),
+            version: VERSION,
+            plan: self.plan.clone(),
+            done: self.done.clone(),
+        };
+        self.write_json(PARTIAL, &partial)
+    }
+
+    fn write_index(&self, sections: Vec<Section>) -> Result<(), DatasetError> {
         let index = DatasetIndex {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -233,9 +304,13 @@ impl DatasetWriter {
             statistics: statistics(&self.done, &sections),
             sections,
         };
+        self.write_json(INDEX, &index)
+    }
+
+    fn write_json(&self, name: &str, contents: &impl Serialize) -> Result<(), DatasetError> {
         let path = self.folder.join(name);
         write_atomically(&path, |writer| {
-            serde_json::to_writer_pretty(&mut *writer, &index)?;
+            serde_json::to_writer_pretty(&mut *writer, contents)?;
             writer.write_all(b"\n")
         })?;
         Ok(())
@@ -254,6 +329,13 @@ impl DatasetWriter {
             Split::Test => &mut self.done.test,
         }
     }
+}
+
+/// The sections of the training split, whose entries are in the order of the plan.
+fn sections(rule: SectionRule, splits: &Splits) -> Result<Vec<Section>, SectionError> {
+    let train = splits.train.iter();
+    let lengths: Vec<(&str, usize)> = train.map(|e| (e.motion.as_str(), e.frames)).collect();
+    rule.sections(&lengths)
 }
 
 fn statistics(splits: &Splits, sections: &[Section]) -> DatasetStatistics {

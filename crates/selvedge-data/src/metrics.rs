@@ -14,8 +14,10 @@ use crate::Frames;
 /// The measures of run `b` against run `a`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Frames compared.
+    /// Frames compared: the smaller of `frame_counts`.
     pub frames: usize,
+    /// Frames of `a` and of `b`.
+    pub frame_counts: [usize; 2],
     /// See [`position_rmse`] `[m]`.
     pub position_rmse: f64,
     /// Largest distance of a vertex from where it should be `[m]`.
@@ -42,7 +44,9 @@ pub enum MetricError {
     RestLengths { expected: usize, found: usize },
 }
 
-/// All measures of run `b` against run `a`, over the frames that both have.
+/// All measures of run `b` against run `a`, over the frames that both have; whether one run is longer
+/// is seen in [`Comparison::frame_counts`]. That both are of one mesh is for the caller to know: only
+/// the vertices are counted here.
 ///
 /// # Errors
 /// [`MetricError`] when the runs or the mesh do not fit, or have no frame in common.
@@ -51,9 +55,11 @@ pub fn compare(
     b: Frames<'_>,
     topology: &Topology,
 ) -> Result<Comparison, MetricError> {
+    let frame_counts = [a.len(), b.len()];
     let (a, b) = common(a, b)?;
     Ok(Comparison {
         frames: a.len(),
+        frame_counts,
         position_rmse: position_rmse(a, b)?,
         position_max: max_vertex_error(a, b)?,
         mean_vertex_error: mean_vertex_error(a, b)?,

@@ -12,6 +12,7 @@
 //! ```
 //!
 //! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions.
+//! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
 //! Running the physics is left to whoever has it.
 
 use std::collections::BTreeMap;
@@ -29,6 +30,9 @@ use crate::scene::{
     SettingFile, assets, field, parse_toml, read_text,
 };
 use crate::sections::SectionRule;
+
+/// Frames per second in which the paper's sections are counted.
+const PAPER_RATE: f64 = 60.0;
 
 const PRESETS: [(&str, &str); 2] = assets!("datasets": "first", "tiny");
 
@@ -129,21 +133,24 @@ impl DatasetPreset {
         let file: PresetFile = parse_toml(text)?;
         let mut own = BTreeMap::new();
         for (name, source) in &file.motions {
+            if named::names().contains(&name.as_str()) {
+                let problem = format!("{name:?} is the name of a shipped motion: choose another");
+                return Err(field("motions", problem));
+            }
             own.insert(name.clone(), source.resolve(folder)?);
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
         let (setting, mesh) = file.setting.resolve(folder)?;
-        let preset = Self {
-            config: DatasetConfig {
-                name: file.name,
-                sections: file.sections,
-                setting,
-                train,
-                test,
-            },
-            mesh,
+        let config = DatasetConfig {
+            name: file.name,
+            sections: file.sections,
+            setting,
+            train,
+            test,
         };
+        config.check(&own)?;
+        let preset = Self { config, mesh };
         for split in [Split::Train, Split::Test] {
             for motion in preset.motions(split) {
                 preset.scene(motion)?;
@@ -184,7 +191,7 @@ impl DatasetPreset {
     /// What [`DatasetWriter`](crate::DatasetWriter) needs to know.
     ///
     /// # Errors
-    /// [`SceneSpecError::Json`] for a number that JSON cannot hold.
+    /// [`SceneSpecError::Json`], as of [`SceneSpec::to_json`].
     pub fn plan(&self) -> Result<DatasetPlan, SceneSpecError> {
         let names = |split| self.motions(split).iter().map(|m| m.name.clone()).collect();
         let config: Value = serde_json::to_value(&self.config)?;
@@ -202,6 +209,37 @@ impl DatasetPreset {
 #[must_use]
 pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
     &PRESETS
+}
+
+impl DatasetConfig {
+    /// That the splits are fit to learn from and to test with; `own` are the file's own motions.
+    fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), SceneProblem> {
+        if self.train.is_empty() {
+            let problem = "is empty: name at least one motion to learn from";
+            return Err(field("train", problem));
+        }
+        for tested in &self.test {
+            let same = |learned: &&NamedMotion| learned.motion == tested.motion;
+            if let Some(learned) = self.train.iter().find(same) {
+                let (test, train) = (&tested.name, &learned.name);
+                let problem = format!("{test:?} is the motion {train:?} of train: test on others");
+                return Err(field("test", problem));
+            }
+        }
+        let used = self.train.iter().chain(&self.test).map(|m| &m.name);
+        if let Some(name) = own.keys().find(|name| !used.clone().any(|u| u == *name)) {
+            let problem = format!("{name:?} is neither in train nor in test: use or remove it");
+            return Err(field("motions", problem));
+        }
+        let rate = self.setting.frame_rate;
+        if self.sections == SectionRule::Paper && rate != PAPER_RATE {
+            let problem = format!(
+                "\"paper\" counts frames of 1/60 s, but setting.frame_rate is {rate}: take \"whole\""
+            );
+            return Err(field("sections", problem));
+        }
+        Ok(())
+    }
 }
 
 impl MotionList {

@@ -5,6 +5,10 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use selvedge_cloth::{HandlePath, StepError, Stepper};
 
+/// Positions for which there is room from the start, 192 MiB: a recording may be stopped long
+/// before its end, and a day of a large cloth fills no machine's memory in advance.
+const MOST_RESERVED: usize = 1 << 24;
+
 /// What was recorded, whether or not it came to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
@@ -42,7 +46,10 @@ pub fn record(
     frames: usize,
     on_frame: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Recording {
-    let mut positions = Vec::with_capacity((frames + 1) * stepper.positions().len());
+    let whole = frames
+        .saturating_add(1)
+        .saturating_mul(stepper.positions().len());
+    let mut positions = Vec::with_capacity(whole.min(MOST_RESERVED));
     positions.extend_from_slice(stepper.positions());
     let mut end = RecordingEnd::Complete;
     for done in 1..=frames {

@@ -31,7 +31,7 @@ pub struct Sample {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SectionRule {
-    /// The paper's 42 sections of its 16 training trajectories.
+    /// The paper's 42 sections of its 16 training trajectories, in frames of 1/60 s.
     Paper,
     /// Every frame of every trajectory.
     Whole,

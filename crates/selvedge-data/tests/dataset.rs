@@ -129,22 +129,57 @@ fn a_damaged_file_is_made_again_and_a_finished_set_is_kept() {
 }
 
 #[test]
-fn another_configuration_or_foreign_files_are_refused() {
+fn foreign_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     make(folder.path());
-    let mut other = plan();
-    other.config = json!({"seed": 2});
-    let error = DatasetWriter::open(folder.path(), other).unwrap_err();
-    assert!(
-        error.to_string().contains("another configuration"),
-        "{error}"
-    );
     std::fs::remove_file(folder.path().join("index.json")).unwrap();
     let error = DatasetWriter::open(folder.path(), plan()).unwrap_err();
     assert!(
         error.to_string().contains("choose an empty folder"),
         "{error}"
     );
+}
+
+#[test]
+fn a_run_goes_on_only_with_the_same_plan() {
+    type Change = fn(&mut DatasetPlan);
+    let changes: [(Change, &str); 6] = [
+        (|p| p.config = json!({"seed": 2}), "another configuration"),
+        (
+            |p| p.name = "other".to_owned(),
+            "is called \"small\", not \"other\"",
+        ),
+        (
+            |p| p.sections = SectionRule::Paper,
+            "has other sections: choose another folder",
+        ),
+        (
+            |p| p.train.swap(0, 1),
+            "has the training motions [a, b], not [b, a]",
+        ),
+        (
+            |p| p.train.push("c".to_owned()),
+            "has the training motions [a, b], not [a, b, c]",
+        ),
+        (|p| p.test.clear(), "has the test motions [a], not []"),
+    ];
+    let [begun, finished] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let mut writer = DatasetWriter::open(begun.path(), plan()).unwrap();
+    writer.add(Split::Train, "a", &trajectory(3, 0.25)).unwrap();
+    drop(writer);
+    let dataset = make(finished.path());
+    for (change, expected) in changes {
+        let mut other = plan();
+        change(&mut other);
+        for folder in [&begun, &finished] {
+            let error = DatasetWriter::open(folder.path(), other.clone()).unwrap_err();
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+    }
+    let writer = DatasetWriter::open(begun.path(), plan()).unwrap();
+    assert_eq!(writer.missing().len(), 2);
+    let writer = DatasetWriter::open(finished.path(), plan()).unwrap();
+    assert_eq!(writer.finish().unwrap(), dataset);
 }
 
 #[test]

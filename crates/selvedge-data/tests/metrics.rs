@@ -39,7 +39,7 @@ fn a_shift_of_3_4_5_is_5_everywhere_and_leaves_edges_alone() {
         &topology,
     )
     .unwrap();
-    assert_eq!(measures.frames, 3);
+    assert_eq!((measures.frames, measures.frame_counts), (3, [3, 3]));
     assert_eq!(measures.position_rmse, 5.0);
     assert_eq!(measures.mean_vertex_error, 5.0);
     assert_eq!(measures.position_max, 5.0);
@@ -99,6 +99,7 @@ fn runs_of_different_length_are_compared_over_the_shorter() {
     let (a, b) = (Frames::new(&a, 4).unwrap(), Frames::new(&b, 4).unwrap());
     let measures = compare(a, b, &topology).unwrap();
     assert_eq!((measures.frames, measures.position_rmse), (3, 0.0));
+    assert_eq!(measures.frame_counts, [3, 5]);
 }
 
 #[test]

@@ -138,6 +138,30 @@ fn what_is_not_a_cloth_is_named() {
 }
 
 #[test]
+fn a_byte_order_mark_and_names_in_another_encoding_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    let mut bytes = b"\xef\xbb\xbf".to_vec();
+    bytes.extend(QUAD.bytes());
+    // "Ärmel" in Latin-1.
+    bytes.extend(b"g \xc4rmel\nf 1 2 3 4\n");
+    std::fs::write(&path, bytes).unwrap();
+    let sheet = read_obj(&path).unwrap();
+    assert_eq!(sheet.labels["\u{fffd}rmel"], [0, 1, 2, 3]);
+    assert_eq!(sheet.mesh.positions()[1], DVec3::new(2.0, 0.0, 0.0));
+}
+
+#[test]
+fn faces_that_turn_opposite_ways_are_not_called_curved() {
+    // Two triangles of a tilted square: their area vectors cancel, and with them the mean normal.
+    let tilted = "v 0 0 0\nv 1 0 1\nv 1 1 1\nv 0 1 0\n";
+    assert!(parse_obj(&format!("{tilted}f 1 2 3\nf 1 3 4\n")).is_ok());
+    let error = parse_obj(&format!("{tilted}f 1 2 3\nf 1 4 3\n")).unwrap_err();
+    let text = error.to_string();
+    assert!(text.contains("flip one of them"), "{text}");
+}
+
+#[test]
 fn a_written_file_is_read_back_exactly() {
     let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
     let coordinates = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.7), (0.0, 0.3)].map(Vec2::from);

@@ -224,6 +224,18 @@ fn recording_a_playback_gives_the_trajectory_back() {
             frames: 5
         })
     ));
+    // However many frames are asked for, memory is taken as they come.
+    playback.rewind();
+    let endless = record(&mut playback, drive, usize::MAX, &mut |_| {
+        ControlFlow::Break(())
+    });
+    assert_eq!(endless.end, RecordingEnd::Stopped);
+    assert_eq!(endless.positions, &original.positions()[..2 * 4]);
+    while playback.frame() < 4 {
+        let held = HandleTargets::at_frame_end(start.clone()).unwrap();
+        playback.step(&held).unwrap();
+    }
+
     let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
     assert!(playback.step(&none).is_err());
     assert_eq!(playback.frame(), 4);

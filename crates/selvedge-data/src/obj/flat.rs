@@ -4,6 +4,7 @@
 //! u = v × n, and the smallest u and v are 0. Only one plane for all vertices is taken.
 
 use glam::{DVec2, DVec3};
+use selvedge_cloth::{MeshError, Topology, TopologyError};
 
 use super::ObjError;
 use super::parse::Statements;
@@ -23,6 +24,8 @@ pub(super) fn planar_coordinates(statements: &Statements) -> Result<Vec<DVec2>, 
     for (vertex, position) in positions.iter().enumerate() {
         let distance = (*position - center).dot(normal).abs();
         if distance > FLATNESS * extent {
+            // Faces that turn opposite ways have no mean normal: then flatness is not the trouble.
+            check_orientation(statements)?;
             return Err(ObjError::Curved {
                 vertex: vertex + 1,
                 distance,
@@ -39,6 +42,21 @@ pub(super) fn planar_coordinates(statements: &Statements) -> Result<Vec<DVec2>, 
         .copied()
         .fold(DVec2::INFINITY, DVec2::min);
     Ok(coordinates.iter().map(|c| *c - lowest).collect())
+}
+
+/// That the polygons, split anyhow, all turn the same way.
+fn check_orientation(statements: &Statements) -> Result<(), ObjError> {
+    let mut faces = Vec::with_capacity(statements.polygons.len());
+    for polygon in &statements.polygons {
+        let corner = |k: usize| polygon.corners[k].vertex;
+        faces.extend((1..polygon.corners.len() - 1).map(|k| [0, k, k + 1].map(corner)));
+    }
+    match Topology::new(statements.positions.len(), &faces) {
+        Err(error @ TopologyError::InconsistentOrientation { .. }) => {
+            Err(MeshError::from(error).into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Sum of the faces' area vectors.

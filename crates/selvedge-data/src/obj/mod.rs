@@ -4,7 +4,8 @@
 //!
 //! Several objects make one mesh of several sheets. The reader is our own: the common ones number
 //! vertices anew in every group, so that handles chosen by number would be others. Normals,
-//! materials and smoothing are passed over; curves and surfaces are errors.
+//! materials and smoothing are passed over; curves and surfaces are errors. Bytes that are not UTF-8
+//! can only be part of names, where they become the replacement character.
 
 mod assemble;
 mod flat;
@@ -67,13 +68,18 @@ pub enum ObjError {
 /// # Errors
 /// [`ReadObjError`] names the file, and the line or vertex that cannot be used.
 pub fn read_obj(path: &Path) -> Result<Sheet, ReadObjError> {
-    std::fs::read_to_string(path)
+    std::fs::read(path)
         .map_err(ObjError::Read)
-        .and_then(|text| parse_obj(&text))
+        .and_then(|bytes| parse_obj_bytes(&bytes))
         .map_err(|source| ReadObjError {
             path: path.to_owned(),
             source,
         })
+}
+
+/// Reads a mesh and its labels from the bytes of a file.
+pub(crate) fn parse_obj_bytes(bytes: &[u8]) -> Result<Sheet, ObjError> {
+    parse_obj(&String::from_utf8_lossy(bytes))
 }
 
 /// Reads a mesh and its labels from the text of a file.
@@ -81,5 +87,7 @@ pub fn read_obj(path: &Path) -> Result<Sheet, ReadObjError> {
 /// # Errors
 /// [`ObjError`] names the line or vertex that cannot be used.
 pub fn parse_obj(text: &str) -> Result<Sheet, ObjError> {
+    // Some programs put a byte-order mark before the first line.
+    let text = text.trim_start_matches('\u{feff}');
     assemble::assemble(&parse::parse(text)?)
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::dataset::hash;
-use crate::obj::{ObjError, ReadObjError, parse_obj};
+use crate::obj::{ObjError, ReadObjError, parse_obj_bytes};
 
 /// A mesh, resolved: the same spec makes the same mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -229,8 +229,8 @@ fn build_obj(path: &str, expected: &str, folder: &Path) -> Result<Sheet, MeshSpe
             found,
         });
     }
-    let text = String::from_utf8_lossy(&bytes);
-    parse_obj(&text).map_err(|source| MeshSpecError::Obj(ReadObjError { path: full, source }))
+    parse_obj_bytes(&bytes)
+        .map_err(|source| MeshSpecError::Obj(ReadObjError { path: full, source }))
 }
 
 fn check_units(mesh: &Mesh) -> Result<(), MeshSpecError> {

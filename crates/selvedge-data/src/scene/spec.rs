@@ -61,10 +61,11 @@ pub enum SceneSpecError {
 }
 
 impl SceneSpec {
-    /// The spec as JSON, as trajectories carry it.
+    /// The spec as JSON, as trajectories carry it. A number that is not finite becomes `null`, which
+    /// [`Self::from_json`] refuses; no spec that makes a scene has one.
     ///
     /// # Errors
-    /// [`SceneSpecError::Json`] for a number that JSON cannot hold.
+    /// [`SceneSpecError::Json`] when a part cannot be written as JSON, which today none can cause.
     pub fn to_json(&self) -> Result<Value, SceneSpecError> {
         Ok(serde_json::to_value(self)?)
     }
