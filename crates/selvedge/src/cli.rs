@@ -206,7 +206,7 @@ pub(crate) enum DatasetCommand {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge dataset generate small --out data/small
+  selvedge dataset generate first --out data/first
   selvedge dataset generate my-preset.toml --out data/mine --threads 4")]
 pub(crate) struct GenerateArgs {
     /// A preset: a TOML file, or the name of a shipped one.
@@ -233,8 +233,8 @@ pub(crate) struct DatasetInspectArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge train small --data data/small --out runs/first --for 30m
-  selvedge train small --data data/small --out runs/first --resume")]
+  selvedge train my-training.toml --data data/first --out runs/mine --for 30m
+  selvedge train my-training.toml --data data/first --out runs/mine --resume")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one.
     pub(crate) config: String,
@@ -263,8 +263,8 @@ pub(crate) struct TrainArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge evaluate --model runs/first/model.safetensors --data data/small
-  selvedge evaluate --model m.safetensors --data data/small --motions test-x-minus-z --curves e.csv")]
+  selvedge evaluate --model runs/mine/model.safetensors --data data/first
+  selvedge evaluate --model m.safetensors --data data/first --motions test-x-minus-z --curves e.csv")]
 pub(crate) struct EvaluateArgs {
     /// The model's weights.
     #[arg(long, value_name = "FILE")]
@@ -324,12 +324,12 @@ pub(crate) struct CompareArgs {
 
 /// Say what a file or folder is and what is in it.
 ///
-/// Knows trajectories, models, data sets, scenes and meshes.
+/// Knows trajectories, models, data sets, scenes, presets, training configurations and meshes.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge inspect out/rollout.safetensors
-  selvedge inspect data/small
+  selvedge inspect data/first
   selvedge inspect my-scene.toml")]
 pub(crate) struct InspectArgs {
     /// A file, a data set's folder, or the name of a shipped scene.

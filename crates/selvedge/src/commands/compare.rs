@@ -8,7 +8,7 @@ use selvedge_data::metrics::{self, Comparison};
 use serde::Serialize;
 
 use crate::cli::CompareArgs;
-use crate::output::{Answer, Facts, millimetres, percent};
+use crate::output::{Answer, Facts, length, percent};
 
 #[derive(Serialize)]
 struct Report {
@@ -83,15 +83,15 @@ fn text(report: &Report) -> Facts {
         )
     };
     facts.add("frames compared", frames);
-    facts.add("position RMSE", millimetres(measures.position_rmse));
-    facts.add("mean distance", millimetres(measures.mean_vertex_error));
-    facts.add("largest distance", millimetres(measures.position_max));
+    facts.add("position RMSE", length(measures.position_rmse));
+    facts.add("mean distance", length(measures.mean_vertex_error));
+    facts.add("largest distance", length(measures.position_max));
     let relative = measures.edge_length_rmse / measures.edge_length_mean;
     facts.add(
         "edge-length RMSE",
         format!(
-            "{:.4} mm, {} of the mean edge",
-            1e3 * measures.edge_length_rmse,
+            "{}, {} of the mean edge",
+            length(measures.edge_length_rmse),
             percent(relative)
         ),
     );
@@ -100,9 +100,9 @@ fn text(report: &Report) -> Facts {
     if let (Some(worst), Some(&last)) = (worst, per_frame.last()) {
         facts.add(
             "worst frame",
-            format!("{worst}, position RMSE {}", millimetres(per_frame[worst])),
+            format!("{worst}, position RMSE {}", length(per_frame[worst])),
         );
-        facts.add("last frame", format!("position RMSE {}", millimetres(last)));
+        facts.add("last frame", format!("position RMSE {}", length(last)));
     }
     facts
 }

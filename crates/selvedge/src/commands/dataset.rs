@@ -17,7 +17,7 @@ use selvedge_data::{Dataset, DatasetPreset, DatasetWriter, LoadedScene, Split};
 use serde::Serialize;
 
 use crate::cli::GenerateArgs;
-use crate::output::{Answer, End, Facts, Table};
+use crate::output::{Answer, End, Facts, Table, length};
 use crate::progress::Progress;
 use crate::{interrupt, place, reference};
 
@@ -214,7 +214,7 @@ pub(crate) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
                 entry.vertices.to_string(),
                 format!("{:.3} m/s", entry.mean_speed),
                 format!("{:.3} m/s", entry.max_speed),
-                format!("{:.2} mm", 1e3 * entry.mean_edge_length),
+                length(entry.mean_edge_length),
             ]);
         }
     }

@@ -15,7 +15,7 @@ use crate::cli::EvaluateArgs;
 use crate::evaluation::{Measures, Mirrors, Who, measure, measure_truth, run_model, run_rigid};
 use crate::failure::{self, WrongUsage};
 use crate::learned::{self, NamedModel};
-use crate::output::{Answer, End, Facts, Table};
+use crate::output::{Answer, End, Facts, Table, length, percent};
 use crate::progress::Progress;
 use crate::{interrupt, place};
 
@@ -277,9 +277,9 @@ fn cells(motion: &str, who: Who, measures: Option<&Measures>) -> Vec<String> {
         return cells;
     };
     cells.extend([
-        format!("{:.2} mm", 1e3 * m.position_rmse),
-        format!("{:.3} mm", 1e3 * m.edge_length_rmse),
-        format!("{:.1} %", 1e2 * m.largest_strain),
+        length(m.position_rmse),
+        length(m.edge_length_rmse),
+        percent(m.largest_strain),
         format!("{:.3} m/s", m.final_speed),
         m.ms_per_frame
             .map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2} ms")),

@@ -1,7 +1,9 @@
 //! `selvedge inspect`: what a file or folder is, and what is in it.
 //!
-//! What it is taken for follows from its name: a folder is a data set, `.toml` a scene, `.obj` a
-//! mesh, and a `.safetensors` file says itself whether it is a trajectory or a model.
+//! What it is taken for follows from its name: a folder is a data set, `.obj` a mesh; a
+//! `.safetensors` file says itself whether it is a trajectory or a model, and a `.toml` file is a
+//! data set's preset if it has a `setting`, a training configuration if it has a `batch`, and a
+//! scene if it has neither.
 
 use std::path::Path;
 
@@ -9,14 +11,16 @@ use anyhow::{Context, bail};
 use glam::Vec3;
 use selvedge_cloth::Mesh;
 use selvedge_data::{
-    LoadedScene, Trajectory, TrajectoryFileError, metrics, open_scene, read_obj, shipped_scenes,
+    DatasetPreset, LoadedScene, Split, Trajectory, TrajectoryFileError, metrics, open_scene,
+    read_obj, shipped_scenes,
 };
-use selvedge_model::{MODEL_FORMAT, Model};
+use selvedge_model::{MODEL_FORMAT, Model, Network};
+use selvedge_train::TrainConfig;
 use serde_json::{Value, json};
 
 use super::dataset;
 use crate::cli::InspectArgs;
-use crate::output::{Answer, Facts, millimetres, percent};
+use crate::output::{Answer, Facts, length, percent};
 use crate::reference;
 
 /// Says what `path` is.
@@ -37,15 +41,62 @@ pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
     }
     match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => inspect_container(path),
-        Some("toml") => inspect_scene(&open_scene(&name)?, &name),
+        Some("toml") => inspect_toml(path, &name),
         Some("obj") => {
             let sheet = read_obj(path)?;
             inspect_mesh(&sheet.mesh, sheet.labels.keys(), path)
         }
         _ => bail!(
-            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes in .toml, meshes in .obj, and a data set is a folder"
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, meshes in .obj, and a data set is a folder"
         ),
     }
+}
+
+fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("{name}: could not be read"))?;
+    // What is no TOML is a scene that says where it is wrong.
+    let table: toml::Table = toml::from_str(&text).unwrap_or_default();
+    if table.contains_key("setting") {
+        return inspect_preset(&DatasetPreset::open(name)?, name);
+    }
+    if table.contains_key("batch") {
+        return inspect_training(&TrainConfig::parse(&text, path)?, name);
+    }
+    inspect_scene(&open_scene(name)?, name)
+}
+
+fn inspect_preset(preset: &DatasetPreset, name: &str) -> anyhow::Result<Answer> {
+    let config = preset.config();
+    let names = |split| -> Vec<&str> {
+        let motions = preset.motions(split).iter();
+        motions.map(|motion| motion.name.as_str()).collect()
+    };
+    let mut facts = Facts::new();
+    facts.add("kind", "preset of a data set");
+    facts.add("file", name);
+    facts.add("name", &config.name);
+    facts.add("material", &config.setting.material.name);
+    facts.add("handles", format!("{:?}", config.setting.handles));
+    facts.add("to train on", names(Split::Train).join(", "));
+    facts.add("to test on", names(Split::Test).join(", "));
+    let report = json!({ "kind": "preset", "file": name, "config": config });
+    Answer::new(facts, &report)
+}
+
+fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add("kind", "training configuration");
+    facts.add("file", name);
+    facts.add("name", &cfg.name);
+    facts.add("steps", cfg.steps);
+    facts.add("samples per step", cfg.batch.samples);
+    facts.add("parameters", Network::new(&cfg.model)?.parameter_count());
+    facts.add("encoder", serde_json::to_string(&cfg.model.encoder)?);
+    facts.add("latent", cfg.model.latent);
+    facts.add("blocks", cfg.model.blocks);
+    let report = json!({ "kind": "training", "file": name, "config": cfg });
+    Answer::new(facts, &report)
 }
 
 /// A trajectory, or a model if the file says so.
@@ -101,7 +152,7 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
         "speed",
         format!("mean {:.3} m/s, largest {:.3} m/s", speeds.mean, speeds.max),
     );
-    facts.add("mean edge", millimetres(edge));
+    facts.add("mean edge", length(edge));
     facts.add("largest strain", percent(strain));
     let report = json!({
         "kind": "trajectory",

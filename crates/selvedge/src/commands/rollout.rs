@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
 use crate::learned::{self, NamedModel};
-use crate::output::{Answer, End, Facts, millimetres, percent};
+use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{Show, write_clip_of, write_sheet};
 use crate::progress::Progress;
 use crate::reference::{self, Run};
@@ -178,12 +178,9 @@ fn text(report: &Report) -> Facts {
     }
     facts.add("largest strain", percent(report.largest_strain));
     if let Some(measures) = &report.comparison {
-        facts.add("position RMSE", millimetres(measures.position_rmse));
-        facts.add("largest distance", millimetres(measures.position_max));
-        facts.add(
-            "edge-length RMSE",
-            format!("{:.4} mm", 1e3 * measures.edge_length_rmse),
-        );
+        facts.add("position RMSE", length(measures.position_rmse));
+        facts.add("largest distance", length(measures.position_max));
+        facts.add("edge-length RMSE", length(measures.edge_length_rmse));
     }
     if report.interrupted {
         facts.add(

@@ -8,7 +8,7 @@ use selvedge_data::{LoadedScene, open_scene, write_obj};
 use serde::Serialize;
 
 use crate::cli::SagArgs;
-use crate::output::{Answer, Facts, millimetres};
+use crate::output::{Answer, Facts, length};
 use crate::{place, reference};
 
 #[derive(Serialize)]
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
 }
 
 fn below(metres: f64) -> String {
-    format!("{} below the handles", millimetres(metres))
+    format!("{} below the handles", length(metres))
 }
 
 /// Writes `rest` [m], `[vertices]`, and gives its largest strain.

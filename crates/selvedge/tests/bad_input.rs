@@ -1,0 +1,234 @@
+//! Bad input: each kind has an error that names file, field and remedy, the exit code 1 (2 where the
+//! call itself is wrong), and leaves nothing behind.
+
+mod common;
+
+use common::{Desk, PUSH};
+
+/// A desk with [`PUSH`] in which `from` has become `to`.
+fn desk_with(from: &str, to: &str) -> Desk {
+    let desk = Desk::new();
+    assert!(PUSH.contains(from), "{from}");
+    desk.write("scene.toml", PUSH.replace(from, to));
+    desk
+}
+
+/// Simulating `scene.toml` must fail with all of `words`, and leave only `names`.
+fn refuses(desk: &Desk, words: &[&str]) {
+    let names = desk.names();
+    desk.fails("simulate scene.toml --out run.safetensors", 1, words);
+    assert_eq!(desk.names(), names);
+}
+
+const GENERATOR: &str = r#"generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }"#;
+
+/// Two triangles of a square metre.
+const SQUARE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n";
+
+#[test]
+fn a_missing_scene_is_named_with_those_that_are_shipped() {
+    let desk = Desk::new();
+    refuses(&desk, &["scene.toml", "default"]);
+    desk.fails("inspect nothing.safetensors", 1, &["nothing.safetensors"]);
+    desk.fails("compare a.safetensors b.safetensors", 1, &["a.safetensors"]);
+    desk.fails("dataset generate none --out d", 1, &["none", "tiny"]);
+    desk.fails("rollout --model none.safetensors", 1, &["none.safetensors"]);
+    assert_eq!(desk.names(), Vec::<String>::new());
+}
+
+#[test]
+fn an_unknown_key_is_named() {
+    let desk = desk_with("name = \"push\"", "name = \"push\"\ndampling = 3");
+    refuses(&desk, &["scene.toml", "dampling"]);
+}
+
+#[test]
+fn an_obj_without_faces_is_refused() {
+    let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
+    desk.write("cloth.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
+    refuses(&desk, &["scene.toml", "cloth.obj", "no faces"]);
+    desk.fails("inspect cloth.obj", 1, &["cloth.obj", "no faces"]);
+}
+
+#[test]
+fn an_obj_that_is_not_manifold_is_refused() {
+    let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
+    let fin = "v 0.5 0.2 0\nf 3 1 5\n";
+    desk.write("cloth.obj", format!("{SQUARE_OBJ}{fin}"));
+    refuses(&desk, &["cloth.obj", "manifold"]);
+}
+
+#[test]
+fn a_handle_that_the_mesh_does_not_have_is_refused() {
+    let desk = desk_with("label = \"upper-corners\"", "vertices = [0, 36]");
+    refuses(&desk, &["scene.toml", "36", "0 to 35"]);
+    let desk = desk_with("upper-corners", "upper-left");
+    refuses(&desk, &["upper-left", "upper-corners"]);
+}
+
+#[test]
+fn a_motion_that_is_not_finite_is_refused() {
+    let desk = desk_with("distance = 0.2", "distance = nan");
+    refuses(&desk, &["scene.toml", "NaN"]);
+    let motion = PUSH.find("[motion.inline]").unwrap();
+    let scene = format!(
+        "{}motion = {{ recorded = \"hands.csv\" }}\n",
+        &PUSH[..motion]
+    );
+    let desk = Desk::new();
+    desk.write("scene.toml", scene);
+    desk.write(
+        "hands.csv",
+        "frame,handle,x,y,z\n0,0,0,0,-0.5\n0,1,0,NaN,0.5\n",
+    );
+    refuses(&desk, &["hands.csv", "line 3", "NaN"]);
+}
+
+#[test]
+fn a_scene_without_handles_says_how_to_run_it() {
+    let desk = desk_with("label = \"upper-corners\"", "vertices = []");
+    refuses(&desk, &["no handles", "--from-start"]);
+    desk.json("simulate scene.toml --out run.safetensors --from-start --frames 2");
+}
+
+#[test]
+fn a_sag_that_does_not_come_to_rest_says_what_to_change() {
+    let desk = desk_with(
+        "name = \"push\"",
+        "name = \"push\"\nsag = { max_steps = 3 }",
+    );
+    refuses(&desk, &["sag.max_steps", "push"]);
+}
+
+#[test]
+fn files_that_are_cut_short_are_refused() {
+    let desk = Desk::new();
+    desk.model();
+    desk.write("push.toml", PUSH);
+    desk.json("simulate push.toml --out run.safetensors --frames 2");
+    for (file, short) in [
+        ("run.safetensors", "short.safetensors"),
+        ("run/model.safetensors", "weights.safetensors"),
+    ] {
+        let bytes = desk.read(file);
+        for length in [0, 4, bytes.len() / 2, bytes.len() - 1] {
+            desk.write(short, &bytes[..length]);
+            desk.fails(&format!("inspect {short}"), 1, &[short]);
+        }
+    }
+    desk.fails(
+        "compare run.safetensors short.safetensors",
+        1,
+        &["short.safetensors"],
+    );
+    desk.fails(
+        "rollout push.toml --model weights.safetensors --out out",
+        1,
+        &["weights.safetensors"],
+    );
+    desk.fails(
+        "rollout push.toml --model run.safetensors --out out",
+        1,
+        &["run.safetensors", "selvedge-trajectory", "no model"],
+    );
+    assert!(!desk.path("out").exists());
+}
+
+#[test]
+fn weights_of_another_spec_are_refused() {
+    let desk = Desk::new();
+    desk.model();
+    let bytes = desk.read("run/model.safetensors");
+    // In the header the spec is JSON within JSON; the new one is as long.
+    let (from, to): (&[u8], &[u8]) = (br#"latent\":8"#, br#"latent\":9"#);
+    let at = bytes.windows(from.len()).position(|w| w == from).unwrap();
+    let mut other = bytes.clone();
+    other[at..at + to.len()].copy_from_slice(to);
+    desk.write("other.safetensors", other);
+    let words = ["other.safetensors", "expected", "spec"];
+    desk.fails(
+        "evaluate --model other.safetensors --data tiny",
+        1,
+        &words[..1],
+    );
+    desk.fails(
+        "rollout --model other.safetensors --out out",
+        1,
+        &words[..1],
+    );
+    assert!(!desk.path("out").exists());
+}
+
+#[test]
+fn trajectories_of_different_meshes_are_not_compared() {
+    let desk = Desk::new();
+    desk.write("a.toml", PUSH);
+    desk.write("b.toml", PUSH.replace("vertices = 36", "vertices = 25"));
+    desk.write("c.toml", PUSH.replace("seed = 1", "seed = 2"));
+    for name in ["a", "b", "c"] {
+        desk.json(&format!(
+            "simulate {name}.toml --out {name}.safetensors --frames 1"
+        ));
+    }
+    let compare = |other: &str, words: &[&str]| {
+        desk.fails(
+            &format!("compare a.safetensors {other}.safetensors"),
+            1,
+            words,
+        );
+    };
+    compare("b", &["a.safetensors", "b.safetensors", "36 and 25"]);
+    compare("c", &["different meshes", "other faces"]);
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_found_before_the_work() {
+    let desk = Desk::new();
+    desk.write("scene.toml", PUSH);
+    desk.write("file", "");
+    std::fs::create_dir(desk.path("folder.safetensors")).unwrap();
+    for (out, word) in [
+        ("no/such/folder/run.safetensors", "no folder"),
+        ("folder.safetensors", "folder"),
+        ("file/run.safetensors", "no folder"),
+    ] {
+        desk.fails(&format!("simulate scene.toml --out {out}"), 1, &[out, word]);
+    }
+    desk.fails("dataset generate tiny --out file/d", 1, &["file/d"]);
+    desk.fails(
+        "simulate scene.toml --out run.txt",
+        2,
+        &["run.txt", ".safetensors"],
+    );
+    desk.fails(
+        "sag scene.toml --out rest.stl",
+        2,
+        &[".safetensors or .obj"],
+    );
+    assert_eq!(desk.names(), ["file", "folder.safetensors", "scene.toml"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_write_that_fails_at_the_end_says_so() {
+    let desk = Desk::new();
+    desk.write("scene.toml", PUSH);
+    std::os::unix::fs::symlink("/dev/full", desk.path("full.safetensors")).unwrap();
+    desk.fails(
+        "simulate scene.toml --out full.safetensors --frames 1",
+        1,
+        &["full.safetensors", "not a regular file"],
+    );
+    assert_eq!(desk.names(), ["full.safetensors", "scene.toml"]);
+}
+
+#[test]
+fn what_is_nothing_of_ours_is_refused() {
+    let desk = Desk::new();
+    desk.write("a.safetensors", "no tensors");
+    desk.write("a.xyz", "1 2 3");
+    desk.write("a.toml", "name = [");
+    desk.fails("inspect a.safetensors", 1, &["a.safetensors"]);
+    desk.fails("inspect a.xyz", 1, &["a.xyz", ".safetensors"]);
+    desk.fails("inspect a.toml", 1, &["a.toml", "line 1"]);
+}

@@ -1,0 +1,178 @@
+//! What the tests of the command line share: a folder of its own for each, small scenes in it, and
+//! the program itself with its answer and exit code.
+
+// Every test file is a program of its own, and none of them uses all of this.
+#![allow(dead_code, unreachable_pub)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A square of 36 vertices that is held by two corners and pushed forward for half a second.
+pub const PUSH: &str = r#"
+name = "push"
+material = "gray-interlock"
+mesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }
+handles = { label = "upper-corners" }
+
+[motion.inline]
+kind = "blocks"
+blocks = [
+    { duration = 0.25 },
+    { duration = 0.25, translations = [{ direction = [1.0, 0.0, 0.5], pace = { distance = 0.2 } }] },
+]
+"#;
+
+/// Frames after the start of [`PUSH`].
+pub const PUSH_FRAMES: usize = 30;
+
+/// A network of a few thousand weights, trained for a moment.
+pub const TRAINING: &str = r#"
+name = "moment"
+seed = 1
+steps = 6
+statistics_samples = 20
+log_every = 2
+learning_rate = { kind = "constant", rate = 1e-3 }
+batch = { samples = 2, shard = 1 }
+
+[model]
+node_features = ["velocity", "external-force", "kinetic-energy", "node-type"]
+edge_features = ["vector", "rest-vector", "elongation", "bending-angle"]
+encoder = { kind = "mlp" }
+latent = 8
+blocks = 1
+"#;
+
+/// A folder that is gone after the test, and the program running in it.
+pub struct Desk {
+    folder: TempDir,
+}
+
+/// What the program said.
+pub struct Said {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
+}
+
+impl Desk {
+    pub fn new() -> Self {
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+        }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, text: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap()
+    }
+
+    /// Names of everything in the folder, sorted.
+    pub fn names(&self) -> Vec<String> {
+        names_in(self.folder.path())
+    }
+
+    /// The program with these arguments, split at spaces.
+    pub fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_selvedge"));
+        command
+            .args(arguments.split_whitespace())
+            .current_dir(self.folder.path())
+            .stdin(Stdio::null());
+        command
+    }
+
+    pub fn run(&self, arguments: &str) -> Said {
+        let output = self.command(arguments).output().unwrap();
+        Said {
+            code: output.status.code(),
+            out: String::from_utf8(output.stdout).unwrap(),
+            err: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    /// Runs the program, which must succeed, and gives the one JSON object that it prints.
+    pub fn json(&self, arguments: &str) -> Value {
+        let said = self.run(&format!("{arguments} --json"));
+        assert_eq!(said.code, Some(0), "{arguments}: {}", said.err);
+        let value: Value = serde_json::from_str(&said.out).unwrap();
+        assert!(value.is_object());
+        value
+    }
+
+    /// Runs the program, which must fail with this exit code, print nothing to standard output and
+    /// one line that contains all of `words` to standard error.
+    pub fn fails(&self, arguments: &str, code: i32, words: &[&str]) {
+        let said = self.run(arguments);
+        assert_eq!(
+            said.code,
+            Some(code),
+            "{arguments}: {} {}",
+            said.out,
+            said.err
+        );
+        assert_eq!(said.out, "", "{arguments}");
+        assert!(said.err.starts_with("error: "), "{arguments}: {}", said.err);
+        for word in words {
+            assert!(
+                said.err.contains(word),
+                "{arguments}: {} lacks {word}",
+                said.err
+            );
+        }
+        assert!(!said.err.contains("panicked"), "{}", said.err);
+    }
+
+    /// A data set of three short motions, in `tiny`.
+    pub fn tiny(&self) {
+        self.json("dataset generate tiny --out tiny");
+    }
+
+    /// A model that has barely learned, in `run/model.safetensors`.
+    pub fn model(&self) {
+        self.tiny();
+        self.write("moment.toml", TRAINING);
+        self.json("train moment.toml --data tiny --out run");
+    }
+}
+
+/// Names of everything in a folder, sorted.
+pub fn names_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Every file under a folder with its bytes, sorted by path.
+pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for name in names_in(folder) {
+        let path = folder.join(name);
+        if path.is_dir() {
+            found.extend(contents(&path));
+        } else {
+            let bytes = std::fs::read(&path).unwrap();
+            found.push((path, bytes));
+        }
+    }
+    found
+}
+
+/// The number at `pointer` of a JSON object.
+pub fn number(value: &Value, pointer: &str) -> f64 {
+    let found = value.pointer(pointer).and_then(Value::as_f64);
+    found.unwrap_or_else(|| panic!("{value} has no number {pointer}"))
+}

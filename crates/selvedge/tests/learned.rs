@@ -1,0 +1,146 @@
+//! The learned simulator from the command line: `train`, `evaluate`, `rollout`.
+
+mod common;
+
+use common::{Desk, PUSH, PUSH_FRAMES, names_in, number};
+use selvedge_data::Trajectory;
+use serde_json::Value;
+
+fn row<'a>(report: &'a Value, who: &str) -> &'a Value {
+    let rows = report["rows"].as_array().unwrap();
+    rows.iter().find(|row| row["who"] == who).unwrap()
+}
+
+#[test]
+fn a_resumed_training_ends_with_the_same_weights() {
+    let desk = Desk::new();
+    desk.model();
+    let report = desk.json("train moment.toml --data tiny --out halves --steps 2");
+    assert_eq!(number(&report, "/steps_done"), 2.0);
+    desk.fails(
+        "train moment.toml --data tiny --out halves",
+        1,
+        &["halves", "--resume"],
+    );
+    desk.json("train moment.toml --data tiny --out halves --resume");
+    let names = [
+        "checkpoint.safetensors",
+        "config.toml",
+        "log.jsonl",
+        "model.safetensors",
+    ];
+    assert_eq!(names_in(&desk.path("halves")), names);
+    for name in ["checkpoint.safetensors", "model.safetensors"] {
+        let [whole, halves] =
+            ["run", "halves"].map(|folder| desk.read(&format!("{folder}/{name}")));
+        assert!(whole == halves, "{name}");
+    }
+    desk.fails(
+        "train moment.toml --data tiny --out nothing --resume",
+        1,
+        &["checkpoint.safetensors"],
+    );
+}
+
+#[test]
+fn a_span_ends_a_training_cleanly() {
+    let desk = Desk::new();
+    desk.tiny();
+    desk.write("moment.toml", common::TRAINING);
+    let report = desk.json("train moment.toml --data tiny --out run --steps 1000000 --for 1s");
+    let done = number(&report, "/steps_done");
+    assert!(done > 0.0 && done < 1e6);
+    assert_eq!(report["interrupted"], false);
+    assert_eq!(desk.json("inspect run/model.safetensors")["kind"], "model");
+}
+
+#[test]
+fn a_model_is_measured_beside_its_rivals() {
+    let desk = Desk::new();
+    desk.model();
+    let report = desk.json(
+        "evaluate --model run/model.safetensors --data tiny --motions lift --curves curves.csv",
+    );
+    assert_eq!(report["rows"].as_array().unwrap().len(), 4);
+    let truth = row(&report, "truth");
+    assert_eq!(number(truth, "/position_rmse"), 0.0);
+    // The rigid rival keeps the rest pose's strain and edges, and stands still at the end.
+    let rest = Trajectory::read(&desk.path("tiny/test/lift.safetensors")).unwrap();
+    let rest = Trajectory::new(
+        rest.cloth().clone(),
+        rest.cloth().rest_positions.clone(),
+        rest.provenance().clone(),
+    )
+    .unwrap();
+    rest.write(&desk.path("rest.safetensors")).unwrap();
+    let still = desk.json("inspect rest.safetensors");
+    let strain = number(row(&report, "rigid"), "/largest_strain");
+    // f32 positions: a relative error of 1e-7 of positions over edges five times shorter.
+    assert!((strain - number(&still, "/largest_strain")).abs() < 3e-6);
+    // The mirror branch is as good a cloth as the truth, but another one.
+    let mirror = row(&report, "mirror");
+    assert!(number(mirror, "/position_rmse") > 1e-3);
+    assert!(number(mirror, "/ms_per_frame") > 0.0);
+    let curves = String::from_utf8(desk.read("curves.csv")).unwrap();
+    let per_frame: Vec<f64> = curves
+        .lines()
+        .filter(|line| line.starts_with("lift,model,"))
+        .map(|line| line.rsplit(',').next().unwrap().parse().unwrap())
+        .collect();
+    assert_eq!(per_frame.len(), 61);
+    // All frames have as many vertices: the square of the whole is the mean of the squares.
+    let squares: f64 = per_frame.iter().map(|rmse| rmse * rmse).sum();
+    let whole = (squares / 61.0).sqrt();
+    let told = number(row(&report, "model"), "/position_rmse");
+    assert!((whole - told).abs() <= 1e-12 * told);
+    desk.fails(
+        "evaluate --model run/model.safetensors --data tiny --motions lift,drop",
+        2,
+        &["drop", "lift"],
+    );
+}
+
+#[test]
+fn a_rollout_stands_beside_the_truth() {
+    let desk = Desk::new();
+    desk.model();
+    desk.write("push.toml", PUSH);
+    let report = desk.json("rollout push.toml --model run/model.safetensors --out out");
+    let names = [
+        "clip.gif",
+        "rollout.safetensors",
+        "sheet.png",
+        "truth.safetensors",
+    ];
+    assert_eq!(names_in(&desk.path("out")), names);
+    assert_eq!(report["wrote"].as_array().unwrap().len(), 4);
+    desk.json("simulate push.toml --out simulated.safetensors");
+    assert!(desk.read("out/truth.safetensors") == desk.read("simulated.safetensors"));
+    let compared = desk.json("compare out/truth.safetensors out/rollout.safetensors");
+    let told = number(&report, "/comparison/position_rmse");
+    assert_eq!(number(&compared, "/position_rmse"), told);
+    let [truth, rollout] = ["truth", "rollout"]
+        .map(|name| Trajectory::read(&desk.path(&format!("out/{name}.safetensors"))).unwrap());
+    for frame in 0..=PUSH_FRAMES {
+        let held = |run: &Trajectory| run.handles().select(run.frame(frame));
+        assert_eq!(held(&truth), held(&rollout));
+    }
+    assert!(desk.read("out/sheet.png").starts_with(b"\x89PNG"));
+    assert!(desk.read("out/clip.gif").starts_with(b"GIF89a"));
+}
+
+#[test]
+fn what_is_refused_is_not_made() {
+    let desk = Desk::new();
+    desk.model();
+    desk.write("push.toml", PUSH);
+    let report = desk.json(
+        "rollout push.toml --model run/model.safetensors --out out --frames 3 --no-truth --no-clip",
+    );
+    assert_eq!(
+        names_in(&desk.path("out")),
+        ["rollout.safetensors", "sheet.png"]
+    );
+    assert_eq!(number(&report, "/frames"), 4.0);
+    assert!(report["comparison"].is_null());
+}

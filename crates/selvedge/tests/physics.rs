@@ -1,0 +1,135 @@
+//! The physics from the command line: `simulate`, `sag`, `compare`, and `inspect` of what they make.
+
+mod common;
+
+use common::{Desk, PUSH, PUSH_FRAMES, number};
+use selvedge_data::{Trajectory, open_scene, read_obj};
+
+fn desk() -> Desk {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    desk
+}
+
+#[test]
+fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
+    let desk = desk();
+    let report = desk.json("simulate push.toml --out push.safetensors");
+    let run = Trajectory::read(&desk.path("push.safetensors")).unwrap();
+    assert_eq!(run.frame_count(), PUSH_FRAMES + 1);
+    assert_eq!(number(&report, "/frames"), run.frame_count() as f64);
+    assert_eq!(run.frame(0), run.cloth().rest_positions);
+    let scene = open_scene(desk.path("push.toml").to_str().unwrap())
+        .unwrap()
+        .scene;
+    let path = scene.handle_path().unwrap();
+    for frame in [0, 20, PUSH_FRAMES] {
+        let expected = path.at(frame as f64 / 60.0);
+        let found = run.handles().select(run.frame(frame));
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!(*found, expected.as_vec3());
+        }
+    }
+}
+
+#[test]
+fn the_same_scene_gives_the_same_bytes() {
+    let desk = desk();
+    desk.json("simulate push.toml --out a.safetensors");
+    desk.json("simulate push.toml --out b.safetensors");
+    assert_eq!(desk.read("a.safetensors"), desk.read("b.safetensors"));
+    let report = desk.json("compare a.safetensors b.safetensors");
+    assert_eq!(number(&report, "/position_rmse"), 0.0);
+    assert_eq!(number(&report, "/edge_length_rmse"), 0.0);
+    assert_eq!(number(&report, "/frames"), PUSH_FRAMES as f64 + 1.0);
+}
+
+#[test]
+fn fewer_frames_are_the_first_of_more() {
+    let desk = desk();
+    desk.json("simulate push.toml --out short.safetensors --frames 7");
+    desk.json("simulate push.toml --out long.safetensors");
+    let report = desk.json("compare short.safetensors long.safetensors");
+    assert_eq!(number(&report, "/frames"), 8.0);
+    assert_eq!(number(&report, "/position_rmse"), 0.0);
+}
+
+#[test]
+fn a_cloth_can_be_let_go_where_its_mesh_stands() {
+    let desk = desk();
+    desk.json("simulate push.toml --out fall.safetensors --from-start --frames 1");
+    let run = Trajectory::read(&desk.path("fall.safetensors")).unwrap();
+    let scene = open_scene(desk.path("push.toml").to_str().unwrap())
+        .unwrap()
+        .scene;
+    let start: Vec<_> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
+    assert_eq!(run.frame(0), start);
+    assert_ne!(run.cloth().rest_positions, start);
+}
+
+#[test]
+fn the_rest_pose_is_where_the_cloth_stays() {
+    let desk = desk();
+    let still = PUSH.replace("distance = 0.2", "distance = 0.0");
+    desk.write("still.toml", still);
+    let report = desk.json("sag still.toml --out rest.safetensors");
+    desk.json("simulate still.toml --out still.safetensors");
+    let residual = number(&report, "/residual");
+    assert!(residual <= 1e-3);
+    let run = Trajectory::read(&desk.path("still.safetensors")).unwrap();
+    let rest = Trajectory::read(&desk.path("rest.safetensors")).unwrap();
+    assert_eq!(rest.frame_count(), 1);
+    assert_eq!(rest.frame(0), run.frame(0));
+    // An acceleration of at most the residual over t = 0.5 s moves a vertex by residual t²/2 if
+    // nothing pulls it back: 0.125 mm.
+    let farthest = residual * 0.5 * 0.5 / 2.0;
+    for (now, then) in run.frame(PUSH_FRAMES).iter().zip(rest.frame(0)) {
+        assert!(f64::from(now.distance(*then)) <= farthest + 1e-6);
+    }
+}
+
+#[test]
+fn a_rest_pose_is_the_same_as_a_mesh() {
+    let desk = desk();
+    let report = desk.json("sag push.toml --out rest.obj");
+    desk.json("sag push.toml --out rest.safetensors");
+    let mesh = read_obj(&desk.path("rest.obj")).unwrap().mesh;
+    let rest = Trajectory::read(&desk.path("rest.safetensors")).unwrap();
+    assert_eq!(mesh.topology(), rest.topology());
+    let positions: Vec<_> = mesh.positions().iter().map(|p| p.as_vec3()).collect();
+    assert_eq!(positions, rest.frame(0));
+    // The handles are at y = 0.
+    let lowest = positions
+        .iter()
+        .map(|p| -f64::from(p.y))
+        .fold(0.0, f64::max);
+    assert!((number(&report, "/lowest") - lowest).abs() < 1e-6);
+    assert!(number(&report, "/middle_sag") > 0.0);
+}
+
+#[test]
+fn inspect_says_what_a_file_is() {
+    let desk = desk();
+    desk.json("simulate push.toml --out push.safetensors");
+    desk.json("sag push.toml --out rest.obj");
+    for (file, kind) in [
+        ("push.toml", "scene"),
+        ("push.safetensors", "trajectory"),
+        ("rest.obj", "mesh"),
+    ] {
+        let report = desk.json(&format!("inspect {file}"));
+        assert_eq!(report["kind"], kind);
+        assert_eq!(number(&report, "/vertices"), 36.0);
+        // Euler: V - E + F = 1 for a sheet without holes.
+        if let Some(edges) = report["edges"].as_u64() {
+            assert_eq!(36 + report["faces"].as_u64().unwrap(), edges + 1);
+        }
+    }
+    let table = desk.run("inspect push.safetensors");
+    assert!(
+        table.out.contains("31 at 60 per second: 0.50 s"),
+        "{}",
+        table.out
+    );
+    assert_eq!(desk.json("inspect default")["kind"], "scene");
+}

@@ -1,0 +1,168 @@
+//! How the program is called: help, wrong calls, where its answers go, and Ctrl-C.
+
+mod common;
+
+use common::{Desk, PUSH};
+
+#[test]
+fn wrong_calls_exit_with_2_and_say_why() {
+    let desk = Desk::new();
+    for (call, word) in [
+        ("", "Usage"),
+        ("simulat", "simulate"),
+        ("simulate default", "--out"),
+        (
+            "simulate default --out a.safetensors --frames 0",
+            "--frames",
+        ),
+        (
+            "simulate default --out a.safetensors --frames many",
+            "--frames",
+        ),
+        (
+            "simulate default --out a.safetensors --from-rest --from-start",
+            "--from-start",
+        ),
+        ("train a.toml --data d --out o --for soon", "1h30m"),
+        ("dataset generate tiny --out d --threads 0", "--threads"),
+        ("rollout --truth --no-truth", "--no-truth"),
+    ] {
+        let said = desk.run(call);
+        assert_eq!(said.code, Some(2), "{call}");
+        assert_eq!(said.out, "", "{call}");
+        assert!(said.err.contains(word), "{call}: {}", said.err);
+    }
+    assert_eq!(desk.names(), Vec::<String>::new());
+}
+
+#[test]
+fn every_command_has_help() {
+    let desk = Desk::new();
+    for call in [
+        "",
+        "rollout",
+        "simulate",
+        "sag",
+        "dataset",
+        "dataset generate",
+        "dataset inspect",
+        "train",
+        "evaluate",
+        "compare",
+        "inspect",
+    ] {
+        let said = desk.run(&format!("{call} --help"));
+        assert_eq!(said.code, Some(0), "{call}");
+        assert!(said.out.contains("Usage: selvedge"), "{call}");
+    }
+}
+
+#[test]
+fn a_person_gets_a_table_and_a_program_gets_json() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let said = desk.run("simulate push.toml --out run.safetensors --frames 2");
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    assert!(said.out.contains("wrote"), "{}", said.out);
+    let said = desk.run("simulate push.toml --out run.safetensors --frames 2 --json -vv");
+    let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    assert_eq!(report["out"], "run.safetensors");
+    assert!(said.err.contains("found the rest pose"), "{}", said.err);
+}
+
+/// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
+#[cfg(unix)]
+mod interrupts {
+    use std::io::{BufRead, BufReader, Read};
+    use std::process::{Child, Command, Stdio};
+
+    use super::*;
+    use crate::common::contents;
+    use selvedge_data::Trajectory;
+
+    /// Starts the program and waits until it says that it has found the rest pose, after which
+    /// its loop runs.
+    fn started(desk: &Desk, arguments: &str) -> Child {
+        let mut child = desk
+            .command(&format!("{arguments} -v"))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stderr.as_mut().unwrap());
+        let mut line = String::new();
+        while !line.contains("found the rest pose") {
+            line.clear();
+            assert!(lines.read_line(&mut line).unwrap() > 0, "it ended early");
+        }
+        child
+    }
+
+    fn press(child: &Child) {
+        let pid = child.id().to_string();
+        let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
+        assert!(status.success());
+    }
+
+    fn ended(mut child: Child) -> (Option<i32>, String) {
+        let code = child.wait().unwrap().code();
+        let mut out = String::new();
+        child
+            .stdout
+            .take()
+            .unwrap()
+            .read_to_string(&mut out)
+            .unwrap();
+        (code, out)
+    }
+
+    #[test]
+    fn an_interrupted_simulation_writes_the_frames_so_far() {
+        let desk = Desk::new();
+        desk.write("push.toml", PUSH);
+        let call = "simulate push.toml --out run.safetensors --frames 100000";
+        let child = started(&desk, call);
+        press(&child);
+        let (code, out) = ended(child);
+        assert_eq!(code, Some(1));
+        assert!(out.contains("interrupted"), "{out}");
+        let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+        let frames = run.frame_count();
+        assert!((1..100_001).contains(&frames));
+        assert!(out.contains(&format!("{frames} of 100001")), "{out}");
+        assert_eq!(desk.names(), ["push.toml", "run.safetensors"]);
+    }
+
+    #[test]
+    fn an_interrupted_data_set_is_completed_by_a_second_run() {
+        let desk = Desk::new();
+        // Long enough that a press right after the start comes before the end.
+        let preset = r#"
+            name = "long"
+            sections = "whole"
+            train = ["speed-0.015", "speed-0.02", "speed-0.03"]
+            test = ["speed-0.04"]
+            [setting]
+            material = "gray-interlock"
+            mesh = { generator = { kind = "square", vertices = 64, size = 1.0, seed = 1 } }
+            handles = { label = "upper-corners" }
+        "#;
+        desk.write("long.toml", preset);
+        let child = started(&desk, "dataset generate long.toml --out pieces --threads 2");
+        press(&child);
+        let (code, out) = ended(child);
+        assert_eq!(code, Some(1));
+        assert!(out.contains("run the same command again"), "{out}");
+        assert!(!desk.path("pieces/index.json").exists());
+        desk.fails("inspect pieces", 1, &["not complete", "again"]);
+        desk.json("dataset generate long.toml --out pieces");
+        desk.json("dataset generate long.toml --out whole");
+        let bytes = |folder: &str| -> Vec<Vec<u8>> {
+            contents(&desk.path(folder))
+                .into_iter()
+                .map(|(_, bytes)| bytes)
+                .collect()
+        };
+        assert!(bytes("pieces") == bytes("whole"));
+    }
+}
