@@ -9,6 +9,7 @@ use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use selvedge_data::{Dataset, Section, TensorOut, TensorValues, WriteError, write_tensors};
 use selvedge_model::{Network, RunningStatistics};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use thiserror::Error;
 
 use crate::config::TrainConfig;
@@ -58,7 +59,7 @@ pub enum ResumeError {
         found: String,
     },
     #[error(
-        "{path} was made on another data set (\"{found}\"; now \"{expected}\"): give that one, or train into a new folder"
+        "{path} was made on other data (data set \"{found}\", now \"{expected}\", or its files or sections have changed): give the same, or train into a new folder"
     )]
     Data {
         path: PathBuf,
@@ -94,6 +95,13 @@ impl Trainer {
     /// # Errors
     /// [`WriteError`]; what was at `path` is then still there.
     pub fn save(&self, path: &Path, dataset: &Dataset) -> Result<(), WriteError> {
+        let json = |result: Result<String, serde_json::Error>| {
+            result.map_err(|error| WriteError {
+                path: path.to_owned(),
+                action: "write its metadata",
+                source: error.into(),
+            })
+        };
         let state = State {
             step: self.step,
             optimizer_steps: self.adam.steps(),
@@ -101,17 +109,7 @@ impl Trainer {
             targets: self.targets.clone(),
             lanes: self.lanes.iter().map(LaneEntry::of).collect(),
         };
-        let histories: Vec<(String, Vec<usize>, Vec<f32>)> = self
-            .lanes
-            .iter()
-            .enumerate()
-            .filter(|(_, lane)| !lane.history.is_empty())
-            .map(|(number, lane)| {
-                let shape = vec![lane.history.len(), lane.history[0].len(), 3];
-                let values = lane.history.iter().flatten().flat_map(|p| p.to_array());
-                (history_name(number), shape, values.collect())
-            })
-            .collect();
+        let histories = self.histories();
         let flat = |name, values| TensorOut {
             name,
             shape: vec![self.weights.len()],
@@ -130,11 +128,24 @@ impl Trainer {
         let metadata = BTreeMap::from([
             ("format", FORMAT.to_owned()),
             ("version", VERSION.to_owned()),
-            ("config", to_json(&self.cfg)),
-            ("dataset", fingerprint(dataset)),
-            ("state", to_json(&state)),
+            ("config", json(serde_json::to_string(&self.cfg))?),
+            ("dataset", json(fingerprint(dataset))?),
+            ("state", json(serde_json::to_string(&state))?),
         ]);
         write_tensors(path, &tensors, &metadata)
+    }
+
+    /// Name, shape and numbers of the history of each lane that is in a run.
+    fn histories(&self) -> Vec<(String, Vec<usize>, Vec<f32>)> {
+        let lanes = self.lanes.iter().enumerate();
+        lanes
+            .filter(|(_, lane)| !lane.history.is_empty())
+            .map(|(number, lane)| {
+                let shape = vec![lane.history.len(), lane.history[0].len(), 3];
+                let values = lane.history.iter().flatten().flat_map(|p| p.to_array());
+                (history_name(number), shape, values.collect())
+            })
+            .collect()
     }
 
     /// Goes on from the checkpoint at `path`. Only `name`, `steps` and `log_every` may differ
@@ -143,6 +154,7 @@ impl Trainer {
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.
     pub fn resume(cfg: TrainConfig, dataset: &Dataset, path: &Path) -> Result<Self, ResumeError> {
+        cfg.validate().map_err(TrainError::from)?;
         let bytes = std::fs::read(path).map_err(|source| ResumeError::Read {
             path: path.to_owned(),
             source,
@@ -150,6 +162,7 @@ impl Trainer {
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
+        file.check_widths(&state, &cfg)?;
         let corpus = Corpus::load(dataset).map_err(TrainError::from)?;
         let network = Network::new(&cfg.model).map_err(TrainError::from)?;
         let count = network.parameter_count();
@@ -161,7 +174,8 @@ impl Trainer {
         let adam = Adam::resume(cfg.optimizer, first, second, state.optimizer_steps)
             .map_err(TrainError::from)?;
         if state.lanes.len() != cfg.batch.samples {
-            return Err(file.content("state", format!("{} lanes", state.lanes.len())));
+            let (found, expected) = (state.lanes.len(), cfg.batch.samples);
+            return Err(file.content("state", format!("{found} lanes, expected {expected}")));
         }
         let lanes = state.lanes.iter().enumerate();
         let lanes = lanes.map(|(number, entry)| file.lane(number, entry, &cfg, &corpus));
@@ -230,7 +244,8 @@ impl<'a> CheckpointFile<'a> {
     }
 
     fn json<T: serde::de::DeserializeOwned>(&self, key: &str) -> Result<T, ResumeError> {
-        let text = self.metadata.get(key).map_or("", String::as_str);
+        let missing = || self.content(key, "is missing");
+        let text = self.metadata.get(key).ok_or_else(missing)?;
         serde_json::from_str(text).map_err(|error| self.content(key, error))
     }
 
@@ -238,34 +253,44 @@ impl<'a> CheckpointFile<'a> {
     fn check(&self, cfg: &TrainConfig, dataset: &Dataset) -> Result<(), ResumeError> {
         let path = || self.path.to_owned();
         let made: TrainConfig = self.json("config")?;
-        let fields = |cfg: &TrainConfig| match serde_json::to_value(cfg) {
-            Ok(serde_json::Value::Object(map)) => map,
-            _ => serde_json::Map::new(),
+        let value = |cfg: &TrainConfig| {
+            let free = TrainConfig {
+                name: String::new(),
+                steps: 1,
+                log_every: 1,
+                ..cfg.clone()
+            };
+            serde_json::to_value(free).map_err(|error| self.content("config", error))
         };
-        let (made, now) = (fields(&made), fields(cfg));
-        let free = ["name", "steps", "log_every"];
-        for (field, expected) in now
-            .iter()
-            .filter(|(field, _)| !free.contains(&field.as_str()))
-        {
-            let found = made.get(field).unwrap_or(&serde_json::Value::Null);
-            if found != expected {
-                return Err(ResumeError::Configuration {
-                    path: path(),
-                    field: field.clone(),
-                    expected: expected.to_string(),
-                    found: found.to_string(),
-                });
-            }
+        if let Some((field, found, expected)) = difference(&value(&made)?, &value(cfg)?) {
+            return Err(ResumeError::Configuration {
+                path: path(),
+                field,
+                expected,
+                found,
+            });
         }
-        let (expected, found) = (fingerprint(dataset), self.metadata.get("dataset"));
-        if found != Some(&expected) {
-            let short = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
+        let now = fingerprint(dataset).map_err(|error| self.content("dataset", error))?;
+        let made = self.metadata.get("dataset").map_or("", String::as_str);
+        if made != now {
+            let name = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
             return Err(ResumeError::Data {
                 path: path(),
-                expected: short(&expected),
-                found: short(found.map_or("", String::as_str)),
+                expected: name(&now),
+                found: name(made),
             });
+        }
+        Ok(())
+    }
+
+    /// That the statistics are of the columns that the configuration has.
+    fn check_widths(&self, state: &State, cfg: &TrainConfig) -> Result<(), ResumeError> {
+        let [nodes, edges] = &state.inputs;
+        let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
+        let expected = (model.node_width(), model.edge_width());
+        if found != expected || !state.targets.has_own_widths() {
+            let detail = format!("statistics of {found:?} columns, expected {expected:?}");
+            return Err(self.content("state", detail));
         }
         Ok(())
     }
@@ -301,10 +326,11 @@ impl<'a> CheckpointFile<'a> {
         let mut history = Vec::new();
         if entry.run > 0 {
             let trajectory = entry.section.trajectory;
-            if trajectory >= corpus.trajectory_count()
-                || !Corpus::section_has(&entry.section, entry.current)
-            {
-                return Err(self.content("state", format!("lane {number} is in no section")));
+            if !corpus.has(&entry.section) || !Corpus::section_has(&entry.section, entry.current) {
+                return Err(self.content(
+                    "state",
+                    format!("lane {number} is in no section of the data set"),
+                ));
             }
             let vertices = corpus.motion(trajectory).graph.vertex_count();
             let frames = cfg.model.window() + 1;
@@ -335,17 +361,37 @@ fn history_name(lane: usize) -> String {
 }
 
 /// What tells one data set from another: its name, and the hashes of what is learned from.
-fn fingerprint(dataset: &Dataset) -> String {
+fn fingerprint(dataset: &Dataset) -> Result<String, serde_json::Error> {
     let index = dataset.index();
     let mut text = index.name.clone();
     for entry in &index.splits.train {
         text.push(' ');
         text.push_str(&entry.blake3);
     }
-    text.push_str(&format!(" {}", to_json(&index.sections)));
-    text
+    text.push_str(&format!(" {}", serde_json::to_string(&index.sections)?));
+    Ok(text)
 }
 
-fn to_json(value: &impl Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
+/// The first place where two values differ: its path, and what stands there in each. Tables of
+/// other keys (another kind of schedule) differ as a whole.
+fn difference(made: &Value, now: &Value) -> Option<(String, String, String)> {
+    if made == now {
+        return None;
+    }
+    if let (Value::Object(made), Value::Object(now)) = (made, now)
+        && made.keys().eq(now.keys())
+    {
+        let pairs = made.iter().zip(now.values());
+        return pairs
+            .filter_map(|((key, made), now)| Some((key, difference(made, now)?)))
+            .map(|(key, (rest, found, expected))| {
+                let dot = if rest.is_empty() { "" } else { "." };
+                (format!("{key}{dot}{rest}"), found, expected)
+            })
+            .next();
+    }
+    Some((String::new(), made.to_string(), now.to_string()))
 }
+
+#[cfg(test)]
+mod tests;

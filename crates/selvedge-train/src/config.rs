@@ -30,9 +30,14 @@ pub struct TrainConfig {
     pub optimizer: AdamSettings,
     /// The learning rate.
     pub learning_rate: LearningRate,
-    /// The largest norm of a gradient; longer ones are shortened. None: no limit.
+    /// The largest Euclidean norm of the batch's mean gradient; a longer one is shortened to it.
+    /// Without this key nothing is.
     #[serde(default)]
     pub gradient_clip: Option<f64>,
+    /// A sample whose loss L is above this counts with the weight `loss_cap`/L, so that one
+    /// prediction gone astray does not drown the rest of its batch. Without this key all count alike.
+    #[serde(default)]
+    pub loss_cap: Option<f64>,
     /// Probability that a value between the recurrent layers is dropped.
     #[serde(default)]
     pub dropout: f64,
@@ -192,79 +197,79 @@ impl TrainConfig {
         self.losses.validate()?;
         self.optimizer.validate()?;
         self.learning_rate.validate()?;
-        self.scheduled_sampling.truth.validate()?;
-        let sampling = &self.scheduled_sampling;
-        let clip = self.gradient_clip.unwrap_or(1.0);
-        let (samples, shard) = (self.batch.samples as f64, self.batch.shard as f64);
-        let part = "between 0 and 1";
-        let positive = "finite and positive";
-        let rules = [
-            ("steps", self.steps >= 1, "at least 1", self.steps as f64),
-            ("batch.samples", samples >= 1.0, "at least 1", samples),
-            (
-                "batch.shard",
-                shard >= 1.0 && shard <= samples,
-                "between 1 and batch.samples",
-                shard,
-            ),
-            (
-                "gradient_clip",
-                clip.is_finite() && clip > 0.0,
-                positive,
-                clip,
-            ),
-            (
-                "dropout",
-                (0.0..1.0).contains(&self.dropout),
-                "at least 0 and below 1",
-                self.dropout,
-            ),
-            (
-                "noise.deviation",
-                (0.0..1.0).contains(&self.noise.deviation),
-                "at least 0 and below 1 (metres)",
-                self.noise.deviation,
-            ),
-            (
-                "noise.correction",
-                (0.0..=1.0).contains(&self.noise.correction),
-                part,
-                self.noise.correction,
-            ),
-            (
-                "scheduled_sampling.correction",
-                (0.0..=1.0).contains(&sampling.correction),
-                part,
-                sampling.correction,
-            ),
-            (
-                "scheduled_sampling.farthest",
-                sampling.farthest.is_finite() && sampling.farthest > 0.0,
-                positive,
-                sampling.farthest,
-            ),
-            (
-                "statistics_samples",
-                self.statistics_samples >= 1,
-                "at least 1",
-                self.statistics_samples as f64,
-            ),
-            (
-                "log_every",
-                self.log_every >= 1,
-                "at least 1",
-                self.log_every as f64,
-            ),
-        ];
-        for (field, holds, expected, found) in rules {
-            if !holds {
-                return Err(InvalidConfig::Value {
-                    field,
-                    expected,
-                    found,
-                });
-            }
+        at_least_one("steps", self.steps as f64)?;
+        at_least_one("statistics_samples", self.statistics_samples as f64)?;
+        at_least_one("log_every", self.log_every as f64)?;
+        if let Some(limit) = self.gradient_clip {
+            positive("gradient_clip", limit)?;
         }
-        Ok(())
+        if let Some(cap) = self.loss_cap {
+            positive("loss_cap", cap)?;
+        }
+        let kept = (0.0..1.0).contains(&self.dropout);
+        let expected = "at least 0 and below 1";
+        require(kept, "dropout", expected, self.dropout)?;
+        self.batch.validate()?;
+        self.noise.validate()?;
+        self.scheduled_sampling.validate()
     }
 }
+
+impl BatchConfig {
+    fn validate(&self) -> Result<(), InvalidConfig> {
+        at_least_one("batch.samples", self.samples as f64)?;
+        let fits = (1..=self.samples).contains(&self.shard);
+        let expected = "between 1 and batch.samples";
+        require(fits, "batch.shard", expected, self.shard as f64)
+    }
+}
+
+impl NoiseConfig {
+    fn validate(&self) -> Result<(), InvalidConfig> {
+        let small = (0.0..1.0).contains(&self.deviation);
+        let expected = "at least 0 and below 1 (metres)";
+        require(small, "noise.deviation", expected, self.deviation)?;
+        part("noise.correction", self.correction)
+    }
+}
+
+impl ScheduledSampling {
+    fn validate(&self) -> Result<(), InvalidConfig> {
+        self.truth.validate()?;
+        positive("scheduled_sampling.farthest", self.farthest)?;
+        part("scheduled_sampling.correction", self.correction)
+    }
+}
+
+fn at_least_one(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+    require(found >= 1.0, field, "at least 1", found)
+}
+
+fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+    let holds = found.is_finite() && found > 0.0;
+    require(holds, field, "finite and positive", found)
+}
+
+fn part(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+    let holds = (0.0..=1.0).contains(&found);
+    require(holds, field, "between 0 and 1", found)
+}
+
+fn require(
+    holds: bool,
+    field: &'static str,
+    expected: &'static str,
+    found: f64,
+) -> Result<(), InvalidConfig> {
+    if holds {
+        return Ok(());
+    }
+    Err(InvalidConfig::Value {
+        field,
+        expected,
+        found,
+    })
+}
+
+#[cfg(test)]
+mod tests;

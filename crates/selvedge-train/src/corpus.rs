@@ -116,10 +116,6 @@ impl Corpus {
         &self.motions[trajectory]
     }
 
-    pub(crate) fn trajectory_count(&self) -> usize {
-        self.motions.len()
-    }
-
     /// Number of samples in all sections.
     pub(crate) fn sample_count(&self) -> usize {
         self.first_sample[self.first_sample.len() - 1]
@@ -140,8 +136,16 @@ impl Corpus {
         )
     }
 
-    /// Whether the section at `index` in order of samples still has a sample at `current`.
+    /// Whether `section` is one of the data set's.
+    pub(crate) fn has(&self, section: &Section) -> bool {
+        self.sections.contains(section)
+    }
+
+    /// Whether `current` is the current frame of a sample of `section`.
     pub(crate) fn section_has(section: &Section, current: usize) -> bool {
         current > section.start && current + 1 < section.end
     }
 }
+
+#[cfg(test)]
+mod tests;

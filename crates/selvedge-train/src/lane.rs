@@ -33,10 +33,9 @@ pub(crate) struct LaneState {
 }
 
 /// What the network is shown in one step.
-#[derive(Default)]
 pub(crate) struct Shown {
     pub(crate) trajectory: usize,
-    pub(crate) yaw: Option<Yaw>,
+    pub(crate) yaw: Yaw,
     /// World positions of the frame before the window and of the window, noise included `[m]`.
     pub(crate) frames: Vec<Vec<Vec3>>,
     /// Previous, current and target positions in the local frame of the current ones `[m]`.
@@ -69,15 +68,7 @@ impl LaneState {
         shown: &mut Shown,
     ) {
         if self.run == 0 {
-            let number = rng.random_range(0..corpus.sample_count());
-            let (sample, section) = corpus.sample(number);
-            self.section = *section;
-            self.current = sample.current;
-            let motion = corpus.motion(sample.trajectory);
-            let window = cfg.model.window() as i64;
-            let first = sample.current as i64 - window;
-            let frames = first..=sample.current as i64;
-            self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
+            self.draw(cfg, corpus, rng);
         }
         let motion = corpus.motion(self.section.trajectory);
         let graph = &*motion.graph;
@@ -103,6 +94,18 @@ impl LaneState {
         self.to_local(graph, &target, shown);
     }
 
+    /// Any sample of ground truth.
+    fn draw(&mut self, cfg: &TrainConfig, corpus: &Corpus, rng: &mut ChaCha8Rng) {
+        let number = rng.random_range(0..corpus.sample_count());
+        let (sample, section) = corpus.sample(number);
+        self.section = *section;
+        self.current = sample.current;
+        let motion = corpus.motion(sample.trajectory);
+        let first = sample.current as i64 - cfg.model.window() as i64;
+        let frames = first..=sample.current as i64;
+        self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
+    }
+
     /// Previous, current and target positions in the local frame of the current ones.
     fn to_local(&self, graph: &ClothGraph, target: &[DVec3], shown: &mut Shown) {
         let count = self.history.len();
@@ -118,7 +121,7 @@ impl LaneState {
         to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
         to_target.clear();
         to_target.extend(target.iter().map(|&p| local(p)));
-        shown.yaw = Some(yaw);
+        shown.yaw = yaw;
     }
 
     /// Decides how the lane goes on after the network predicted `acceleration` (local, `[m/frame²]`,
@@ -195,6 +198,18 @@ fn add_noise(
     }
 }
 
+impl Default for Shown {
+    fn default() -> Self {
+        Self {
+            trajectory: 0,
+            yaw: Yaw::WORLD,
+            frames: Vec::new(),
+            local: Default::default(),
+            dropout_seed: 0,
+        }
+    }
+}
+
 impl Shown {
     /// The sample for the losses.
     pub(crate) fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
@@ -207,3 +222,6 @@ impl Shown {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,6 +9,9 @@ mod losses;
 mod optimizer;
 mod run;
 mod schedule;
+mod shard;
+#[cfg(test)]
+mod test_data;
 mod trainer;
 
 pub use checkpoint::ResumeError;

@@ -5,7 +5,7 @@
 //! `checkpoint.safetensors` (to go on from) and `model.safetensors` (to use), each written whole.
 
 use std::fs::OpenOptions;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -15,6 +15,7 @@ use selvedge_model::ModelFileError;
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::losses::LossTerms;
 use crate::trainer::{StepReport, TrainError, Trainer};
 
 /// File names in the folder of a training.
@@ -57,11 +58,13 @@ pub enum RunError {
     Train(#[from] TrainError),
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error("cannot write the log {path}: {source}")]
+    #[error("the log {path} cannot be kept: {source}")]
     Log {
         path: PathBuf,
         source: std::io::Error,
     },
+    #[error("the configuration cannot be written as TOML: {0}")]
+    Config(#[from] toml::ser::Error),
     #[error("the model cannot be written: {0}")]
     Model(#[from] ModelFileError),
 }
@@ -81,12 +84,6 @@ struct LogLine {
     truth_probability: f64,
 }
 
-/// Sums of the steps since the last line.
-#[derive(Default)]
-struct Tally {
-    reports: Vec<StepReport>,
-}
-
 /// Trains until the last step, a limit, or until `observe` breaks; it is called after each step.
 ///
 /// # Errors
@@ -101,7 +98,7 @@ pub fn run(
     let log_path = folder.join(files::LOG);
     trim_log(&log_path, trainer.steps_done())?;
     write_config(trainer, folder)?;
-    let mut tally = Tally::default();
+    let mut since_line = Vec::new();
     let started = Instant::now();
     let mut saved = Instant::now();
     let end = loop {
@@ -113,13 +110,13 @@ pub fn run(
         }
         let report = trainer.step()?;
         let flow = observe(&report);
-        tally.reports.push(report);
+        since_line.push(report);
         if trainer
             .steps_done()
             .is_multiple_of(trainer.config().log_every)
         {
-            append(&log_path, &tally.line())?;
-            tally.reports.clear();
+            append(&log_path, &LogLine::of(&since_line))?;
+            since_line.clear();
         }
         if saved.elapsed() >= limits.checkpoint_every {
             save(trainer, dataset, folder)?;
@@ -133,45 +130,43 @@ pub fn run(
     Ok(end)
 }
 
+/// Writes checkpoint and model. The model comes first into memory: it refuses weights that are not
+/// finite, and they must not replace a good checkpoint.
 fn save(trainer: &Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
-    trainer.save(&folder.join(files::CHECKPOINT), dataset)?;
     let account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),
         "dataset": dataset.index().name,
     });
     let bytes = trainer.model(account.to_string())?.to_bytes()?;
+    trainer.save(&folder.join(files::CHECKPOINT), dataset)?;
     write_atomically(&folder.join(files::MODEL), |out| out.write_all(&bytes))?;
     Ok(())
 }
 
 fn write_config(trainer: &Trainer, folder: &Path) -> Result<(), RunError> {
-    let text = toml::to_string(trainer.config()).unwrap_or_default();
+    let text = toml::to_string(trainer.config())?;
     write_atomically(&folder.join(files::CONFIG), |out| {
         out.write_all(text.as_bytes())
     })?;
     Ok(())
 }
 
-impl Tally {
-    /// The means since the last line, with the rates of the last step.
-    fn line(&self) -> Option<LogLine> {
-        let last = self.reports.last()?;
-        let share = 1.0 / self.reports.len() as f64;
-        let mean =
-            |of: &dyn Fn(&StepReport) -> f64| share * self.reports.iter().map(of).sum::<f64>();
-        let some = |of: fn(&StepReport) -> Option<f64>| {
-            of(last).map(|_| mean(&|report| of(report).unwrap_or(0.0)))
-        };
-        Some(LogLine {
+impl LogLine {
+    /// The means of steps in a row, with number and rates of the last.
+    fn of(steps: &[StepReport]) -> Option<Self> {
+        let last = steps.last()?;
+        let terms = LossTerms::mean(steps.iter().map(|step| &step.terms));
+        let norms: f64 = steps.iter().map(|step| step.gradient_norm).sum();
+        Some(Self {
             step: last.step,
-            loss: mean(&|r| r.terms.total),
-            acceleration: mean(&|r| r.terms.acceleration),
-            kinetic_energy: some(|r| r.terms.kinetic_energy),
-            edge_vector: some(|r| r.terms.edge_vector),
-            edge_length: some(|r| r.terms.edge_length),
-            bending_angle: some(|r| r.terms.bending_angle),
-            gradient_norm: mean(&|r| r.gradient_norm),
+            loss: terms.total,
+            acceleration: terms.acceleration,
+            kinetic_energy: terms.kinetic_energy,
+            edge_vector: terms.edge_vector,
+            edge_length: terms.edge_length,
+            bending_angle: terms.bending_angle,
+            gradient_norm: norms / steps.len() as f64,
             learning_rate: last.learning_rate,
             truth_probability: last.truth_probability,
         })
@@ -194,8 +189,13 @@ fn append(path: &Path, line: &Option<LogLine>) -> Result<(), RunError> {
 
 /// Drops the lines of steps that a resumed training will do again, and a line cut short.
 fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
-    let Ok(text) = std::fs::read_to_string(path) else {
-        return Ok(());
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(source) => {
+            let path = path.to_owned();
+            return Err(RunError::Log { path, source });
+        }
     };
     let step_of = |line: &str| -> Option<u64> {
         let value: serde_json::Value = serde_json::from_str(line).ok()?;
@@ -211,3 +211,6 @@ fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
     write_atomically(path, |out| out.write_all(kept.as_bytes()))?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,24 +4,22 @@
 //! Threads share shards. What a shard computes and the order in which shards are added do not depend
 //! on their number, so the same seed gives the same bytes with any number of threads.
 
-use std::sync::Arc;
-
-use glam::Vec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use selvedge_data::Dataset;
 use selvedge_model::{
-    ClothGraph, Connectivity, Dropout, Input, Model, ModelError, Network, Normalizers, Pass, Place,
-    RunningStatistics, SpecError, Window, Workspace, Yaw, edge_groups, node_groups,
+    Model, ModelError, Network, Normalizers, Place, RunningStatistics, SpecError, Window,
+    edge_groups, node_groups,
 };
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::corpus::{Corpus, CorpusError};
 use crate::lane::{LaneState, Shown, rng_of};
-use crate::losses::{LossEvaluator, LossStatistics, LossTerms, Report, RunningLossStatistics};
+use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::optimizer::{Adam, AdamError, clip_norm};
+use crate::shard::{Context, Shard};
 
 /// A training between two steps.
 pub struct Trainer {
@@ -38,21 +36,6 @@ pub struct Trainer {
     pub(crate) step: u64,
     shards: Vec<Shard>,
     gradient: Vec<f32>,
-}
-
-/// The buffers of the samples that go through the network together.
-struct Shard {
-    shown: Vec<Shown>,
-    trajectories: Vec<usize>,
-    connectivity: Connectivity,
-    places: Vec<Place>,
-    window: Window,
-    workspace: Workspace<f32>,
-    losses: LossEvaluator,
-    output: Vec<f32>,
-    output_gradient: Vec<f32>,
-    gradient: Vec<f32>,
-    terms: Vec<LossTerms>,
 }
 
 /// What a step did.
@@ -157,7 +140,8 @@ impl Trainer {
     /// Learns from one batch.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`]; the weights are then those before the step.
+    /// [`TrainError::NotFinite`]; the weights are then those before the step, but the lanes have
+    /// moved on: a checkpoint is what to go on from.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
         let context = Context {
@@ -175,20 +159,8 @@ impl Trainer {
             .enumerate()
             .for_each(|(number, (lanes, shard))| shard.learn(&context, number, lanes));
 
-        let share = 1.0 / self.cfg.batch.samples as f32;
-        let shards = &self.shards;
-        const CHUNK: usize = 16 * 1024;
-        self.gradient
-            .par_chunks_mut(CHUNK)
-            .enumerate()
-            .for_each(|(chunk, sum)| {
-                sum.fill(0.0);
-                for shard in shards {
-                    let part = &shard.gradient[chunk * CHUNK..][..sum.len()];
-                    sum.iter_mut().zip(part).for_each(|(s, g)| *s += share * g);
-                }
-            });
-        let terms = mean(self.shards.iter().flat_map(|shard| &shard.terms));
+        self.sum_gradients();
+        let terms = LossTerms::mean(self.shards.iter().flat_map(|shard| &shard.terms));
         let limit = self.cfg.gradient_clip.unwrap_or(f64::INFINITY);
         let gradient_norm = clip_norm(&mut self.gradient, limit);
         if !(terms.total.is_finite() && gradient_norm.is_finite()) {
@@ -205,6 +177,22 @@ impl Trainer {
             learning_rate,
             truth_probability: self.cfg.scheduled_sampling.truth.at(step),
         })
+    }
+
+    /// The mean over the batch of the shards' gradients, added in their order whatever the number
+    /// of threads.
+    fn sum_gradients(&mut self) {
+        const CHUNK: usize = 16 * 1024;
+        let share = 1.0 / self.cfg.batch.samples as f32;
+        let shards = &self.shards;
+        let chunks = self.gradient.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(chunk, sum)| {
+            sum.fill(0.0);
+            for shard in shards {
+                let part = &shard.gradient[chunk * CHUNK..][..sum.len()];
+                sum.iter_mut().zip(part).for_each(|(s, g)| *s += share * g);
+            }
+        });
     }
 
     /// Steps done so far.
@@ -231,6 +219,12 @@ impl Trainer {
         self.corpus.sample_count()
     }
 
+    /// The mean gradient of the last step, after clipping.
+    #[cfg(test)]
+    pub(crate) fn gradient(&self) -> &[f32] {
+        &self.gradient
+    }
+
     /// The model as it is now, with `training` as its account of how it was trained.
     ///
     /// # Errors
@@ -252,150 +246,6 @@ pub(crate) struct Parts {
     pub(crate) step: u64,
 }
 
-/// What all shards share in a step.
-struct Context<'a> {
-    cfg: &'a TrainConfig,
-    corpus: &'a Corpus,
-    network: &'a Network,
-    weights: &'a [f32],
-    normalizers: &'a Normalizers,
-    statistics: &'a LossStatistics,
-    step: u64,
-}
-
-impl Shard {
-    fn new(cfg: &TrainConfig, weights: usize, remaining: usize) -> Self {
-        let samples = cfg.batch.shard.min(remaining);
-        Self {
-            shown: (0..samples).map(|_| Shown::default()).collect(),
-            trajectories: Vec::new(),
-            connectivity: Connectivity::union([]),
-            places: Vec::new(),
-            window: Window::default(),
-            workspace: Workspace::new(),
-            losses: LossEvaluator::new(cfg.losses, Report::Weighted),
-            output: Vec::new(),
-            output_gradient: Vec::new(),
-            gradient: vec![0.0; weights],
-            terms: Vec::with_capacity(samples),
-        }
-    }
-
-    /// Shows the lanes' samples to the network, leaves the gradient of the sum of their losses,
-    /// advances the lanes.
-    fn learn(&mut self, context: &Context<'_>, number: usize, lanes: &mut [LaneState]) {
-        let Context { cfg, corpus, .. } = *context;
-        let first = number * cfg.batch.shard;
-        let mut rngs: Vec<ChaCha8Rng> = (first..first + lanes.len())
-            .map(|lane| rng_of(cfg.seed, context.step, lane, cfg.batch.samples))
-            .collect();
-        for ((lane, rng), shown) in lanes.iter_mut().zip(&mut rngs).zip(&mut self.shown) {
-            lane.show(cfg, corpus, rng, shown);
-        }
-        self.join(corpus);
-        self.write_window(context);
-        self.pass(context);
-        let normalizer = &context.normalizers.acceleration;
-        normalizer.denormalize(&mut self.output);
-        for (k, (lane, rng)) in lanes.iter_mut().zip(&mut rngs).enumerate() {
-            let rows = self.rows(corpus, k);
-            let yaw = self.shown[k].yaw.unwrap_or(Yaw::WORLD);
-            lane.advance(cfg, corpus, (context.step, rng), yaw, &self.output[rows]);
-        }
-    }
-
-    /// The disjoint union of the samples' graphs, made anew when they are other cloths.
-    fn join(&mut self, corpus: &Corpus) {
-        let trajectories = self.shown.iter().map(|shown| shown.trajectory);
-        let graph = |t: usize| &corpus.motion(t).graph;
-        let same = self.trajectories.len() == self.shown.len()
-            && trajectories
-                .clone()
-                .zip(&self.trajectories)
-                .all(|(a, &b)| Arc::ptr_eq(graph(a), graph(b)));
-        if same {
-            return;
-        }
-        self.trajectories = trajectories.collect();
-        let motions: Vec<_> = self
-            .trajectories
-            .iter()
-            .map(|&t| corpus.motion(t))
-            .collect();
-        self.connectivity = Connectivity::union(motions.iter().map(|m| &*m.connectivity));
-        let graphs: Vec<&ClothGraph> = motions.iter().map(|m| &*m.graph).collect();
-        self.places = Place::side_by_side(&graphs);
-    }
-
-    fn write_window(&mut self, context: &Context<'_>) {
-        let spec = context.network.spec();
-        for (shown, place) in self.shown.iter().zip(&self.places) {
-            let graph = &context.corpus.motion(shown.trajectory).graph;
-            let frames: Vec<&[Vec3]> = shown.frames.iter().map(Vec::as_slice).collect();
-            self.window.fit(spec, place);
-            let yaw = shown.yaw.unwrap_or(Yaw::WORLD);
-            self.window.write(spec, graph, &frames, yaw, place);
-        }
-        let normalizers = context.normalizers;
-        self.window
-            .normalize(&normalizers.nodes, &normalizers.edges);
-    }
-
-    /// Forward, losses, backward.
-    fn pass(&mut self, context: &Context<'_>) {
-        let Context {
-            cfg,
-            corpus,
-            network,
-            weights,
-            ..
-        } = *context;
-        let input = Input {
-            nodes: &self.window.nodes,
-            edges: &self.window.edges,
-        };
-        let dropout = Dropout {
-            rate: cfg.dropout,
-            seed: self.shown[0].dropout_seed,
-        };
-        let pass = Pass::Training(Some(dropout));
-        let graph = &self.connectivity;
-        let out = network.forward(weights, graph, input, pass, &mut self.workspace);
-        self.output.clear();
-        self.output.extend_from_slice(out);
-        self.output_gradient.resize(out.len(), 0.0);
-        self.terms.clear();
-        for k in 0..self.shown.len() {
-            let rows = self.rows(corpus, k);
-            let shown = &self.shown[k];
-            let triplet = shown.triplet(&corpus.motion(shown.trajectory).graph);
-            let gradient = &mut self.output_gradient[rows.clone()];
-            let predicted = &self.output[rows];
-            let statistics = context.statistics;
-            self.terms.push(
-                self.losses
-                    .evaluate(&triplet, statistics, predicted, gradient),
-            );
-        }
-        self.gradient.fill(0.0);
-        let both = (weights, &mut *self.gradient);
-        network.backward(
-            both,
-            graph,
-            input,
-            &self.output_gradient,
-            &mut self.workspace,
-        );
-    }
-
-    /// Where sample `k` stands in an array `[vertices, 3]` of the union.
-    fn rows(&self, corpus: &Corpus, k: usize) -> std::ops::Range<usize> {
-        let graph = &corpus.motion(self.shown[k].trajectory).graph;
-        let first = self.places[k].first_vertex;
-        3 * first..3 * (first + graph.vertex_count())
-    }
-}
-
 /// Statistics of inputs and targets over samples drawn as in training, before the first step.
 fn gather(cfg: &TrainConfig, corpus: &Corpus) -> ([RunningStatistics; 2], RunningLossStatistics) {
     let spec = &cfg.model;
@@ -410,15 +260,8 @@ fn gather(cfg: &TrainConfig, corpus: &Corpus) -> ([RunningStatistics; 2], Runnin
         LaneState::new().show(cfg, corpus, &mut rng, &mut shown);
         let graph = &*corpus.motion(shown.trajectory).graph;
         let place = Place::alone(graph);
-        let frames: Vec<&[Vec3]> = shown.frames.iter().map(Vec::as_slice).collect();
         window.fit(spec, &place);
-        window.write(
-            spec,
-            graph,
-            &frames,
-            shown.yaw.unwrap_or(Yaw::WORLD),
-            &place,
-        );
+        window.write(spec, graph, &shown.frames, shown.yaw, &place);
         nodes.add(&window.nodes);
         edges.add(&window.edges);
         targets.add(&shown.triplet(graph));
@@ -426,20 +269,5 @@ fn gather(cfg: &TrainConfig, corpus: &Corpus) -> ([RunningStatistics; 2], Runnin
     ([nodes, edges], targets)
 }
 
-fn mean<'a>(terms: impl Iterator<Item = &'a LossTerms>) -> LossTerms {
-    let all: Vec<&LossTerms> = terms.collect();
-    let share = 1.0 / all.len() as f64;
-    let sum = |of: fn(&LossTerms) -> f64| share * all.iter().map(|t| of(t)).sum::<f64>();
-    let sum_some = |of: fn(&LossTerms) -> Option<f64>| {
-        let values: Option<Vec<f64>> = all.iter().map(|t| of(t)).collect();
-        values.map(|values| share * values.iter().sum::<f64>())
-    };
-    LossTerms {
-        acceleration: sum(|t| t.acceleration),
-        kinetic_energy: sum_some(|t| t.kinetic_energy),
-        edge_vector: sum_some(|t| t.edge_vector),
-        edge_length: sum_some(|t| t.edge_length),
-        bending_angle: sum_some(|t| t.bending_angle),
-        total: sum(|t| t.total),
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -145,6 +145,27 @@ pub struct LossTerms {
     pub total: f64,
 }
 
+impl LossTerms {
+    /// The mean of each term; `None` where one of `terms` has none.
+    pub(crate) fn mean<'a>(terms: impl IntoIterator<Item = &'a Self>) -> Self {
+        let all: Vec<&Self> = terms.into_iter().collect();
+        let share = share(all.len());
+        let sum = |of: fn(&Self) -> f64| share * all.iter().map(|t| of(t)).sum::<f64>();
+        let sum_some = |of: fn(&Self) -> Option<f64>| {
+            let values: Option<Vec<f64>> = all.iter().map(|t| of(t)).collect();
+            values.map(|values| share * values.iter().sum::<f64>())
+        };
+        Self {
+            acceleration: sum(|t| t.acceleration),
+            kinetic_energy: sum_some(|t| t.kinetic_energy),
+            edge_vector: sum_some(|t| t.edge_vector),
+            edge_length: sum_some(|t| t.edge_length),
+            bending_angle: sum_some(|t| t.bending_angle),
+            total: sum(|t| t.total),
+        }
+    }
+}
+
 /// Computes losses and their gradients; keeps its buffers between samples.
 #[derive(Clone, Debug)]
 pub struct LossEvaluator {

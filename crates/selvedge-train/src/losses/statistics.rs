@@ -53,6 +53,19 @@ impl RunningLossStatistics {
         self.acceleration.count()
     }
 
+    /// Whether every quantity has as many components as it should; not so in a damaged checkpoint.
+    pub(crate) fn has_own_widths(&self) -> bool {
+        let widths = |s: &Self| {
+            let all = [&s.acceleration, &s.kinetic_energy, &s.edge_vector];
+            let more = [&s.edge_length, &s.bending_angle];
+            all.into_iter()
+                .chain(more)
+                .map(RunningStatistics::width)
+                .collect::<Vec<_>>()
+        };
+        widths(self) == widths(&Self::default())
+    }
+
     /// Adds the targets of one sample.
     pub fn add(&mut self, triplet: &Triplet<'_>) {
         let free = || triplet.free_vertices();

@@ -1,0 +1,116 @@
+//! What is written is read back; every value out of range is named with what it should be.
+
+use selvedge_model::Encoder;
+
+use super::*;
+use crate::test_data::config;
+
+fn path() -> PathBuf {
+    PathBuf::from("training.toml")
+}
+
+#[test]
+fn toml_round_trips() {
+    let mut cfg = config(Encoder::Gru { window: 3 });
+    cfg.gradient_clip = Some(0.1);
+    cfg.learning_rate = LearningRate::Cosine {
+        warmup: 3,
+        from: 1.0 / 3.0,
+        to: 1e-7,
+        end: 99,
+    };
+    cfg.scheduled_sampling.truth = TruthProbability::Linear {
+        start: 1,
+        end: 7,
+        probability: 0.2,
+    };
+    for cfg in [cfg, config(Encoder::MLP)] {
+        let text = toml::to_string(&cfg).expect("plain");
+        assert_eq!(TrainConfig::parse(&text, &path()).expect("its own"), cfg);
+    }
+}
+
+#[test]
+fn what_is_left_out_is_the_papers() {
+    let cfg = config(Encoder::MLP);
+    assert_eq!((cfg.gradient_clip, cfg.dropout), (None, 0.0));
+    assert_eq!(cfg.losses, LossWeights::default());
+    assert_eq!(cfg.optimizer, AdamSettings::default());
+    assert_eq!(cfg.scheduled_sampling, ScheduledSampling::default());
+    assert_eq!(cfg.noise.correction, NoiseConfig::default().correction);
+}
+
+#[test]
+fn unknown_keys_and_missing_files_are_named() {
+    let text = toml::to_string(&config(Encoder::MLP)).expect("plain");
+    let unknown = format!("colour = 3\n{text}");
+    let error = TrainConfig::parse(&unknown, &path()).expect_err("unknown");
+    assert!(matches!(error, ConfigError::Syntax { .. }));
+    let error = error.to_string();
+    assert!(error.starts_with("training.toml: ") && error.contains("unknown field `colour`"));
+    let error = TrainConfig::read(Path::new("no/such.toml")).expect_err("no file");
+    assert!(error.to_string().starts_with("cannot read no/such.toml: "));
+}
+
+#[test]
+fn values_out_of_range_are_named() {
+    type Edit = fn(&mut TrainConfig);
+    let cases: [(Edit, &str); 14] = [
+        (|c| c.steps = 0, "steps must be at least 1, found 0"),
+        (
+            |c| c.statistics_samples = 0,
+            "statistics_samples must be at least 1, found 0",
+        ),
+        (|c| c.log_every = 0, "log_every must be at least 1, found 0"),
+        (
+            |c| c.gradient_clip = Some(-1.0),
+            "gradient_clip must be finite and positive, found -1",
+        ),
+        (
+            |c| c.loss_cap = Some(0.0),
+            "loss_cap must be finite and positive, found 0",
+        ),
+        (
+            |c| c.dropout = 1.0,
+            "dropout must be at least 0 and below 1, found 1",
+        ),
+        (
+            |c| c.batch.samples = 0,
+            "batch.samples must be at least 1, found 0",
+        ),
+        (
+            |c| c.batch.shard = 4,
+            "batch.shard must be between 1 and batch.samples, found 4",
+        ),
+        (
+            |c| c.batch.shard = 0,
+            "batch.shard must be between 1 and batch.samples, found 0",
+        ),
+        (
+            |c| c.noise.deviation = f64::NAN,
+            "noise.deviation must be at least 0 and below 1 (metres), found NaN",
+        ),
+        (
+            |c| c.noise.correction = 1.5,
+            "noise.correction must be between 0 and 1, found 1.5",
+        ),
+        (
+            |c| c.scheduled_sampling.correction = -0.5,
+            "scheduled_sampling.correction must be between 0 and 1, found -0.5",
+        ),
+        (
+            |c| c.scheduled_sampling.farthest = f64::INFINITY,
+            "scheduled_sampling.farthest must be finite and positive, found inf",
+        ),
+        (
+            |c| c.model.latent = 1,
+            "model.latent must be between 4 and 4096, found 1",
+        ),
+    ];
+    for (edit, expected) in cases {
+        let mut cfg = config(Encoder::MLP);
+        edit(&mut cfg);
+        let found = cfg.validate().expect_err(expected).to_string();
+        assert_eq!(found, expected);
+    }
+}

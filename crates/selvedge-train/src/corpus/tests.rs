@@ -1,0 +1,93 @@
+//! Samples are those of the data set, each once; cloths that are alike share their graph.
+
+use std::collections::BTreeSet;
+
+use selvedge_data::SectionRule;
+
+use super::*;
+use crate::test_data::{Plan, swinging, two_cloths};
+
+#[test]
+fn the_papers_6550_samples_are_drawn_each_once() {
+    // The names decide which sections a trajectory has.
+    let names = selvedge_cloth::motion::named::training();
+    let plans: Vec<Plan<'_>> = names.into_iter().map(|name| (name, 4, 1261)).collect();
+    let data = swinging(&plans, SectionRule::Paper);
+    let corpus = Corpus::load(&data.dataset).expect("a corpus");
+    assert_eq!(corpus.sample_count(), 6550);
+    let drawn: Vec<Sample> = (0..6550).map(|number| corpus.sample(number).0).collect();
+    assert_eq!(drawn, data.dataset.samples().collect::<Vec<_>>());
+    let different: BTreeSet<_> = drawn.iter().map(|s| (s.trajectory, s.current)).collect();
+    assert_eq!(different.len(), 6550);
+    for number in 0..6550 {
+        let (sample, section) = corpus.sample(number);
+        assert_eq!(sample.trajectory, section.trajectory);
+        assert!(corpus.has(section) && Corpus::section_has(section, sample.current));
+    }
+}
+
+#[test]
+fn a_section_has_the_frames_between_its_ends() {
+    let section = Section {
+        trajectory: 0,
+        start: 5,
+        end: 9,
+    };
+    let samples: Vec<usize> = section.samples().map(|sample| sample.current).collect();
+    let has: Vec<usize> = (0..20)
+        .filter(|&f| Corpus::section_has(&section, f))
+        .collect();
+    assert_eq!(samples, has);
+}
+
+#[test]
+fn before_its_first_frame_a_cloth_stood_still() {
+    let data = two_cloths();
+    let corpus = Corpus::load(&data.dataset).expect("a corpus");
+    let motion = corpus.motion(1);
+    assert_eq!(motion.frame(-7), motion.frame(0));
+    assert_ne!(motion.frame(1), motion.frame(0));
+    let entry = &data.dataset.entries(Split::Train)[1];
+    let trajectory = data.dataset.read(entry).expect("a trajectory");
+    assert_eq!(motion.frame(3), trajectory.frame(3));
+}
+
+#[test]
+fn trajectories_of_one_cloth_share_its_graph() {
+    let plans = [("a", 9, 5), ("b", 12, 5), ("c", 9, 6)];
+    let data = swinging(&plans, SectionRule::Whole);
+    let corpus = Corpus::load(&data.dataset).expect("a corpus");
+    let graphs = [0, 1, 2].map(|t| &corpus.motion(t).graph);
+    assert!(Arc::ptr_eq(graphs[0], graphs[2]));
+    assert!(!Arc::ptr_eq(graphs[0], graphs[1]));
+}
+
+#[test]
+fn sections_without_a_sample_are_refused() {
+    let data = swinging(&[("a", 9, 2)], SectionRule::Whole);
+    let error = Corpus::load(&data.dataset).err().expect("no samples");
+    assert!(matches!(error, CorpusError::NoSamples));
+}
+
+#[test]
+fn the_environment_is_that_of_the_scene() {
+    let plain = crate::test_data::trajectory(("a", 9, 3), 0);
+    let graph = graph_of("a", &plain).expect("a graph");
+    assert_eq!(graph.environment(), &Environment::default());
+    let with = |environment: serde_json::Value| {
+        let positions = plain.frames().iter().flatten().copied().collect();
+        let mut provenance = plain.provenance().clone();
+        provenance.scene = serde_json::json!({"setting": {"environment": environment}});
+        Trajectory::new(plain.cloth().clone(), positions, provenance).expect("a trajectory")
+    };
+    let windy = Environment {
+        wind: glam::DVec3::new(1.0, 0.0, 2.0),
+        ..Environment::default()
+    };
+    let trajectory = with(serde_json::to_value(&windy).expect("plain"));
+    let graph = graph_of("a", &trajectory).expect("a graph");
+    assert_eq!(graph.environment(), &windy);
+    let error = graph_of("a", &with(serde_json::json!({"wind": "strong"}))).expect_err("no wind");
+    let text = error.to_string();
+    assert!(text.starts_with("training trajectory a: the environment of its scene: "));
+}

@@ -1,0 +1,310 @@
+//! What a lane shows, step by step: ground truth with noise where it belongs, then the model's own
+//! predictions, and when it goes back to the truth.
+
+use selvedge_data::SectionRule;
+use selvedge_model::Encoder;
+
+use super::*;
+use crate::schedule::TruthProbability;
+use crate::test_data::{Swinging, config, swinging};
+
+const NEVER_TRUTH: TruthProbability = TruthProbability::Linear {
+    start: 0,
+    end: 1,
+    probability: 0.0,
+};
+
+struct Case {
+    cfg: TrainConfig,
+    corpus: Corpus,
+    _data: Swinging,
+}
+
+fn case(edit: impl FnOnce(&mut TrainConfig)) -> Case {
+    let data = swinging(&[("a", 9, 20), ("b", 12, 12)], SectionRule::Whole);
+    let mut cfg = config(Encoder::Gru { window: 3 });
+    edit(&mut cfg);
+    Case {
+        corpus: Corpus::load(&data.dataset).expect("a corpus"),
+        cfg,
+        _data: data,
+    }
+}
+
+impl Case {
+    fn rng(&self, step: u64) -> ChaCha8Rng {
+        rng_of(self.cfg.seed, step, 0, 1)
+    }
+
+    fn show(&self, lane: &mut LaneState, step: u64) -> Shown {
+        let mut shown = Shown::default();
+        lane.show(&self.cfg, &self.corpus, &mut self.rng(step), &mut shown);
+        shown
+    }
+
+    /// After the acceleration 0, which leads near the truth.
+    fn go_on(&self, lane: &mut LaneState, shown: &Shown) {
+        let acceleration = vec![0.0; 3 * self.graph(lane).vertex_count()];
+        self.advance(lane, shown, &acceleration);
+    }
+
+    /// After `acceleration`, `[vertices, 3]`.
+    fn advance(&self, lane: &mut LaneState, shown: &Shown, acceleration: &[f32]) {
+        let mut rng = self.rng(7);
+        let (cfg, corpus) = (&self.cfg, &self.corpus);
+        lane.advance(cfg, corpus, (10, &mut rng), shown.yaw, acceleration);
+    }
+
+    fn truth(&self, lane: &LaneState, frame: usize) -> &[Vec3] {
+        self.corpus
+            .motion(lane.section.trajectory)
+            .frame(frame as i64)
+    }
+
+    fn graph(&self, lane: &LaneState) -> &ClothGraph {
+        &self.corpus.motion(lane.section.trajectory).graph
+    }
+
+    /// A lane whose first sample is early in the longer trajectory, and what it shows.
+    fn early(&self) -> (LaneState, Shown) {
+        let start = |step| {
+            let mut lane = LaneState::new();
+            let shown = self.show(&mut lane, step);
+            (lane, shown)
+        };
+        (0..500)
+            .map(start)
+            .find(|(lane, _)| lane.section.trajectory == 0 && lane.current < 4)
+            .expect("an early sample")
+    }
+}
+
+/// The target in the world `[m]`.
+fn target(lane: &LaneState, shown: &Shown, graph: &ClothGraph) -> Vec<DVec3> {
+    let newest = &lane.history[lane.history.len() - 1];
+    let origin = newest[graph.handles().vertices()[0].index()].as_dvec3();
+    let world = |&p: &DVec3| shown.yaw.to_world_f64(p) + origin;
+    shown.local[2].iter().map(world).collect()
+}
+
+fn largest(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(p, q)| p.distance(*q))
+        .fold(0.0, f64::max)
+}
+
+fn doubles(positions: &[Vec3]) -> Vec<DVec3> {
+    positions.iter().map(|p| p.as_dvec3()).collect()
+}
+
+/// A few roundings of f64 at a metre.
+const EXACT: f64 = 1e-14;
+
+#[test]
+fn without_noise_a_sample_is_ground_truth_in_the_frame_of_its_handles() {
+    let case = case(|_| ());
+    for step in 0..40 {
+        let mut lane = LaneState::new();
+        let shown = case.show(&mut lane, step);
+        let current = lane.current;
+        for (k, frame) in shown.frames.iter().enumerate() {
+            let number = (current + k).saturating_sub(3);
+            assert_eq!(frame, case.truth(&lane, number), "frame {k}");
+        }
+        assert_eq!(shown.frames.len(), 4);
+        let graph = case.graph(&lane);
+        let truth = doubles(case.truth(&lane, current + 1));
+        assert!(largest(&target(&lane, &shown, graph), &truth) < EXACT);
+        // The first handle is the origin, the second one on the z axis, as in the rest pose.
+        let [first, second] = [0, 1].map(|h| graph.handles().vertices()[h].index());
+        assert_eq!(shown.local[1][first], DVec3::ZERO);
+        let angle = |p: DVec3| p.x.atan2(p.z);
+        let rest = graph.rest_positions();
+        let rest = (rest[second] - rest[first]).as_dvec3();
+        let expected = angle(graph.frame().rest_yaw().to_local_f64(rest));
+        let turned = angle(shown.local[1][second]) - expected;
+        assert!(turned.sin().abs() < 1e-6 && turned.cos() > 0.0, "{turned}");
+    }
+}
+
+#[test]
+fn noise_goes_to_the_newest_free_positions_and_its_rest_to_the_target() {
+    let (deviation, correction) = (0.003, 0.1);
+    let case = case(|cfg| {
+        cfg.noise = NoiseConfig {
+            deviation,
+            correction,
+        };
+    });
+    let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
+    for step in 0..200 {
+        let mut lane = LaneState::new();
+        let shown = case.show(&mut lane, step);
+        let graph = case.graph(&lane);
+        for (k, frame) in shown.frames[..3].iter().enumerate() {
+            let number = (lane.current + k).saturating_sub(3);
+            assert_eq!(frame, case.truth(&lane, number), "frame {k} is clean");
+        }
+        let target = target(&lane, &shown, graph);
+        let next = case.truth(&lane, lane.current + 1);
+        let now = case.truth(&lane, lane.current);
+        for v in 0..graph.vertex_count() {
+            let noise = shown.frames[3][v].as_dvec3() - now[v].as_dvec3();
+            let moved = target[v] - next[v].as_dvec3();
+            // The newest position is rounded to f32, 6e-8 of a metre; its target is not.
+            assert!((moved - (1.0 - correction) * noise).length() < 2e-7);
+            if graph.handle_mask()[v] {
+                assert_eq!(noise, DVec3::ZERO);
+                continue;
+            }
+            for x in noise.to_array() {
+                sum += x;
+                squares += x * x;
+                count += 1.0;
+            }
+        }
+    }
+    // n draws: the mean is off by σ/√n, the deviation by σ/√(2n); five times that.
+    let spread = deviation / f64::sqrt(count);
+    assert!((sum / count).abs() < 5.0 * spread, "{}", sum / count);
+    let found = f64::sqrt(squares / count);
+    assert!((found - deviation).abs() < 4.0 * spread, "{found}");
+}
+
+#[test]
+fn a_run_keeps_the_prediction_as_its_newest_positions() {
+    let case = case(|cfg| cfg.scheduled_sampling.truth = NEVER_TRUTH);
+    let (mut lane, mut shown) = case.early();
+    let graph = case.graph(&lane);
+    let local = Vec3::new(2e-3, -1e-3, 3e-3);
+    let acceleration = local.to_array().repeat(graph.vertex_count());
+    for run in 1..=5 {
+        let (current, frames) = (lane.current, shown.frames.clone());
+        case.advance(&mut lane, &shown, &acceleration);
+        assert_eq!((lane.run, lane.current), (run, current + 1));
+        shown = case.show(&mut lane, 100 + u64::from(run));
+        assert_eq!(shown.frames[..3], frames[1..], "frames shift along");
+        let truth = case.truth(&lane, lane.current);
+        for v in 0..graph.vertex_count() {
+            let expected = if graph.handle_mask()[v] {
+                truth[v]
+            } else {
+                yaw_of(graph, &frames[3]).to_world(local) + (2.0 * frames[3][v] - frames[2][v])
+            };
+            assert_eq!(shown.frames[3][v], expected);
+        }
+    }
+}
+
+fn yaw_of(graph: &ClothGraph, positions: &[Vec3]) -> Yaw {
+    let handles = graph.handles().select(positions);
+    graph.frame().yaw(&handles, graph.frame().rest_yaw())
+}
+
+#[test]
+fn the_target_of_a_run_takes_back_the_given_part_of_the_distance() {
+    for correction in [1.0, 0.3, 0.0] {
+        let case = case(|cfg| {
+            cfg.scheduled_sampling.truth = NEVER_TRUTH;
+            cfg.scheduled_sampling.correction = correction;
+            // Predictions get no noise.
+            cfg.noise.deviation = 0.01;
+        });
+        let (mut lane, shown) = case.early();
+        let graph = case.graph(&lane);
+        case.advance(&mut lane, &shown, &vec![1e-3; 3 * graph.vertex_count()]);
+        let shown = case.show(&mut lane, 200);
+        let now = doubles(case.truth(&lane, lane.current));
+        let next = doubles(case.truth(&lane, lane.current + 1));
+        let newest = doubles(&lane.history[3]);
+        assert!(largest(&newest, &now) > 1e-3, "away from the truth");
+        let shift = 1.0 - correction;
+        let expected = next.iter().zip(&newest).zip(&now);
+        let expected: Vec<DVec3> = expected.map(|((n, p), t)| *n + shift * (*p - *t)).collect();
+        assert!(largest(&target(&lane, &shown, graph), &expected) < EXACT);
+    }
+}
+
+#[test]
+fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
+    let longest = case(|cfg| {
+        cfg.scheduled_sampling.truth = NEVER_TRUTH;
+        cfg.scheduled_sampling.longest = 4;
+    });
+    let (mut lane, mut shown) = longest.early();
+    for run in [1, 2, 3, 4, 0] {
+        longest.go_on(&mut lane, &shown);
+        assert_eq!((lane.run, lane.history.is_empty()), (run, run == 0));
+        shown = longest.show(&mut lane, 300);
+    }
+
+    let section = case(|cfg| cfg.scheduled_sampling.truth = NEVER_TRUTH);
+    let (mut lane, mut shown) = section.early();
+    let last = lane.section.end - 2;
+    for current in lane.current + 1..=last {
+        section.go_on(&mut lane, &shown);
+        assert_eq!(lane.current, current);
+        assert!(lane.run > 0);
+        shown = section.show(&mut lane, 400);
+    }
+    section.go_on(&mut lane, &shown);
+    assert_eq!(lane.run, 0, "there is no frame to predict after the last");
+
+    let far = case(|cfg| {
+        cfg.scheduled_sampling.truth = NEVER_TRUTH;
+        cfg.scheduled_sampling.farthest = 0.5;
+    });
+    for astray in [1.0, f32::NAN] {
+        let (mut lane, shown) = far.early();
+        let mut acceleration = vec![0.0; 3 * 9];
+        // The last vertex of nine is no handle.
+        acceleration[3 * 8 + 1] = astray;
+        far.advance(&mut lane, &shown, &acceleration);
+        assert_eq!(lane.run, 0, "{astray}");
+    }
+}
+
+#[test]
+fn with_truth_only_every_sample_is_drawn_afresh() {
+    let case = case(|_| ());
+    let (mut lane, mut shown) = case.early();
+    for step in 0..20 {
+        case.advance(&mut lane, &shown, &vec![0.0; 36]);
+        assert_eq!((lane.run, lane.history.len()), (0, 0));
+        shown = case.show(&mut lane, step);
+    }
+}
+
+#[test]
+fn the_probability_decides_how_often_a_run_goes_on() {
+    let case = case(|cfg| {
+        cfg.scheduled_sampling.truth = TruthProbability::Linear {
+            start: 0,
+            end: 1,
+            probability: 0.25,
+        };
+    });
+    let (lane, shown) = case.early();
+    let acceleration = vec![0.0; 3 * case.graph(&lane).vertex_count()];
+    let went_on = (0..2000).filter(|&step| {
+        let mut lane = lane.clone();
+        let mut rng = case.rng(step);
+        let (cfg, corpus) = (&case.cfg, &case.corpus);
+        lane.advance(cfg, corpus, (10, &mut rng), shown.yaw, &acceleration);
+        lane.run > 0
+    });
+    // 2000 draws with probability 3/4: 1500 give or take 19; five times that.
+    assert!(went_on.count().abs_diff(1500) < 97);
+}
+
+#[test]
+fn numbers_follow_from_seed_step_and_lane() {
+    let first = |seed, step, lane| rng_of(seed, step, lane, 3).next_u64();
+    assert_eq!(first(1, 2, 0), first(1, 2, 0));
+    let all: std::collections::BTreeSet<u64> = (0..5)
+        .flat_map(|step| (0..3).map(move |lane| first(1, step, lane)))
+        .chain([first(2, 0, 0)])
+        .collect();
+    assert_eq!(all.len(), 16, "all different");
+}

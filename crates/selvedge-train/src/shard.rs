@@ -1,0 +1,181 @@
+//! A shard: the samples that go through the network together as one disjoint union, on one thread
+//! or on several; its gradient does not depend on which.
+
+use std::sync::Arc;
+
+use rand_chacha::ChaCha8Rng;
+use selvedge_model::{
+    ClothGraph, Connectivity, Dropout, Input, Network, Normalizers, Pass, Place, Window, Workspace,
+};
+
+use crate::config::TrainConfig;
+use crate::corpus::Corpus;
+use crate::lane::{LaneState, Shown, rng_of};
+use crate::losses::{LossEvaluator, LossStatistics, LossTerms, Report};
+
+/// The buffers of the samples that go through the network together.
+pub(crate) struct Shard {
+    shown: Vec<Shown>,
+    trajectories: Vec<usize>,
+    connectivity: Connectivity,
+    places: Vec<Place>,
+    window: Window,
+    workspace: Workspace<f32>,
+    losses: LossEvaluator,
+    output: Vec<f32>,
+    output_gradient: Vec<f32>,
+    /// Of the sum of the samples' losses, laid out like the weights.
+    pub(crate) gradient: Vec<f32>,
+    /// Of each sample.
+    pub(crate) terms: Vec<LossTerms>,
+}
+
+/// What all shards share in a step.
+pub(crate) struct Context<'a> {
+    pub(crate) cfg: &'a TrainConfig,
+    pub(crate) corpus: &'a Corpus,
+    pub(crate) network: &'a Network,
+    pub(crate) weights: &'a [f32],
+    pub(crate) normalizers: &'a Normalizers,
+    pub(crate) statistics: &'a LossStatistics,
+    pub(crate) step: u64,
+}
+
+impl Shard {
+    pub(crate) fn new(cfg: &TrainConfig, weights: usize, remaining: usize) -> Self {
+        let samples = cfg.batch.shard.min(remaining);
+        Self {
+            shown: (0..samples).map(|_| Shown::default()).collect(),
+            trajectories: Vec::new(),
+            connectivity: Connectivity::union([]),
+            places: Vec::new(),
+            window: Window::default(),
+            workspace: Workspace::new(),
+            losses: LossEvaluator::new(cfg.losses, Report::Weighted),
+            output: Vec::new(),
+            output_gradient: Vec::new(),
+            gradient: vec![0.0; weights],
+            terms: Vec::with_capacity(samples),
+        }
+    }
+
+    /// Shows the lanes' samples to the network, leaves the gradient of the sum of their losses,
+    /// advances the lanes.
+    pub(crate) fn learn(&mut self, context: &Context<'_>, number: usize, lanes: &mut [LaneState]) {
+        let Context { cfg, corpus, .. } = *context;
+        let first = number * cfg.batch.shard;
+        let mut rngs: Vec<ChaCha8Rng> = (first..first + lanes.len())
+            .map(|lane| rng_of(cfg.seed, context.step, lane, cfg.batch.samples))
+            .collect();
+        for ((lane, rng), shown) in lanes.iter_mut().zip(&mut rngs).zip(&mut self.shown) {
+            lane.show(cfg, corpus, rng, shown);
+        }
+        self.join(corpus);
+        self.write_window(context);
+        self.pass(context);
+        let normalizer = &context.normalizers.acceleration;
+        normalizer.denormalize(&mut self.output);
+        for (k, (lane, rng)) in lanes.iter_mut().zip(&mut rngs).enumerate() {
+            let rows = self.rows(corpus, k);
+            let yaw = self.shown[k].yaw;
+            lane.advance(cfg, corpus, (context.step, rng), yaw, &self.output[rows]);
+        }
+    }
+
+    /// The disjoint union of the samples' graphs, made anew when they are other cloths.
+    fn join(&mut self, corpus: &Corpus) {
+        let trajectories = self.shown.iter().map(|shown| shown.trajectory);
+        let graph = |t: usize| &corpus.motion(t).graph;
+        let same = self.trajectories.len() == self.shown.len()
+            && trajectories
+                .clone()
+                .zip(&self.trajectories)
+                .all(|(a, &b)| Arc::ptr_eq(graph(a), graph(b)));
+        if same {
+            return;
+        }
+        self.trajectories = trajectories.collect();
+        let motions: Vec<_> = self
+            .trajectories
+            .iter()
+            .map(|&t| corpus.motion(t))
+            .collect();
+        self.connectivity = Connectivity::union(motions.iter().map(|m| &*m.connectivity));
+        let graphs: Vec<&ClothGraph> = motions.iter().map(|m| &*m.graph).collect();
+        self.places = Place::side_by_side(&graphs);
+    }
+
+    fn write_window(&mut self, context: &Context<'_>) {
+        let spec = context.network.spec();
+        for (shown, place) in self.shown.iter().zip(&self.places) {
+            let graph = &context.corpus.motion(shown.trajectory).graph;
+            self.window.fit(spec, place);
+            self.window
+                .write(spec, graph, &shown.frames, shown.yaw, place);
+        }
+        let normalizers = context.normalizers;
+        self.window
+            .normalize(&normalizers.nodes, &normalizers.edges);
+    }
+
+    /// Forward, losses, backward.
+    fn pass(&mut self, context: &Context<'_>) {
+        let Context {
+            cfg,
+            corpus,
+            network,
+            weights,
+            ..
+        } = *context;
+        let input = Input {
+            nodes: &self.window.nodes,
+            edges: &self.window.edges,
+        };
+        let dropout = Dropout {
+            rate: cfg.dropout,
+            seed: self.shown[0].dropout_seed,
+        };
+        let pass = Pass::Training(Some(dropout));
+        let graph = &self.connectivity;
+        let out = network.forward(weights, graph, input, pass, &mut self.workspace);
+        self.output.clear();
+        self.output.extend_from_slice(out);
+        self.output_gradient.resize(out.len(), 0.0);
+        self.terms.clear();
+        for k in 0..self.shown.len() {
+            let rows = self.rows(corpus, k);
+            let shown = &self.shown[k];
+            let triplet = shown.triplet(&corpus.motion(shown.trajectory).graph);
+            let gradient = &mut self.output_gradient[rows.clone()];
+            let predicted = &self.output[rows];
+            let statistics = context.statistics;
+            let terms = self
+                .losses
+                .evaluate(&triplet, statistics, predicted, gradient);
+            if let Some(cap) = cfg.loss_cap.filter(|&cap| terms.total > cap) {
+                let weight = (cap / terms.total) as f32;
+                gradient.iter_mut().for_each(|g| *g *= weight);
+            }
+            self.terms.push(terms);
+        }
+        self.gradient.fill(0.0);
+        let both = (weights, &mut *self.gradient);
+        network.backward(
+            both,
+            graph,
+            input,
+            &self.output_gradient,
+            &mut self.workspace,
+        );
+    }
+
+    /// Where sample `k` stands in an array `[vertices, 3]` of the union.
+    fn rows(&self, corpus: &Corpus, k: usize) -> std::ops::Range<usize> {
+        let graph = &corpus.motion(self.shown[k].trajectory).graph;
+        let first = self.places[k].first_vertex;
+        3 * first..3 * (first + graph.vertex_count())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,158 @@
+//! A training learns, repeats itself to the last bit, and keeps its weights where it fails.
+
+use rayon::ThreadPoolBuilder;
+use selvedge_data::SectionRule;
+use selvedge_model::Encoder;
+
+use super::*;
+use crate::schedule::{LearningRate, TruthProbability};
+use crate::test_data::{Swinging, config, swinging, two_cloths};
+
+fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("a pool").install(work)
+}
+
+/// Runs in which the model's own predictions, noise and dropout all play a part.
+fn busy(encoder: Encoder) -> TrainConfig {
+    let mut cfg = config(encoder);
+    cfg.noise.deviation = 0.003;
+    cfg.dropout = 0.2;
+    cfg.gradient_clip = Some(1.0);
+    cfg.scheduled_sampling.truth = TruthProbability::Linear {
+        start: 1,
+        end: 4,
+        probability: 0.2,
+    };
+    cfg
+}
+
+fn encoders() -> [Encoder; 3] {
+    [
+        Encoder::MLP,
+        Encoder::Mlp { window: 3 },
+        Encoder::Gru { window: 3 },
+    ]
+}
+
+/// The bytes of checkpoint and model after `steps` steps.
+fn bytes(cfg: TrainConfig, data: &Swinging, steps: usize) -> [Vec<u8>; 2] {
+    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+    for _ in 0..steps {
+        trainer.step().expect("a step");
+    }
+    let path = data.folder.path().join("checkpoint");
+    trainer.save(&path, &data.dataset).expect("room");
+    let model = trainer.model("a note".to_owned()).expect("a model");
+    [
+        std::fs::read(&path).expect("just written"),
+        model.to_bytes().expect("bytes"),
+    ]
+}
+
+#[test]
+fn the_loss_of_one_sample_goes_down() {
+    // Three frames are one sample.
+    let data = swinging(&[("a", 9, 3)], SectionRule::Whole);
+    for encoder in encoders() {
+        let mut cfg = config(encoder);
+        cfg.learning_rate = LearningRate::Constant { rate: 1e-2 };
+        cfg.batch.samples = 1;
+        cfg.batch.shard = 1;
+        let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+        assert_eq!(trainer.sample_count(), 1);
+        let mut step = || trainer.step().expect("a step").terms.total;
+        let first = step();
+        let last = (0..150).map(|_| step()).last().expect("steps");
+        assert!(last < 0.1 * first, "{encoder:?}: {first} to {last}");
+    }
+}
+
+#[test]
+fn threads_change_no_bit_and_seeds_do() {
+    let data = two_cloths();
+    for encoder in encoders() {
+        let run = |cfg: TrainConfig, threads| with_threads(threads, || bytes(cfg, &data, 8));
+        let one = run(busy(encoder), 1);
+        assert_eq!(one, run(busy(encoder), 2), "{encoder:?}");
+        let other = TrainConfig {
+            seed: 4,
+            ..busy(encoder)
+        };
+        assert_ne!(one, run(other, 1));
+    }
+}
+
+#[test]
+fn lanes_are_in_runs_by_then() {
+    // Without this the test above would say less than it seems to.
+    let data = two_cloths();
+    let trainer = Trainer::new(busy(Encoder::MLP), &data.dataset);
+    let mut trainer = trainer.expect("a training");
+    let mut longest = 0;
+    for _ in 0..8 {
+        trainer.step().expect("a step");
+        longest = longest.max(trainer.lanes.iter().map(|lane| lane.run).max().unwrap_or(0));
+    }
+    assert!(longest >= 2, "{longest}");
+    assert!(trainer.lanes.iter().any(|lane| lane.run > 0), "at the end");
+}
+
+#[test]
+fn a_step_that_is_not_finite_leaves_the_weights() {
+    let data = two_cloths();
+    let mut cfg = config(Encoder::MLP);
+    cfg.learning_rate = LearningRate::Constant { rate: 1e30 };
+    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+    trainer.step().expect("the first gradient is finite");
+    let weights = trainer.weights.clone();
+    let adam = trainer.adam.clone();
+    for _ in 0..2 {
+        let error = trainer.step().expect_err("weights of 1e30");
+        assert!(matches!(error, TrainError::NotFinite { step: 2 }));
+        assert!(error.to_string().contains("lower learning_rate"));
+        assert_eq!(trainer.weights, weights);
+        assert_eq!(trainer.adam, adam);
+        assert_eq!(trainer.steps_done(), 1);
+    }
+}
+
+#[test]
+fn a_clipped_gradient_has_the_length_of_the_limit() {
+    let data = two_cloths();
+    let run = |limit: Option<f64>| {
+        let mut cfg = config(Encoder::MLP);
+        cfg.gradient_clip = limit;
+        let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+        let report = trainer.step().expect("a step");
+        let squares = trainer
+            .gradient
+            .iter()
+            .map(|&g| f64::from(g) * f64::from(g));
+        (report.gradient_norm, squares.sum::<f64>().sqrt())
+    };
+    let (norm, length) = run(None);
+    assert_eq!(norm, length);
+    let (reported, length) = run(Some(0.25 * norm));
+    assert_eq!(reported, norm, "the norm before clipping");
+    // Each entry is rounded to f32.
+    assert!((length - 0.25 * norm).abs() < 1e-6 * norm);
+}
+
+#[test]
+fn statistics_come_from_the_samples_and_are_those_of_the_model() {
+    let data = two_cloths();
+    let cfg = config(Encoder::Gru { window: 3 });
+    let trainer = Trainer::new(cfg.clone(), &data.dataset).expect("a training");
+    let [nodes, edges] = &trainer.inputs;
+    // 12 samples of 3 frames of 9 or of 12 vertices.
+    let samples = (nodes.count() / 3.0 - 12.0 * 9.0) / 3.0;
+    assert!(samples.fract() == 0.0 && (0.0..=12.0).contains(&samples));
+    let model = trainer.model(String::new()).expect("a model");
+    assert_eq!(model.normalizers().nodes, nodes.freeze());
+    assert_eq!(model.normalizers().edges, edges.freeze());
+    let targets = trainer.targets.freeze();
+    assert_eq!(model.normalizers().acceleration, targets.acceleration);
+    let again = Trainer::new(cfg, &data.dataset).expect("a training");
+    assert_eq!(again.inputs, trainer.inputs);
+}
