@@ -45,10 +45,7 @@ pub(crate) struct Cholesky {
 
 impl Cholesky {
     /// Analyses the lower triangle with these compressed columns (rows sorted within each).
-    pub(crate) fn new(
-        column_starts: Vec<usize>,
-        rows: Vec<usize>,
-    ) -> Result<Self, FactorError> {
+    pub(crate) fn new(column_starts: Vec<usize>, rows: Vec<usize>) -> Result<Self, FactorError> {
         let unknowns = column_starts.len() - 1;
         let resources = |cause: String| FactorError::Resources { unknowns, cause };
         let pattern =
@@ -106,7 +103,9 @@ impl Cholesky {
                 MemStack::new(&mut self.workspace),
                 Spec::default(),
             )
-            .map_err(|LltError::NonPositivePivot { index }| FactorError::NotPositiveDefinite { index })?;
+            .map_err(
+                |LltError::NonPositivePivot { index }| FactorError::NotPositiveDefinite { index },
+            )?;
         let unknowns = right_side.len();
         LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
             Conj::No,

@@ -121,8 +121,7 @@ impl Pattern {
         for column in 0..self.unknown_count() {
             let diagonal = blocks[column].to_cols_array_2d();
             let first = self.unknown_count() + self.starts[column];
-            let below =
-                &blocks[first..first + self.starts[column + 1] - self.starts[column]];
+            let below = &blocks[first..first + self.starts[column + 1] - self.starts[column]];
             for axis in 0..3 {
                 let head = 3 - axis;
                 let (now, later) = rest.split_at_mut(head + 3 * below.len());

@@ -73,7 +73,12 @@ impl Simulator {
         scene.validate()?;
         let topology = scene.mesh.topology().clone();
         check_state("positions", "position", &positions, topology.vertex_count())?;
-        check_state("velocities", "velocity", &velocities, topology.vertex_count())?;
+        check_state(
+            "velocities",
+            "velocity",
+            &velocities,
+            topology.vertex_count(),
+        )?;
         let system = System::new(scene).map_err(|cause| SimulatorError::Analysis {
             vertices: topology.vertex_count(),
             cause: cause.to_string(),
@@ -142,7 +147,9 @@ impl Simulator {
 
     fn save(&mut self) {
         self.saved.positions.copy_from_slice(&self.state.positions);
-        self.saved.velocities.copy_from_slice(&self.state.velocities);
+        self.saved
+            .velocities
+            .copy_from_slice(&self.state.velocities);
     }
 
     /// Solves over `dt` towards `self.targets`; goes back to what was saved when it fails.

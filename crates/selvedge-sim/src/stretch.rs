@@ -171,12 +171,10 @@ impl StretchResponse {
         let [k0, k1, k2, k3] = self.stiffness;
         let (uu, vv) = (self.along_u.dot(rate_u), self.along_v.dot(rate_v));
         let shear = 0.5 * k3 * (self.along_v.dot(rate_u) + self.along_u.dot(rate_v));
-        let by_u = self.along_u * (k0 * uu + k1 * vv)
-            + self.along_v * shear
-            + rate_u * self.tension.x;
-        let by_v = self.along_v * (k2 * vv + k1 * uu)
-            + self.along_u * shear
-            + rate_v * self.tension.y;
+        let by_u =
+            self.along_u * (k0 * uu + k1 * vv) + self.along_v * shear + rate_u * self.tension.x;
+        let by_v =
+            self.along_v * (k2 * vv + k1 * uu) + self.along_u * shear + rate_v * self.tension.y;
         self.spread(by_u * element.area, by_v * element.area)
     }
 

@@ -61,7 +61,8 @@ impl StretchStiffness for ExactStiffness {
         let low = angle as usize;
         let between = angle - low as f64;
         std::array::from_fn(|column| {
-            let strained = (1.0 - between) * rows[1 + low][column] + between * rows[2 + low][column];
+            let strained =
+                (1.0 - between) * rows[1 + low][column] + between * rows[2 + low][column];
             2.0 * ((1.0 - weight) * rows[0][column] + weight * strained).max(0.0)
         })
     }

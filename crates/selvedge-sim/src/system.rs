@@ -125,7 +125,11 @@ impl System {
                 .iter()
                 .map(|&corners| {
                     let rest = corners.map(|v| uv[v as usize]);
-                    hinge(&pattern, corners, BendElement::new(&scene.material.bend, rest))
+                    hinge(
+                        &pattern,
+                        corners,
+                        BendElement::new(&scene.material.bend, rest),
+                    )
                 })
                 .collect(),
             stretch_law: match scene.physics.stretch_lookup {
@@ -314,7 +318,8 @@ impl Sums<'_> {
         for face in faces {
             let positions = face.corners.map(|v| state.positions[v as usize]);
             let velocities = face.corners.map(|v| state.velocities[v as usize]);
-            let third = air_force(environment, face.element.area, positions, velocities) * (scales.force / 3.0);
+            let third = air_force(environment, face.element.area, positions, velocities)
+                * (scales.force / 3.0);
             for vertex in face.corners {
                 self.impulses[vertex as usize] += third;
             }

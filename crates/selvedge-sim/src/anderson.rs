@@ -1,0 +1,128 @@
+//! Anderson's acceleration of a fixed point iteration x ← x + f(x) (Anderson 1965, Iterative
+//! procedures for nonlinear integral equations): the next step is the one that would have cancelled
+//! f, had f been linear in the last few steps.
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+
+/// The last steps and how f answered to them.
+#[derive(Clone, Debug)]
+pub(crate) struct Anderson {
+    depth: usize,
+    history: VecDeque<Record>,
+    last: Option<Last>,
+}
+
+#[derive(Clone, Debug)]
+struct Record {
+    step: Vec<DVec3>,
+    change: Vec<DVec3>,
+}
+
+#[derive(Clone, Debug)]
+struct Last {
+    step: Vec<DVec3>,
+    correction: Vec<DVec3>,
+}
+
+/// Regularisation of the normal equations, relative to their largest diagonal entry: below it,
+/// directions are lost in rounding.
+const REGULARISATION: f64 = 1e-12;
+
+impl Anderson {
+    /// Remembers up to `depth` steps.
+    pub(crate) fn new(depth: usize) -> Self {
+        Self {
+            depth,
+            history: VecDeque::new(),
+            last: None,
+        }
+    }
+
+    /// Forgets everything.
+    pub(crate) fn restart(&mut self) {
+        self.history.clear();
+        self.last = None;
+    }
+
+    /// The step s = f - (ΔX + ΔF) γ, γ = argmin |f - ΔF γ|, for f = `correction` at the point where
+    /// the last step has led. `[eq:anderson]`
+    pub(crate) fn step(&mut self, correction: &[DVec3]) -> Vec<DVec3> {
+        if let Some(last) = self.last.take() {
+            let change = zip_map(correction, &last.correction, |now, before| now - before);
+            if self.history.len() == self.depth {
+                self.history.pop_front();
+            }
+            self.history.push_back(Record {
+                step: last.step,
+                change,
+            });
+        }
+        let mut step = correction.to_vec();
+        for (weight, record) in self.weights(correction).into_iter().zip(&self.history) {
+            for (entry, (x, f)) in step.iter_mut().zip(record.step.iter().zip(&record.change)) {
+                *entry -= (*x + *f) * weight;
+            }
+        }
+        step
+    }
+
+    /// Remembers what step was taken after `correction` was found.
+    pub(crate) fn taken(&mut self, step: Vec<DVec3>, correction: Vec<DVec3>) {
+        self.last = Some(Last { step, correction });
+    }
+
+    fn weights(&self, correction: &[DVec3]) -> Vec<f64> {
+        let changes: Vec<&[DVec3]> = self.history.iter().map(|r| r.change.as_slice()).collect();
+        let mut matrix: Vec<Vec<f64>> = changes
+            .iter()
+            .map(|a| changes.iter().map(|b| dot(a, b)).collect())
+            .collect();
+        let largest = (0..matrix.len()).map(|k| matrix[k][k]).fold(0.0, f64::max);
+        for (k, row) in matrix.iter_mut().enumerate() {
+            row[k] += REGULARISATION * largest;
+        }
+        let right_side = changes
+            .iter()
+            .map(|change| dot(change, correction))
+            .collect();
+        solve_positive(matrix, right_side)
+    }
+}
+
+fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+}
+
+fn zip_map(a: &[DVec3], b: &[DVec3], f: impl Fn(DVec3, DVec3) -> DVec3) -> Vec<DVec3> {
+    a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
+}
+
+/// Solves a small symmetric positive definite system by elimination; a direction without a positive
+/// pivot gets no weight.
+fn solve_positive(mut matrix: Vec<Vec<f64>>, mut right_side: Vec<f64>) -> Vec<f64> {
+    let count = right_side.len();
+    for k in 0..count {
+        if matrix[k][k] <= 0.0 {
+            continue;
+        }
+        let pivot_row = matrix[k].clone();
+        for row in k + 1..count {
+            let factor = matrix[row][k] / pivot_row[k];
+            for (entry, pivot) in matrix[row].iter_mut().zip(&pivot_row).skip(k) {
+                *entry -= factor * pivot;
+            }
+            right_side[row] -= factor * right_side[k];
+        }
+    }
+    for k in (0..count).rev() {
+        let known: f64 = (k + 1..count).map(|j| matrix[k][j] * right_side[j]).sum();
+        right_side[k] = if matrix[k][k] > 0.0 {
+            (right_side[k] - known) / matrix[k][k]
+        } else {
+            0.0
+        };
+    }
+    right_side
+}

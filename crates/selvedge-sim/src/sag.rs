@@ -1,0 +1,312 @@
+//! Static equilibrium: how a cloth hangs from handles that are held still.
+//!
+//! From the start positions with a smooth bulge, the linearised implicit step of
+//! [`crate::Simulator`] is repeated with the velocities set to zero before each solve,
+//! x ← x + h² (M + h² K)⁻¹ F(x): with the long time steps used here nearly Newton's method, except
+//! that K lacks what would make it indefinite, so that the cloth leaves an unstable equilibrium
+//! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
+//! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
+//! law), it begins later, steps get inertia, and h is halved. The bulge decides to which side the
+//! cloth buckles. Wind acts as on cloth that does not move.
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::geometry::area_vector;
+use selvedge_cloth::{Scene, SceneError};
+use thiserror::Error;
+
+use crate::anderson::Anderson;
+use crate::system::{SolveError, State, System};
+
+/// A cloth in static equilibrium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SaggedRest {
+    /// Positions [m], `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Solves that it took.
+    pub solves: u32,
+    /// Largest residual acceleration |F|/m of a free vertex [m/s²].
+    pub residual: f64,
+}
+
+/// How far a sag has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SagProgress {
+    /// Solves so far.
+    pub solves: u32,
+    /// Largest residual acceleration |F|/m of a free vertex now [m/s²].
+    pub residual: f64,
+    /// Where to get [m/s²].
+    pub tolerance: f64,
+}
+
+/// Why no equilibrium was found.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum SagError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("the scene has no handles: nothing holds the cloth, so it has no sagged rest pose")]
+    NoHandles,
+    #[error(
+        "no equilibrium after {solves} solves: a vertex is still accelerated by {residual:e} m/s², sag.tolerance is {tolerance:e}; raise sag.max_steps or sag.tolerance"
+    )]
+    NotConverged {
+        solves: u32,
+        residual: f64,
+        tolerance: f64,
+    },
+    #[error("solve {solves} of the sag failed: {cause}")]
+    Solve { solves: u32, cause: String },
+}
+
+/// The sagged rest pose of a scene's cloth, its handles where the mesh has them.
+///
+/// # Errors
+/// A scene that does not validate or has no handles; [`SagError::NotConverged`].
+pub fn sag(scene: &Scene) -> Result<SaggedRest, SagError> {
+    sag_with_progress(scene, &mut |_| ())
+}
+
+/// As [`sag`]; `progress` hears of every solve.
+///
+/// # Errors
+/// As for [`sag`].
+pub fn sag_with_progress(
+    scene: &Scene,
+    progress: &mut dyn FnMut(SagProgress),
+) -> Result<SaggedRest, SagError> {
+    scene.validate()?;
+    if scene.handles.is_empty() {
+        return Err(SagError::NoHandles);
+    }
+    let mut relaxation = Relaxation::new(scene)?;
+    let tolerance = scene.sag.tolerance;
+    let mut solves = 0;
+    loop {
+        let residual = relaxation.residual();
+        progress(SagProgress {
+            solves,
+            residual,
+            tolerance,
+        });
+        if residual <= tolerance {
+            return Ok(SaggedRest {
+                positions: relaxation.state.positions,
+                solves,
+                residual,
+            });
+        }
+        if solves >= scene.sag.max_steps || !residual.is_finite() {
+            return Err(SagError::NotConverged {
+                solves,
+                residual,
+                tolerance,
+            });
+        }
+        relaxation.step(residual).map_err(|cause| SagError::Solve {
+            solves,
+            cause: cause.to_string(),
+        })?;
+        solves += 1;
+    }
+}
+
+/// Time step to begin with [s]; longer ones gain nothing.
+const TIME_STEP: f64 = 0.2;
+/// Shortest time step [s].
+const SHORTEST_TIME_STEP: f64 = 0.01;
+/// Longest step of a vertex, relative to the size of the sheet.
+const LONGEST_STEP: f64 = 0.02;
+/// Residual acceleration [m/s²] below which the iteration is smooth enough to be accelerated.
+const ACCELERATE_BELOW: f64 = 0.2;
+/// Steps that Anderson's method remembers.
+const DEPTH: usize = 8;
+/// Solves without a residual a tenth smaller than ever before after which something is changed; a
+/// quarter of it while accelerating.
+const PATIENCE: u32 = 200;
+/// Inertia of the steps once patience has been lost, and the residual [m/s²] below which it helps.
+const INERTIA: f64 = 0.95;
+const INERTIA_BELOW: f64 = 1.0;
+
+/// The iteration.
+struct Relaxation {
+    system: System,
+    state: State,
+    targets: Vec<DVec3>,
+    anderson: Anderson,
+    last_step: Vec<DVec3>,
+    /// Part of the last step that is added to the next one.
+    inertia: f64,
+    longest_step: f64,
+    time_step: f64,
+    /// Size of the last correction [m].
+    last_size: f64,
+    accelerate_below: f64,
+    best_residual: f64,
+    solves_since_best: u32,
+}
+
+impl Relaxation {
+    fn new(scene: &Scene) -> Result<Self, SagError> {
+        let system = System::new(scene).map_err(|cause| SagError::Solve {
+            solves: 0,
+            cause: cause.to_string(),
+        })?;
+        Ok(Self {
+            system,
+            state: State {
+                positions: bulged(scene),
+                velocities: vec![DVec3::ZERO; scene.mesh.positions().len()],
+            },
+            targets: scene.handles.select(scene.mesh.positions()),
+            anderson: Anderson::new(DEPTH),
+            last_step: vec![DVec3::ZERO; scene.mesh.positions().len()],
+            inertia: 0.0,
+            longest_step: LONGEST_STEP * sheet_size(scene),
+            time_step: TIME_STEP,
+            last_size: f64::INFINITY,
+            accelerate_below: ACCELERATE_BELOW,
+            best_residual: f64::INFINITY,
+            solves_since_best: 0,
+        })
+    }
+
+    /// Assembles at the current positions; largest |F|/m of an unknown vertex [m/s²].
+    /// `[eq:sag-residual]`
+    fn residual(&mut self) -> f64 {
+        self.system
+            .assemble(self.time_step, &self.state, &self.targets);
+        let (impulses, mass) = (self.system.impulses(), self.system.mass());
+        self.system
+            .unknown_vertices()
+            .iter()
+            .map(|&v| impulses[v as usize].length() / (self.time_step * mass[v as usize]))
+            .fold(0.0, |largest, a| {
+                if a > largest || a.is_nan() {
+                    a
+                } else {
+                    largest
+                }
+            })
+    }
+
+    /// Moves on from what [`Self::residual`] assembled.
+    fn step(&mut self, residual: f64) -> Result<(), SolveError> {
+        self.system.solve()?;
+        let mut correction = vec![DVec3::ZERO; self.state.positions.len()];
+        for (v, change) in self.system.velocity_changes() {
+            correction[v] = change * self.time_step;
+        }
+        let size = longest(&correction);
+        if residual > self.accelerate_below || size > 2.0 * self.last_size {
+            self.anderson.restart();
+        }
+        self.last_size = size;
+        let mut step = self.anderson.step(&correction);
+        if self.inertia > 0.0 && (self.accelerate_below..INERTIA_BELOW).contains(&residual) {
+            self.keep_going(&correction, &mut step);
+        }
+        let scale = (self.longest_step / longest(&step)).min(1.0);
+        for (position, entry) in self.state.positions.iter_mut().zip(&mut step) {
+            *entry *= scale;
+            *position += *entry;
+        }
+        self.last_step.copy_from_slice(&step);
+        self.anderson.taken(step, correction);
+        self.lose_patience(residual);
+        Ok(())
+    }
+
+    /// Adds inertia, unless the correction has turned against the last step.
+    fn keep_going(&self, correction: &[DVec3], step: &mut [DVec3]) {
+        let forward: f64 = self
+            .last_step
+            .iter()
+            .zip(correction)
+            .map(|(last, next)| last.dot(*next))
+            .sum();
+        if forward > 0.0 {
+            for (entry, last) in step.iter_mut().zip(&self.last_step) {
+                *entry += *last * self.inertia;
+            }
+        }
+    }
+
+    fn lose_patience(&mut self, residual: f64) {
+        if residual < 0.9 * self.best_residual {
+            self.best_residual = residual;
+            self.solves_since_best = 0;
+            return;
+        }
+        self.solves_since_best += 1;
+        let accelerating = residual <= self.accelerate_below;
+        let patience = if accelerating { PATIENCE / 4 } else { PATIENCE };
+        if self.solves_since_best < patience {
+            return;
+        }
+        self.inertia = INERTIA;
+        if accelerating {
+            self.accelerate_below = 0.1 * residual;
+        } else {
+            self.time_step = (0.5 * self.time_step).max(SHORTEST_TIME_STEP);
+        }
+        self.best_residual = residual;
+        self.solves_since_best = 0;
+        self.anderson.restart();
+    }
+}
+
+/// Start positions with the bulge of the scene along the normals.
+fn bulged(scene: &Scene) -> Vec<DVec3> {
+    let mesh = &scene.mesh;
+    let heights = bulge_profile(scene);
+    let mut normals = vec![DVec3::ZERO; mesh.positions().len()];
+    for face in mesh.topology().faces() {
+        let [a, b, c] = face.map(|v| mesh.positions()[v.index()]);
+        for vertex in face {
+            normals[vertex.index()] += area_vector(a, b, c);
+        }
+    }
+    mesh.positions()
+        .iter()
+        .zip(normals)
+        .zip(heights)
+        .map(|((position, normal), height)| {
+            *position + normal.normalize_or_zero() * (height * scene.sag.bulge)
+        })
+        .collect()
+}
+
+/// A bump around the middle of the handles that vanishes at each of them, at most 1.
+fn bulge_profile(scene: &Scene) -> Vec<f64> {
+    let uv = scene.mesh.material_coordinates();
+    let size = sheet_size(scene);
+    let handles = scene.handles.select(uv);
+    let middle = handles.iter().sum::<DVec2>() / handles.len() as f64;
+    let mut heights: Vec<f64> = uv
+        .iter()
+        .map(|place| {
+            let bump = (-(place.distance(middle) / (0.6 * size)).powi(2)).exp();
+            let clear =
+                |handle: &DVec2| 1.0 - (-(place.distance(*handle) / (0.2 * size)).powi(2)).exp();
+            bump * handles.iter().map(clear).product::<f64>()
+        })
+        .collect();
+    let highest = heights.iter().copied().fold(0.0, f64::max);
+    if highest > 0.0 {
+        heights.iter_mut().for_each(|height| *height /= highest);
+    }
+    heights
+}
+
+fn longest(vectors: &[DVec3]) -> f64 {
+    vectors.iter().map(|v| v.length()).fold(0.0, f64::max)
+}
+
+/// Longer side of the sheet's box in material space [m].
+fn sheet_size(scene: &Scene) -> f64 {
+    let uv = scene.mesh.material_coordinates();
+    let low = uv.iter().fold(uv[0], |low, c| low.min(*c));
+    let high = uv.iter().fold(uv[0], |high, c| high.max(*c));
+    (high - low).max_element()
+}
