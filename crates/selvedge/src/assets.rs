@@ -4,7 +4,7 @@
 pub(crate) const MODEL: Option<(&str, &[u8])> = None;
 
 /// The shipped training configurations: names and TOML texts.
-const TRAININGS: [(&str, &str); 0] = [];
+const TRAININGS: &[(&str, &str)] = &[];
 
 /// The text of the shipped training configuration of this name, if there is one.
 pub(crate) fn training(name: &str) -> Option<&'static str> {

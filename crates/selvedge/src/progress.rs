@@ -3,11 +3,12 @@
 //!
 //! A [`Progress`] may be told from several threads at once.
 
+use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 /// Nothing is shown before.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -122,12 +123,16 @@ fn hidden_bar(what: &str, total: Option<u64>, unit: &str) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
     let template = match total {
         Some(_) => format!(
-            "{{prefix}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} to go {{wide_msg}}"
+            "{{prefix}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{rate}}, {{eta}} to go  {{wide_msg}}"
         ),
-        None => format!("{{prefix}} {{pos}} {unit}, {{per_sec}} {{wide_msg}}"),
+        None => format!("{{prefix}} {{pos}} {unit}, {{rate}}  {{wide_msg}}"),
     };
     let style = ProgressStyle::with_template(&template)
         .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
+            // A bar that cannot be written is no reason to stop.
+            let _ = write!(out, "{:.1}/s", state.per_sec());
+        })
         .progress_chars("=> ");
     bar.with_style(style).with_prefix(what.to_owned())
 }

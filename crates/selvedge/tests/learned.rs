@@ -1,5 +1,8 @@
 //! The learned simulator from the command line: `train`, `evaluate`, `rollout`.
 
+// A test that cannot be set up fails where it is set up.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{Desk, PUSH, PUSH_FRAMES, names_in, number};

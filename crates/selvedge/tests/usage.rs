@@ -1,5 +1,8 @@
 //! How the program is called: help, wrong calls, where its answers go, and Ctrl-C.
 
+// A test that cannot be set up fails where it is set up.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{Desk, PUSH};
