@@ -233,8 +233,8 @@ pub(crate) struct DatasetInspectArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge train my-training.toml --data data/first --out runs/mine --for 30m
-  selvedge train my-training.toml --data data/first --out runs/mine --resume")]
+  selvedge train first --data data/first --out runs/first --for 30m
+  selvedge train first --data data/first --out runs/first --resume")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one.
     pub(crate) config: String,
@@ -263,7 +263,7 @@ pub(crate) struct TrainArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge evaluate --model runs/mine/model.safetensors --data data/first
+  selvedge evaluate --model runs/first/model.safetensors --data data/first
   selvedge evaluate --model m.safetensors --data data/first --motions test-x-minus-z --curves e.csv")]
 pub(crate) struct EvaluateArgs {
     /// The model's weights.

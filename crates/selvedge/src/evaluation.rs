@@ -48,17 +48,17 @@ impl Who {
 /// What is measured of a run.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Measures {
-    /// √(mean over frames and vertices of the squared distance to the truth) [m].
+    /// √(mean over frames and vertices of the squared distance to the truth) `[m]`.
     pub(crate) position_rmse: f64,
-    /// √(mean over frames and edges of the squared difference of lengths) [m].
+    /// √(mean over frames and edges of the squared difference of lengths) `[m]`.
     pub(crate) edge_length_rmse: f64,
     /// The largest (l - l₀)/l₀ against the material.
     pub(crate) largest_strain: f64,
-    /// Mean speed of the vertices in the last second [m/s].
+    /// Mean speed of the vertices in the last second `[m/s]`.
     pub(crate) final_speed: f64,
-    /// Wall time [ms]; none for what was recorded.
+    /// Wall time `[ms]`; none for what was recorded.
     pub(crate) ms_per_frame: Option<f64>,
-    /// Position RMSE of each frame [m], `[frames]`.
+    /// Position RMSE of each frame `[m]`, `[frames]`.
     #[serde(skip)]
     pub(crate) per_frame: Vec<f64>,
 }
@@ -148,7 +148,7 @@ pub(crate) struct Mirrors {
     rests: Vec<(Setting, Vec<DVec3>)>,
 }
 
-/// A scene that buckles to the other side, and its rest pose [m], `[vertices]`.
+/// A scene that buckles to the other side, and its rest pose `[m]`, `[vertices]`.
 pub(crate) struct Mirror {
     scene: Scene,
     rest: Vec<DVec3>,

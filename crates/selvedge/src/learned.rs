@@ -63,7 +63,7 @@ pub(crate) fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<Clo
     .with_context(|| format!("the graph of scene {:?}", scene.name))
 }
 
-/// Runs `model` for `frames` from `start` [m], `[vertices]`, at rest, while the handles follow
+/// Runs `model` for `frames` from `start` `[m]`, `[vertices]`, at rest, while the handles follow
 /// `path`. `on_frame` hears of every frame and may stop.
 ///
 /// # Errors

@@ -17,11 +17,11 @@ use crate::progress::Progress;
 
 /// A run and what it cost.
 pub(crate) struct Run {
-    /// Positions [m], `[frames * vertices]`, the start first.
+    /// Positions `[m]`, `[frames * vertices]`, the start first.
     pub(crate) positions: Vec<Vec3>,
     /// Whether it came to its end.
     pub(crate) end: End,
-    /// Wall time of a frame [ms].
+    /// Wall time of a frame `[ms]`.
     pub(crate) ms_per_frame: f64,
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn rest_pose(scene: &Scene) -> anyhow::Result<SaggedRest> {
     Ok(rest)
 }
 
-/// Simulates `frames` of `scene` from `start` [m], `[vertices]`, at rest. `on_frame` hears of every
+/// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest. `on_frame` hears of every
 /// frame and may stop.
 ///
 /// # Errors
@@ -94,7 +94,7 @@ pub(crate) fn timed(
     })
 }
 
-/// The trajectory of a run of `spec`, whose cloth rests at `rest` [m], `[vertices]`.
+/// The trajectory of a run of `spec`, whose cloth rests at `rest` `[m]`, `[vertices]`.
 ///
 /// # Errors
 /// When the parts make no trajectory.

@@ -15,7 +15,7 @@ pub(crate) struct RigidRest {
     topology: Topology,
     handles: Handles,
     frame: LocalFrame,
-    /// The rest pose about its handles' centroid, in its own local frame [m], `[vertices]`.
+    /// The rest pose about its handles' centroid, in its own local frame `[m]`, `[vertices]`.
     local: Vec<Vec3>,
     positions: Vec<Vec3>,
     yaw: Yaw,

@@ -103,7 +103,7 @@ fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Jo
     Ok(jobs)
 }
 
-/// Simulates the jobs from `rest` [m], `[vertices]`, until all are done or an end is asked for.
+/// Simulates the jobs from `rest` `[m]`, `[vertices]`, until all are done or an end is asked for.
 fn simulate_all(
     jobs: &[Job],
     rest: &[DVec3],

@@ -35,7 +35,7 @@ struct Report {
     interrupted: bool,
 }
 
-/// A trajectory and the wall time of a frame [ms].
+/// A trajectory and the wall time of a frame `[ms]`.
 struct Timed {
     trajectory: Trajectory,
     ms_per_frame: f64,

@@ -16,9 +16,9 @@ struct Report {
     scene: String,
     out: PathBuf,
     vertices: usize,
-    /// How far the middle between the handles hangs below them [m].
+    /// How far the middle between the handles hangs below them `[m]`.
     middle_sag: f64,
-    /// How far the lowest vertex hangs below the handles [m].
+    /// How far the lowest vertex hangs below the handles `[m]`.
     lowest: f64,
     largest_strain: f64,
     solves: u32,
@@ -70,7 +70,7 @@ fn below(metres: f64) -> String {
     format!("{} below the handles", length(metres))
 }
 
-/// Writes `rest` [m], `[vertices]`, and gives its largest strain.
+/// Writes `rest` `[m]`, `[vertices]`, and gives its largest strain.
 fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64> {
     let scene = &loaded.scene;
     let frame = reference::rounded(rest);
@@ -101,7 +101,7 @@ fn middle(scene: &Scene) -> usize {
         .unwrap_or_default()
 }
 
-/// How far `position` [m] is below the mean height of the handles [m].
+/// How far `position` `[m]` is below the mean height of the handles `[m]`.
 fn below_handles(scene: &Scene, position: DVec3) -> f64 {
     let held = scene.handles.select(scene.mesh.positions());
     let height: f64 = held.iter().map(|p| p.y).sum::<f64>() / held.len().max(1) as f64;
