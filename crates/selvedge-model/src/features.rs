@@ -43,6 +43,9 @@ impl NodeFeature {
             Self::NodeType => columns!["": "free", "handle", "type 2 (unused)",
                 "type 3 (unused)", "type 4 (unused)", "type 5 (unused)", "type 6 (unused)",
                 "type 7 (unused)", "type 8 (unused)"],
+            Self::Acceleration => {
+                columns!["m/frame²": "acceleration x", "acceleration y", "acceleration z"]
+            }
         }
     }
 
@@ -107,6 +110,8 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 /// One frame of the network's window.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
+    /// World positions two frames earlier `[m]`, `[vertices]`; only accelerations need them.
+    pub before: Option<&'a [Vec3]>,
     /// World positions one frame earlier `[m]`, `[vertices]`.
     pub previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
@@ -141,7 +146,8 @@ impl Columns<'_> {
 /// Fills `out` (`[vertices, node_width]`) with the features of every vertex.
 ///
 /// # Panics
-/// When a slice does not have the size of the cloth.
+/// When a slice does not have the size of the cloth, or `pose.before` is missing where the spec has
+/// accelerations.
 pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
     let (vertices, width) = (graph.vertex_count(), spec.node_width());
     assert_eq!(pose.previous.len(), vertices, "previous positions");
@@ -159,6 +165,7 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
             NodeFeature::ExternalForce => external_force(graph, pose, columns),
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
+            NodeFeature::Acceleration => acceleration(pose, columns),
         }
         first += feature.width();
     }
@@ -197,6 +204,18 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
 fn velocity(pose: Pose<'_>, mut out: Columns<'_>) {
     for (v, (&p, &before)) in pose.current.iter().zip(pose.previous).enumerate() {
         out.put(v, pose.yaw.to_local(p - before).to_array());
+    }
+}
+
+/// The acceleration that led to the current positions, p^t - 2 p^{t-1} + p^{t-2}
+/// `[eq:past-acceleration]`.
+fn acceleration(pose: Pose<'_>, mut out: Columns<'_>) {
+    let Some(before) = pose.before else {
+        panic!("accelerations need the positions two frames earlier");
+    };
+    let frames = pose.current.iter().zip(pose.previous).zip(before);
+    for (v, ((&p, &q), &r)) in frames.enumerate() {
+        out.put(v, pose.yaw.to_local((p - q) - (q - r)).to_array());
     }
 }
 

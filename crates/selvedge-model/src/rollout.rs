@@ -21,7 +21,7 @@ pub struct LearnedStepper {
     model: Arc<Model>,
     graph: ClothGraph,
     connectivity: Connectivity,
-    /// Positions of the frame before the window and of each frame of it, oldest first; the
+    /// Positions of the frames before the window and of each frame of it, oldest first; the
     /// oldest buffer receives the next frame.
     history: Vec<Vec<Vec3>>,
     next: Vec<Vec3>,
@@ -56,7 +56,7 @@ impl LearnedStepper {
         start: &[&[Vec3]],
     ) -> Result<Self, RolloutError> {
         let expected = graph.vertex_count();
-        let needed = model.spec().window() + 1;
+        let needed = model.spec().history();
         let first = *start.first().ok_or(RolloutError::NoFrame)?;
         for frame in start {
             if frame.len() != expected {

@@ -35,6 +35,9 @@ pub enum NodeFeature {
     KineticEnergy,
     /// One-hot of 9: free vertex = 0, handle = 1.
     NodeType,
+    /// p^t - 2 p^{t-1} + p^{t-2} `[m/frame²]`, 3 columns: not in the paper, whose networks have to
+    /// take the small difference of two large velocities themselves.
+    Acceleration,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.
@@ -172,6 +175,14 @@ impl ModelSpec {
         match self.encoder {
             Encoder::Mlp { window } | Encoder::Gru { window } => window,
         }
+    }
+
+    /// Frames of positions that the features of a window are made from: the window, the frame
+    /// before it, and one more for accelerations.
+    #[must_use]
+    pub fn history(&self) -> usize {
+        let accelerations = self.node_features.contains(&NodeFeature::Acceleration);
+        self.window() + 1 + usize::from(accelerations)
     }
 
     /// Columns of a vertex.

@@ -75,10 +75,11 @@ impl Window {
     }
 
     /// Writes the features of one cloth, not yet normalised: `frames` are its positions `[m]` in
-    /// the frame before the window and in each frame of it, oldest first, `[window + 1][vertices]`.
+    /// the frames before the window and in each frame of it, oldest first, `[history][vertices]`
+    /// with [`ModelSpec::history`] frames.
     ///
     /// # Panics
-    /// When there are not `window + 1` frames, or [`Self::fit`] made room for another union.
+    /// When there are not `history` frames, or [`Self::fit`] made room for another union.
     pub fn write<F: AsRef<[Vec3]>>(
         &mut self,
         spec: &ModelSpec,
@@ -87,12 +88,15 @@ impl Window {
         yaw: Yaw,
         place: &Place,
     ) {
-        assert_eq!(frames.len(), spec.window() + 1, "frames of a window");
+        assert_eq!(frames.len(), spec.history(), "frames of a window");
+        let earlier = frames.len() - spec.window();
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
-        for (step, pair) in frames.windows(2).enumerate() {
+        for step in 0..spec.window() {
+            let current = step + earlier;
             let pose = Pose {
-                previous: pair[0].as_ref(),
-                current: pair[1].as_ref(),
+                before: current.checked_sub(2).map(|before| frames[before].as_ref()),
+                previous: frames[current - 1].as_ref(),
+                current: frames[current].as_ref(),
                 yaw,
             };
             let row = step * place.vertex_count + place.first_vertex;

@@ -333,7 +333,7 @@ impl<'a> CheckpointFile<'a> {
                 ));
             }
             let vertices = corpus.motion(trajectory).graph.vertex_count();
-            let frames = cfg.model.window() + 1;
+            let frames = cfg.model.history();
             let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
             let positions: Vec<Vec3> = numbers
                 .as_chunks()

@@ -101,7 +101,7 @@ impl LaneState {
         self.section = *section;
         self.current = sample.current;
         let motion = corpus.motion(sample.trajectory);
-        let first = sample.current as i64 - cfg.model.window() as i64;
+        let first = sample.current as i64 + 1 - cfg.model.history() as i64;
         let frames = first..=sample.current as i64;
         self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
     }

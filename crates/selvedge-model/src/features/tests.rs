@@ -15,7 +15,7 @@ fn physical() -> ModelSpec {
     ModelSpec::physical(Encoder::MLP, 8, 1)
 }
 
-/// Every feature that there is.
+/// Every feature that two frames are enough for.
 fn everything() -> ModelSpec {
     let mut spec = physical();
     spec.edge_features.insert(EdgeFeature::MaterialVector);
@@ -96,6 +96,7 @@ fn turning_and_moving_cloth_and_handles_leaves_local_features_unchanged() {
         let handles = graph.handles().select(current);
         let yaw = graph.frame().yaw(&handles, Yaw::WORLD);
         let pose = Pose {
+            before: None,
             previous,
             current,
             yaw,
@@ -128,6 +129,7 @@ fn the_two_arcs_of_an_edge_see_opposite_vectors_and_the_same_scalars() {
     let graph = graph(parts(6, 3));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
+        before: None,
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(0.4),
@@ -164,6 +166,7 @@ fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
     let graph = graph(parts(6, 4));
     let rest = graph.rest_positions();
     let pose = Pose {
+        before: None,
         previous: rest,
         current: rest,
         yaw: graph.frame().rest_yaw(),
@@ -181,6 +184,7 @@ fn bending_follows_its_closed_form_positive_for_a_ridge() {
         let angle = 0.1 * step as f32;
         let (graph, positions) = fold(angle);
         let pose = Pose {
+            before: None,
             previous: &positions,
             current: &positions,
             yaw: Yaw::WORLD,
@@ -246,6 +250,7 @@ fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
     let angles = |parts: ClothParts| -> Vec<u32> {
         let graph = graph(parts);
         let pose = Pose {
+            before: None,
             previous: &positions,
             current: &positions,
             yaw: Yaw::WORLD,
@@ -282,6 +287,7 @@ fn external_force_matches_a_slow_version_in_f64() {
     let graph = graph(parts(7, 2));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
+        before: None,
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(-1.2),
@@ -304,6 +310,7 @@ fn drag_of_a_sheet_across_the_wind_is_density_area_speed_squared_against_the_mot
     let (graph, positions) = fold(0.0);
     let previous = positions.map(|p| p + Vec3::Y * (3.0 / 60.0));
     let pose = Pose {
+        before: None,
         previous: &previous,
         current: &positions,
         yaw: Yaw::WORLD,
@@ -321,6 +328,7 @@ fn node_types_energies_and_velocities_are_what_they_say() {
     let graph = graph(parts(4, 2));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
+        before: None,
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(2.0),
@@ -342,6 +350,7 @@ fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
     let graph = graph(parts(5, 2));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
+        before: None,
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(0.3),
@@ -354,4 +363,48 @@ fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
     for (all, some) in whole.arcs.chunks(13).zip(part.arcs.chunks(7)) {
         assert_eq!((&all[..4], &all[8..11]), (&some[..4], &some[4..]));
     }
+}
+
+#[test]
+fn acceleration_is_the_second_difference_of_positions_in_the_local_frame() {
+    let graph = graph(parts(6, 1));
+    let rest = graph.rest_positions();
+    let (before, previous) = moving(rest);
+    let current = shaken(rest, 0.01, 10);
+    let mut spec = physical();
+    spec.node_features = BTreeSet::from([NodeFeature::NodeType, NodeFeature::Acceleration]);
+    let yaw = Yaw::from_angle(1.2);
+    let rows = |current: &[Vec3]| {
+        let pose = Pose {
+            before: Some(&before),
+            previous: &previous,
+            current,
+            yaw,
+        };
+        let mut nodes = vec![f32::NAN; graph.vertex_count() * spec.node_width()];
+        node_features(&spec, &graph, pose, &mut nodes);
+        nodes
+    };
+    for (v, row) in rows(&current).chunks_exact(spec.node_width()).enumerate() {
+        let expected = yaw.to_local(current[v] + before[v] - 2.0 * previous[v]);
+        // Sums of positions of about 1 m, rounded to 6e-8 each.
+        assert!(Vec3::from_slice(&row[9..]).distance(expected) < 1e-6);
+    }
+    // Uniform motion has none.
+    let on: Vec<Vec3> = before
+        .iter()
+        .zip(&previous)
+        .map(|(r, q)| 2.0 * *q - *r)
+        .collect();
+    for row in rows(&on).chunks_exact(spec.node_width()) {
+        assert!(Vec3::from_slice(&row[9..]).length() < 1e-6);
+    }
+}
+
+#[test]
+fn accelerations_need_one_more_frame() {
+    let mut spec = ModelSpec::physical(Encoder::Mlp { window: 3 }, 8, 1);
+    assert_eq!((spec.window(), spec.history()), (3, 4));
+    spec.node_features.insert(NodeFeature::Acceleration);
+    assert_eq!((spec.window(), spec.history()), (3, 5));
 }
