@@ -56,46 +56,8 @@ impl Model {
         training: String,
     ) -> Result<Self, ModelError> {
         let network = Network::new(spec)?;
-        let counts = [
-            (
-                "the array of weights",
-                network.parameter_count(),
-                weights.len(),
-            ),
-            (
-                "normalizer.nodes",
-                spec.node_width(),
-                normalizers.nodes.width(),
-            ),
-            (
-                "normalizer.edges",
-                spec.edge_width(),
-                normalizers.edges.width(),
-            ),
-            (
-                "normalizer.acceleration",
-                OUTPUTS,
-                normalizers.acceleration.width(),
-            ),
-        ];
-        for (what, expected, found) in counts {
-            if expected != found {
-                return Err(ModelError::Count {
-                    what,
-                    expected,
-                    found,
-                });
-            }
-        }
-        for parameter in network.parameters() {
-            let values = &weights[parameter.range.clone()];
-            if let Some(index) = values.iter().position(|w| !w.is_finite()) {
-                return Err(ModelError::NonFinite {
-                    name: parameter.name.clone(),
-                    index,
-                });
-            }
-        }
+        check_counts(&network, &weights, &normalizers)?;
+        check_finite(&network, &weights)?;
         Ok(Self {
             network,
             weights,
@@ -127,4 +89,57 @@ impl Model {
     pub fn normalizers(&self) -> &Normalizers {
         &self.normalizers
     }
+}
+
+fn check_counts(
+    network: &Network,
+    weights: &[f32],
+    normalizers: &Normalizers,
+) -> Result<(), ModelError> {
+    let spec = network.spec();
+    let counts = [
+        (
+            "the array of weights",
+            network.parameter_count(),
+            weights.len(),
+        ),
+        (
+            "normalizer.nodes",
+            spec.node_width(),
+            normalizers.nodes.width(),
+        ),
+        (
+            "normalizer.edges",
+            spec.edge_width(),
+            normalizers.edges.width(),
+        ),
+        (
+            "normalizer.acceleration",
+            OUTPUTS,
+            normalizers.acceleration.width(),
+        ),
+    ];
+    for (what, expected, found) in counts {
+        if expected != found {
+            return Err(ModelError::Count {
+                what,
+                expected,
+                found,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_finite(network: &Network, weights: &[f32]) -> Result<(), ModelError> {
+    for parameter in network.parameters() {
+        let values = &weights[parameter.range.clone()];
+        if let Some(index) = values.iter().position(|w| !w.is_finite()) {
+            return Err(ModelError::NonFinite {
+                name: parameter.name.clone(),
+                index,
+            });
+        }
+    }
+    Ok(())
 }

@@ -97,6 +97,8 @@ pub struct Workspace<T> {
     decoded: Vec<T>,
     output: Vec<T>,
     dropout: Option<Dropout>,
+    /// Whether the activations are those of a training pass that no backward pass has used up.
+    kept: bool,
 }
 
 impl<T: Real> Workspace<T> {
@@ -190,6 +192,7 @@ impl Network {
             Pass::Training(_) => self.blocks.len(),
         };
         w.blocks.resize_with(records, BlockRecord::default);
+        w.kept = matches!(pass, Pass::Training(_));
         w.dropout = match pass {
             Pass::Inference => None,
             Pass::Training(dropout) => dropout.filter(|dropout| dropout.rate > 0.0),
@@ -235,11 +238,12 @@ impl Network {
     }
 
     /// Adds to `gradient` (laid out like the weights) the derivative of Σ `output` ∘ out, where
-    /// out is what the last [`Self::forward`] with [`Pass::Training`] on the same arguments gave.
+    /// out is what the last [`Self::forward`] with [`Pass::Training`] on the same arguments gave;
+    /// its activations are used up.
     ///
     /// # Panics
     /// When the lengths are not those of the spec and the graph, or the last pass was not a
-    /// training pass.
+    /// forward one with [`Pass::Training`].
     pub fn backward<T: Real>(
         &self,
         (weights, gradient): (&[T], &mut [T]),
@@ -250,10 +254,9 @@ impl Network {
     ) {
         let w = workspace;
         let (spec, latent) = (&self.spec, self.spec.latent);
-        assert_eq!(
-            w.blocks.len(),
-            self.blocks.len(),
-            "a training pass comes first"
+        assert!(
+            std::mem::take(&mut w.kept),
+            "a forward pass to learn from comes first"
         );
         assert_eq!(output.len(), graph.vertex_count() * OUTPUTS);
         assert_eq!(gradient.len(), weights.len());

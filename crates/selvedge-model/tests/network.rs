@@ -267,3 +267,25 @@ fn threads_change_no_bit() {
     assert_eq!(one, run(2));
     assert_eq!(one, run(3));
 }
+
+#[test]
+fn activations_serve_one_backward_pass() {
+    for passes in [vec![Pass::Inference], vec![Pass::Training(None); 2]] {
+        let case = case(&ModelSpec::mesh_graph_nets(4, 1), 2, 9);
+        let mut workspace = Workspace::new();
+        case.objective(&case.weights, passes[0], &mut workspace);
+        let mut gradient = vec![0.0; case.weights.len()];
+        let output = vec![1.0; case.graph.vertex_count() * 3];
+        let mut backward = || {
+            let both = (&*case.weights, &mut *gradient);
+            let (graph, input) = (&case.graph, case.input());
+            let network = &case.network;
+            network.backward(both, graph, input, &output, &mut workspace);
+        };
+        for _ in 1..passes.len() {
+            backward();
+        }
+        let again = std::panic::catch_unwind(std::panic::AssertUnwindSafe(backward));
+        assert!(again.is_err(), "{passes:?}");
+    }
+}

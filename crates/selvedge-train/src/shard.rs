@@ -72,7 +72,9 @@ impl Shard {
         }
         self.join(corpus);
         self.write_window(context);
-        self.pass(context);
+        self.forward(context);
+        self.judge(context);
+        self.backward(context);
         let normalizer = &context.normalizers.acceleration;
         normalizer.denormalize(&mut self.output);
         for (k, (lane, rng)) in lanes.iter_mut().zip(&mut rngs).enumerate() {
@@ -118,55 +120,53 @@ impl Shard {
             .normalize(&normalizers.nodes, &normalizers.edges);
     }
 
-    /// Forward, losses, backward.
-    fn pass(&mut self, context: &Context<'_>) {
-        let Context {
-            cfg,
-            corpus,
-            network,
-            weights,
-            ..
-        } = *context;
-        let input = Input {
-            nodes: &self.window.nodes,
-            edges: &self.window.edges,
-        };
+    fn forward(&mut self, context: &Context<'_>) {
         let dropout = Dropout {
-            rate: cfg.dropout,
+            rate: context.cfg.dropout,
             seed: self.shown[0].dropout_seed,
         };
-        let pass = Pass::Training(Some(dropout));
-        let graph = &self.connectivity;
-        let out = network.forward(weights, graph, input, pass, &mut self.workspace);
+        let out = context.network.forward(
+            context.weights,
+            &self.connectivity,
+            input_of(&self.window),
+            Pass::Training(Some(dropout)),
+            &mut self.workspace,
+        );
         self.output.clear();
         self.output.extend_from_slice(out);
-        self.output_gradient.resize(out.len(), 0.0);
+    }
+
+    fn backward(&mut self, context: &Context<'_>) {
+        self.gradient.fill(0.0);
+        context.network.backward(
+            (context.weights, &mut self.gradient),
+            &self.connectivity,
+            input_of(&self.window),
+            &self.output_gradient,
+            &mut self.workspace,
+        );
+    }
+
+    /// The losses of the output, and their gradient with respect to it.
+    fn judge(&mut self, context: &Context<'_>) {
+        self.output_gradient.resize(self.output.len(), 0.0);
         self.terms.clear();
         for k in 0..self.shown.len() {
-            let rows = self.rows(corpus, k);
+            let rows = self.rows(context.corpus, k);
             let shown = &self.shown[k];
-            let triplet = shown.triplet(&corpus.motion(shown.trajectory).graph);
+            let triplet = shown.triplet(&context.corpus.motion(shown.trajectory).graph);
             let gradient = &mut self.output_gradient[rows.clone()];
             let predicted = &self.output[rows];
             let statistics = context.statistics;
             let terms = self
                 .losses
                 .evaluate(&triplet, statistics, predicted, gradient);
-            if let Some(cap) = cfg.loss_cap.filter(|&cap| terms.total > cap) {
+            if let Some(cap) = context.cfg.loss_cap.filter(|&cap| terms.total > cap) {
                 let weight = (cap / terms.total) as f32;
                 gradient.iter_mut().for_each(|g| *g *= weight);
             }
             self.terms.push(terms);
         }
-        self.gradient.fill(0.0);
-        let both = (weights, &mut *self.gradient);
-        network.backward(
-            both,
-            graph,
-            input,
-            &self.output_gradient,
-            &mut self.workspace,
-        );
     }
 
     /// Where sample `k` stands in an array `[vertices, 3]` of the union.
@@ -174,6 +174,13 @@ impl Shard {
         let graph = &corpus.motion(self.shown[k].trajectory).graph;
         let first = self.places[k].first_vertex;
         3 * first..3 * (first + graph.vertex_count())
+    }
+}
+
+fn input_of(window: &Window) -> Input<'_, f32> {
+    Input {
+        nodes: &window.nodes,
+        edges: &window.edges,
     }
 }
 

@@ -13,6 +13,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::config::TrainConfig;
+use crate::schedule::TruthProbability;
 
 /// A data set in a folder that goes with it.
 pub(crate) struct Swinging {
@@ -147,5 +148,18 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
     "#;
     let mut cfg = TrainConfig::parse(text, Path::new("tiny.toml")).expect("a configuration");
     cfg.model.encoder = encoder;
+    cfg
+}
+
+/// The same, in which noise, dropout and the model's own predictions all play a part.
+pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
+    let mut cfg = config(encoder);
+    cfg.noise.deviation = 0.003;
+    cfg.dropout = 0.2;
+    cfg.scheduled_sampling.truth = TruthProbability::Linear {
+        start: 1,
+        end: 3,
+        probability: 0.1,
+    };
     cfg
 }

@@ -182,7 +182,7 @@ fn a_scene_turned_and_moved_gives_the_rollout_turned_and_moved() {
                 rest_positions: turn(&parts.rest_positions, rest_yaw, by),
                 environment: selvedge_cloth::Environment {
                     wind: yaw.to_world_f64(parts.environment.wind),
-                    ..parts.environment.clone()
+                    ..parts.environment
                 },
                 ..parts.clone()
             };

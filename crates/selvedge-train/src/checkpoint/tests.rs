@@ -4,21 +4,8 @@ use selvedge_data::SectionRule;
 use selvedge_model::Encoder;
 
 use super::*;
-use crate::schedule::{LearningRate, TruthProbability};
-use crate::test_data::{Swinging, config, swinging, two_cloths};
-
-/// Runs in which the model's own predictions, noise and dropout all play a part.
-fn busy(encoder: Encoder) -> TrainConfig {
-    let mut cfg = config(encoder);
-    cfg.noise.deviation = 0.003;
-    cfg.dropout = 0.2;
-    cfg.scheduled_sampling.truth = TruthProbability::Linear {
-        start: 1,
-        end: 3,
-        probability: 0.1,
-    };
-    cfg
-}
+use crate::schedule::LearningRate;
+use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
 
 fn steps(trainer: &mut Trainer, count: usize) -> Vec<crate::trainer::StepReport> {
     (0..count)

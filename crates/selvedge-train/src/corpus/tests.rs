@@ -84,7 +84,7 @@ fn the_environment_is_that_of_the_scene() {
         wind: glam::DVec3::new(1.0, 0.0, 2.0),
         ..Environment::default()
     };
-    let trajectory = with(serde_json::to_value(&windy).expect("plain"));
+    let trajectory = with(serde_json::to_value(windy).expect("plain"));
     let graph = graph_of("a", &trajectory).expect("a graph");
     assert_eq!(graph.environment(), &windy);
     let error = graph_of("a", &with(serde_json::json!({"wind": "strong"}))).expect_err("no wind");

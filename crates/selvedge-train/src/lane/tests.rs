@@ -270,7 +270,7 @@ fn with_truth_only_every_sample_is_drawn_afresh() {
     let case = case(|_| ());
     let (mut lane, mut shown) = case.early();
     for step in 0..20 {
-        case.advance(&mut lane, &shown, &vec![0.0; 36]);
+        case.advance(&mut lane, &shown, &[0.0; 36]);
         assert_eq!((lane.run, lane.history.len()), (0, 0));
         shown = case.show(&mut lane, step);
     }

@@ -5,26 +5,12 @@ use selvedge_data::SectionRule;
 use selvedge_model::Encoder;
 
 use super::*;
-use crate::schedule::{LearningRate, TruthProbability};
-use crate::test_data::{Swinging, config, swinging, two_cloths};
+use crate::schedule::LearningRate;
+use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
     pool.expect("a pool").install(work)
-}
-
-/// Runs in which the model's own predictions, noise and dropout all play a part.
-fn busy(encoder: Encoder) -> TrainConfig {
-    let mut cfg = config(encoder);
-    cfg.noise.deviation = 0.003;
-    cfg.dropout = 0.2;
-    cfg.gradient_clip = Some(1.0);
-    cfg.scheduled_sampling.truth = TruthProbability::Linear {
-        start: 1,
-        end: 4,
-        probability: 0.2,
-    };
-    cfg
 }
 
 fn encoders() -> [Encoder; 3] {
