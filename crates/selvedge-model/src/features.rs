@@ -110,7 +110,8 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 /// One frame of the network's window.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
-    /// World positions two frames earlier `[m]`, `[vertices]`; only accelerations need them.
+    /// World positions `[m]`, `[vertices]`, two frames earlier, or those that take their place in
+    /// the model's integration; only accelerations need them.
     pub before: Option<&'a [Vec3]>,
     /// World positions one frame earlier `[m]`, `[vertices]`.
     pub previous: &'a [Vec3],

@@ -6,6 +6,7 @@ mod connectivity;
 mod features;
 mod frame;
 mod graph;
+mod integration;
 mod kernels;
 mod layers;
 mod model;
@@ -29,6 +30,7 @@ pub use features::{
 };
 pub use frame::{LocalFrame, Yaw};
 pub use graph::{ClothGraph, ClothParts, GraphError, Hinge};
+pub use integration::Integration;
 pub use model::{Model, ModelError, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError};
 pub use network::{Dropout, Input, Network, Pass, Workspace};

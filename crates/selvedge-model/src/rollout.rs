@@ -25,6 +25,7 @@ pub struct LearnedStepper {
     /// oldest buffer receives the next frame.
     history: Vec<Vec<Vec3>>,
     next: Vec<Vec3>,
+    reference: Vec<Vec3>,
     yaw: Yaw,
     frame: usize,
     features: Window,
@@ -77,6 +78,7 @@ impl LearnedStepper {
                 .map(<[_]>::to_vec)
                 .collect(),
             next: vec![Vec3::ZERO; expected],
+            reference: Vec::new(),
             yaw: graph.frame().rest_yaw(),
             frame: 0,
             features: Window::default(),
@@ -145,10 +147,20 @@ impl Stepper for LearnedStepper {
         let yaw = self.graph.frame().yaw(&handles_now, self.yaw);
         self.predict(yaw);
         let newest = self.history.len() - 1;
+        let [previous, current] = [&*self.history[newest - 1], &*self.history[newest]];
+        let next_handles: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();
+        let (integration, reference) = (self.model.spec().integration, &mut self.reference);
+        integration.reference(
+            &self.graph,
+            [previous, current],
+            &next_handles,
+            yaw,
+            reference,
+        );
         integrate(
             &self.acceleration,
             yaw,
-            [&self.history[newest - 1], &self.history[newest]],
+            [reference, current],
             &mut self.next,
         );
         for (vertex, target) in self.graph.handles().vertices().iter().zip(targets.end()) {

@@ -6,9 +6,11 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::integration::Integration;
+
 /// The full description of a learned simulator, as it stands in a training configuration and in
 /// the metadata of a weight file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
     /// What the network sees of a vertex.
@@ -21,6 +23,9 @@ pub struct ModelSpec {
     pub latent: usize,
     /// Number of message-passing blocks.
     pub blocks: usize,
+    /// Where the cloth goes without the network.
+    #[serde(default)]
+    pub integration: Integration,
 }
 
 /// A group of columns of a vertex, in the order in which they stand in the input.
@@ -84,7 +89,7 @@ impl Encoder {
 }
 
 /// A spec that no network can be built from.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum SpecError {
     #[error("model.{field} must be between {least} and {most}, found {found}")]
@@ -94,6 +99,8 @@ pub enum SpecError {
         most: usize,
         found: usize,
     },
+    #[error("model.integration.{field} must be between 0 and 1, found {found}")]
+    Part { field: &'static str, found: f64 },
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -121,6 +128,7 @@ impl ModelSpec {
             encoder,
             latent,
             blocks,
+            integration: Integration::default(),
         }
     }
 
@@ -133,6 +141,7 @@ impl ModelSpec {
             encoder: Encoder::MLP,
             latent,
             blocks,
+            integration: Integration::default(),
         }
     }
 
@@ -154,6 +163,13 @@ impl ModelSpec {
                     most,
                     found,
                 });
+            }
+        }
+        if let Integration::Carried { damping, stiffness } = self.integration {
+            for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
+                if !(0.0..=1.0).contains(&found) {
+                    return Err(SpecError::Part { field, found });
+                }
             }
         }
         let missing = |field, needed| Err(SpecError::Missing { field, needed });

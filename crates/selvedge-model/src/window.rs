@@ -62,6 +62,8 @@ pub struct Window {
     pub nodes: Vec<f32>,
     /// `[window, arcs, edge width]`.
     pub edges: Vec<f32>,
+    /// What accelerations are measured from, `[vertices]`.
+    reference: Vec<Vec3>,
 }
 
 impl Window {
@@ -93,10 +95,19 @@ impl Window {
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
         for step in 0..spec.window() {
             let current = step + earlier;
+            let (previous, now) = (frames[current - 1].as_ref(), frames[current].as_ref());
+            let before = current.checked_sub(2).map(|before| frames[before].as_ref());
+            let before = before.map(|before| {
+                // The past acceleration as the network would have had to predict it.
+                let handles = graph.handles().select(now);
+                let (integration, reference) = (spec.integration, &mut self.reference);
+                integration.reference(graph, [before, previous], &handles, yaw, reference);
+                &*self.reference
+            });
             let pose = Pose {
-                before: current.checked_sub(2).map(|before| frames[before].as_ref()),
-                previous: frames[current - 1].as_ref(),
-                current: frames[current].as_ref(),
+                before,
+                previous,
+                current: now,
                 yaw,
             };
             let row = step * place.vertex_count + place.first_vertex;

@@ -91,7 +91,7 @@ impl LaneState {
             }
         }
         shown.frames.clone_from(&self.history);
-        self.to_local(graph, &target, shown);
+        self.to_local(cfg, corpus, &target, shown);
     }
 
     /// Any sample of ground truth.
@@ -107,11 +107,12 @@ impl LaneState {
     }
 
     /// Previous, current and target positions in the local frame of the current ones.
-    fn to_local(&self, graph: &ClothGraph, target: &[DVec3], shown: &mut Shown) {
-        let count = self.history.len();
-        let (previous, current) = (&self.history[count - 2], &self.history[count - 1]);
+    fn to_local(&self, cfg: &TrainConfig, corpus: &Corpus, target: &[DVec3], shown: &mut Shown) {
+        let graph = &*corpus.motion(self.section.trajectory).graph;
+        let current = &self.history[self.history.len() - 1];
         let handles = graph.handles().select(current);
         let yaw = graph.frame().yaw(&handles, graph.frame().rest_yaw());
+        let previous = self.reference(cfg, corpus, yaw);
         let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
         let local = |p: DVec3| yaw.to_local_f64(p - origin);
         let [to_previous, to_current, to_target] = &mut shown.local;
@@ -122,6 +123,20 @@ impl LaneState {
         to_target.clear();
         to_target.extend(target.iter().map(|&p| local(p)));
         shown.yaw = yaw;
+    }
+
+    /// The previous positions that the acceleration is added to uniform motion from: the true ones,
+    /// or those of another [`selvedge_model::Integration`].
+    fn reference(&self, cfg: &TrainConfig, corpus: &Corpus, yaw: Yaw) -> Vec<Vec3> {
+        let motion = corpus.motion(self.section.trajectory);
+        let count = self.history.len();
+        let frames = [&*self.history[count - 2], &*self.history[count - 1]];
+        let next = motion.frame(self.current as i64 + 1);
+        let next_handles = motion.graph.handles().select(next);
+        let mut reference = Vec::new();
+        let integration = cfg.model.integration;
+        integration.reference(&motion.graph, frames, &next_handles, yaw, &mut reference);
+        reference
     }
 
     /// Decides how the lane goes on after the network predicted `acceleration` (local, `[m/frame²]`,
@@ -146,8 +161,9 @@ impl LaneState {
         let motion = corpus.motion(self.section.trajectory);
         let truth = motion.frame(next as i64);
         let count = self.history.len();
+        let reference = self.reference(cfg, corpus, yaw);
         let mut predicted = std::mem::take(&mut self.history[0]);
-        let last = [&*self.history[count - 2], &*self.history[count - 1]];
+        let last = [&*reference, &*self.history[count - 1]];
         integrate(acceleration, yaw, last, &mut predicted);
         for vertex in motion.graph.handles().vertices() {
             predicted[vertex.index()] = truth[vertex.index()];

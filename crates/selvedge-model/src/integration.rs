@@ -1,0 +1,188 @@
+//! Where a cloth goes by itself, to which the network adds its acceleration.
+//!
+//! Inertial, as in the paper: p^{t+1} = a + 2 p^t - p^{t-1}. Carried `[eq:carried]`, not in the
+//! paper: the cloth goes along with the rigid motion of its handles, as a damped pendulum about its
+//! rest pose, p^{t+1} = a + M(p^t) + (1 - d) u + s (r - M(p^t)). M is the rigid motion (yaw and
+//! translation) that takes the handles from now to where they go next, u = M(p^t) - M(M'(p^{t-1}))
+//! the last move as seen from the handles, r the rest pose where the handles go. Without a network
+//! a cloth at rest then stays the rest pose moved rigidly, and every disturbance dies away.
+
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::frame::Yaw;
+use crate::graph::ClothGraph;
+
+/// Where a cloth goes by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Integration {
+    /// On, with the velocity it has.
+    Inertial {},
+    /// Along with its handles, back to its rest pose.
+    Carried {
+        /// Part of the velocity relative to the handles that is lost per frame, d.
+        damping: f64,
+        /// Part of the way back to the rest pose that is gone per frame squared, s.
+        stiffness: f64,
+    },
+}
+
+impl Default for Integration {
+    fn default() -> Self {
+        Self::Inertial {}
+    }
+}
+
+/// A rigid motion of the handles: a turn about the vertical through `from`, then to `to`.
+struct Carry {
+    from: DVec3,
+    to: DVec3,
+    turn: Yaw,
+}
+
+impl Carry {
+    fn point(&self, p: Vec3) -> DVec3 {
+        self.to + self.turn.to_world_f64(p.as_dvec3() - self.from)
+    }
+}
+
+impl Integration {
+    /// The positions one frame earlier from which uniform motion would lead where the cloth goes by
+    /// itself: for [`Self::Inertial`] the previous ones themselves. `frames` are the previous and the
+    /// current positions, `next_handles` where the handles go (`[handles]`), `yaw` that of the
+    /// current frame; all in the world `[m]`.
+    pub fn reference(
+        self,
+        graph: &ClothGraph,
+        [previous, current]: [&[Vec3]; 2],
+        next_handles: &[Vec3],
+        yaw: Yaw,
+        reference: &mut Vec<Vec3>,
+    ) {
+        reference.clear();
+        let Self::Carried { damping, stiffness } = self else {
+            reference.extend_from_slice(previous);
+            return;
+        };
+        let handles = |positions: &[Vec3]| graph.handles().select(positions);
+        let place = |handles: &[Vec3]| (centroid(handles), graph.frame().yaw(handles, yaw));
+        let rest = (
+            centroid(&handles(graph.rest_positions())),
+            graph.frame().rest_yaw(),
+        );
+        let before = place(&handles(previous));
+        let now = place(&handles(current));
+        let next = place(next_handles);
+        let (to_next, from_before) = (carry(now, next), carry(before, next));
+        let from_rest = carry(rest, next);
+        let rows = previous.iter().zip(current).zip(graph.rest_positions());
+        reference.extend(rows.map(|((&q, &p), &r)| {
+            let here = to_next.point(p);
+            let moved = here - from_before.point(q);
+            let there = here + (1.0 - damping) * moved + stiffness * (from_rest.point(r) - here);
+            (2.0 * p.as_dvec3() - there).as_vec3()
+        }));
+    }
+}
+
+fn carry(from: (DVec3, Yaw), to: (DVec3, Yaw)) -> Carry {
+    Carry {
+        from: from.0,
+        to: to.0,
+        turn: Yaw::from_angle(to.1.angle() - from.1.angle()),
+    }
+}
+
+/// The mean of `positions`; the origin where there are none.
+fn centroid(positions: &[Vec3]) -> DVec3 {
+    let sum: DVec3 = positions.iter().map(|p| p.as_dvec3()).sum();
+    sum / positions.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_cloth::{parts, shaken, turn};
+
+    const CARRIED: Integration = Integration::Carried {
+        damping: 0.03,
+        stiffness: 0.003,
+    };
+
+    fn next(
+        integration: Integration,
+        graph: &ClothGraph,
+        frames: [&[Vec3]; 2],
+        handles: &[Vec3],
+    ) -> Vec<Vec3> {
+        let yaw = graph
+            .frame()
+            .yaw(&graph.handles().select(frames[1]), Yaw::WORLD);
+        let mut reference = Vec::new();
+        integration.reference(graph, frames, handles, yaw, &mut reference);
+        let rows = reference.iter().zip(frames[1]);
+        rows.map(|(q, p)| 2.0 * *p - *q).collect()
+    }
+
+    #[test]
+    fn inertial_is_the_previous_frame_itself() {
+        let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+        let (a, b) = (
+            shaken(graph.rest_positions(), 0.01, 1),
+            graph.rest_positions(),
+        );
+        let mut reference = Vec::new();
+        let handles = graph.handles().select(b);
+        let yaw = graph.frame().rest_yaw();
+        Integration::default().reference(&graph, [&a, b], &handles, yaw, &mut reference);
+        assert_eq!(reference, a);
+    }
+
+    #[test]
+    fn a_cloth_at_rest_goes_rigidly_with_its_handles() {
+        let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+        let rest = graph.rest_positions();
+        let at = |angle: f64| {
+            let by = Vec3::new(0.3, -0.1, 0.2) * angle as f32;
+            turn(rest, Yaw::from_angle(angle), by)
+        };
+        let (previous, current, expected) = (at(0.2), at(0.25), at(0.33));
+        let handles = graph.handles().select(&expected);
+        for (found, expected) in next(CARRIED, &graph, [&previous, &current], &handles)
+            .iter()
+            .zip(&expected)
+        {
+            // A dozen roundings of positions of 1 m.
+            assert!(found.distance(*expected) < 2e-6);
+        }
+    }
+
+    #[test]
+    fn a_disturbance_swings_and_dies_away_as_a_damped_pendulum() {
+        let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+        let rest = graph.rest_positions().to_vec();
+        let handles = graph.handles().select(&rest);
+        let mut start = rest.clone();
+        start.iter_mut().for_each(|p| p.x += 0.1);
+        for handle in graph.handles().vertices() {
+            start[handle.index()] = rest[handle.index()];
+        }
+        let (mut previous, mut current) = (start.clone(), start);
+        // x'' = -s x - d x', stepped as the scheme steps it.
+        let (mut q, mut p) = (0.1_f64, 0.1_f64);
+        for _ in 0..200 {
+            let moved = next(CARRIED, &graph, [&previous, &current], &handles);
+            (previous, current) = (current, moved);
+            (q, p) = (p, p + 0.97 * (p - q) - 0.003 * p);
+            let free = graph
+                .handle_mask()
+                .iter()
+                .position(|h| !h)
+                .expect("a free vertex");
+            let found = f64::from(current[free].x - rest[free].x);
+            assert!((found - p).abs() < 2e-4, "{found} {p}");
+        }
+        assert!(p.abs() < 0.01);
+    }
+}
