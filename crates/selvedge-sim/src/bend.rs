@@ -14,20 +14,20 @@ use selvedge_cloth::{BendTable, BendingLaw};
 /// An interior edge's rest shape and the row of the material's table that it reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BendElement {
-    /// Bending stiffness at curvatures 0 to 4 for this edge's direction [N·m].
+    /// Bending stiffness at curvatures 0 to 4 for this edge's direction `[N·m]`.
     stiffness: [f64; 5],
-    /// Material area of the two faces together [m²].
+    /// Material area of the two faces together `[m²]`.
     area: f64,
 }
 
 /// Force and Jacobian of one edge at one configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct BendResponse {
-    /// ∂θ/∂x of the four corners [1/m].
+    /// ∂θ/∂x of the four corners `[1/m]`.
     pub gradient: [DVec3; 4],
-    /// Signed dihedral angle θ [rad].
+    /// Signed dihedral angle θ `[rad]`.
     pub angle: f64,
-    /// Stiffness of the hinge, coeff/2 = ke l²/(4 (a_A + a_B)) [N·m].
+    /// Stiffness of the hinge, coeff/2 = ke l²/(4 (a_A + a_B)) `[N·m]`.
     pub stiffness: f64,
 }
 
@@ -35,7 +35,7 @@ pub struct BendResponse {
 const COLUMNS: usize = 5;
 
 impl BendElement {
-    /// The element of an edge whose corners are here in material space [m].
+    /// The element of an edge whose corners are here in material space `[m]`.
     ///
     /// Rows of the table are read at the edge's direction, folded into 0 to 90° from the course
     /// axis and linear between 0, 45 and 90°. `[eq:bend-direction]`
@@ -56,7 +56,7 @@ impl BendElement {
         }
     }
 
-    /// Bending stiffness ke [N·m] at a dimensionless curvature: linear between columns ⌊value⌋
+    /// Bending stiffness ke `[N·m]` at a dimensionless curvature: linear between columns ⌊value⌋
     /// (0 to 3) and the next, value at most 4, never negative. Below 0 the first columns are
     /// extrapolated. `[eq:bend-table]`
     #[must_use]
@@ -68,7 +68,7 @@ impl BendElement {
         ((1.0 - between) * self.stiffness[low] + between * self.stiffness[low + 1]).max(0.0)
     }
 
-    /// Force and Jacobian at these corner positions [m].
+    /// Force and Jacobian at these corner positions `[m]`.
     ///
     /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 θ l/(a_A + a_B), l the current length;
     /// [`BendingLaw::Symmetric`] reads it at |θ|. `[eq:bend-stiffness]`
@@ -92,7 +92,7 @@ impl BendElement {
 }
 
 impl BendResponse {
-    /// Force on the four corners [N]: F = -coeff/2 θ ∂θ/∂x. `[eq:bend-force]`
+    /// Force on the four corners `[N]`: F = -coeff/2 θ ∂θ/∂x. `[eq:bend-force]`
     #[must_use]
     #[inline]
     pub fn force(&self) -> [DVec3; 4] {
@@ -100,7 +100,7 @@ impl BendResponse {
         self.gradient.map(|gradient| gradient * scale)
     }
 
-    /// Block (`row`, `column`) of the negative Jacobian -J = coeff/2 ∂θ ∂θᵀ [N/m].
+    /// Block (`row`, `column`) of the negative Jacobian -J = coeff/2 ∂θ ∂θᵀ `[N/m]`.
     /// `[eq:bend-jacobian]`
     #[must_use]
     #[inline]
@@ -125,7 +125,7 @@ impl BendResponse {
     }
 }
 
-/// Derivative of the dihedral angle by the four corners [1/m]: with unit normals n, heights h over
+/// Derivative of the dihedral angle by the four corners `[1/m]`: with unit normals n, heights h over
 /// the edge and foot points w along it (0 at corner 0, 1 at corner 1),
 /// ∂θ/∂x2 = n_A/h_A, ∂θ/∂x3 = n_B/h_B, ∂θ/∂x0 = -((1-w_A) n_A/h_A + (1-w_B) n_B/h_B),
 /// ∂θ/∂x1 = -(w_A n_A/h_A + w_B n_B/h_B). `[eq:bend-gradient]`
@@ -154,4 +154,146 @@ pub fn angle_gradient(corners: [DVec3; 4]) -> [DVec3; 4] {
         rise_left,
         rise_right,
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: BendTable = BendTable([
+        [23e-6, 33e-6, 34e-6, 39e-6, 23e-6],
+        [25e-6, 18e-6, 16e-6, 25e-6, 9e-6],
+        [14e-6, 7e-6, 15e-6, 25e-6, 19e-6],
+    ]);
+
+    const REST: [DVec2; 4] = [
+        DVec2::new(0.0, 0.0),
+        DVec2::new(0.04, 0.01),
+        DVec2::new(0.01, 0.03),
+        DVec2::new(0.03, -0.02),
+    ];
+
+    fn folded() -> [DVec3; 4] {
+        [
+            DVec3::new(0.0, 0.0, 0.0),
+            DVec3::new(0.041, 0.01, 0.002),
+            DVec3::new(0.01, 0.03, 0.012),
+            DVec3::new(0.03, -0.02, 0.009),
+        ]
+    }
+
+    fn angle([from, to, left, right]: [DVec3; 4]) -> f64 {
+        dihedral_angle(from, to, left, right)
+    }
+
+    #[test]
+    fn gradient_is_that_of_the_angle() {
+        let gradient = angle_gradient(folded());
+        let h = 1e-7;
+        for (corner, gradient) in gradient.iter().enumerate() {
+            for axis in 0..3 {
+                let moved = |by: f64| {
+                    let mut corners = folded();
+                    corners[corner][axis] += by;
+                    angle(corners)
+                };
+                let measured = (moved(h) - moved(-h)) / (2.0 * h);
+                // |∂θ| is about 60/m and its second derivative 30 times that each time.
+                assert!((gradient[axis] - measured).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn wings_that_rise_towards_the_normals_are_pushed_back() {
+        let response = BendElement::new(&TABLE, REST).respond(BendingLaw::Symmetric, folded());
+        assert!(response.angle > 0.0);
+        let force = response.force();
+        // Normals are near +z here: the wings are pushed down, the edge up.
+        assert!(force[2].z < 0.0 && force[3].z < 0.0 && force[0].z + force[1].z > 0.0);
+    }
+
+    #[test]
+    fn forces_make_no_momentum() {
+        let corners = folded();
+        let force = BendElement::new(&TABLE, REST)
+            .respond(BendingLaw::Arcsim, corners)
+            .force();
+        let largest = force.iter().map(|f| f.length()).fold(0.0, f64::max);
+        let torque: DVec3 = corners.iter().zip(force).map(|(x, f)| x.cross(f)).sum();
+        assert!(force.iter().sum::<DVec3>().length() < 1e-14 * largest);
+        assert!(torque.length() < 1e-15 * largest);
+    }
+
+    #[test]
+    fn symmetric_law_answers_to_either_side_alike() {
+        let element = BendElement::new(&TABLE, REST);
+        let mirrored = folded().map(|x| DVec3::new(x.x, x.y, -x.z));
+        let (one, other) = (
+            element.respond(BendingLaw::Symmetric, folded()),
+            element.respond(BendingLaw::Symmetric, mirrored),
+        );
+        assert_eq!(one.angle, -other.angle);
+        assert_eq!(one.stiffness, other.stiffness);
+        for (one, other) in one.force().iter().zip(other.force()) {
+            assert_eq!(*one, DVec3::new(other.x, other.y, -other.z));
+        }
+        let positive = element.respond(BendingLaw::Arcsim, folded());
+        let negative = element.respond(BendingLaw::Arcsim, mirrored);
+        assert_eq!(positive.stiffness, one.stiffness);
+        assert!((negative.stiffness - one.stiffness).abs() > 1e-3 * one.stiffness);
+    }
+
+    #[test]
+    fn table_is_met_at_its_own_directions_and_curvatures() {
+        let square = [DVec2::ZERO, DVec2::X, DVec2::Y, -DVec2::Y];
+        for (row, degrees) in [(0, 0.0_f64), (1, 45.0), (2, 90.0), (1, 135.0), (0, 180.0)] {
+            let turn = DVec2::from_angle(degrees.to_radians());
+            let element = BendElement::new(&TABLE, square.map(|c| turn.rotate(c)));
+            for (column, expected) in TABLE.0[row].iter().enumerate() {
+                assert!((element.stiffness_at(column as f64) - expected).abs() < 1e-19);
+            }
+            assert_eq!(element.stiffness_at(9.0), element.stiffness_at(4.0));
+        }
+    }
+
+    #[test]
+    fn stiffness_is_continuous_and_never_negative() {
+        let element = BendElement::new(&TABLE, REST);
+        for k in 0..1000 {
+            let curvature = -20.0 + 0.03 * f64::from(k);
+            let difference =
+                element.stiffness_at(curvature + 1e-9) - element.stiffness_at(curvature);
+            assert!(difference.abs() < 1e-9 * 20e-6 + 1e-19);
+            assert!(element.stiffness_at(curvature) >= 0.0);
+        }
+    }
+
+    #[test]
+    fn jacobian_is_the_outer_product_of_the_gradient() {
+        let response = BendElement::new(&TABLE, REST).respond(BendingLaw::Symmetric, folded());
+        let vectors = [DVec3::X, DVec3::new(0.2, -1.0, 0.5), DVec3::Z, -DVec3::ONE];
+        let product = response.negative_jacobian_times(vectors);
+        let mut form = 0.0;
+        for (row, product) in product.iter().enumerate() {
+            let sum: DVec3 = (0..4)
+                .map(|column| response.negative_jacobian(row, column) * vectors[column])
+                .sum();
+            assert!(product.distance(sum) < 1e-12 * response.stiffness * 1e4);
+            form += product.dot(vectors[row]);
+        }
+        assert!(form >= 0.0);
+    }
+
+    #[test]
+    fn flat_and_folded_shut_are_finite() {
+        let element = BendElement::new(&TABLE, REST);
+        let flat = REST.map(|c| c.extend(0.0));
+        assert_eq!(element.respond(BendingLaw::Symmetric, flat).angle, 0.0);
+        let collapsed = [flat[0], flat[1], flat[0], flat[0]];
+        for corners in [collapsed, [flat[0], flat[1], flat[2], flat[2]]] {
+            let response = element.respond(BendingLaw::Symmetric, corners);
+            assert!(response.force().iter().all(|f| f.is_finite()));
+        }
+    }
 }

@@ -79,12 +79,6 @@ impl Cholesky {
         })
     }
 
-    /// Number of scalar unknowns.
-    #[cfg(test)]
-    pub(crate) fn len(&self) -> usize {
-        self.pattern.ncols()
-    }
-
     /// Replaces `right_side` by the solution of A x = b, A given by its `values` in the order of
     /// the pattern.
     pub(crate) fn solve(
@@ -135,4 +129,71 @@ fn transpose(column_starts: &[usize], rows: &[usize]) -> (Vec<usize>, Vec<usize>
         }
     }
     (starts, transposed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lower triangle of L Lᵀ + I for a banded L, and the full matrix.
+    fn banded(size: usize) -> (Vec<usize>, Vec<usize>, Vec<f64>, Vec<Vec<f64>>) {
+        let entry = |row: usize, column: usize| match row.abs_diff(column) {
+            0 => 4.0 + row as f64 / 10.0,
+            1 => -1.0,
+            4 => 0.5 + column.min(row) as f64 / 50.0,
+            _ => 0.0,
+        };
+        let full: Vec<Vec<f64>> = (0..size)
+            .map(|row| (0..size).map(|column| entry(row, column)).collect())
+            .collect();
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        for column in 0..size {
+            for (row, entries) in full.iter().enumerate().skip(column) {
+                if entries[column] != 0.0 {
+                    rows.push(row);
+                    values.push(entries[column]);
+                }
+            }
+            starts.push(rows.len());
+        }
+        (starts, rows, values, full)
+    }
+
+    #[test]
+    fn solution_solves_the_full_system_again_and_again() {
+        let (starts, rows, mut values, full) = banded(30);
+        let mut cholesky = Cholesky::new(starts, rows).unwrap();
+        for scale in [1.0, 3.0] {
+            values.iter_mut().for_each(|value| *value *= scale);
+            let right_side: Vec<f64> = (0..30).map(|k| f64::from(k).sin()).collect();
+            let mut x = right_side.clone();
+            cholesky.solve(&values, &mut x).unwrap();
+            for (row, expected) in full.iter().zip(&right_side) {
+                let product: f64 = row.iter().zip(&x).map(|(a, x)| scale * a * x).sum();
+                assert!((product - expected).abs() < 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn indefinite_matrix_is_an_error_that_can_be_recovered_from() {
+        let (starts, rows, values, _) = banded(12);
+        let mut cholesky = Cholesky::new(starts.clone(), rows).unwrap();
+        let mut spoilt = values.clone();
+        spoilt[starts[7]] = -5.0;
+        let mut x = vec![1.0; 12];
+        assert_eq!(
+            cholesky.solve(&spoilt, &mut x),
+            Err(FactorError::NotPositiveDefinite { index: 7 })
+        );
+        spoilt[starts[7]] = f64::NAN;
+        assert!(cholesky.solve(&spoilt, &mut x).is_err());
+        assert!(cholesky.solve(&values, &mut x).is_ok());
+    }
+
+    #[test]
+    fn nothing_to_solve_is_no_error() {
+        let mut cholesky = Cholesky::new(vec![0], Vec::new()).unwrap();
+        assert_eq!(cholesky.solve(&[], &mut []), Ok(()));
+    }
 }

@@ -205,3 +205,109 @@ fn fill_reducing_order(
     .map_err(|cause| resources(format!("{cause:?}")))?;
     Ok(order)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLES: [[u32; 3]; 4] = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]];
+    const HINGES: [[u32; 4]; 3] = [[1, 2, 0, 3], [2, 3, 1, 4], [3, 4, 2, 5]];
+
+    fn pattern(held: &[u32]) -> Pattern {
+        let held: Vec<bool> = (0..6).map(|v| held.contains(&v)).collect();
+        Pattern::new(&held, &TRIANGLES, &HINGES).unwrap()
+    }
+
+    fn coupled(a: u32, b: u32) -> bool {
+        HINGES
+            .iter()
+            .any(|hinge| hinge.contains(&a) && hinge.contains(&b))
+    }
+
+    #[test]
+    fn every_coupled_pair_of_free_vertices_has_its_own_slot() {
+        let pattern = pattern(&[1]);
+        let unused = pattern.slot_count() as u32 - 1;
+        let mut seen = std::collections::HashSet::new();
+        for a in 0..6 {
+            for b in a..6 {
+                let slot = pattern.slot(a, b);
+                assert_eq!(slot, pattern.slot(b, a));
+                let expected = a != 1 && b != 1 && (a == b || coupled(a, b));
+                assert_eq!(slot != unused, expected, "{a} {b}");
+                assert!(slot == unused || seen.insert(slot));
+            }
+        }
+        assert_eq!(seen.len(), unused as usize);
+    }
+
+    #[test]
+    fn unknowns_number_the_free_vertices() {
+        let pattern = pattern(&[4, 0]);
+        let mut vertices = pattern.vertices().to_vec();
+        for (unknown, vertex) in vertices.iter().enumerate() {
+            assert_eq!(pattern.unknown(*vertex) as usize, unknown);
+        }
+        assert_eq!((pattern.unknown(0), pattern.unknown(4)), (4, 4));
+        vertices.sort_unstable();
+        assert_eq!(vertices, [1, 2, 3, 5]);
+    }
+
+    #[test]
+    fn expanded_values_stand_where_the_columns_say() {
+        let pattern = pattern(&[5]);
+        // Block of slot s: entry (r, c) = 100 s + 10 r + c.
+        let blocks: Vec<DMat3> = (0..pattern.slot_count())
+            .map(|slot| {
+                let entry = |r: usize, c: usize| (100 * slot + 10 * r + c) as f64;
+                DMat3::from_cols_array_2d(&[0, 1, 2].map(|c| [0, 1, 2].map(|r| entry(r, c))))
+            })
+            .collect();
+        let (starts, rows) = pattern.scalar_columns();
+        let mut values = vec![f64::NAN; rows.len()];
+        pattern.expand(&blocks, &mut values);
+        for column in 0..15 {
+            let range = starts[column]..starts[column + 1];
+            assert!(rows[range.clone()].is_sorted());
+            assert_eq!(rows[range.start], column);
+            for (row, value) in rows[range.clone()].iter().zip(&values[range]) {
+                let [a, b] = [row / 3, column / 3].map(|unknown| pattern.vertices()[unknown]);
+                let slot = pattern.slot(a, b) as usize;
+                assert_eq!(*value, (100 * slot + 10 * (row % 3) + column % 3) as f64);
+            }
+        }
+    }
+
+    #[test]
+    fn elimination_order_keeps_a_grid_sparse() {
+        let side = 20_u32;
+        let mut triangles = Vec::new();
+        for row in 0..side - 1 {
+            for a in row * side..row * side + side - 1 {
+                triangles.extend([[a, a + side, a + side + 1], [a, a + side + 1, a + 1]]);
+            }
+        }
+        let none: [[u32; 4]; 0] = [];
+        let count = (side * side) as usize;
+        let pattern = Pattern::new(&vec![false; count], &triangles, &none).unwrap();
+        // Row by row, eliminating fills the band of 21 below each column; a good order stays well
+        // below that.
+        let mut columns: Vec<std::collections::BTreeSet<u32>> = (0..count)
+            .map(|k| {
+                pattern.rows[pattern.starts[k]..pattern.starts[k + 1]]
+                    .iter()
+                    .copied()
+                    .collect()
+            })
+            .collect();
+        let mut filled = 0;
+        for k in 0..count {
+            let column = std::mem::take(&mut columns[k]);
+            filled += column.len();
+            if let Some(&parent) = column.first() {
+                columns[parent as usize].extend(column.into_iter().skip(1));
+            }
+        }
+        assert!(filled < 21 * count * 2 / 3, "{filled} blocks");
+    }
+}

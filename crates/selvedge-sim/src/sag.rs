@@ -20,11 +20,11 @@ use crate::system::{SolveError, State, System};
 /// A cloth in static equilibrium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SaggedRest {
-    /// Positions [m], `[vertices]`.
+    /// Positions `[m]`, `[vertices]`.
     pub positions: Vec<DVec3>,
     /// Solves that it took.
     pub solves: u32,
-    /// Largest residual acceleration |F|/m of a free vertex [m/s²].
+    /// Largest residual acceleration |F|/m of a free vertex `[m/s²]`.
     pub residual: f64,
 }
 
@@ -33,9 +33,9 @@ pub struct SaggedRest {
 pub struct SagProgress {
     /// Solves so far.
     pub solves: u32,
-    /// Largest residual acceleration |F|/m of a free vertex now [m/s²].
+    /// Largest residual acceleration |F|/m of a free vertex now `[m/s²]`.
     pub residual: f64,
-    /// Where to get [m/s²].
+    /// Where to get `[m/s²]`.
     pub tolerance: f64,
 }
 
@@ -111,20 +111,20 @@ pub fn sag_with_progress(
     }
 }
 
-/// Time step to begin with [s]; longer ones gain nothing.
+/// Time step to begin with `[s]`; longer ones gain nothing.
 const TIME_STEP: f64 = 0.2;
-/// Shortest time step [s].
-const SHORTEST_TIME_STEP: f64 = 0.01;
+/// Shortest time step `[s]`.
+const SHORTEST_TIME_STEP: f64 = 0.1;
 /// Longest step of a vertex, relative to the size of the sheet.
 const LONGEST_STEP: f64 = 0.02;
-/// Residual acceleration [m/s²] below which the iteration is smooth enough to be accelerated.
+/// Residual acceleration `[m/s²]` below which the iteration is smooth enough to be accelerated.
 const ACCELERATE_BELOW: f64 = 0.2;
 /// Steps that Anderson's method remembers.
 const DEPTH: usize = 8;
 /// Solves without a residual a tenth smaller than ever before after which something is changed; a
 /// quarter of it while accelerating.
 const PATIENCE: u32 = 200;
-/// Inertia of the steps once patience has been lost, and the residual [m/s²] below which it helps.
+/// Inertia of the steps once patience has been lost, and the residual `[m/s²]` below which it helps.
 const INERTIA: f64 = 0.95;
 const INERTIA_BELOW: f64 = 1.0;
 
@@ -139,7 +139,7 @@ struct Relaxation {
     inertia: f64,
     longest_step: f64,
     time_step: f64,
-    /// Size of the last correction [m].
+    /// Size of the last correction `[m]`.
     last_size: f64,
     accelerate_below: f64,
     best_residual: f64,
@@ -171,7 +171,7 @@ impl Relaxation {
         })
     }
 
-    /// Assembles at the current positions; largest |F|/m of an unknown vertex [m/s²].
+    /// Assembles at the current positions; largest |F|/m of an unknown vertex `[m/s²]`.
     /// `[eq:sag-residual]`
     fn residual(&mut self) -> f64 {
         self.system
@@ -303,7 +303,7 @@ fn longest(vectors: &[DVec3]) -> f64 {
     vectors.iter().map(|v| v.length()).fold(0.0, f64::max)
 }
 
-/// Longer side of the sheet's box in material space [m].
+/// Longer side of the sheet's box in material space `[m]`.
 fn sheet_size(scene: &Scene) -> f64 {
     let uv = scene.mesh.material_coordinates();
     let low = uv.iter().fold(uv[0], |low, c| low.min(*c));

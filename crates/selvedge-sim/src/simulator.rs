@@ -61,7 +61,7 @@ impl Simulator {
         Self::with_state(scene, positions, velocities)
     }
 
-    /// A simulator of `scene` that starts at `positions` [m] with `velocities` [m/s], `[vertices]`.
+    /// A simulator of `scene` that starts at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`.
     ///
     /// # Errors
     /// As for [`Self::new`]; also a count that does not match, or a value that is not finite.
@@ -102,25 +102,25 @@ impl Simulator {
         })
     }
 
-    /// Positions now [m], `[vertices]`.
+    /// Positions now `[m]`, `[vertices]`.
     #[must_use]
     pub fn positions_f64(&self) -> &[DVec3] {
         &self.state.positions
     }
 
-    /// Velocities now [m/s], `[vertices]`.
+    /// Velocities now `[m/s]`, `[vertices]`.
     #[must_use]
     pub fn velocities_f64(&self) -> &[DVec3] {
         &self.state.velocities
     }
 
-    /// Mass of each vertex [kg], `[vertices]`.
+    /// Mass of each vertex `[kg]`, `[vertices]`.
     #[must_use]
     pub fn vertex_mass(&self) -> &[f64] {
         self.system.mass()
     }
 
-    /// Kinetic energy Σ m |v|²/2 [J]. `[eq:kinetic-energy]`
+    /// Kinetic energy Σ m |v|²/2 `[J]`.
     #[must_use]
     pub fn kinetic_energy(&self) -> f64 {
         self.system
@@ -131,7 +131,11 @@ impl Simulator {
             .sum()
     }
 
-    /// One solve over `dt` [s], the handles to `targets` [m], `[handles]`. The frame count stays.
+    /// One solve over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`. The frame count stays.
+    ///
+    /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and
+    /// b = dt f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v);
+    /// an exact handle's row is v = (target - x)/dt instead. `[eq:backward-euler]`
     ///
     /// # Errors
     /// As for [`Stepper::step`]; the cloth is then left as it was.

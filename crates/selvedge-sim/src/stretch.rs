@@ -26,11 +26,11 @@ pub struct Strain {
 /// A face's rest shape: what turns corner positions into a deformation gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StretchElement {
-    /// ∂x/∂u = Σ shape_u\[a\] x_a [1/m].
+    /// ∂x/∂u = Σ shape_u\[a\] x_a `[1/m]`.
     pub shape_u: [f64; 3],
-    /// ∂x/∂v = Σ shape_v\[a\] x_a [1/m].
+    /// ∂x/∂v = Σ shape_v\[a\] x_a `[1/m]`.
     pub shape_v: [f64; 3],
-    /// Area in material space [m²].
+    /// Area in material space `[m²]`.
     pub area: f64,
 }
 
@@ -46,7 +46,7 @@ pub struct StretchResponse {
 }
 
 impl StretchElement {
-    /// The element of a face with these corners in material space [m]; any order of the corners.
+    /// The element of a face with these corners in material space `[m]`; any order of the corners.
     #[must_use]
     pub fn new(corners: [DVec2; 3]) -> Self {
         let [a, b, c] = corners;
@@ -73,7 +73,7 @@ impl StretchElement {
         )
     }
 
-    /// Green strain of corners at these positions [m]: G = (FᵀF - I)/2. `[eq:green-strain]`
+    /// Green strain of corners at these positions `[m]`: G = (FᵀF - I)/2. `[eq:green-strain]`
     #[must_use]
     #[inline]
     pub fn strain(&self, corners: [DVec3; 3]) -> Strain {
@@ -81,7 +81,7 @@ impl StretchElement {
         green_strain(along_u, along_v)
     }
 
-    /// Force and Jacobian at these corner positions [m].
+    /// Force and Jacobian at these corner positions `[m]`.
     #[must_use]
     #[inline]
     pub fn respond(
@@ -121,7 +121,7 @@ fn green_strain(along_u: DVec3, along_v: DVec3) -> Strain {
 }
 
 impl StretchResponse {
-    /// Force on the three corners [N]:
+    /// Force on the three corners `[N]`:
     /// F = -a [(k0 G00 + k1 G11) g_uu + (k2 G11 + k1 G00) g_vv + 2 k3 G01 g_uv] with
     /// g_uu = d_u ⊗ f_u, g_vv = d_v ⊗ f_v, g_uv = (d_u ⊗ f_v + d_v ⊗ f_u)/2. `[eq:stretch-force]`
     #[must_use]
@@ -133,9 +133,9 @@ impl StretchResponse {
         self.spread(by_u, by_v)
     }
 
-    /// Block (`row`, `column`) of the negative Jacobian -J [N/m], `[3, 3]`:
-    /// -J = a [k0 g_uu g_uuᵀ + k2 g_vv g_vvᵀ + k1 (g_uu g_vvᵀ + g_vv g_uuᵀ) + 2 k3 g_uv g_uvᵀ
-    /// + (k0 G00⁺ + k1 G11⁺) d_u d_uᵀ ⊗ I + (k2 G11⁺ + k1 G00⁺) d_v d_vᵀ ⊗ I].
+    /// Block (`row`, `column`) of the negative Jacobian -J `[N/m]`, `[3, 3]`:
+    /// -J = a [k0 g_uu g_uuᵀ + k2 g_vv g_vvᵀ + k1 (g_uu g_vvᵀ + g_vv g_uuᵀ) + 2 k3 g_uv g_uvᵀ +
+    /// (k0 G00⁺ + k1 G11⁺) d_u d_uᵀ ⊗ I + (k2 G11⁺ + k1 G00⁺) d_v d_vᵀ ⊗ I].
     /// `[eq:stretch-jacobian]`
     #[must_use]
     #[inline]
@@ -182,5 +182,162 @@ impl StretchResponse {
     fn spread(&self, by_u: DVec3, by_v: DVec3) -> [DVec3; 3] {
         let element = &self.element;
         [0, 1, 2].map(|a| by_u * element.shape_u[a] + by_v * element.shape_v[a])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A stiffness that does not depend on strain.
+    struct Constant([f64; 4]);
+
+    impl StretchStiffness for Constant {
+        fn at(&self, _: Strain) -> [f64; 4] {
+            self.0
+        }
+    }
+
+    const LAW: Constant = Constant([50.0, 20.0, 90.0, 35.0]);
+    const REST: [DVec2; 3] = [
+        DVec2::new(0.1, 0.2),
+        DVec2::new(0.5, 0.1),
+        DVec2::new(0.3, 0.6),
+    ];
+
+    fn deformed() -> [DVec3; 3] {
+        [
+            DVec3::new(0.1, -0.2, 0.3),
+            DVec3::new(0.2, 0.35, 0.25),
+            DVec3::new(-0.2, 0.1, 0.6),
+        ]
+    }
+
+    /// a [(k0 G00² + k2 G11²)/2 + k1 G00 G11 + k3 G01²], whose negative gradient is the force.
+    fn energy(element: &StretchElement, corners: [DVec3; 3]) -> f64 {
+        let strain = element.strain(corners);
+        let [k0, k1, k2, k3] = LAW.0;
+        element.area
+            * (0.5 * (k0 * strain.uu * strain.uu + k2 * strain.vv * strain.vv)
+                + k1 * strain.uu * strain.vv
+                + k3 * strain.uv * strain.uv)
+    }
+
+    fn shifted(mut corners: [DVec3; 3], corner: usize, axis: usize, by: f64) -> [DVec3; 3] {
+        corners[corner][axis] += by;
+        corners
+    }
+
+    #[test]
+    fn gradient_recovers_an_affine_map() {
+        let (u, v) = (DVec3::new(1.1, 0.2, -0.3), DVec3::new(0.1, 0.7, 0.4));
+        let element = StretchElement::new(REST);
+        let corners = REST.map(|c| u * c.x + v * c.y + DVec3::ONE);
+        let (along_u, along_v) = element.gradient(corners);
+        assert!(along_u.distance(u) < 1e-14 && along_v.distance(v) < 1e-14);
+        for shapes in [element.shape_u, element.shape_v] {
+            assert!(shapes.iter().sum::<f64>().abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn force_is_the_negative_gradient_of_the_energy() {
+        let element = StretchElement::new(REST);
+        let force = element.respond(&LAW, deformed()).force();
+        let h = 1e-6;
+        for (corner, force) in force.iter().enumerate() {
+            for axis in 0..3 {
+                let up = energy(&element, shifted(deformed(), corner, axis, h));
+                let down = energy(&element, shifted(deformed(), corner, axis, -h));
+                // Central differences: h² of the third derivative (about 1e3) and 1e-16/h.
+                assert!((force[axis] + (up - down) / (2.0 * h)).abs() < 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn jacobian_is_exact_in_pure_tension_along_the_axes() {
+        // There G⁺ = G, and the term in G01 that the Jacobian leaves out vanishes.
+        let element = StretchElement::new(REST);
+        let (u, v) = (DVec3::new(0.0, 1.2, 0.0), DVec3::new(0.0, 0.0, 1.1));
+        let corners = REST.map(|c| u * c.x + v * c.y);
+        let response = element.respond(&LAW, corners);
+        let h = 1e-6;
+        for column in 0..3 {
+            for axis in 0..3 {
+                let up = element
+                    .respond(&LAW, shifted(corners, column, axis, h))
+                    .force();
+                let down = element
+                    .respond(&LAW, shifted(corners, column, axis, -h))
+                    .force();
+                for row in 0..3 {
+                    let measured = (down[row] - up[row]) / (2.0 * h);
+                    let block = response.negative_jacobian(row, column);
+                    assert!(block.col(axis).distance(measured) < 1e-6);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn jacobian_is_symmetric_and_positive_semidefinite() {
+        let element = StretchElement::new(REST);
+        let response = element.respond(&LAW, deformed());
+        for (row, column) in [(0, 0), (0, 1), (1, 2), (2, 2)] {
+            let difference = response.negative_jacobian(row, column)
+                - response.negative_jacobian(column, row).transpose();
+            assert!(difference.to_cols_array().iter().all(|x| x.abs() < 1e-12));
+        }
+        for k in 0..50 {
+            let t = f64::from(k);
+            let direction = [0.0, 1.0, 2.0]
+                .map(|c| DVec3::new((t + c).sin(), (2.0 * t + c).cos(), (3.0 * t - c * t).sin()));
+            let answer = response.negative_jacobian_times(direction);
+            let form: f64 = answer.iter().zip(direction).map(|(a, d)| a.dot(d)).sum();
+            assert!(form >= -1e-12);
+        }
+    }
+
+    #[test]
+    fn jacobian_times_is_the_sum_of_its_blocks() {
+        let response = StretchElement::new(REST).respond(&LAW, deformed());
+        let vectors = [
+            DVec3::new(1.0, -2.0, 0.5),
+            DVec3::new(0.3, 0.7, -1.1),
+            DVec3::new(-0.4, 0.2, 0.9),
+        ];
+        let product = response.negative_jacobian_times(vectors);
+        for (row, product) in product.iter().enumerate() {
+            let sum: DVec3 = (0..3)
+                .map(|column| response.negative_jacobian(row, column) * vectors[column])
+                .sum();
+            assert!(product.distance(sum) < 1e-11);
+        }
+    }
+
+    #[test]
+    fn forces_make_no_momentum() {
+        let corners = deformed();
+        let force = StretchElement::new(REST).respond(&LAW, corners).force();
+        let torque: DVec3 = corners.iter().zip(force).map(|(x, f)| x.cross(f)).sum();
+        assert!(force.iter().sum::<DVec3>().length() < 1e-13 && torque.length() < 1e-13);
+    }
+
+    #[test]
+    fn order_of_the_corners_does_not_matter() {
+        let corners = deformed();
+        let force = StretchElement::new(REST).respond(&LAW, corners).force();
+        let [a, b, c] = REST;
+        let turned = StretchElement::new([c, a, b])
+            .respond(&LAW, [corners[2], corners[0], corners[1]])
+            .force();
+        let flipped = StretchElement::new([b, a, c])
+            .respond(&LAW, [corners[1], corners[0], corners[2]])
+            .force();
+        for k in 0..3 {
+            assert!(turned[(k + 1) % 3].distance(force[k]) < 1e-12);
+            assert!(flipped[[1, 0, 2][k]].distance(force[k]) < 1e-12);
+        }
     }
 }

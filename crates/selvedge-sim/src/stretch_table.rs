@@ -2,7 +2,7 @@
 //! Ramamoorthi 2011; simulator.md §2.1): the table itself, or ARCSim's 30³ samples of it.
 //!
 //! Conventions: k in N/m after the law's factor 2, never negative; the sign of the shear does not
-//! matter. The samples do not hit zero strain, so the two differ even at rest (`[eq:stretch-grid]`).
+//! matter. The samples do not hit zero strain, so the two differ even at rest.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ use crate::stretch::Strain;
 
 /// Anything that gives a stiffness at a strain.
 pub trait StretchStiffness {
-    /// Stiffness (k0, k1, k2, k3) [N/m] at `strain`.
+    /// Stiffness (k0, k1, k2, k3) `[N/m]` at `strain`.
     fn at(&self, strain: Strain) -> [f64; 4];
 }
 
@@ -115,4 +115,107 @@ fn place(index: f64) -> (usize, f64) {
     let index = index.clamp(0.0, (GRID - 1) as f64 - INDEX_MARGIN);
     let cell = index as usize;
     (cell, index - cell as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: StretchTable = StretchTable([
+        [16.0, -14.0, 34.0, 36.0],
+        [46.0, 53.0, 261.0, -29.0],
+        [49.0, 87.0, 206.0, 22.0],
+        [123.0, 105.0, 365.0, 44.0],
+        [139.0, 73.0, 413.0, -174.0],
+        [127.0, 85.0, 405.0, 32.0],
+    ]);
+
+    /// Strain of a principal stretch of 7/6 in a direction, with none across it.
+    fn stretched(degrees: f64) -> Strain {
+        let green = 0.5 * ((7.0_f64 / 6.0).powi(2) - 1.0);
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        Strain {
+            uu: green * cosine * cosine,
+            vv: green * sine * sine,
+            uv: green * sine * cosine,
+        }
+    }
+
+    #[test]
+    fn table_is_met_at_its_own_strains() {
+        let exact = ExactStiffness::new(TABLE);
+        let doubled = |row: usize| TABLE.0[row].map(|k| 2.0 * k.max(0.0));
+        assert_eq!(exact.at(Strain::default()), doubled(0));
+        for (row, degrees) in [(1, 0.0), (2, 22.5), (3, 45.0), (4, 67.5), (5, 90.0)] {
+            for (found, expected) in exact.at(stretched(degrees)).iter().zip(doubled(row)) {
+                // Both indices stop short of the next row by up to 1e-6.
+                assert!((found - expected).abs() < 3e-6 * 600.0, "{degrees}°");
+            }
+        }
+    }
+
+    #[test]
+    fn grid_is_exact_at_its_samples_and_linear_between() {
+        let (exact, grid) = (ExactStiffness::new(TABLE), GridStiffness::new(TABLE));
+        let sample = |i: f64, j: f64, k: f64| Strain {
+            uu: -0.25 + i / 30.0,
+            vv: -0.25 + j / 30.0,
+            uv: k / 30.0,
+        };
+        for (i, j, k) in [(0.0, 0.0, 0.0), (8.0, 11.0, 2.0), (20.0, 5.0, 28.0)] {
+            let pairs = grid.at(sample(i, j, k)).into_iter();
+            for (found, expected) in pairs.zip(exact.at(sample(i, j, k))) {
+                assert!((found - expected).abs() < 1e-9);
+            }
+            let (low, high) = (grid.at(sample(i, j, k)), grid.at(sample(i + 1.0, j, k)));
+            let middle = grid.at(sample(i + 0.5, j, k));
+            for c in 0..4 {
+                assert!((middle[c] - 0.5 * (low[c] + high[c])).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn grid_is_continuous_and_ends_at_its_rim() {
+        let grid = GridStiffness::new(TABLE);
+        for t in 0..400 {
+            let along = |s: f64| Strain {
+                uu: -0.4 + 0.005 * s,
+                vv: 0.9 - 0.004 * s,
+                uv: -0.5 + 0.003 * s,
+            };
+            let t = f64::from(t);
+            let (before, after) = (grid.at(along(t)), grid.at(along(t + 1e-6)));
+            for c in 0..4 {
+                // No sample differs from its neighbour by more than 830 N/m.
+                assert!((before[c] - after[c]).abs() < 3.0 * 830.0 * 30.0 * 5e-9);
+                assert!(before[c] >= 0.0);
+            }
+        }
+        let far = Strain {
+            uu: 50.0,
+            vv: -3.0,
+            uv: 9.0,
+        };
+        let rim = Strain {
+            uu: -0.25 + 29.0 / 30.0,
+            vv: -0.25,
+            uv: 29.0 / 30.0,
+        };
+        for (far, rim) in grid.at(far).iter().zip(grid.at(rim)) {
+            assert!((far - rim).abs() < 1e-5 * 830.0 * 2.0);
+        }
+    }
+
+    #[test]
+    fn sign_of_the_shear_does_not_matter() {
+        let (exact, grid) = (ExactStiffness::new(TABLE), GridStiffness::new(TABLE));
+        let strain = stretched(30.0);
+        let mirrored = Strain {
+            uv: -strain.uv,
+            ..strain
+        };
+        assert_eq!(exact.at(strain), exact.at(mirrored));
+        assert_eq!(grid.at(strain), grid.at(mirrored));
+    }
 }

@@ -20,15 +20,15 @@ use crate::pattern::Pattern;
 use crate::stretch::StretchElement;
 use crate::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
 
-/// Stiffness of a spring handle, per axis [N/m].
+/// Stiffness of a spring handle, per axis `[N/m]`.
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 
-/// Positions [m] and velocities [m/s], `[vertices]` each.
+/// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct State {
-    /// Positions [m].
+    /// Positions `[m]`.
     pub(crate) positions: Vec<DVec3>,
-    /// Velocities [m/s].
+    /// Velocities `[m/s]`.
     pub(crate) velocities: Vec<DVec3>,
 }
 
@@ -92,9 +92,9 @@ pub(crate) struct System {
 /// The factors of one solve.
 #[derive(Clone, Copy)]
 struct Scales {
-    /// dt: what turns a force into an impulse [s].
+    /// dt: what turns a force into an impulse `[s]`.
     force: f64,
-    /// dt (dt + c): what turns a Jacobian into a mass [s²].
+    /// dt (dt + c): what turns a Jacobian into a mass `[s²]`.
     jacobian: f64,
 }
 
@@ -152,7 +152,7 @@ impl System {
         })
     }
 
-    /// Mass of each vertex [kg], `[vertices]`.
+    /// Mass of each vertex `[kg]`, `[vertices]`.
     pub(crate) fn mass(&self) -> &[f64] {
         &self.mass
     }
@@ -162,7 +162,7 @@ impl System {
         self.pattern.vertices()
     }
 
-    /// Assembles A and b at `state` for a solve over `dt` [s], handles going to `targets` [m].
+    /// Assembles A and b at `state` for a solve over `dt` `[s]`, handles going to `targets` `[m]`.
     pub(crate) fn assemble(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
         self.driven.copy_from_slice(&state.velocities);
         if self.constraint == HandleConstraint::Exact {
@@ -210,7 +210,7 @@ impl System {
         }
     }
 
-    /// The assembled right side b [N s], `[vertices]`; that of held vertices has no use.
+    /// The assembled right side b `[N s]`, `[vertices]`; that of held vertices has no use.
     pub(crate) fn impulses(&self) -> &[DVec3] {
         &self.impulses
     }
@@ -235,7 +235,7 @@ impl System {
         Ok(())
     }
 
-    /// Each unknown vertex and its Δv [m/s] of the last solve.
+    /// Each unknown vertex and its Δv `[m/s]` of the last solve.
     pub(crate) fn velocity_changes(&self) -> impl Iterator<Item = (usize, DVec3)> {
         self.pattern
             .vertices()
@@ -244,7 +244,7 @@ impl System {
             .map(|(&vertex, change)| (vertex as usize, DVec3::from_slice(change)))
     }
 
-    /// Moves `state` by one solve over `dt` [s], handles to `targets` [m]; on an error it is
+    /// Moves `state` by one solve over `dt` `[s]`, handles to `targets` `[m]`; on an error it is
     /// unusable and the caller restores it.
     pub(crate) fn advance(
         &mut self,
@@ -407,3 +407,6 @@ fn hinge(pattern: &Pattern, corners: [u32; 4], element: BendElement) -> Hinge {
         element,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,139 @@
+//! Numbers that must not change.
+//!
+//! `arcsim_lookups.txt`: stiffness look-ups of ARCSim itself. `substeps.txt`: three solves on a small
+//! mesh as this crate computed them when it agreed with 18 of ARCSim's own substeps to 3.5e-9 m
+//! (`reference.rs`); setting `SELVEDGE_UPDATE_GOLDENS` writes it anew, which needs a reason.
+
+use std::fmt::Write as _;
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::{BendingLaw, HandleConstraint, Material};
+use selvedge_sim::Simulator;
+use selvedge_sim::bend::BendElement;
+use selvedge_sim::stretch::Strain;
+use selvedge_sim::stretch_table::{GridStiffness, StretchStiffness};
+
+use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, noise};
+
+fn fabric(name: &str) -> Material {
+    [GRAY, CAMEL, DENIM, NAVY]
+        .map(material)
+        .into_iter()
+        .find(|material| material.name == name)
+        .unwrap()
+}
+
+fn rows(text: &str) -> impl Iterator<Item = (&str, &str, Vec<f64>)> {
+    text.lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| {
+            let mut words = line.split(' ');
+            let (kind, name) = (words.next().unwrap(), words.next().unwrap());
+            (
+                kind,
+                name,
+                words.map(|word| word.parse().unwrap()).collect(),
+            )
+        })
+}
+
+/// 1e-9 relative, or `room`.
+fn assert_close(found: f64, expected: f64, room: f64, what: &str) {
+    let error = (found - expected).abs();
+    assert!(
+        error <= room.max(1e-9 * expected.abs()),
+        "{what}: {found} instead of {expected}"
+    );
+}
+
+#[test]
+fn stretch_look_ups_are_arcsims() {
+    let mut checked = 0;
+    for (kind, name, numbers) in rows(include_str!("arcsim_lookups.txt")) {
+        if kind != "stretch" {
+            continue;
+        }
+        let stiffness = GridStiffness::new(fabric(name).stretch);
+        let strain = Strain {
+            uu: numbers[0],
+            vv: numbers[1],
+            uv: numbers[2],
+        };
+        let what = format!("{name} at {strain:?}");
+        // ARCSim's principal directions of sheared strains are good to about 1e-8 only.
+        let sheared = 5e-8 * numbers[3..].iter().copied().fold(0.0, f64::max);
+        let room = if strain.uv == 0.0 { 0.0 } else { sheared };
+        for (found, expected) in stiffness.at(strain).into_iter().zip(&numbers[3..]) {
+            assert_close(found, *expected, room, &what);
+        }
+        checked += 1;
+    }
+    assert_eq!(checked, 48);
+}
+
+#[test]
+fn bend_look_ups_are_arcsims() {
+    let mut checked = 0;
+    for (kind, name, numbers) in rows(include_str!("arcsim_lookups.txt")) {
+        if kind != "bend" {
+            continue;
+        }
+        let [degrees, curvature, expected] = numbers[..] else {
+            panic!("{name}: {numbers:?}")
+        };
+        let along = DVec2::from_angle(degrees.to_radians());
+        let corners = [DVec2::ZERO, along, along.perp(), -along.perp()];
+        let element = BendElement::new(&fabric(name).bend, corners);
+        let found = element.stiffness_at(curvature);
+        assert_close(
+            found,
+            expected.max(0.0),
+            0.0,
+            &format!("{name} at {degrees}°, {curvature}"),
+        );
+        checked += 1;
+    }
+    assert!(checked >= 4 * 20);
+}
+
+#[test]
+fn substeps_are_as_they_were() {
+    let mut scene = hanging(5);
+    scene.physics.handles = HandleConstraint::Spring;
+    scene.physics.bending = BendingLaw::Arcsim;
+    let moved = |scale: f64| {
+        let positions = scene.mesh.positions().iter();
+        positions
+            .zip(noise(25, scale))
+            .map(|(x, d)| *x + d)
+            .collect::<Vec<DVec3>>()
+    };
+    let mut text = String::from(
+        "# Positions [m] of a 5 x 5 cloth after each of three solves; made by golden.rs.\n",
+    );
+    let mut simulator = Simulator::with_state(&scene, moved(0.02), noise(25, 0.5)).unwrap();
+    let targets = scene.handles.select(scene.mesh.positions());
+    for _ in 0..3 {
+        simulator.substep(1.0 / 240.0, &targets).unwrap();
+        for x in simulator.positions_f64() {
+            writeln!(text, "x substeps {:e} {:e} {:e}", x.x, x.y, x.z).unwrap();
+        }
+    }
+    if std::env::var_os("SELVEDGE_UPDATE_GOLDENS").is_some() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/physics/substeps.txt");
+        std::fs::write(path, &text).unwrap();
+        return;
+    }
+    let golden: Vec<Vec<f64>> = rows(include_str!("substeps.txt"))
+        .map(|(_, _, x)| x)
+        .collect();
+    let found: Vec<Vec<f64>> = rows(&text).map(|(_, _, x)| x).collect();
+    assert_eq!((golden.len(), found.len()), (75, 75));
+    for (found, golden) in found.iter().flatten().zip(golden.iter().flatten()) {
+        // Rounding that differs between machines is 1e-15 m, grown by three solves.
+        assert!(
+            (found - golden).abs() < 1e-11,
+            "{found} instead of {golden}"
+        );
+    }
+}

@@ -1,0 +1,99 @@
+//! Small scenes that need no file and no generator.
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::{
+    Environment, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings, Scene,
+};
+
+pub(crate) const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
+pub(crate) const CAMEL: &str = include_str!("../../../../assets/materials/camel-ponte-roma.toml");
+pub(crate) const DENIM: &str = include_str!("../../../../assets/materials/11oz-black-denim.toml");
+pub(crate) const NAVY: &str = include_str!("../../../../assets/materials/navy-sparkle-sweat.toml");
+
+pub(crate) fn material(text: &str) -> Material {
+    let material: Material = toml::from_str(text).unwrap();
+    material.validate().unwrap();
+    material
+}
+
+/// A unit square of `side`² vertices in the yz-plane, row by row from the top edge (y = 0), its
+/// inner vertices shifted so that no two faces are alike. Normals (-1, 0, 0).
+pub(crate) fn square_mesh(side: usize) -> Mesh {
+    let spacing = 1.0 / (side - 1) as f64;
+    let mut coordinates = Vec::new();
+    for row in 0..side {
+        for column in 0..side {
+            let inner = (1..side - 1).contains(&row) && (1..side - 1).contains(&column);
+            let phase = (7 * row + 3 * column) as f64;
+            let shift = if inner { 0.15 * spacing } else { 0.0 };
+            coordinates.push(DVec2::new(
+                column as f64 * spacing + shift * phase.sin(),
+                1.0 - row as f64 * spacing + shift * (1.7 * phase).cos(),
+            ));
+        }
+    }
+    let mut faces = Vec::new();
+    for row in 0..side - 1 {
+        for column in 0..side - 1 {
+            let [a, b] = [row * side + column, (row + 1) * side + column].map(|v| v as u32);
+            if (row + column) % 2 == 0 {
+                faces.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
+            } else {
+                faces.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
+            }
+        }
+    }
+    let positions = coordinates
+        .iter()
+        .map(|c| DVec3::new(0.0, c.y - 1.0, c.x - 0.5))
+        .collect();
+    Mesh::new(&faces, coordinates, positions).unwrap()
+}
+
+/// Gray interlock hanging from its upper corners.
+pub(crate) fn hanging(side: usize) -> Scene {
+    let mesh = square_mesh(side);
+    let vertex_count = mesh.topology().vertex_count();
+    Scene {
+        name: "hanging".to_owned(),
+        handles: Handles::new(&[0, side as u32 - 1], vertex_count).unwrap(),
+        mesh,
+        material: material(GRAY),
+        environment: Environment::default(),
+        motion: Motion::still(1.0),
+        physics: PhysicsSettings::default(),
+        sag: SagSettings::default(),
+        frame_rate: 60.0,
+    }
+}
+
+/// The same cloth with nothing that holds it and nothing that acts on it.
+pub(crate) fn floating(side: usize) -> Scene {
+    let mut scene = hanging(side);
+    scene.handles = Handles::new(&[], side * side).unwrap();
+    scene.environment.gravity = DVec3::ZERO;
+    scene.environment.air_density = 0.0;
+    scene
+}
+
+/// Vectors of length at most √3 · `scale` that look random and are always the same.
+pub(crate) fn noise(count: usize, scale: f64) -> Vec<DVec3> {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut next = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        scale * ((state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
+    };
+    (0..count)
+        .map(|_| DVec3::new(next(), next(), next()))
+        .collect()
+}
+
+pub(crate) fn largest_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| a.distance(*b))
+        .fold(0.0, f64::max)
+}

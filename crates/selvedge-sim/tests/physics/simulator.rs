@@ -1,0 +1,266 @@
+//! The integrator: closed forms, conservation, handles, failures.
+
+use glam::{DQuat, DVec3};
+use selvedge_cloth::{
+    HandleConstraint, HandleError, HandleTargets, Handles, Scene, StepError, Stepper,
+};
+use selvedge_sim::{Simulator, SimulatorError};
+
+use crate::scenes::{DENIM, floating, hanging, largest_distance, material, noise};
+
+const DT: f64 = 1.0 / 240.0;
+
+fn start(scene: &Scene) -> Vec<DVec3> {
+    scene.handles.select(scene.mesh.positions())
+}
+
+fn crumpled(scene: &Scene, scale: f64) -> Vec<DVec3> {
+    let positions = scene.mesh.positions();
+    positions
+        .iter()
+        .zip(noise(positions.len(), scale))
+        .map(|(position, shift)| *position + shift)
+        .collect()
+}
+
+#[test]
+fn free_fall_is_backward_eulers() {
+    let mut scene = floating(5);
+    scene.environment.gravity = DVec3::new(0.0, -9.8, 1.0);
+    let mut simulator = Simulator::new(&scene).unwrap();
+    for _ in 0..25 {
+        simulator.substep(DT, &[]).unwrap();
+    }
+    // v_n = n dt g, x_n = x_0 + dt² g (1 + 2 + … + n).
+    let fall = scene.environment.gravity * (DT * DT * f64::from(25 * 26 / 2));
+    for (position, from) in simulator.positions_f64().iter().zip(scene.mesh.positions()) {
+        assert!(position.distance(*from + fall) < 1e-12);
+    }
+    for velocity in simulator.velocities_f64() {
+        assert!(velocity.distance(scene.environment.gravity * (25.0 * DT)) < 1e-12);
+    }
+}
+
+#[test]
+fn air_slows_a_flat_sheet_by_its_own_law() {
+    let mut scene = floating(5);
+    scene.environment.air_density = 1.2;
+    scene.environment.wind = DVec3::new(0.5, 0.0, 0.0);
+    let count = scene.mesh.positions().len();
+    let velocity = DVec3::new(2.0, 0.3, 0.0);
+    let positions = scene.mesh.positions().to_vec();
+    let mut simulator = Simulator::with_state(&scene, positions, vec![velocity; count]).unwrap();
+    simulator.substep(DT, &[]).unwrap();
+    // All of the sheet has the same acceleration ρ_air/ρ |v_n| v_n n, v_n = -1.5 m/s along x.
+    let acceleration = -1.2 / scene.material.density * 1.5 * 1.5;
+    let expected = velocity + DVec3::new(acceleration * DT, 0.0, 0.0);
+    for velocity in simulator.velocities_f64() {
+        assert!(velocity.distance(expected) < 1e-12);
+    }
+}
+
+#[test]
+fn internal_forces_keep_the_momentum() {
+    let scene = floating(6);
+    let count = scene.mesh.positions().len();
+    let mut simulator =
+        Simulator::with_state(&scene, crumpled(&scene, 0.03), noise(count, 1.0)).unwrap();
+    let momentum = |simulator: &Simulator| -> DVec3 {
+        let velocities = simulator.velocities_f64().iter();
+        velocities
+            .zip(simulator.vertex_mass())
+            .map(|(v, m)| *v * *m)
+            .sum()
+    };
+    let before = momentum(&simulator);
+    for _ in 0..10 {
+        simulator.substep(DT, &[]).unwrap();
+    }
+    // 36 vertices of 5 g at about 1 m/s: rounding is 1e-16 of 0.2 kg m/s per sum and step.
+    assert!(momentum(&simulator).distance(before) < 1e-13);
+}
+
+#[test]
+fn rigid_motion_of_the_scene_moves_the_answer() {
+    let rotation = DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 0.7));
+    let shift = DVec3::new(1.0, 2.0, -0.5);
+    let scene = hanging(6);
+    let (positions, velocities) = (crumpled(&scene, 0.02), noise(36, 0.5));
+    let mut moved = scene.clone();
+    moved.environment.gravity = rotation * scene.environment.gravity;
+    let place = |x: &DVec3| rotation * *x + shift;
+    let mut simulator =
+        Simulator::with_state(&scene, positions.clone(), velocities.clone()).unwrap();
+    let mut moved = Simulator::with_state(
+        &moved,
+        positions.iter().map(place).collect(),
+        velocities.iter().map(|v| rotation * *v).collect(),
+    )
+    .unwrap();
+    let targets = start(&scene);
+    let moved_targets: Vec<DVec3> = targets.iter().map(place).collect();
+    for _ in 0..4 {
+        simulator.substep(DT, &targets).unwrap();
+        moved.substep(DT, &moved_targets).unwrap();
+    }
+    let expected: Vec<DVec3> = simulator.positions_f64().iter().map(place).collect();
+    // Rounding of order 1e-15 grows with the conditioning of a few steps, not more.
+    assert!(largest_distance(moved.positions_f64(), &expected) < 1e-11);
+}
+
+#[test]
+fn exact_handles_land_on_their_targets() {
+    let scene = hanging(6);
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let before = start(&scene);
+    let targets: Vec<DVec3> = before
+        .iter()
+        .map(|x| *x + DVec3::new(0.01, 0.002, -0.003))
+        .collect();
+    simulator.substep(DT, &targets).unwrap();
+    assert_eq!(scene.handles.select(simulator.positions_f64()), targets);
+    for (velocity, (target, from)) in scene
+        .handles
+        .select(simulator.velocities_f64())
+        .iter()
+        .zip(targets.iter().zip(&before))
+    {
+        assert_eq!(*velocity, (*target - *from) / DT);
+    }
+}
+
+#[test]
+fn a_stiffer_spring_approaches_the_exact_handle() {
+    // One solve from rest with the handles moved by d: a spring handle of effective mass m ends
+    // short of its target by about m/(m + dt² k) d, an exact one by nothing.
+    let mut scene = hanging(4);
+    let targets: Vec<DVec3> = start(&scene)
+        .iter()
+        .map(|x| *x + DVec3::new(0.0, 0.01, 0.0))
+        .collect();
+    scene.physics.handles = HandleConstraint::Spring;
+    let mut short = Vec::new();
+    for dt in [DT, 10.0 * DT] {
+        let mut simulator = Simulator::new(&scene).unwrap();
+        simulator.substep(dt, &targets).unwrap();
+        let reached = scene.handles.select(simulator.positions_f64());
+        short.push(largest_distance(&reached, &targets));
+    }
+    assert!(short[0] < 0.01 && short[1] < short[0], "{short:?}");
+}
+
+#[test]
+fn energy_does_not_grow_by_itself() {
+    // Flat and unstrained, the cloth has no energy but that of its motion.
+    let mut scene = floating(6);
+    scene.material = material(DENIM);
+    let count = scene.mesh.positions().len();
+    let positions = scene.mesh.positions().to_vec();
+    let mut simulator = Simulator::with_state(&scene, positions, noise(count, 0.2)).unwrap();
+    let first = simulator.kinetic_energy();
+    for step in 0..200 {
+        simulator.substep(DT, &[]).unwrap();
+        let energy = simulator.kinetic_energy();
+        assert!(energy <= first, "step {step}: {energy} J of {first} J");
+    }
+    assert!(simulator.kinetic_energy() < 0.9 * first);
+}
+
+#[test]
+fn a_frame_is_its_substeps() {
+    let scene = hanging(5);
+    let mut whole = Simulator::new(&scene).unwrap();
+    let mut parts = Simulator::new(&scene).unwrap();
+    let from = start(&scene);
+    let to: Vec<DVec3> = from
+        .iter()
+        .map(|x| *x + DVec3::new(0.02, 0.0, 0.01))
+        .collect();
+    whole
+        .step(&HandleTargets::at_frame_end(to.clone()).unwrap())
+        .unwrap();
+    for k in 1..=4 {
+        let between: Vec<DVec3> = from
+            .iter()
+            .zip(&to)
+            .map(|(from, to)| from.lerp(*to, f64::from(k) / 4.0))
+            .collect();
+        parts.substep(1.0 / 60.0 / 4.0, &between).unwrap();
+    }
+    assert_eq!((whole.frame(), parts.frame()), (1, 0));
+    assert!(largest_distance(whole.positions_f64(), parts.positions_f64()) < 1e-14);
+    for (rounded, position) in whole.positions().iter().zip(whole.positions_f64()) {
+        assert_eq!(*rounded, position.as_vec3());
+    }
+}
+
+#[test]
+fn a_failed_step_changes_nothing_and_says_where() {
+    let scene = hanging(5);
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let still = HandleTargets::at_frame_end(start(&scene)).unwrap();
+    simulator.step(&still).unwrap();
+    let positions = simulator.positions_f64().to_vec();
+    let velocities = simulator.velocities_f64().to_vec();
+    let rounded = simulator.positions().to_vec();
+
+    let absurd = HandleTargets::at_frame_end(vec![DVec3::splat(1e300), start(&scene)[1]]).unwrap();
+    let error = simulator.step(&absurd).unwrap_err();
+    assert!(
+        matches!(error, StepError::NonFinite { frame: 1, .. }),
+        "{error}"
+    );
+    let one = HandleTargets::at_frame_end(vec![DVec3::ZERO]).unwrap();
+    let source = HandleError::Count {
+        expected: 2,
+        found: 1,
+    };
+    assert_eq!(
+        simulator.step(&one),
+        Err(StepError::Handles { frame: 1, source })
+    );
+
+    assert_eq!(simulator.positions_f64(), positions);
+    assert_eq!(simulator.velocities_f64(), velocities);
+    assert_eq!(simulator.positions(), rounded);
+    assert_eq!(simulator.frame(), 1);
+    let mut undisturbed = Simulator::new(&scene).unwrap();
+    for _ in 0..2 {
+        undisturbed.step(&still).unwrap();
+    }
+    simulator.step(&still).unwrap();
+    assert_eq!(simulator.positions_f64(), undisturbed.positions_f64());
+}
+
+#[test]
+fn a_start_that_is_no_state_is_refused() {
+    let scene = hanging(4);
+    let mut positions = scene.mesh.positions().to_vec();
+    let velocities = vec![DVec3::ZERO; 16];
+    let error = Simulator::with_state(&scene, positions.clone(), vec![DVec3::ZERO; 3]).err();
+    assert_eq!(
+        error,
+        Some(SimulatorError::Count {
+            what: "velocities",
+            expected: 16,
+            found: 3
+        })
+    );
+    positions[5].y = f64::NAN;
+    let error = Simulator::with_state(&scene, positions, velocities)
+        .err()
+        .unwrap();
+    assert!(matches!(error, SimulatorError::NonFinite { vertex, .. } if vertex.0 == 5));
+}
+
+#[test]
+fn a_cloth_of_handles_alone_follows_them() {
+    let mut scene = hanging(2);
+    scene.handles = Handles::new(&[3, 0, 2, 1], 4).unwrap();
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let targets: Vec<DVec3> = start(&scene).iter().map(|x| *x * 1.1).collect();
+    simulator
+        .step(&HandleTargets::at_frame_end(targets.clone()).unwrap())
+        .unwrap();
+    assert_eq!(scene.handles.select(simulator.positions_f64()), targets);
+}
