@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use glam::Vec3;
 use selvedge_cloth::{HandlePath, Scene, Stepper};
 use selvedge_data::{Cloth, Drive, record};
@@ -28,15 +28,17 @@ pub(crate) struct NamedModel {
 /// # Errors
 /// When the file cannot be read or is no model of this version.
 pub(crate) fn open(file: Option<&Path>) -> anyhow::Result<NamedModel> {
-    let (name, model) = match (file, assets::MODEL) {
-        (Some(path), _) => {
+    let (name, model) = match file {
+        Some(path) => {
             let name = path.display().to_string();
             let bytes =
                 std::fs::read(path).with_context(|| format!("{name}: could not be read"))?;
             (name, Model::from_bytes(&bytes))
         }
-        (None, Some((name, bytes))) => (name.to_owned(), Model::from_bytes(bytes)),
-        (None, None) => bail!("no model is shipped with this build: name one with --model FILE"),
+        None => (
+            assets::MODEL.0.to_owned(),
+            Model::from_bytes(assets::MODEL.1),
+        ),
     };
     let model = model.with_context(|| name.clone())?;
     Ok(NamedModel {

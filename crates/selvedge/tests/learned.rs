@@ -147,3 +147,20 @@ fn what_is_refused_is_not_made() {
     assert_eq!(number(&report, "/frames"), 4.0);
     assert!(report["comparison"].is_null());
 }
+
+#[test]
+fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
+    let desk = Desk::new();
+    let report = desk.json("rollout --frames 4");
+    assert_eq!(report["scene"], "default");
+    assert_eq!(report["model"], "first");
+    let names = [
+        "clip.gif",
+        "rollout.safetensors",
+        "sheet.png",
+        "truth.safetensors",
+    ];
+    assert_eq!(names_in(&desk.path("out")), names);
+    let run = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
+    assert_eq!((run.frame_count(), run.vertex_count()), (5, 289));
+}
