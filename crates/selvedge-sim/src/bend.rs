@@ -1,5 +1,5 @@
 //! Resistance to bending, per interior edge, of the data-driven model of Wang, O'Brien and
-//! Ramamoorthi 2011 as ARCSim integrates it (simulator.md §2.2).
+//! Ramamoorthi 2011 as ARCSim integrates it.
 //!
 //! Corners of an edge are in the order: its ends 0 → 1 (counter-clockwise in the left face), the
 //! opposite vertex of the left face, that of the right face. The angle θ is positive where the

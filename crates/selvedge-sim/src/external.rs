@@ -1,4 +1,4 @@
-//! Gravity and air, explicit forces (method.md §2, simulator.md §2.3).
+//! Gravity and air, explicit forces (Narain et al. 2012).
 //!
 //! Air acts on each face with its material area and its current unit normal (that the area is not
 //! the current one is a finding: only so ARCSim's substeps are met); a third goes to each corner.

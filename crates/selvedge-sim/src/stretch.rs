@@ -1,5 +1,5 @@
 //! Resistance to stretching, per face, of the data-driven model of Wang, O'Brien and Ramamoorthi
-//! 2011 as ARCSim integrates it (simulator.md §2.1).
+//! 2011 as ARCSim integrates it.
 //!
 //! With F = ∂x/∂(u, v) (columns f_u, f_v), G = (FᵀF - I)/2 and the shape derivatives d_u, d_v of
 //! the three corners, force and Jacobian are those of an anisotropic Green strain energy whose

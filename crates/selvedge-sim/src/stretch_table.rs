@@ -1,5 +1,5 @@
 //! Reads a measured fabric's in-plane stiffness k = (k0, k1, k2, k3) at a strain (Wang, O'Brien and
-//! Ramamoorthi 2011; simulator.md §2.1): the table itself, or ARCSim's 30³ samples of it.
+//! Ramamoorthi 2011): the table itself, or ARCSim's 30³ samples of it.
 //!
 //! Conventions: k in N/m after the law's factor 2, never negative; the sign of the shear does not
 //! matter. The samples do not hit zero strain, so the two differ even at rest.

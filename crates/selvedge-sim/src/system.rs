@@ -1,4 +1,4 @@
-//! One linearised backward Euler solve (Baraff and Witkin 1998, as ARCSim has it; simulator.md §2):
+//! One linearised backward Euler solve (Baraff and Witkin 1998, as ARCSim has it):
 //! A Δv = b with
 //!   A = M - Σ dt (dt + c) J + dt² K_handles,
 //!   b = dt f_ext + Σ dt (F + (dt + c) J v) - dt k (x_h - target + dt v_h).

@@ -1,5 +1,5 @@
 //! The sparse system against a slow, obvious one: dense matrices over all vertices, each law
-//! written out as in simulator.md §2, exact handles by striking rows and columns out.
+//! written out as the equations say, exact handles by striking rows and columns out.
 
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
