@@ -1,11 +1,15 @@
 //! A training learns, repeats itself to the last bit, and keeps its weights where it fails.
 
+use std::sync::Arc;
+
+use glam::Vec3;
 use rayon::ThreadPoolBuilder;
+use selvedge_cloth::{HandleTargets, Stepper};
 use selvedge_data::SectionRule;
-use selvedge_model::Encoder;
+use selvedge_model::{Encoder, Integration, LearnedStepper, NodeFeature};
 
 use super::*;
-use crate::schedule::LearningRate;
+use crate::schedule::{LearningRate, TruthProbability};
 use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -141,4 +145,50 @@ fn statistics_come_from_the_samples_and_are_those_of_the_model() {
     assert_eq!(model.normalizers().acceleration, targets.acceleration);
     let again = Trainer::new(cfg, &data.dataset).expect("a training");
     assert_eq!(again.inputs, trainer.inputs);
+}
+
+#[test]
+fn a_lane_in_a_run_goes_where_the_rollout_goes() {
+    let data = swinging(&[("a", 9, 14)], SectionRule::Whole);
+    let mut carried = config(Encoder::Mlp { window: 2 });
+    carried
+        .model
+        .node_features
+        .insert(NodeFeature::Acceleration);
+    carried.model.integration = Integration::Carried {
+        damping: 0.03,
+        stiffness: 0.003,
+    };
+    for mut cfg in [carried, config(Encoder::Gru { window: 3 })] {
+        cfg.batch.samples = 1;
+        cfg.batch.shard = 1;
+        cfg.scheduled_sampling.truth = TruthProbability::Linear {
+            start: 0,
+            end: 1,
+            probability: 0.0,
+        };
+        let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+        let mut compared = 0;
+        for _ in 0..30 {
+            let model = Arc::new(trainer.model(String::new()).expect("a model"));
+            let before = trainer.lanes[0].clone();
+            trainer.step().expect("a step");
+            let after = &trainer.lanes[0];
+            if before.run == 0 || after.run == 0 {
+                continue;
+            }
+            let motion = trainer.corpus.motion(0);
+            let start: Vec<&[Vec3]> = before.history.iter().map(Vec::as_slice).collect();
+            let graph = (*motion.graph).clone();
+            let mut stepper = LearnedStepper::new(model, graph, &start).expect("a start");
+            let truth = motion.frame(before.current as i64 + 1);
+            let handles = motion.graph.handles().select(truth);
+            let handles = handles.iter().map(|p| p.as_dvec3()).collect();
+            let targets = HandleTargets::at_frame_end(handles).expect("finite");
+            stepper.step(&targets).expect("a step");
+            assert_eq!(after.history.last().expect("a frame"), stepper.positions());
+            compared += 1;
+        }
+        assert!(compared > 10, "{compared}");
+    }
 }
