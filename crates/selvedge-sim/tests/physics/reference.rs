@@ -80,7 +80,7 @@ fn single_substeps_follow_arcsim() {
         simulator.substep(1.0 / 240.0, &of(&target, 2)).unwrap();
         let error = largest_distance(simulator.positions_f64(), &of(&x1, 1024));
         println!("substep {step}: largest position error {error:e} m");
-        assert!(error <= 1e-7, "substep {step}: {error:e} m");
+        assert!(error <= 1e-8, "substep {step}: {error:e} m");
     }
 }
 
