@@ -11,7 +11,8 @@
 //! [motions.wiggle]                  # as a scene's motion
 //! ```
 //!
-//! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions.
+//! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions;
+//! `{ set = "all-training", random = 32 }` adds the motions `random-0` to `random-31` to them.
 //! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
 //! Running the physics is left to whoever has it.
 
@@ -86,11 +87,20 @@ struct PresetFile {
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected a list of motions, \"all-training\" or \"all-test\""
+    expecting = "expected a list of motions, \"all-training\", \"all-test\" or a table of set and random"
 )]
 enum MotionList {
     Set(MotionSet),
+    More(MoreMotions),
     Names(Vec<String>),
+}
+
+/// A set, and the first of the motions drawn at random.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MoreMotions {
+    set: MotionSet,
+    random: u32,
 }
 
 #[derive(Deserialize)]
@@ -98,6 +108,16 @@ enum MotionList {
 enum MotionSet {
     AllTraining,
     AllTest,
+}
+
+impl MotionSet {
+    fn names(&self) -> Vec<String> {
+        let names = match self {
+            Self::AllTraining => named::training(),
+            Self::AllTest => named::test(),
+        };
+        names.into_iter().map(str::to_owned).collect()
+    }
 }
 
 impl DatasetPreset {
@@ -133,7 +153,7 @@ impl DatasetPreset {
         let file: PresetFile = parse_toml(text)?;
         let mut own = BTreeMap::new();
         for (name, source) in &file.motions {
-            if named::names().contains(&name.as_str()) {
+            if named::by_name(name).is_some() {
                 let problem = format!("{name:?} is the name of a shipped motion: choose another");
                 return Err(field("motions", problem));
             }
@@ -248,10 +268,12 @@ impl MotionList {
         split: &'static str,
         own: &BTreeMap<String, Motion>,
     ) -> Result<Vec<NamedMotion>, SceneProblem> {
-        let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
         let names: Vec<String> = match self {
-            Self::Set(MotionSet::AllTraining) => owned(named::training()),
-            Self::Set(MotionSet::AllTest) => owned(named::test()),
+            Self::Set(set) => set.names(),
+            Self::More(more) => {
+                let random = (0..more.random).map(|number| format!("random-{number}"));
+                more.set.names().into_iter().chain(random).collect()
+            }
             Self::Names(names) => names,
         };
         names

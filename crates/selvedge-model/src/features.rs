@@ -46,6 +46,10 @@ impl NodeFeature {
             Self::Acceleration => {
                 columns!["m/frame²": "acceleration x", "acceleration y", "acceleration z"]
             }
+            Self::ExpectedMove => {
+                columns!["m/frame": "expected move x", "expected move y", "expected move z"]
+            }
+            Self::RestOffset => columns!["m": "rest offset x", "rest offset y", "rest offset z"],
         }
     }
 
@@ -112,11 +116,16 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 pub struct Pose<'a> {
     /// World positions `[m]`, `[vertices]`, two frames earlier, or those that take their place in
     /// the model's integration; only accelerations need them.
-    pub before: Option<&'a [Vec3]>,
+    pub before: &'a [Vec3],
     /// World positions one frame earlier `[m]`, `[vertices]`.
     pub previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
     pub current: &'a [Vec3],
+    /// What uniform motion to the next frame starts from in the model's integration `[m]`,
+    /// `[vertices]`; only expected moves need it.
+    pub reference: &'a [Vec3],
+    /// The rest pose where the handles have carried it `[m]`, `[vertices]`; only rest offsets need it.
+    pub rest: &'a [Vec3],
     /// The local frame that features are expressed in: that of the *newest* frame of the window.
     pub yaw: Yaw,
 }
@@ -147,8 +156,7 @@ impl Columns<'_> {
 /// Fills `out` (`[vertices, node_width]`) with the features of every vertex.
 ///
 /// # Panics
-/// When a slice does not have the size of the cloth, or `pose.before` is missing where the spec has
-/// accelerations.
+/// When a slice that the spec needs does not have the size of the cloth.
 pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
     let (vertices, width) = (graph.vertex_count(), spec.node_width());
     assert_eq!(pose.previous.len(), vertices, "previous positions");
@@ -162,11 +170,13 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
             first,
         };
         match feature {
-            NodeFeature::Velocity => velocity(pose, columns),
+            NodeFeature::Velocity => difference(pose, pose.previous, columns),
             NodeFeature::ExternalForce => external_force(graph, pose, columns),
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
             NodeFeature::Acceleration => acceleration(pose, columns),
+            NodeFeature::ExpectedMove => difference(pose, pose.reference, columns),
+            NodeFeature::RestOffset => difference(pose, pose.rest, columns),
         }
         first += feature.width();
     }
@@ -202,19 +212,19 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
     }
 }
 
-fn velocity(pose: Pose<'_>, mut out: Columns<'_>) {
-    for (v, (&p, &before)) in pose.current.iter().zip(pose.previous).enumerate() {
-        out.put(v, pose.yaw.to_local(p - before).to_array());
+/// The current positions minus `from`, locally.
+fn difference(pose: Pose<'_>, from: &[Vec3], mut out: Columns<'_>) {
+    assert_eq!(from.len(), pose.current.len(), "positions to compare with");
+    for (v, (&p, &from)) in pose.current.iter().zip(from).enumerate() {
+        out.put(v, pose.yaw.to_local(p - from).to_array());
     }
 }
 
 /// The acceleration that led to the current positions, p^t - 2 p^{t-1} + p^{t-2}
 /// `[eq:past-acceleration]`.
 fn acceleration(pose: Pose<'_>, mut out: Columns<'_>) {
-    let Some(before) = pose.before else {
-        panic!("accelerations need the positions two frames earlier");
-    };
-    let frames = pose.current.iter().zip(pose.previous).zip(before);
+    assert_eq!(pose.before.len(), pose.current.len(), "earlier positions");
+    let frames = pose.current.iter().zip(pose.previous).zip(pose.before);
     for (v, ((&p, &q), &r)) in frames.enumerate() {
         out.put(v, pose.yaw.to_local((p - q) - (q - r)).to_array());
     }
@@ -356,5 +366,6 @@ fn put_vector(out: &mut Columns<'_>, [forward, back]: [u32; 2], d: Vec3, length:
     out.put(back as usize, [-d.x, -d.y, -d.z, length]);
 }
 
+pub(crate) mod backward;
 #[cfg(test)]
 mod tests;

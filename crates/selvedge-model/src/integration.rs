@@ -34,6 +34,18 @@ impl Default for Integration {
     }
 }
 
+/// Centroid and yaw of the handles in both frames and where they go.
+fn places(
+    graph: &ClothGraph,
+    frames: [&[Vec3]; 2],
+    next_handles: &[Vec3],
+    yaw: Yaw,
+) -> [(DVec3, Yaw); 3] {
+    let place = |handles: &[Vec3]| (centroid(handles), graph.frame().yaw(handles, yaw));
+    let [before, now] = frames.map(|positions| place(&graph.handles().select(positions)));
+    [before, now, place(next_handles)]
+}
+
 /// A rigid motion of the handles: a turn about the vertical through `from`, then to `to`.
 struct Carry {
     from: DVec3,
@@ -65,15 +77,11 @@ impl Integration {
             reference.extend_from_slice(previous);
             return;
         };
-        let handles = |positions: &[Vec3]| graph.handles().select(positions);
-        let place = |handles: &[Vec3]| (centroid(handles), graph.frame().yaw(handles, yaw));
         let rest = (
-            centroid(&handles(graph.rest_positions())),
+            centroid(&graph.handles().select(graph.rest_positions())),
             graph.frame().rest_yaw(),
         );
-        let before = place(&handles(previous));
-        let now = place(&handles(current));
-        let next = place(next_handles);
+        let [before, now, next] = places(graph, [previous, current], next_handles, yaw);
         let (to_next, from_before) = (carry(now, next), carry(before, next));
         let from_rest = carry(rest, next);
         let rows = previous.iter().zip(current).zip(graph.rest_positions());
@@ -83,6 +91,74 @@ impl Integration {
             let there = here + (1.0 - damping) * moved + stiffness * (from_rest.point(r) - here);
             (2.0 * p.as_dvec3() - there).as_vec3()
         }));
+    }
+}
+
+/// How [`Integration::reference`] depends on its frames: linearly, and alike for all vertices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferenceSlope {
+    previous: (f64, Yaw),
+    current: (f64, f64, Yaw),
+}
+
+impl ReferenceSlope {
+    /// Adds the gradient of the previous and of the current positions for the gradient `by_reference`
+    /// of the reference, all in the world, `[vertices]`.
+    pub fn backward(&self, by_reference: &[Vec3], previous: &mut [Vec3], current: &mut [Vec3]) {
+        let ((share, turn), (own, carried, turn_now)) = (self.previous, self.current);
+        let rows = by_reference.iter().zip(previous).zip(current);
+        for ((g, q), p) in rows {
+            let g = g.as_dvec3();
+            *q += (share * turn.to_local_f64(g)).as_vec3();
+            *p += (own * g + carried * turn_now.to_local_f64(g)).as_vec3();
+        }
+    }
+}
+
+/// The rest pose of `graph` where `handles` (`[handles]`, of yaw `yaw`) have carried it `[m]`,
+/// `[vertices]`; without handles the positions `current` themselves.
+pub(crate) fn carried_rest(
+    graph: &ClothGraph,
+    handles: &[Vec3],
+    yaw: Yaw,
+    current: &[Vec3],
+    rest: &mut Vec<Vec3>,
+) {
+    rest.clear();
+    if handles.is_empty() {
+        rest.extend_from_slice(current);
+        return;
+    }
+    let positions = graph.rest_positions();
+    let start = centroid(&graph.handles().select(positions));
+    let from_rest = carry((start, graph.frame().rest_yaw()), (centroid(handles), yaw));
+    rest.extend(positions.iter().map(|&r| from_rest.point(r).as_vec3()));
+}
+
+impl Integration {
+    /// The derivative of [`Self::reference`] with respect to its frames, the handles held: with M and
+    /// M' the turns of the handles to where they go, from now and from the frame before,
+    /// ∂reference/∂p^t = 2 - (2 - d - s) M and ∂reference/∂p^{t-1} = (1 - d) M'
+    /// `[eq:carried-slope]`.
+    #[must_use]
+    pub fn reference_slope(
+        self,
+        graph: &ClothGraph,
+        frames: [&[Vec3]; 2],
+        next_handles: &[Vec3],
+        yaw: Yaw,
+    ) -> ReferenceSlope {
+        let Self::Carried { damping, stiffness } = self else {
+            return ReferenceSlope {
+                previous: (1.0, Yaw::WORLD),
+                current: (0.0, 0.0, Yaw::WORLD),
+            };
+        };
+        let [before, now, next] = places(graph, frames, next_handles, yaw);
+        ReferenceSlope {
+            previous: (1.0 - damping, carry(before, next).turn),
+            current: (2.0, -(2.0 - damping - stiffness), carry(now, next).turn),
+        }
     }
 }
 

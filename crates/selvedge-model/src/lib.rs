@@ -5,6 +5,7 @@
 mod connectivity;
 mod features;
 mod frame;
+pub mod geometry;
 mod graph;
 mod integration;
 mod kernels;
@@ -24,19 +25,20 @@ mod test_cloth;
 mod window;
 
 pub use connectivity::Connectivity;
+pub use features::backward::{PoseGradient, edge_features_backward, node_features_backward};
 pub use features::{
     Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,
     node_groups,
 };
 pub use frame::{LocalFrame, Yaw};
 pub use graph::{ClothGraph, ClothParts, GraphError, Hinge};
-pub use integration::Integration;
+pub use integration::{Integration, ReferenceSlope};
 pub use model::{Model, ModelError, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError};
-pub use network::{Dropout, Input, Network, Pass, Workspace};
+pub use network::{Dropout, Gradients, Input, InputGradient, Network, Pass, Workspace};
 pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
 pub use parameters::{Parameter, Start};
 pub use real::Real;
 pub use rollout::{LearnedStepper, RolloutError, integrate};
 pub use spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};
-pub use window::{Place, Window};
+pub use window::{Frames, Place, Window};

@@ -3,7 +3,7 @@
 
 use crate::connectivity::Connectivity;
 use crate::layers::block::{Block, BlockRecord, BlockScratch, Latents};
-use crate::layers::encoder::{EncoderLayers, EncoderRecord, mlp_tiles};
+use crate::layers::encoder::{EncoderEnds, EncoderLayers, EncoderRecord, mlp_tiles};
 use crate::layers::mlp::{Mlp, MlpRecord, MlpScratch};
 use crate::layers::{TILE, resize, tiles};
 use crate::parameters::{LayoutBuilder, Parameter, Start};
@@ -33,6 +33,22 @@ pub struct Input<'a, T> {
     pub nodes: &'a [T],
     /// `[window, arcs, edge width]`.
     pub edges: &'a [T],
+}
+
+/// Where [`Network::backward`] leaves derivatives.
+pub struct Gradients<'a, T> {
+    /// Laid out like the weights; added to.
+    pub weights: &'a mut [T],
+    /// Those of the input, where asked for; overwritten.
+    pub input: Option<InputGradient<'a, T>>,
+}
+
+/// Derivatives with respect to an [`Input`].
+pub struct InputGradient<'a, T> {
+    /// `[window, vertices, node width]`.
+    pub nodes: &'a mut [T],
+    /// `[window, arcs, edge width]`.
+    pub edges: &'a mut [T],
 }
 
 /// What a pass through the network is for.
@@ -237,22 +253,25 @@ impl Network {
             });
     }
 
-    /// Adds to `gradient` (laid out like the weights) the derivative of Σ `output` ∘ out, where
-    /// out is what the last [`Self::forward`] with [`Pass::Training`] on the same arguments gave;
-    /// its activations are used up.
+    /// The derivatives of Σ `output` ∘ out, where out is what the last [`Self::forward`] with
+    /// [`Pass::Training`] on the same arguments gave; its activations are used up.
     ///
     /// # Panics
     /// When the lengths are not those of the spec and the graph, or the last pass was not a
     /// forward one with [`Pass::Training`].
     pub fn backward<T: Real>(
         &self,
-        (weights, gradient): (&[T], &mut [T]),
+        (weights, gradients): (&[T], Gradients<'_, T>),
         graph: &Connectivity,
         input: Input<'_, T>,
         output: &[T],
         workspace: &mut Workspace<T>,
     ) {
         let w = workspace;
+        let (gradient, to_nodes, to_edges) = match gradients.input {
+            Some(input) => (gradients.weights, Some(input.nodes), Some(input.edges)),
+            None => (gradients.weights, None, None),
+        };
         let (spec, latent) = (&self.spec, self.spec.latent);
         assert!(
             std::mem::take(&mut w.kept),
@@ -278,11 +297,19 @@ impl Network {
         debug_assert_eq!(w.nodes.len(), graph.vertex_count() * latent);
         let nodes = (input.nodes, spec.node_width());
         let (encoder, record) = (&self.node_encoder, &mut w.node_encoder);
-        encoder.backward((weights, gradient), nodes, w.dropout, record, &mut w.nodes);
+        let ends = EncoderEnds {
+            to_input: to_nodes,
+            output: &mut w.nodes,
+        };
+        encoder.backward((weights, gradient), nodes, w.dropout, record, ends);
         let edges = (input.edges, spec.edge_width());
         let dropout = w.dropout.map(Dropout::other);
         let (encoder, record) = (&self.edge_encoder, &mut w.edge_encoder);
-        encoder.backward((weights, gradient), edges, dropout, record, &mut w.edges);
+        let ends = EncoderEnds {
+            to_input: to_edges,
+            output: &mut w.edges,
+        };
+        encoder.backward((weights, gradient), edges, dropout, record, ends);
     }
 
     /// Leaves the gradient of the latent vertices before the decoder in their place.

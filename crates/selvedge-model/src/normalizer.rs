@@ -260,6 +260,19 @@ impl Normalizer {
         }
     }
 
+    /// g ← g / deviation, and 0 for constant components: from the gradient of normalised rows
+    /// (`[rows, width]`) to that of the rows themselves.
+    ///
+    /// # Panics
+    /// When `rows` is not whole rows.
+    pub fn scale_gradient(&self, rows: &mut [f32]) {
+        for row in self.rows_of(rows) {
+            for (g, &scale) in row.iter_mut().zip(&self.scale) {
+                *g *= scale;
+            }
+        }
+    }
+
     /// x ← x deviation + mean, in every row of `rows` (`[rows, width]`).
     ///
     /// # Panics

@@ -14,7 +14,7 @@ use crate::frame::Yaw;
 use crate::graph::ClothGraph;
 use crate::model::Model;
 use crate::network::{Input, Pass, Workspace};
-use crate::window::{Place, Window};
+use crate::window::{Frames, Place, Window};
 
 /// A cloth that a trained model moves.
 pub struct LearnedStepper {
@@ -95,11 +95,15 @@ impl LearnedStepper {
         &self.model
     }
 
-    fn predict(&mut self, yaw: Yaw) {
+    fn predict(&mut self, next_handles: &[Vec3], yaw: Yaw) {
         let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
+        let frames = Frames {
+            positions: &self.history,
+            next_handles,
+            yaw,
+        };
         self.features.fit(spec, &place);
-        self.features
-            .write(spec, &self.graph, &self.history, yaw, &place);
+        self.features.write(spec, &self.graph, frames, &place);
         let normalizers = self.model.normalizers();
         self.features
             .normalize(&normalizers.nodes, &normalizers.edges);
@@ -145,10 +149,10 @@ impl Stepper for LearnedStepper {
         }
         let handles_now = self.handles().select(self.positions());
         let yaw = self.graph.frame().yaw(&handles_now, self.yaw);
-        self.predict(yaw);
+        let next_handles: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();
+        self.predict(&next_handles, yaw);
         let newest = self.history.len() - 1;
         let [previous, current] = [&*self.history[newest - 1], &*self.history[newest]];
-        let next_handles: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();
         let (integration, reference) = (self.model.spec().integration, &mut self.reference);
         integration.reference(
             &self.graph,

@@ -43,6 +43,12 @@ pub enum NodeFeature {
     /// p^t - 2 p^{t-1} + p^{t-2} `[m/frame²]`, 3 columns: not in the paper, whose networks have to
     /// take the small difference of two large velocities themselves.
     Acceleration,
+    /// Where the integration leads without the network, minus p^t `[m/frame]`, 3 columns: not in the
+    /// paper. It looks ahead to where the handles go; with carried integration every vertex does.
+    ExpectedMove,
+    /// p^t minus the rest pose where the handles have carried it `[m]`, 3 columns; 0 without handles.
+    /// Not in the paper, whose networks have to add up edges to know how far the cloth swings out.
+    RestOffset,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.

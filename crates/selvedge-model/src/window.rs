@@ -1,13 +1,19 @@
 //! The normalised features of a window of frames, as the network takes them; the same code in
-//! training and in use.
+//! training and in use; and the way back of their gradient.
+
+mod compared;
 
 use glam::Vec3;
 
-use crate::features::{Pose, edge_features, node_features};
+use crate::features::backward::{PoseGradient, edge_features_backward, node_features_backward};
+use crate::features::{edge_features, node_features};
 use crate::frame::Yaw;
 use crate::graph::ClothGraph;
+use crate::network::InputGradient;
 use crate::normalizer::Normalizer;
+
 use crate::spec::ModelSpec;
+use compared::Compared;
 
 /// Where one cloth stands in a disjoint union.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +61,31 @@ impl Place {
     }
 }
 
+/// What a window of one cloth is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames<'a, F> {
+    /// Positions `[m]` in the frames before the window and in each frame of it, oldest first,
+    /// `[history][vertices]` with [`ModelSpec::history`] frames.
+    pub positions: &'a [F],
+    /// Where the handles go after the newest of them `[m]`, `[handles]`.
+    pub next_handles: &'a [Vec3],
+    /// The local frame of the newest of them.
+    pub yaw: Yaw,
+}
+
+impl<F: AsRef<[Vec3]>> Frames<'_, F> {
+    pub(crate) fn at(&self, number: usize) -> &[Vec3] {
+        self.positions[number].as_ref()
+    }
+
+    /// The numbers of the frames of the window itself.
+    fn of_window(&self, spec: &ModelSpec) -> std::ops::Range<usize> {
+        let history = self.positions.len();
+        assert_eq!(history, spec.history(), "frames of a window");
+        history - spec.window()..history
+    }
+}
+
 /// Features of a window of frames of all cloths of a union.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Window {
@@ -62,8 +93,7 @@ pub struct Window {
     pub nodes: Vec<f32>,
     /// `[window, arcs, edge width]`.
     pub edges: Vec<f32>,
-    /// What accelerations are measured from, `[vertices]`.
-    reference: Vec<Vec3>,
+    compared: Compared,
 }
 
 impl Window {
@@ -76,9 +106,7 @@ impl Window {
             .resize(window * place.arc_count * spec.edge_width(), 0.0);
     }
 
-    /// Writes the features of one cloth, not yet normalised: `frames` are its positions `[m]` in
-    /// the frames before the window and in each frame of it, oldest first, `[history][vertices]`
-    /// with [`ModelSpec::history`] frames.
+    /// Writes the features of one cloth, not yet normalised.
     ///
     /// # Panics
     /// When there are not `history` frames, or [`Self::fit`] made room for another union.
@@ -86,36 +114,56 @@ impl Window {
         &mut self,
         spec: &ModelSpec,
         graph: &ClothGraph,
-        frames: &[F],
-        yaw: Yaw,
+        frames: Frames<'_, F>,
         place: &Place,
     ) {
-        assert_eq!(frames.len(), spec.history(), "frames of a window");
-        let earlier = frames.len() - spec.window();
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
-        for step in 0..spec.window() {
-            let current = step + earlier;
-            let (previous, now) = (frames[current - 1].as_ref(), frames[current].as_ref());
-            let before = current.checked_sub(2).map(|before| frames[before].as_ref());
-            let before = before.map(|before| {
-                // The past acceleration as the network would have had to predict it.
-                let handles = graph.handles().select(now);
-                let (integration, reference) = (spec.integration, &mut self.reference);
-                integration.reference(graph, [before, previous], &handles, yaw, reference);
-                &*self.reference
-            });
-            let pose = Pose {
-                before,
-                previous,
-                current: now,
-                yaw,
-            };
+        for (step, current) in frames.of_window(spec).enumerate() {
+            self.compared.compute(spec, graph, &frames, current);
+            let pose = self.compared.pose(&frames, current);
             let row = step * place.vertex_count + place.first_vertex;
             let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
             node_features(spec, graph, pose, rows);
             let row = step * place.arc_count + place.first_arc;
             let rows = &mut self.edges[row * edge_width..][..graph.arc_count() * edge_width];
             edge_features(spec, graph, pose, rows);
+        }
+    }
+
+    /// Adds to `to` (`[history][vertices]`, in the world) what the gradient of features means for
+    /// the positions of a cloth by itself that [`Self::write`] took. `gradient` is that of the
+    /// features before normalisation ([`Normalizer::scale_gradient`]).
+    ///
+    /// # Panics
+    /// When there are not `history` frames, or `gradient` does not have the size of the cloth.
+    pub fn backward<F: AsRef<[Vec3]>>(
+        &mut self,
+        spec: &ModelSpec,
+        graph: &ClothGraph,
+        frames: Frames<'_, F>,
+        gradient: &InputGradient<'_, f32>,
+        to: &mut [Vec<Vec3>],
+    ) {
+        let nodes = graph.vertex_count() * spec.node_width();
+        let edges = graph.arc_count() * spec.edge_width();
+        for (step, current) in frames.of_window(spec).enumerate() {
+            self.compared.compute(spec, graph, &frames, current);
+            let pose = self.compared.pose(&frames, current);
+            let [mut by_before, mut by_reference] =
+                [(); 2].map(|()| vec![Vec3::ZERO; graph.vertex_count()]);
+            let (earlier, later) = to.split_at_mut(current);
+            let mut by_pose = PoseGradient {
+                before: &mut by_before,
+                previous: &mut earlier[current - 1],
+                current: &mut later[0],
+                reference: &mut by_reference,
+            };
+            let rows = &gradient.nodes[step * nodes..][..nodes];
+            node_features_backward(spec, graph, pose, rows, &mut by_pose);
+            let rows = &gradient.edges[step * edges..][..edges];
+            edge_features_backward(spec, graph, pose, rows, by_pose.current);
+            self.compared
+                .backward([&by_before, &by_reference], &mut to[..=current]);
         }
     }
 

@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 use selvedge_model::{
-    Connectivity, Dropout, Encoder, Input, ModelSpec, Network, Pass, Workspace, reference,
+    Connectivity, Dropout, Encoder, Gradients, Input, InputGradient, ModelSpec, Network, Pass,
+    Workspace, reference,
 };
 
 /// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
@@ -154,7 +155,7 @@ fn f32_agrees_with_f64() {
 fn gradients_match_finite_differences_in_every_tensor() {
     let dropout = Dropout { rate: 0.2, seed: 7 };
     for (spec, dropout) in specs().iter().zip([None, Some(dropout), None, None, None]) {
-        let case = case(spec, 4, 3);
+        let mut case = case(spec, 4, 3);
         let mut workspace = Workspace::new();
         let pass = Pass::Training(dropout);
         case.objective(&case.weights, pass, &mut workspace);
@@ -162,9 +163,18 @@ fn gradients_match_finite_differences_in_every_tensor() {
         let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
             .map(coefficient)
             .collect();
-        let both = (&*case.weights, &mut *gradient);
+        let [mut nodes, mut edges] = [&case.nodes, &case.edges].map(|x| vec![f64::NAN; x.len()]);
+        let gradients = Gradients {
+            weights: &mut gradient,
+            input: Some(InputGradient {
+                nodes: &mut nodes,
+                edges: &mut edges,
+            }),
+        };
+        let (weights, input) = ((&*case.weights, gradients), case.input());
         case.network
-            .backward(both, &case.graph, case.input(), &output, &mut workspace);
+            .backward(weights, &case.graph, input, &output, &mut workspace);
+        check_input_gradient(&mut case, pass, &nodes, &edges);
         for parameter in case.network.parameters() {
             let count = parameter.range.len();
             for k in (0..count).step_by((count / 5).max(1)) {
@@ -180,6 +190,40 @@ fn gradients_match_finite_differences_in_every_tensor() {
                     gradient[place]
                 );
             }
+        }
+    }
+}
+
+fn weights_only(weights: &mut [f64]) -> Gradients<'_, f64> {
+    Gradients {
+        weights,
+        input: None,
+    }
+}
+
+/// The gradient of every seventh number of the input against finite differences.
+fn check_input_gradient(case: &mut Case, pass: Pass, nodes: &[f64], edges: &[f64]) {
+    type Part = fn(&mut Case) -> &mut Vec<f64>;
+    let parts: [(&str, Part, &[f64]); 2] = [
+        ("nodes", |case| &mut case.nodes, nodes),
+        ("edges", |case| &mut case.edges, edges),
+    ];
+    let (step, mut workspace) = (1e-5, Workspace::new());
+    for (name, part, gradient) in parts {
+        for place in (0..gradient.len()).step_by(7) {
+            let mut at = |moved: f64| {
+                part(case)[place] += moved;
+                let value = case.objective(&case.weights, pass, &mut workspace);
+                part(case)[place] -= moved;
+                value
+            };
+            let slope = (at(step) - at(-step)) / (2.0 * step);
+            // As for the weights.
+            assert!(
+                (slope - gradient[place]).abs() < 2e-7 * (1.0 + slope.abs()),
+                "{name}[{place}]: slope {slope}, gradient {}",
+                gradient[place]
+            );
         }
     }
 }
@@ -257,7 +301,7 @@ fn threads_change_no_bit() {
             let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
                 .map(coefficient)
                 .collect();
-            let both = (&*case.weights, &mut *gradient);
+            let both = (&*case.weights, weights_only(&mut gradient));
             case.network
                 .backward(both, &case.graph, case.input(), &output, &mut workspace);
             gradient
@@ -277,7 +321,7 @@ fn activations_serve_one_backward_pass() {
         let mut gradient = vec![0.0; case.weights.len()];
         let output = vec![1.0; case.graph.vertex_count() * 3];
         let mut backward = || {
-            let both = (&*case.weights, &mut *gradient);
+            let both = (&*case.weights, weights_only(&mut gradient));
             let (graph, input) = (&case.graph, case.input());
             let network = &case.network;
             network.backward(both, graph, input, &output, &mut workspace);

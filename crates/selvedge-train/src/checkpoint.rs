@@ -155,10 +155,7 @@ impl Trainer {
     /// [`ResumeError`] names the file and what does not fit.
     pub fn resume(cfg: TrainConfig, dataset: &Dataset, path: &Path) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = std::fs::read(path).map_err(|source| ResumeError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let bytes = read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
@@ -190,6 +187,55 @@ impl Trainer {
         };
         Ok(Self::assemble(cfg, corpus, parts))
     }
+}
+
+impl Trainer {
+    /// A new training from its first step, but with the weights and the statistics of the checkpoint
+    /// at `path`, which may be of another configuration and other data; only `model` must be the same.
+    ///
+    /// # Errors
+    /// [`ResumeError`] names the file and what does not fit.
+    pub fn start_from(
+        cfg: TrainConfig,
+        dataset: &Dataset,
+        path: &Path,
+    ) -> Result<Self, ResumeError> {
+        cfg.validate().map_err(TrainError::from)?;
+        let bytes = read(path)?;
+        let file = CheckpointFile::open(path, &bytes)?;
+        let made: TrainConfig = file.json("config")?;
+        if made.model != cfg.model {
+            let text = |cfg: &TrainConfig| toml::to_string(&cfg.model).unwrap_or_default();
+            return Err(ResumeError::Configuration {
+                path: path.to_owned(),
+                field: "model".to_owned(),
+                expected: text(&cfg),
+                found: text(&made),
+            });
+        }
+        let state: State = file.json("state")?;
+        file.check_widths(&state, &cfg)?;
+        let corpus = Corpus::load(dataset).map_err(TrainError::from)?;
+        let network = Network::new(&cfg.model).map_err(TrainError::from)?;
+        let weights = file.numbers("weights", network.parameter_count())?;
+        let parts = Parts {
+            adam: Adam::new(cfg.optimizer, weights.len()).map_err(TrainError::from)?,
+            lanes: vec![LaneState::new(); cfg.batch.samples],
+            weights,
+            network,
+            inputs: state.inputs,
+            targets: state.targets,
+            step: 0,
+        };
+        Ok(Self::assemble(cfg, corpus, parts))
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
+    std::fs::read(path).map_err(|source| ResumeError::Read {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 impl LaneEntry {

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::losses::{LossWeights, LossWeightsError};
 use crate::optimizer::{AdamError, AdamSettings};
-use crate::schedule::{LearningRate, ScheduleError, TruthProbability};
+use crate::schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 
 /// Everything that decides a training besides its data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,6 +49,9 @@ pub struct TrainConfig {
     /// How often the model learns from its own predictions.
     #[serde(default)]
     pub scheduled_sampling: ScheduledSampling,
+    /// Frames of a rollout that a step learns through.
+    #[serde(default)]
+    pub unroll: UnrollFrames,
     /// Samples from which the statistics of inputs and targets are taken before the first step.
     pub statistics_samples: usize,
     /// A line of the log every so many steps.
@@ -211,7 +214,13 @@ impl TrainConfig {
         require(kept, "dropout", expected, self.dropout)?;
         self.batch.validate()?;
         self.noise.validate()?;
-        self.scheduled_sampling.validate()
+        self.scheduled_sampling.validate()?;
+        self.unroll.validate()?;
+        // A kinetic energy depends on the positions before it, too: the way back leaves that out.
+        let weight = self.losses.kinetic_energy;
+        let expected = "0 where unroll.frames is above 1";
+        let apart = self.unroll.most() == 1 || weight == 0.0;
+        require(apart, "losses.kinetic_energy", expected, weight)
     }
 }
 

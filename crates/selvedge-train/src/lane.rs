@@ -13,7 +13,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use selvedge_data::Section;
-use selvedge_model::{ClothGraph, Yaw, integrate};
+use selvedge_model::{ClothGraph, Frames, Yaw, integrate};
 
 use crate::config::{NoiseConfig, TrainConfig};
 use crate::corpus::Corpus;
@@ -38,6 +38,8 @@ pub(crate) struct Shown {
     pub(crate) yaw: Yaw,
     /// World positions of the frame before the window and of the window, noise included `[m]`.
     pub(crate) frames: Vec<Vec<Vec3>>,
+    /// Where the handles go `[m]`, `[handles]`.
+    pub(crate) next_handles: Vec<Vec3>,
     /// Previous, current and target positions in the local frame of the current ones `[m]`.
     pub(crate) local: [Vec<DVec3>; 3],
     /// Decides the dropout of this sample's shard.
@@ -91,6 +93,8 @@ impl LaneState {
             }
         }
         shown.frames.clone_from(&self.history);
+        let next = motion.frame(self.current as i64 + 1);
+        shown.next_handles = graph.handles().select(next);
         self.to_local(cfg, corpus, &target, shown);
     }
 
@@ -139,6 +143,50 @@ impl LaneState {
         reference
     }
 
+    /// How far the current positions are from the truth, in local axes `[m]`, `[vertices]`.
+    pub(crate) fn offset(&self, corpus: &Corpus, yaw: Yaw) -> Vec<DVec3> {
+        let motion = corpus.motion(self.section.trajectory);
+        let truth = motion.frame(self.current as i64);
+        let rows = self.history[self.history.len() - 1].iter().zip(truth);
+        rows.map(|(p, q)| yaw.to_local_f64(p.as_dvec3() - q.as_dvec3()))
+            .collect()
+    }
+
+    /// Makes the truth plus `part` of `offset` (local `[m]`) the target of what is shown.
+    pub(crate) fn aim(&self, corpus: &Corpus, (offset, part): (&[DVec3], f64), shown: &mut Shown) {
+        let motion = corpus.motion(self.section.trajectory);
+        let current = &self.history[self.history.len() - 1];
+        let handles = motion.graph.handles().select(current);
+        let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
+        let truth = motion.frame(self.current as i64 + 1).iter().zip(offset);
+        let yaw = shown.yaw;
+        let [_, _, target] = &mut shown.local;
+        target.clear();
+        target.extend(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + part * *e));
+    }
+
+    /// The part of the distance to the truth that the target of the sample to come takes back.
+    pub(crate) fn correction(&self, cfg: &TrainConfig) -> f64 {
+        match self.run {
+            0 => cfg.noise.correction,
+            _ => cfg.scheduled_sampling.correction,
+        }
+    }
+
+    /// Starts afresh with the probability of `step`, or when the run is long enough.
+    pub(crate) fn break_off(&mut self, cfg: &TrainConfig, (step, rng): (u64, &mut ChaCha8Rng)) {
+        let sampling = &cfg.scheduled_sampling;
+        let uses_truth = rng.random::<f64>() < sampling.truth.at(step);
+        if uses_truth || self.run >= sampling.longest {
+            self.start_afresh();
+        }
+    }
+
+    fn start_afresh(&mut self) {
+        self.run = 0;
+        self.history.clear();
+    }
+
     /// Decides how the lane goes on after the network predicted `acceleration` (local, `[m/frame²]`,
     /// `[vertices, 3]`).
     pub(crate) fn advance(
@@ -149,14 +197,27 @@ impl LaneState {
         yaw: Yaw,
         acceleration: &[f32],
     ) {
-        let sampling = &cfg.scheduled_sampling;
-        let uses_truth = rng.random::<f64>() < sampling.truth.at(step);
+        let uses_truth = rng.random::<f64>() < cfg.scheduled_sampling.truth.at(step);
+        if uses_truth || self.run >= cfg.scheduled_sampling.longest {
+            self.start_afresh();
+        } else {
+            self.follow(cfg, corpus, yaw, acceleration);
+        }
+    }
+
+    /// Goes on with the prediction `acceleration` (local, `[m/frame²]`, `[vertices, 3]`); at the end
+    /// of the section or too far from the truth it starts afresh instead. Whether it went on.
+    pub(crate) fn follow(
+        &mut self,
+        cfg: &TrainConfig,
+        corpus: &Corpus,
+        yaw: Yaw,
+        acceleration: &[f32],
+    ) -> bool {
         let next = self.current + 1;
-        let can_go_on = self.run < sampling.longest && Corpus::section_has(&self.section, next);
-        if uses_truth || !can_go_on {
-            self.run = 0;
-            self.history.clear();
-            return;
+        if !Corpus::section_has(&self.section, next) {
+            self.start_afresh();
+            return false;
         }
         let motion = corpus.motion(self.section.trajectory);
         let truth = motion.frame(next as i64);
@@ -168,18 +229,18 @@ impl LaneState {
         for vertex in motion.graph.handles().vertices() {
             predicted[vertex.index()] = truth[vertex.index()];
         }
-        let farthest = sampling.farthest as f32;
+        let farthest = cfg.scheduled_sampling.farthest as f32;
         let close = |(p, q): (&Vec3, &Vec3)| p.distance(*q) <= farthest;
         // False for a position that is not finite, too.
         if !predicted.iter().zip(truth).all(close) {
-            self.run = 0;
-            self.history.clear();
-            return;
+            self.start_afresh();
+            return false;
         }
         self.history.rotate_left(1);
         self.history[count - 1] = predicted;
         self.current = next;
         self.run += 1;
+        true
     }
 }
 
@@ -220,6 +281,7 @@ impl Default for Shown {
             trajectory: 0,
             yaw: Yaw::WORLD,
             frames: Vec::new(),
+            next_handles: Vec::new(),
             local: Default::default(),
             dropout_seed: 0,
         }
@@ -227,6 +289,15 @@ impl Default for Shown {
 }
 
 impl Shown {
+    /// The sample for the features.
+    pub(crate) fn window(&self) -> Frames<'_, Vec<Vec3>> {
+        Frames {
+            positions: &self.frames,
+            next_handles: &self.next_handles,
+            yaw: self.yaw,
+        }
+    }
+
     /// The sample for the losses.
     pub(crate) fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
         let [previous, current, target] = &self.local;

@@ -13,6 +13,7 @@ mod shard;
 #[cfg(test)]
 mod test_data;
 mod trainer;
+mod unroll;
 
 pub use checkpoint::ResumeError;
 pub use config::{
@@ -25,5 +26,5 @@ pub use losses::{
 };
 pub use optimizer::{Adam, AdamError, AdamSettings, clip_norm};
 pub use run::{Limits, RunEnd, RunError, files, run};
-pub use schedule::{LearningRate, ScheduleError, TruthProbability};
+pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use trainer::{StepReport, TrainError, Trainer};

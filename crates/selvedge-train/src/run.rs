@@ -82,6 +82,7 @@ struct LogLine {
     gradient_norm: f64,
     learning_rate: f64,
     truth_probability: f64,
+    frames: usize,
 }
 
 /// Trains until the last step, a limit, or until `observe` breaks; it is called after each step.
@@ -169,6 +170,7 @@ impl LogLine {
             gradient_norm: norms / steps.len() as f64,
             learning_rate: last.learning_rate,
             truth_probability: last.truth_probability,
+            frames: last.frames,
         })
     }
 }

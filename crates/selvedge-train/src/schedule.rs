@@ -55,6 +55,73 @@ pub enum TruthProbability {
     },
 }
 
+/// Frames of a rollout that the gradient goes back through: 1 learns from single predictions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum UnrollFrames {
+    /// The same number throughout.
+    Constant {
+        /// The number.
+        frames: usize,
+    },
+    /// 1, then linearly up, then constant.
+    Growing {
+        /// The last step with 1.
+        start: u64,
+        /// The first step with `frames`.
+        end: u64,
+        /// The number from `end` on.
+        frames: usize,
+    },
+}
+
+impl Default for UnrollFrames {
+    /// Single predictions, as in the paper.
+    fn default() -> Self {
+        Self::Constant { frames: 1 }
+    }
+}
+
+impl UnrollFrames {
+    /// Checks the number and the order of steps.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub fn validate(&self) -> Result<(), ScheduleError> {
+        let most = self.most();
+        check((1..=1000).contains(&most), || {
+            error("unroll", "frames", "between 1 and 1000", most)
+        })?;
+        match *self {
+            Self::Growing { start, end, .. } => check(end > start, || {
+                error("unroll", "end", format!("after start = {start}"), end)
+            }),
+            Self::Constant { .. } => Ok(()),
+        }
+    }
+
+    /// The largest number.
+    #[must_use]
+    pub fn most(&self) -> usize {
+        match *self {
+            Self::Constant { frames } | Self::Growing { frames, .. } => frames,
+        }
+    }
+
+    /// The number of step `step`, counted from 0; growing from `start` to `end` it is
+    /// 1 + ⌊(frames - 1) (step - start) / (end - start)⌋.
+    #[must_use]
+    pub fn at(&self, step: u64) -> usize {
+        match *self {
+            Self::Constant { frames } => frames,
+            Self::Growing { start, end, frames } => {
+                let gone = step.clamp(start, end) - start;
+                1 + ((frames as u64 - 1) * gone / (end - start)) as usize
+            }
+        }
+    }
+}
+
 /// A schedule that cannot be followed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{schedule}.{field} must be {expected}, found {found}")]

@@ -5,13 +5,15 @@ use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 use selvedge_model::{
-    ClothGraph, Connectivity, Dropout, Input, Network, Normalizers, Pass, Place, Window, Workspace,
+    ClothGraph, Connectivity, Dropout, Gradients, Input, Network, Normalizers, Pass, Place, Window,
+    Workspace,
 };
 
 use crate::config::TrainConfig;
 use crate::corpus::Corpus;
 use crate::lane::{LaneState, Shown, rng_of};
 use crate::losses::{LossEvaluator, LossStatistics, LossTerms, Report};
+use crate::unroll::Unroll;
 
 /// The buffers of the samples that go through the network together.
 pub(crate) struct Shard {
@@ -28,6 +30,7 @@ pub(crate) struct Shard {
     pub(crate) gradient: Vec<f32>,
     /// Of each sample.
     pub(crate) terms: Vec<LossTerms>,
+    unroll: Unroll,
 }
 
 /// What all shards share in a step.
@@ -56,6 +59,7 @@ impl Shard {
             output_gradient: Vec::new(),
             gradient: vec![0.0; weights],
             terms: Vec::with_capacity(samples),
+            unroll: Unroll::default(),
         }
     }
 
@@ -81,6 +85,27 @@ impl Shard {
             let rows = self.rows(corpus, k);
             let yaw = self.shown[k].yaw;
             lane.advance(cfg, corpus, (context.step, rng), yaw, &self.output[rows]);
+        }
+    }
+
+    /// Takes the lanes through `count` frames each and leaves the gradient of the sum of their losses.
+    pub(crate) fn learn_unrolled(
+        &mut self,
+        context: &Context<'_>,
+        (number, count): (usize, usize),
+        lanes: &mut [LaneState],
+    ) {
+        let cfg = context.cfg;
+        self.gradient.fill(0.0);
+        self.terms.clear();
+        for (k, lane) in lanes.iter_mut().enumerate() {
+            let place = number * cfg.batch.shard + k;
+            let mut rng = rng_of(cfg.seed, context.step, place, cfg.batch.samples);
+            let driver = (&mut *lane, &mut rng);
+            let (losses, gradient) = (&mut self.losses, &mut self.gradient);
+            let terms = self.unroll.learn(context, driver, count, losses, gradient);
+            self.terms.push(terms);
+            lane.break_off(cfg, (context.step, &mut rng));
         }
     }
 
@@ -112,8 +137,7 @@ impl Shard {
         for (shown, place) in self.shown.iter().zip(&self.places) {
             let graph = &context.corpus.motion(shown.trajectory).graph;
             self.window.fit(spec, place);
-            self.window
-                .write(spec, graph, &shown.frames, shown.yaw, place);
+            self.window.write(spec, graph, shown.window(), place);
         }
         let normalizers = context.normalizers;
         self.window
@@ -138,8 +162,12 @@ impl Shard {
 
     fn backward(&mut self, context: &Context<'_>) {
         self.gradient.fill(0.0);
+        let gradients = Gradients {
+            weights: &mut self.gradient,
+            input: None,
+        };
         context.network.backward(
-            (context.weights, &mut self.gradient),
+            (context.weights, gradients),
             &self.connectivity,
             input_of(&self.window),
             &self.output_gradient,

@@ -51,6 +51,8 @@ pub struct StepReport {
     pub learning_rate: f64,
     /// The probability of ground truth in the step.
     pub truth_probability: f64,
+    /// Frames of a rollout that the step learned through.
+    pub frames: usize,
 }
 
 /// Why a training cannot start or go on.
@@ -153,11 +155,15 @@ impl Trainer {
             statistics: &self.statistics,
             step,
         };
+        let frames = self.cfg.unroll.at(step);
         self.lanes
             .par_chunks_mut(self.cfg.batch.shard)
             .zip(&mut self.shards)
             .enumerate()
-            .for_each(|(number, (lanes, shard))| shard.learn(&context, number, lanes));
+            .for_each(|(number, (lanes, shard))| match frames {
+                1 => shard.learn(&context, number, lanes),
+                _ => shard.learn_unrolled(&context, (number, frames), lanes),
+            });
 
         self.sum_gradients();
         let terms = LossTerms::mean(self.shards.iter().flat_map(|shard| &shard.terms));
@@ -176,6 +182,7 @@ impl Trainer {
             gradient_norm,
             learning_rate,
             truth_probability: self.cfg.scheduled_sampling.truth.at(step),
+            frames,
         })
     }
 
@@ -261,7 +268,7 @@ fn gather(cfg: &TrainConfig, corpus: &Corpus) -> ([RunningStatistics; 2], Runnin
         let graph = &*corpus.motion(shown.trajectory).graph;
         let place = Place::alone(graph);
         window.fit(spec, &place);
-        window.write(spec, graph, &shown.frames, shown.yaw, &place);
+        window.write(spec, graph, shown.window(), &place);
         nodes.add(&window.nodes);
         edges.add(&window.edges);
         targets.add(&shown.triplet(graph));

@@ -247,6 +247,10 @@ pub(crate) struct TrainArgs {
     /// Go on from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Start with the weights and the statistics of the run in this folder, of the same model; all
+    /// else, from the steps to the data, is this training's own.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "resume")]
+    pub(crate) from: Option<PathBuf>,
     /// Optimiser steps in all [default: as the configuration says].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,

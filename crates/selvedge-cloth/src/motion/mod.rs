@@ -11,6 +11,7 @@ mod blocks;
 mod keyframes;
 pub mod named;
 mod pace;
+mod random;
 mod recorded;
 
 use glam::DVec3;

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::{
     Block, Keyframe, KeyframeGroup, KeyframeMotion, Motion, Pace, Profile, Rotation, Translation,
-    TurnSense,
+    TurnSense, random,
 };
 use TurnSense::{Clockwise, CounterClockwise};
 
@@ -115,11 +115,19 @@ pub fn generalisation() -> Vec<&'static str> {
     GENERALISATION.iter().map(|(name, _)| *name).collect()
 }
 
-/// The motion of that name.
+/// The motion of that name: one of [`names`], or `random-` and a number (0 to 4294967295).
 #[must_use]
 pub fn by_name(name: &str) -> Option<Motion> {
     if name == STILL {
         return Some(Motion::still(10.0));
+    }
+    if let Some(number) = name.strip_prefix("random-") {
+        let canonical = number == "0" || !number.starts_with(['0', '+']);
+        return number
+            .parse()
+            .ok()
+            .filter(|_| canonical)
+            .map(random::motion);
     }
     let mut moves = TRAINING.iter().chain(&TEST);
     if let Some((_, what)) = moves.find(|entry| entry.0 == name) {

@@ -96,7 +96,9 @@ fn turning_and_moving_cloth_and_handles_leaves_local_features_unchanged() {
         let handles = graph.handles().select(current);
         let yaw = graph.frame().yaw(&handles, Yaw::WORLD);
         let pose = Pose {
-            before: None,
+            before: &[],
+            reference: &[],
+            rest: &[],
             previous,
             current,
             yaw,
@@ -129,7 +131,9 @@ fn the_two_arcs_of_an_edge_see_opposite_vectors_and_the_same_scalars() {
     let graph = graph(parts(6, 3));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
-        before: None,
+        before: &[],
+        reference: &[],
+        rest: &[],
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(0.4),
@@ -166,7 +170,9 @@ fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
     let graph = graph(parts(6, 4));
     let rest = graph.rest_positions();
     let pose = Pose {
-        before: None,
+        before: &[],
+        reference: &[],
+        rest: &[],
         previous: rest,
         current: rest,
         yaw: graph.frame().rest_yaw(),
@@ -184,7 +190,9 @@ fn bending_follows_its_closed_form_positive_for_a_ridge() {
         let angle = 0.1 * step as f32;
         let (graph, positions) = fold(angle);
         let pose = Pose {
-            before: None,
+            before: &[],
+            reference: &[],
+            rest: &[],
             previous: &positions,
             current: &positions,
             yaw: Yaw::WORLD,
@@ -250,7 +258,9 @@ fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
     let angles = |parts: ClothParts| -> Vec<u32> {
         let graph = graph(parts);
         let pose = Pose {
-            before: None,
+            before: &[],
+            reference: &[],
+            rest: &[],
             previous: &positions,
             current: &positions,
             yaw: Yaw::WORLD,
@@ -287,7 +297,9 @@ fn external_force_matches_a_slow_version_in_f64() {
     let graph = graph(parts(7, 2));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
-        before: None,
+        before: &[],
+        reference: &[],
+        rest: &[],
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(-1.2),
@@ -310,7 +322,9 @@ fn drag_of_a_sheet_across_the_wind_is_density_area_speed_squared_against_the_mot
     let (graph, positions) = fold(0.0);
     let previous = positions.map(|p| p + Vec3::Y * (3.0 / 60.0));
     let pose = Pose {
-        before: None,
+        before: &[],
+        reference: &[],
+        rest: &[],
         previous: &previous,
         current: &positions,
         yaw: Yaw::WORLD,
@@ -328,7 +342,9 @@ fn node_types_energies_and_velocities_are_what_they_say() {
     let graph = graph(parts(4, 2));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
-        before: None,
+        before: &[],
+        reference: &[],
+        rest: &[],
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(2.0),
@@ -350,7 +366,9 @@ fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
     let graph = graph(parts(5, 2));
     let (previous, current) = moving(graph.rest_positions());
     let pose = Pose {
-        before: None,
+        before: &[],
+        reference: &[],
+        rest: &[],
         previous: &previous,
         current: &current,
         yaw: Yaw::from_angle(0.3),
@@ -376,8 +394,10 @@ fn acceleration_is_the_second_difference_of_positions_in_the_local_frame() {
     let yaw = Yaw::from_angle(1.2);
     let rows = |current: &[Vec3]| {
         let pose = Pose {
-            before: Some(&before),
+            before: &before,
             previous: &previous,
+            reference: &[],
+            rest: &[],
             current,
             yaw,
         };

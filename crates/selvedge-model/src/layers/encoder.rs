@@ -26,6 +26,14 @@ pub(crate) struct EncoderRecord<T> {
     gru: GruRecord<T>,
 }
 
+/// The gradients at both ends of an encoder.
+pub(crate) struct EncoderEnds<'a, T> {
+    /// That of the input `[window, rows, width]`, where asked for; set.
+    pub(crate) to_input: Option<&'a mut [T]>,
+    /// That of the output `[rows, latent]`; overwritten.
+    pub(crate) output: &'a mut [T],
+}
+
 impl EncoderLayers {
     pub(crate) fn new(
         layout: &mut LayoutBuilder,
@@ -97,18 +105,23 @@ impl EncoderLayers {
         }
     }
 
-    /// Adds the gradients of all weights for the gradient of `out`, which is overwritten.
+    /// Adds the gradients of all weights for the gradient of `out`.
     pub(crate) fn backward<T: Real>(
         &self,
         (weights, gradient): (&[T], &mut [T]),
         (input, width): (&[T], usize),
         dropout: Option<Dropout>,
         record: &mut EncoderRecord<T>,
-        output: &mut [T],
+        ends: EncoderEnds<'_, T>,
     ) {
+        let EncoderEnds {
+            mut to_input,
+            output,
+        } = ends;
         match self {
             Self::Mlp(mlp) => {
                 let latent = mlp.first.outputs;
+                let all_rows = output.len() / latent;
                 let mut scratch = MlpScratch::new(latent);
                 for rows in tiles(output.len() / latent) {
                     let output = &mut output[rows.start * latent..rows.end * latent];
@@ -116,7 +129,11 @@ impl EncoderLayers {
                     mlp.finish_backward(weights, &tile, output, &mut scratch, gradient);
                     let first = &scratch.first[..rows.len() * latent];
                     for (columns, input) in frames(mlp, (input, width), &rows) {
-                        mlp.first_backward(weights, columns, (first, input), gradient, None);
+                        let start = columns.0 * all_rows + rows.start * width;
+                        let to_input = to_input.as_deref_mut();
+                        let to_input = to_input.map(|all| &mut all[start..start + input.len()]);
+                        let to_input = to_input.map(|rows| (rows, Store::Replace));
+                        mlp.first_backward(weights, columns, (first, input), gradient, to_input);
                     }
                 }
             }
@@ -135,6 +152,14 @@ impl EncoderLayers {
                     };
                     let buffers = (&tile, &mut scratch);
                     gru.backward((weights, gradient), input, dropout, buffers, output);
+                    let Some(to_input) = to_input.as_deref_mut() else {
+                        continue;
+                    };
+                    for step in 0..gru.steps {
+                        let start = (step * all_rows + rows.start) * width;
+                        let to_input = &mut to_input[start..start + rows.len() * width];
+                        gru.input_backward(weights, &scratch, (step, rows.len()), to_input);
+                    }
                 }
             }
         }

@@ -253,6 +253,25 @@ impl GruEncoder {
             add_weight_gradient(first, gradient, gates, input.at(step, first.inputs));
         }
     }
+
+    /// The gradient of the input rows of one step of the window, after [`Self::backward`] of a tile
+    /// of `rows` rows.
+    pub(crate) fn input_backward<T: Real>(
+        &self,
+        weights: &[T],
+        scratch: &GruScratch<T>,
+        (step, rows): (usize, usize),
+        to_input: &mut [T],
+    ) {
+        let first = &self.layers[0];
+        let gates = rows * 3 * first.hidden;
+        multiply(
+            MatrixMut::new(to_input, first.inputs),
+            Store::Replace,
+            Matrix::new(&scratch.input[step * gates..][..gates], 3 * first.hidden),
+            Matrix::new(&weights[first.weight_ih_range()], first.inputs),
+        );
+    }
 }
 
 /// out ← input W_ihᵀ + b_ih.

@@ -9,17 +9,18 @@
 //! All positions of a sample stand in one frame of reference: the local frame of its current
 //! positions. Everything inside is f64; a component that never varied is not compared.
 
-mod geometry;
 mod statistics;
 #[cfg(test)]
 mod tests;
 
 use glam::DVec3;
+use selvedge_model::geometry::{
+    bending_angle, bending_angle_with_gradient, length_with_gradient, wrapped,
+};
 use selvedge_model::{ClothGraph, Hinge, Normalizer, Real};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use geometry::{bending_angle, bending_angle_with_gradient, length_with_gradient, wrapped};
 pub use statistics::{LossStatistics, RunningLossStatistics};
 
 /// How much each term counts beside the acceleration, which counts 1. A term of weight 0 is off.
@@ -148,11 +149,18 @@ pub struct LossTerms {
 impl LossTerms {
     /// The mean of each term; `None` where one of `terms` has none.
     pub(crate) fn mean<'a>(terms: impl IntoIterator<Item = &'a Self>) -> Self {
-        let all: Vec<&Self> = terms.into_iter().collect();
-        let share = share(all.len());
-        let sum = |of: fn(&Self) -> f64| share * all.iter().map(|t| of(t)).sum::<f64>();
+        let all: Vec<(f64, Self)> = terms.into_iter().map(|terms| (1.0, *terms)).collect();
+        Self::weighted_mean(&all)
+    }
+
+    /// The mean of each term with these weights; `None` where one of `terms` has none.
+    pub(crate) fn weighted_mean(terms: &[(f64, Self)]) -> Self {
+        let weights: f64 = terms.iter().map(|(weight, _)| weight).sum();
+        let share = if weights > 0.0 { 1.0 / weights } else { 0.0 };
+        let sum = |of: fn(&Self) -> f64| share * terms.iter().map(|(w, t)| w * of(t)).sum::<f64>();
         let sum_some = |of: fn(&Self) -> Option<f64>| {
-            let values: Option<Vec<f64>> = all.iter().map(|t| of(t)).collect();
+            let values: Option<Vec<f64>> =
+                terms.iter().map(|(w, t)| of(t).map(|x| w * x)).collect();
             values.map(|values| share * values.iter().sum::<f64>())
         };
         Self {

@@ -6,7 +6,7 @@ use selvedge_model::{Normalizer, RunningStatistics};
 use serde::{Deserialize, Serialize};
 
 use super::Triplet;
-use super::geometry::bending_angle;
+use selvedge_model::geometry::bending_angle;
 
 /// Frozen statistics of what the losses compare.
 #[derive(Clone, Debug, PartialEq)]

@@ -91,7 +91,7 @@ fn whole(encoder: Encoder) -> Whole {
     let place = Place::alone(graph);
     let mut window = Window::default();
     window.fit(&cfg.model, &place);
-    window.write(&cfg.model, graph, &shown.frames, shown.yaw, &place);
+    window.write(&cfg.model, graph, shown.window(), &place);
     let normalizers = model.normalizers();
     window.normalize(&normalizers.nodes, &normalizers.edges);
     let wide = |x: &[f32]| x.iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
@@ -130,7 +130,13 @@ impl Whole {
         let losses = &mut self.losses;
         let terms = losses.evaluate(&triplet, statistics, &predicted, &mut output);
         if let Some(gradient) = gradient {
-            let both = (weights, gradient);
+            let both = (
+                weights,
+                Gradients {
+                    weights: gradient,
+                    input: None,
+                },
+            );
             network.backward(both, graph, input, &output, &mut workspace);
         }
         terms.total

@@ -96,7 +96,10 @@ fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result
             args.out.display()
         );
     }
-    Ok(Trainer::new(cfg, data)?)
+    Ok(match &args.from {
+        Some(folder) => Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT))?,
+        None => Trainer::new(cfg, data)?,
+    })
 }
 
 fn text(report: &Report) -> Facts {

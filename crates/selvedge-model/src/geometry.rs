@@ -7,7 +7,8 @@
 use glam::DVec3;
 
 /// Length of `d` `[m]` and its gradient d / |d|.
-pub(super) fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
+#[must_use]
+pub fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
     let length = d.length();
     let gradient = if length > 0.0 {
         d / length
@@ -18,7 +19,8 @@ pub(super) fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
 }
 
 /// The bending angle `[rad]` of the hinge `[from, to, left, right]`, as the feature has it.
-pub(super) fn bending_angle([from, to, left, right]: [DVec3; 4]) -> f64 {
+#[must_use]
+pub fn bending_angle([from, to, left, right]: [DVec3; 4]) -> f64 {
     let (along, to_right) = (to - from, right - from);
     let normal_left = along.cross(left - from);
     let sine = 0.0 - along.length() * normal_left.dot(to_right);
@@ -30,7 +32,8 @@ pub(super) fn bending_angle([from, to, left, right]: [DVec3; 4]) -> f64 {
 /// n_r = (right - from) × e and the feet of the wings at the parts s_l, s_r of the edge,
 /// ∂θ/∂left = g_l = -|e| n_l/|n_l|², ∂θ/∂right = g_r = -|e| n_r/|n_r|²,
 /// ∂θ/∂to = -s_l g_l - s_r g_r, ∂θ/∂from = -(1 - s_l) g_l - (1 - s_r) g_r.
-pub(super) fn bending_angle_with_gradient(hinge: [DVec3; 4]) -> (f64, [DVec3; 4]) {
+#[must_use]
+pub fn bending_angle_with_gradient(hinge: [DVec3; 4]) -> (f64, [DVec3; 4]) {
     let [from, to, left, right] = hinge;
     let along = to - from;
     let normal_left = along.cross(left - from);
@@ -51,7 +54,8 @@ pub(super) fn bending_angle_with_gradient(hinge: [DVec3; 4]) -> (f64, [DVec3; 4]
 }
 
 /// The angle difference that is meant: wrapped into (-π, π], the shorter way round.
-pub(super) fn wrapped(difference: f64) -> f64 {
+#[must_use]
+pub fn wrapped(difference: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     if difference > PI {
         difference - TAU

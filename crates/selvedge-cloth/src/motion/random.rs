@@ -1,0 +1,74 @@
+//! Motions drawn at random: moves in every direction and turns about every place on the handles'
+//! line, none faster than the motions of the training set. The same number gives the same motion
+//! on every machine.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::{Block, Motion, Pace, Rotation, Translation, TurnSense};
+
+/// Moves between the still start and the still end.
+const MOVES: usize = 8;
+/// Shortest and longest move, in frames of 1/60 s.
+const FRAMES: [f64; 2] = [30.0, 90.0];
+/// Slowest and fastest move: its mean speed `[m/s]`. 1 m/s peaks at π/2 m/s, as in training.
+const SPEEDS: [f64; 2] = [0.2, 1.0];
+
+/// Motion number `seed`: half a second still, eight moves of 0.5 to 1.5 s (half of them along a
+/// direction, uniform on the sphere, a quarter turns about a centre between the outer handles, a
+/// quarter both at half the speed), two seconds still; about 10.5 s.
+pub(super) fn motion(seed: u32) -> Motion {
+    let mut rng = ChaCha8Rng::seed_from_u64(u64::from(seed));
+    let moves: Vec<Block> = (0..MOVES).map(|_| one_move(&mut rng)).collect();
+    let (before, after) = (Block::still(0.5), Block::still(2.0));
+    Motion::Blocks {
+        blocks: std::iter::once(before)
+            .chain(moves)
+            .chain([after])
+            .collect(),
+    }
+}
+
+fn one_move(rng: &mut ChaCha8Rng) -> Block {
+    let duration = between(rng, FRAMES).round() / 60.0;
+    let distance = duration * between(rng, SPEEDS);
+    let kind = rng.next_u32() % 4;
+    let share = if kind == 3 { 0.5 } else { 1.0 };
+    let pace = Pace::Distance {
+        distance: share * distance,
+    };
+    Block {
+        duration,
+        translations: match kind {
+            2 => Vec::new(),
+            _ => vec![Translation {
+                direction: direction(rng),
+                pace,
+            }],
+        },
+        rotation: (kind >= 2).then(|| Rotation {
+            center: between(rng, [-1.0, 1.0]),
+            sense: match rng.next_u32() % 2 {
+                0 => TurnSense::Clockwise,
+                _ => TurnSense::CounterClockwise,
+            },
+            arc: pace,
+        }),
+    }
+}
+
+/// Uniform on the unit sphere: its height is uniform (Archimedes).
+fn direction(rng: &mut ChaCha8Rng) -> DVec3 {
+    let height = between(rng, [-1.0, 1.0]);
+    let angle = between(rng, [0.0, TAU]);
+    let radius = (1.0 - height * height).sqrt();
+    DVec3::new(radius * angle.cos(), height, radius * angle.sin())
+}
+
+fn between(rng: &mut ChaCha8Rng, [low, high]: [f64; 2]) -> f64 {
+    const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
+    low + (high - low) * ((rng.next_u64() >> 11) as f64 * SCALE)
+}

@@ -1,0 +1,214 @@
+//! From the gradient of a loss with respect to features to that with respect to the positions they
+//! were computed from, for learning through several frames of a rollout.
+//!
+//! Each function is the transpose of the derivative of its namesake in [`super`], in the same order
+//! of columns. Handles are not treated apart here: whoever knows that they are given drops their
+//! gradient. Where a feature is not differentiable (an edge or a face without extent, air at rest)
+//! its gradient is 0.
+
+use glam::Vec3;
+
+use super::{Pose, edge_ends};
+use crate::geometry::bending_angle_with_gradient;
+use crate::graph::ClothGraph;
+use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
+
+/// Gradients with respect to the positions of a [`Pose`], in the world, `[vertices]`; added to.
+pub struct PoseGradient<'a> {
+    /// Of `before`, where the spec has accelerations.
+    pub before: &'a mut [Vec3],
+    /// Of `previous`.
+    pub previous: &'a mut [Vec3],
+    /// Of `current`.
+    pub current: &'a mut [Vec3],
+    /// Of `reference`, where the spec has expected moves.
+    pub reference: &'a mut [Vec3],
+}
+
+/// Rows of the gradient of one feature.
+#[derive(Clone, Copy)]
+struct Rows<'a> {
+    rows: &'a [f32],
+    width: usize,
+    first: usize,
+}
+
+impl Rows<'_> {
+    #[inline]
+    fn get(&self, row: usize, column: usize) -> f32 {
+        self.rows[row * self.width + self.first + column]
+    }
+
+    #[inline]
+    fn vector(&self, row: usize) -> Vec3 {
+        Vec3::from_slice(&self.rows[row * self.width + self.first..][..3])
+    }
+}
+
+/// Adds to `to` what `gradient` (`[vertices, node_width]`, that of
+/// [`node_features`](super::node_features)) means for the positions.
+///
+/// # Panics
+/// When a slice does not have the size of the cloth.
+pub fn node_features_backward(
+    spec: &ModelSpec,
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    gradient: &[f32],
+    to: &mut PoseGradient<'_>,
+) {
+    let (vertices, width) = (graph.vertex_count(), spec.node_width());
+    assert_eq!(gradient.len(), vertices * width, "gradient of the features");
+    assert_eq!(to.current.len(), vertices, "gradient of the positions");
+    let mut first = 0;
+    for &feature in &spec.node_features {
+        let rows = Rows {
+            rows: gradient,
+            width,
+            first,
+        };
+        match feature {
+            NodeFeature::Velocity => difference(pose, rows, to.current, to.previous),
+            NodeFeature::ExternalForce => external_force(graph, pose, rows, to),
+            NodeFeature::KineticEnergy => kinetic_energy(graph, pose, rows, to),
+            NodeFeature::NodeType => {}
+            NodeFeature::Acceleration => {
+                difference(pose, rows, to.current, to.previous);
+                difference(pose, rows, to.before, to.previous);
+            }
+            NodeFeature::ExpectedMove => difference(pose, rows, to.current, to.reference),
+            NodeFeature::RestOffset => {
+                for (v, to) in to.current.iter_mut().enumerate() {
+                    *to += pose.yaw.to_world(rows.vector(v));
+                }
+            }
+        }
+        first += feature.width();
+    }
+}
+
+/// Adds to `to` what `gradient` (`[arcs, edge_width]`, that of
+/// [`edge_features`](super::edge_features)) means for the current positions.
+///
+/// # Panics
+/// When a slice does not have the size of the cloth.
+pub fn edge_features_backward(
+    spec: &ModelSpec,
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    gradient: &[f32],
+    to: &mut [Vec3],
+) {
+    let width = spec.edge_width();
+    assert_eq!(gradient.len(), graph.arc_count() * width, "gradient");
+    assert_eq!(to.len(), graph.vertex_count(), "gradient of the positions");
+    let mut first = 0;
+    for &feature in &spec.edge_features {
+        let rows = Rows {
+            rows: gradient,
+            width,
+            first,
+        };
+        match feature {
+            EdgeFeature::Vector => vector(graph, pose, rows, to),
+            EdgeFeature::RestVector | EdgeFeature::MaterialVector => {}
+            EdgeFeature::Elongation => elongation(graph, pose, rows, to),
+            EdgeFeature::BendingAngle => bending(graph, pose, rows, to),
+        }
+        first += feature.width();
+    }
+}
+
+fn difference(pose: Pose<'_>, rows: Rows<'_>, plus: &mut [Vec3], minus: &mut [Vec3]) {
+    for (v, (plus, minus)) in plus.iter_mut().zip(minus).enumerate() {
+        let by_world = pose.yaw.to_world(rows.vector(v));
+        *plus += by_world;
+        *minus -= by_world;
+    }
+}
+
+/// With u = A/3 Σ g over the corners, φ = u·(ρ |vₙ| vₙ n + c v_t), vₙ = n·v, n = N/|N|:
+/// ∂φ/∂v = (2ρ |vₙ| - c) (u·n) n + c u, ∂φ/∂n = (2ρ |vₙ| - c) (u·n) v + (ρ |vₙ| - c) vₙ u,
+/// ∂φ/∂N = (1 - n nᵀ) ∂φ/∂n / |N| `[eq:external-force-gradient]`.
+fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
+    let environment = graph.environment();
+    if environment.air_density == 0.0 && environment.air_drag == 0.0 {
+        return;
+    }
+    let (density, drag) = (environment.air_density as f32, environment.air_drag as f32);
+    let wind = environment.wind.as_vec3();
+    let corner_rate = graph.frame_rate() as f32 / 3.0;
+    for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
+        let corners = face.map(|v| v.index());
+        let [a, b, c] = corners.map(|v| pose.current[v]);
+        let moved: Vec3 = corners
+            .iter()
+            .map(|&v| pose.current[v] - pose.previous[v])
+            .sum();
+        let relative = wind - corner_rate * moved;
+        let (by_b, by_c) = (b - a, c - a);
+        let across = by_b.cross(by_c);
+        let size = across.length();
+        if size == 0.0 {
+            continue;
+        }
+        let normal = across / size;
+        let along = normal.dot(relative);
+        let sum: Vec3 = corners.iter().map(|&v| rows.vector(v)).sum();
+        let force = pose.yaw.to_world(area / 3.0 * sum);
+        let slope = (2.0 * density * along.abs() - drag) * force.dot(normal);
+        let by_relative = slope * normal + drag * force;
+        let by_normal = slope * relative + (density * along.abs() - drag) * along * force;
+        let by_across = (by_normal - normal.dot(by_normal) * normal) / size;
+        let (to_b, to_c) = (by_c.cross(by_across), by_across.cross(by_b));
+        let by_move = -corner_rate * by_relative;
+        for (v, by_corner) in corners.into_iter().zip([-to_b - to_c, to_b, to_c]) {
+            to.current[v] += by_corner + by_move;
+            to.previous[v] -= by_move;
+        }
+    }
+}
+
+fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
+    for (v, &mass) in graph.vertex_mass().iter().enumerate() {
+        let momentum = mass * (pose.current[v] - pose.previous[v]);
+        to.current[v] += rows.get(v, 0) * momentum;
+        to.previous[v] -= rows.get(v, 0) * momentum;
+    }
+}
+
+fn vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    let edges = graph.topology().edges().iter().map(|edge| edge.vertices);
+    for (ends, ((a, b), [forward, back])) in edges.zip(edge_ends(graph, pose.current)) {
+        let [forward, back] = [forward as usize, back as usize];
+        let by_difference = rows.vector(forward) - rows.vector(back);
+        let by_length = rows.get(forward, 3) + rows.get(back, 3);
+        let along = (a - b).normalize_or_zero();
+        let by_edge = pose.yaw.to_world(by_difference) + by_length * along;
+        to[ends[0].index()] += by_edge;
+        to[ends[1].index()] -= by_edge;
+    }
+}
+
+fn elongation(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    let edges = graph.topology().edges().iter().map(|edge| edge.vertices);
+    for (ends, ((a, b), arcs)) in edges.zip(edge_ends(graph, pose.current)) {
+        let by_length: f32 = arcs.iter().map(|&arc| rows.get(arc as usize, 0)).sum();
+        let by_edge = by_length * (a - b).normalize_or_zero();
+        to[ends[0].index()] += by_edge;
+        to[ends[1].index()] -= by_edge;
+    }
+}
+
+fn bending(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    for hinge in graph.hinges() {
+        let vertices = [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| v as usize);
+        let points = vertices.map(|v| pose.current[v].as_dvec3());
+        let (_, slopes) = bending_angle_with_gradient(points);
+        let arcs = graph.edge_arcs()[hinge.edge as usize];
+        let by_angle: f32 = arcs.iter().map(|&arc| rows.get(arc as usize, 0)).sum();
+        for (v, slope) in vertices.into_iter().zip(slopes) {
+            to[v] += by_angle * slope.as_vec3();
+        }
+    }
+}

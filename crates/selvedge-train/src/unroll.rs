@@ -1,0 +1,270 @@
+//! Learning through several frames of a rollout (back-propagation through time): the network's own
+//! predictions become the next frames' positions, and the gradient of every frame's loss goes back
+//! through the features and the integration into all predictions before it.
+//!
+//! A prediction is judged where the rollout is: k frames after its start (k from 1) its target is the
+//! truth plus (1 - γ)^k e, e being how far the start was from the truth, in the local frame. The
+//! positions that a constant error of the acceleration leads to are off by k²/2 of it, so the loss of
+//! frame k counts 1/k², in a weighted mean `[eq:unrolled-loss]`.
+//!
+//! One lane at a time, by itself: lanes are what threads share.
+
+use glam::{DVec3, Vec3};
+use rand_chacha::ChaCha8Rng;
+use selvedge_model::{Dropout, Gradients, Input, InputGradient, Pass, Place, Window, Workspace};
+
+use crate::corpus::Motion;
+use crate::lane::{LaneState, Shown};
+use crate::losses::{LossEvaluator, LossTerms};
+use crate::shard::Context;
+
+/// The buffers of one lane's run through several frames.
+#[derive(Default)]
+pub(crate) struct Unroll {
+    frames: Vec<FrameBuffers>,
+    input: InputBuffers,
+    /// Of the total loss with respect to the positions of all frames, the history of the first one
+    /// included, in the world, `[frames][vertices]`.
+    by_position: Vec<Vec<Vec3>>,
+}
+
+/// What the way back needs of one frame.
+#[derive(Default)]
+struct FrameBuffers {
+    shown: Shown,
+    window: Window,
+    workspace: Workspace<f32>,
+    /// The normalised prediction, `[vertices, 3]`.
+    output: Vec<f32>,
+    /// The gradient of this frame's own loss with respect to it, `[vertices, 3]`.
+    by_output: Vec<f32>,
+}
+
+/// Gradients with respect to features.
+#[derive(Default)]
+struct InputBuffers {
+    nodes: Vec<f32>,
+    edges: Vec<f32>,
+}
+
+impl Unroll {
+    /// Takes `lane` through up to `count` frames and adds the gradient of their loss to `gradient`;
+    /// gives its terms. The lane stands after the last frame.
+    pub(crate) fn learn(
+        &mut self,
+        context: &Context<'_>,
+        (lane, rng): (&mut LaneState, &mut ChaCha8Rng),
+        count: usize,
+        losses: &mut LossEvaluator,
+        gradient: &mut [f32],
+    ) -> LossTerms {
+        let (cfg, corpus) = (context.cfg, context.corpus);
+        if self.frames.len() < count {
+            self.frames.resize_with(count, FrameBuffers::default);
+        }
+        let kept = 1.0 - lane.correction(cfg);
+        let mut start = Vec::new();
+        let mut terms: Vec<(f64, LossTerms)> = Vec::with_capacity(count);
+        for frame in &mut self.frames[..count] {
+            lane.show(cfg, corpus, rng, &mut frame.shown);
+            if terms.is_empty() {
+                start = lane.offset(corpus, frame.shown.yaw);
+            }
+            let number = terms.len() as f64 + 1.0;
+            lane.aim(corpus, (&start, kept.powf(number)), &mut frame.shown);
+            frame.forward(context);
+            terms.push((number.powi(-2), frame.judge(context, losses)));
+            let acceleration = frame.acceleration(context);
+            if !lane.follow(cfg, corpus, frame.shown.yaw, &acceleration) {
+                break;
+            }
+        }
+        let mean = LossTerms::weighted_mean(&terms);
+        let cap = cfg.loss_cap.filter(|&cap| mean.total > cap);
+        let weight = cap.map_or(1.0, |cap| cap / mean.total);
+        let sum: f64 = terms.iter().map(|(weight, _)| weight).sum();
+        let weights: Vec<f64> = terms.iter().map(|(w, _)| w * weight / sum).collect();
+        self.backward(context, &weights, gradient);
+        mean
+    }
+
+    /// Adds to `gradient` that of the frames' losses, each times its weight, latest frame first.
+    fn backward(&mut self, context: &Context<'_>, weights: &[f64], gradient: &mut [f32]) {
+        let motion = context.corpus.motion(self.frames[0].shown.trajectory);
+        let history = context.network.spec().history();
+        let vertices = motion.graph.vertex_count();
+        self.by_position
+            .resize_with(history + weights.len(), Vec::new);
+        for row in &mut self.by_position {
+            row.clear();
+            row.resize(vertices, Vec3::ZERO);
+        }
+        for (number, &weight) in weights.iter().enumerate().rev() {
+            let frame = &mut self.frames[number];
+            let by_frames = &mut self.by_position[number..=number + history];
+            frame.judge_position(context, motion, weight as f32, &mut by_frames[history]);
+            // What the first frame starts from is given.
+            let input = (number > 0).then_some(&mut self.input);
+            frame.backward(context, motion, (input, by_frames), gradient);
+        }
+    }
+}
+
+impl FrameBuffers {
+    fn forward(&mut self, context: &Context<'_>) {
+        let (spec, motion) = (
+            context.network.spec(),
+            context.corpus.motion(self.shown.trajectory),
+        );
+        let place = Place::alone(&motion.graph);
+        self.window.fit(spec, &place);
+        self.window
+            .write(spec, &motion.graph, self.shown.window(), &place);
+        let normalizers = context.normalizers;
+        self.window
+            .normalize(&normalizers.nodes, &normalizers.edges);
+        let dropout = Dropout {
+            rate: context.cfg.dropout,
+            seed: self.shown.dropout_seed,
+        };
+        let out = context.network.forward(
+            context.weights,
+            &motion.connectivity,
+            input_of(&self.window),
+            Pass::Training(Some(dropout)),
+            &mut self.workspace,
+        );
+        self.output.clear();
+        self.output.extend_from_slice(out);
+    }
+
+    fn judge(&mut self, context: &Context<'_>, losses: &mut LossEvaluator) -> LossTerms {
+        let graph = &context.corpus.motion(self.shown.trajectory).graph;
+        self.by_output.resize(self.output.len(), 0.0);
+        let triplet = self.shown.triplet(graph);
+        let statistics = context.statistics;
+        losses.evaluate(&triplet, statistics, &self.output, &mut self.by_output)
+    }
+
+    /// The prediction in `[m/frame²]`, local, `[vertices, 3]`.
+    fn acceleration(&self, context: &Context<'_>) -> Vec<f32> {
+        let mut acceleration = self.output.clone();
+        let normalizer = &context.normalizers.acceleration;
+        normalizer.denormalize(&mut acceleration);
+        acceleration
+    }
+
+    /// Joins this frame's own loss, times `weight`, with the gradient `by_next` that later frames
+    /// have for the positions it predicts: afterwards `by_output` is the whole gradient of the
+    /// prediction, and `by_next` that of the predicted positions.
+    fn judge_position(
+        &mut self,
+        context: &Context<'_>,
+        motion: &Motion,
+        weight: f32,
+        by_next: &mut [Vec3],
+    ) {
+        let deviation = DVec3::from_slice(context.normalizers.acceleration.deviation()).as_vec3();
+        let inverse = deviation.map(|d| if d > 0.0 { 1.0 / d } else { 0.0 });
+        let yaw = self.shown.yaw;
+        let rows = self.by_output.as_chunks_mut::<3>().0.iter_mut();
+        for ((row, by_next), &handle) in rows.zip(by_next).zip(motion.graph.handle_mask()) {
+            if handle {
+                *by_next = Vec3::ZERO;
+            }
+            let own = weight * Vec3::from_array(*row);
+            *row = (own + deviation * yaw.to_local(*by_next)).to_array();
+            *by_next += yaw.to_world(own * inverse);
+        }
+    }
+
+    /// From `by_output` to the weights and, where the positions before are predictions, to those:
+    /// `by_frames` are the gradients of the history and, last, of the predicted positions.
+    fn backward(
+        &mut self,
+        context: &Context<'_>,
+        motion: &Motion,
+        (input, by_frames): (Option<&mut InputBuffers>, &mut [Vec<Vec3>]),
+        gradient: &mut [f32],
+    ) {
+        let Some(input) = input else {
+            let gradients = Gradients {
+                weights: gradient,
+                input: None,
+            };
+            self.network_backward(context, motion, gradients);
+            return;
+        };
+        input.nodes.resize(self.window.nodes.len(), 0.0);
+        input.edges.resize(self.window.edges.len(), 0.0);
+        let gradients = Gradients {
+            weights: gradient,
+            input: Some(input.gradient()),
+        };
+        self.network_backward(context, motion, gradients);
+        let normalizers = context.normalizers;
+        normalizers.nodes.scale_gradient(&mut input.nodes);
+        normalizers.edges.scale_gradient(&mut input.edges);
+        let (spec, graph) = (context.network.spec(), &*motion.graph);
+        let (by_history, by_next) = by_frames.split_at_mut(spec.history());
+        let (frames, by_input) = (self.shown.window(), input.gradient());
+        self.window
+            .backward(spec, graph, frames, &by_input, by_history);
+        self.integration_backward(context, motion, by_history, &by_next[0]);
+    }
+
+    /// p̄ = a + 2 p - reference.
+    fn integration_backward(
+        &self,
+        context: &Context<'_>,
+        motion: &Motion,
+        by_history: &mut [Vec<Vec3>],
+        by_next: &[Vec3],
+    ) {
+        let newest = by_history.len() - 1;
+        let pair = [newest - 1, newest].map(|frame| &*self.shown.frames[frame]);
+        let (handles, yaw) = (&self.shown.next_handles, self.shown.yaw);
+        let integration = context.network.spec().integration;
+        let slope = integration.reference_slope(&motion.graph, pair, handles, yaw);
+        let (earlier, current) = by_history.split_at_mut(newest);
+        for (to, g) in current[0].iter_mut().zip(by_next) {
+            *to += 2.0 * *g;
+        }
+        let by_reference: Vec<Vec3> = by_next.iter().map(|&g| -g).collect();
+        slope.backward(&by_reference, &mut earlier[newest - 1], &mut current[0]);
+    }
+
+    fn network_backward(
+        &mut self,
+        context: &Context<'_>,
+        motion: &Motion,
+        gradients: Gradients<'_, f32>,
+    ) {
+        context.network.backward(
+            (context.weights, gradients),
+            &motion.connectivity,
+            input_of(&self.window),
+            &self.by_output,
+            &mut self.workspace,
+        );
+    }
+}
+
+impl InputBuffers {
+    fn gradient(&mut self) -> InputGradient<'_, f32> {
+        InputGradient {
+            nodes: &mut self.nodes,
+            edges: &mut self.edges,
+        }
+    }
+}
+
+fn input_of(window: &Window) -> Input<'_, f32> {
+    Input {
+        nodes: &window.nodes,
+        edges: &window.edges,
+    }
+}
+
+#[cfg(test)]
+mod tests;
