@@ -1,8 +1,10 @@
-//! Gravity and air.
+//! Gravity and air, which may come in gusts.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use crate::Gust;
 
 /// What acts on the cloth from outside. Defaults: gravity (0, -9.8, 0), still air of density 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +18,9 @@ pub struct Environment {
     pub air_density: f64,
     /// Drag along a face `[kg/(m² s)]`.
     pub air_drag: f64,
+    /// What the wind does beside being constant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gust: Option<Gust>,
 }
 
 /// A setting of the environment that is not physical.
@@ -34,12 +39,28 @@ impl Default for Environment {
             wind: DVec3::ZERO,
             air_density: 1.0,
             air_drag: 0.0,
+            gust: None,
         }
     }
 }
 
 impl Environment {
-    /// Checks that every value is finite and no density negative.
+    /// The environment during the step from `frame` to the next, at `frame_rate` frames per
+    /// second: its wind is constant, wind + gust at the middle of the step. Held over a step, so
+    /// that who sees a frame knows the air that acts until the next.
+    #[must_use]
+    pub fn during_step(&self, frame: usize, frame_rate: f64) -> Self {
+        match self.gust {
+            None => *self,
+            Some(gust) => Self {
+                wind: self.wind + gust.velocity((frame as f64 + 0.5) / frame_rate),
+                gust: None,
+                ..*self
+            },
+        }
+    }
+
+    /// Checks that every value is finite, no density negative, and a gust's period positive.
     ///
     /// # Errors
     /// Names the field, what it must be and what was found.
@@ -65,8 +86,29 @@ impl Environment {
                 });
             }
         }
-        Ok(())
+        match &self.gust {
+            None => Ok(()),
+            Some(gust) => validate_gust(gust),
+        }
     }
+}
+
+fn validate_gust(gust: &Gust) -> Result<(), EnvironmentError> {
+    if !(gust.speed.is_finite() && gust.speed.min_element() >= 0.0) {
+        return Err(EnvironmentError {
+            field: "gust.speed",
+            expected: "finite and not negative along each axis",
+            found: gust.speed.to_string(),
+        });
+    }
+    if !(gust.period.is_finite() && gust.period > 0.0) {
+        return Err(EnvironmentError {
+            field: "gust.period",
+            expected: "finite and positive",
+            found: gust.period.to_string(),
+        });
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -75,15 +117,30 @@ mod tests {
 
     type Spoil = fn(&mut Environment);
 
+    fn gusty(speed: DVec3, period: f64) -> Option<Gust> {
+        Some(Gust {
+            speed,
+            period,
+            seed: 1,
+        })
+    }
+
     #[test]
     fn wrong_values_are_named() {
         Environment::default().validate().unwrap();
-        let wrong: [(&str, Spoil); 5] = [
+        let wrong: [(&str, Spoil); 8] = [
             ("environment.gravity", |e| e.gravity.y = f64::NAN),
             ("environment.wind", |e| e.wind.x = f64::INFINITY),
             ("environment.air_density", |e| e.air_density = -1.0),
             ("environment.air_density", |e| e.air_density = f64::NAN),
             ("environment.air_drag", |e| e.air_drag = -0.1),
+            ("environment.gust.speed", |e| {
+                e.gust = gusty(DVec3::NEG_X, 1.0)
+            }),
+            ("environment.gust.period", |e| e.gust = gusty(DVec3::X, 0.0)),
+            ("environment.gust.period", |e| {
+                e.gust = gusty(DVec3::X, f64::NAN);
+            }),
         ];
         for (field, spoil) in wrong {
             let mut environment = Environment::default();
@@ -102,5 +159,24 @@ mod tests {
         assert_eq!(toml::from_str::<Environment>(&text).unwrap(), environment);
         let error = toml::from_str::<Environment>("gravty = [0, 0, 0]").unwrap_err();
         assert!(error.to_string().contains("gravty"), "{error}");
+    }
+
+    #[test]
+    fn a_step_has_the_wind_of_its_middle() {
+        let still = Environment::default();
+        assert_eq!(still.during_step(30, 60.0), still);
+        let windy = Environment {
+            wind: DVec3::new(3.0, 0.0, 0.0),
+            gust: gusty(DVec3::ONE, 2.0),
+            ..still
+        };
+        let gust = windy.gust.unwrap();
+        let step = windy.during_step(30, 60.0);
+        assert_eq!(step.wind, windy.wind + gust.velocity(30.5 / 60.0));
+        assert_eq!((step.gust, step.gravity), (None, still.gravity));
+        // A file without gusts stays as it was.
+        assert!(!toml::to_string(&still).unwrap().contains("gust"));
+        let text = toml::to_string(&windy).unwrap();
+        assert_eq!(toml::from_str::<Environment>(&text).unwrap(), windy);
     }
 }

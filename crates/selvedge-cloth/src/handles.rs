@@ -28,6 +28,10 @@ pub enum HandleError {
     Count { expected: usize, found: usize },
     #[error("the target of handle {handle} is not finite: {target}")]
     NonFinite { handle: usize, target: DVec3 },
+    #[error(
+        "handle {handle} is let go, which only the physics can follow: give every handle a motion without releases, or use `selvedge simulate`"
+    )]
+    Released { handle: usize },
 }
 
 impl Handles {
@@ -54,6 +58,15 @@ impl Handles {
         Ok(Self {
             vertices: vertices.iter().copied().map(VertexId).collect(),
         })
+    }
+
+    /// The handles for which `keep`, `[handles]`, says so, in the same order.
+    #[must_use]
+    pub fn subset(&self, keep: &[bool]) -> Self {
+        let kept = self.vertices.iter().zip(keep).filter(|(_, keep)| **keep);
+        Self {
+            vertices: kept.map(|(vertex, _)| *vertex).collect(),
+        }
     }
 
     /// The handle vertices, in the order they were given, `[handles]`.
@@ -97,6 +110,8 @@ impl Handles {
 pub struct HandleTargets {
     samples: Vec<DVec3>,
     handle_count: usize,
+    /// Whether each handle is let go, `[handles]`; empty where none is.
+    released: Vec<bool>,
 }
 
 impl HandleTargets {
@@ -135,7 +150,41 @@ impl HandleTargets {
         Ok(Self {
             samples,
             handle_count,
+            released: Vec::new(),
         })
+    }
+
+    /// The same targets, with the handles let go for which `released`, `[handles]`, says so: their
+    /// vertices are free during this frame, and their targets only tell where their paths lead.
+    ///
+    /// # Errors
+    /// [`HandleError::Count`].
+    pub fn releasing(mut self, released: Vec<bool>) -> Result<Self, HandleError> {
+        if released.len() != self.handle_count {
+            return Err(HandleError::Count {
+                expected: self.handle_count,
+                found: released.len(),
+            });
+        }
+        self.released = released;
+        Ok(self)
+    }
+
+    /// Whether `handle` holds the cloth during this frame.
+    #[must_use]
+    pub fn holds(&self, handle: usize) -> bool {
+        !self.released.get(handle).copied().unwrap_or(false)
+    }
+
+    /// For those that cannot let go: checks that every handle holds.
+    ///
+    /// # Errors
+    /// [`HandleError::Released`].
+    pub fn require_all_hold(&self) -> Result<(), HandleError> {
+        match self.released.iter().position(|released| *released) {
+            Some(handle) => Err(HandleError::Released { handle }),
+            None => Ok(()),
+        }
     }
 
     /// Number of handles.
@@ -199,6 +248,8 @@ mod tests {
             Handles::new(&[2, 3, 2], 5),
             Err(HandleError::Repeated { vertex })
         );
+        let last = handles.subset(&[false, true]);
+        assert_eq!(last.vertices(), [VertexId(1)]);
         let free = Handles::new(&[], 5).unwrap();
         assert!(free.is_empty() && free.select(&[0.0; 5]).is_empty());
     }
@@ -265,5 +316,22 @@ mod tests {
             once.at(0, 2.0 / 3.0 + 1.0 / 3.0, DVec3::ZERO),
             DVec3::X * 3.0
         );
+    }
+
+    #[test]
+    fn a_handle_holds_unless_it_is_let_go() {
+        let targets = || HandleTargets::at_frame_end(vec![DVec3::X, DVec3::Y]).unwrap();
+        assert!(targets().holds(0) && targets().holds(1));
+        assert_eq!(targets().require_all_hold(), Ok(()));
+        let one = targets().releasing(vec![false, true]).unwrap();
+        assert!(one.holds(0) && !one.holds(1));
+        let handle = 1;
+        assert_eq!(
+            one.require_all_hold(),
+            Err(HandleError::Released { handle })
+        );
+        assert!(targets().releasing(vec![true]).is_err());
+        let none = targets().releasing(vec![false; 2]).unwrap();
+        assert_eq!(none.require_all_hold(), Ok(()));
     }
 }

@@ -9,20 +9,25 @@
 mod environment;
 pub mod generate;
 pub mod geometry;
+mod gust;
 mod handles;
 mod ids;
+mod isotropic;
 mod material;
 mod mesh;
 pub mod motion;
 mod physics;
 mod scene;
+mod schedule;
 mod stepper;
 mod topology;
 
 pub use environment::{Environment, EnvironmentError};
+pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
-pub use material::{BendTable, Material, MaterialError, StretchTable};
+pub use isotropic::{Isotropic, IsotropicError};
+pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
 pub use mesh::{Mesh, MeshError, RestShape};
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace, Profile,
@@ -32,5 +37,6 @@ pub use physics::{
     BendingLaw, HandleConstraint, PhysicsError, PhysicsSettings, SagSettings, StretchLookup,
 };
 pub use scene::{Scene, SceneError};
+pub use schedule::{HandleSchedule, Release, ScheduleError};
 pub use stepper::{StepError, Stepper};
 pub use topology::{Arc, Edge, Topology, TopologyError};

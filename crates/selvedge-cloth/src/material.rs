@@ -1,5 +1,6 @@
-//! A measured fabric: density, and the stiffness tables of the data-driven model of Wang, O'Brien
-//! and Ramamoorthi 2011. The laws that read the tables are physics and live in `selvedge-sim`.
+//! A fabric: density, damping, limits, and the stiffness tables of the data-driven model of Wang,
+//! O'Brien and Ramamoorthi 2011, measured or made from the constants of an isotropic sheet
+//! ([`crate::Isotropic`]). The laws that read the tables are physics and live in `selvedge-sim`.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -22,6 +23,19 @@ pub struct Material {
     pub stretch: StretchTable,
     /// Resistance to bending.
     pub bend: BendTable,
+    /// Bounds of every face's principal stretches, kept after each solve.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain_limits: Option<StrainLimits>,
+}
+
+/// Bounds of the principal stretches: the singular values of a face's deformation gradient.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrainLimits {
+    /// The smallest, 0 to 1; 0 is no bound.
+    pub min: f64,
+    /// The largest, at least 1.
+    pub max: f64,
 }
 
 /// In-plane stiffness: rows = zero strain, then principal stretch 1 + 1/6 with its direction at
@@ -48,7 +62,17 @@ pub struct MaterialError {
 }
 
 impl Material {
-    /// Checks density, damping and that the tables are finite.
+    /// The material with its tables multiplied: `stretch` and `bend` times as stiff.
+    #[must_use]
+    pub fn multiplied(mut self, stretch: f64, bend: f64) -> Self {
+        let tables = self.stretch.0.as_flattened_mut().iter_mut();
+        tables.for_each(|k| *k *= stretch);
+        let tables = self.bend.0.as_flattened_mut().iter_mut();
+        tables.for_each(|k| *k *= bend);
+        self
+    }
+
+    /// Checks density, damping, limits and that the tables are finite.
     ///
     /// # Errors
     /// Names the material, the field and the value.
@@ -73,6 +97,14 @@ impl Material {
         if let Some(&bad) = bend.iter().find(|k| !(k.is_finite() && **k >= 0.0)) {
             return Err(error("bend", "finite and not negative everywhere", bad));
         }
+        if let Some(limits) = self.strain_limits {
+            if !(0.0..=1.0).contains(&limits.min) {
+                return Err(error("strain_limits.min", "between 0 and 1", limits.min));
+            }
+            if !(limits.max.is_finite() && limits.max >= 1.0) {
+                return Err(error("strain_limits.max", "at least 1", limits.max));
+            }
+        }
         Ok(())
     }
 }
@@ -92,19 +124,29 @@ mod tests {
             // Coupling and shear may be negative: the law cuts them off where it must.
             stretch: StretchTable([[30.0, -12.5, 44.0, -30.0]; 6]),
             bend: BendTable([[2e-5, 3e-5, 3e-5, 2.5e-5, 1e-5]; 3]),
+            strain_limits: None,
         }
     }
 
     #[test]
     fn wrong_values_are_named() {
         material().validate().unwrap();
-        let wrong: [(&str, Spoil); 6] = [
+        let wrong: [(&str, Spoil); 8] = [
             ("density", |m| m.density = 0.0),
             ("density", |m| m.density = f64::NAN),
             ("damping", |m| m.damping = -1.0),
             ("stretch", |m| m.stretch.0[5][3] = f64::INFINITY),
             ("bend", |m| m.bend.0[2][4] = -1e-6),
             ("bend", |m| m.bend.0[0][0] = f64::NAN),
+            ("strain_limits.min", |m| {
+                m.strain_limits = Some(StrainLimits { min: 1.1, max: 1.2 });
+            }),
+            ("strain_limits.max", |m| {
+                m.strain_limits = Some(StrainLimits {
+                    min: 0.9,
+                    max: 0.99,
+                });
+            }),
         ];
         for (field, spoil) in wrong {
             let mut material = material();
@@ -126,5 +168,18 @@ mod tests {
         let short = text.replacen("-12.5, ", "", 1);
         assert_ne!(short, text);
         assert!(toml::from_str::<Material>(&short).is_err());
+    }
+
+    #[test]
+    fn multipliers_act_on_every_entry_of_their_table() {
+        let (before, after) = (material(), material().multiplied(2.0, 10.0));
+        let (now, then) = (
+            after.stretch.0.as_flattened(),
+            before.stretch.0.as_flattened(),
+        );
+        assert!(now.iter().zip(then).all(|(now, then)| *now == 2.0 * then));
+        let (now, then) = (after.bend.0.as_flattened(), before.bend.0.as_flattened());
+        assert!(now.iter().zip(then).all(|(now, then)| *now == 10.0 * then));
+        assert_eq!(after.density, before.density);
     }
 }

@@ -3,8 +3,9 @@
 use thiserror::Error;
 
 use crate::{
-    Environment, EnvironmentError, HandleError, HandlePath, Handles, Material, MaterialError, Mesh,
-    Motion, MotionError, PhysicsError, PhysicsSettings, SagSettings,
+    Environment, EnvironmentError, HandleError, HandlePath, HandleSchedule, Handles, Material,
+    MaterialError, Mesh, Motion, MotionError, PhysicsError, PhysicsSettings, SagSettings,
+    ScheduleError,
 };
 
 /// Everything that decides a cloth's motion.
@@ -16,6 +17,8 @@ pub struct Scene {
     pub mesh: Mesh,
     /// Which of its vertices are held.
     pub handles: Handles,
+    /// When they let go.
+    pub schedule: HandleSchedule,
     /// What it is made of.
     pub material: Material,
     /// What acts on it.
@@ -36,6 +39,8 @@ pub struct Scene {
 pub enum SceneError {
     #[error(transparent)]
     Handles(#[from] HandleError),
+    #[error("handles: {0}")]
+    Schedule(#[from] ScheduleError),
     #[error(transparent)]
     Material(#[from] MaterialError),
     #[error(transparent)]
@@ -56,6 +61,7 @@ impl Scene {
     pub fn validate(&self) -> Result<(), SceneError> {
         let vertices: Vec<u32> = self.handles.vertices().iter().map(|v| v.0).collect();
         Handles::new(&vertices, self.mesh.topology().vertex_count())?;
+        self.schedule.validate(self.handles.len())?;
         self.material.validate()?;
         self.environment.validate()?;
         self.physics.validate()?;
@@ -75,7 +81,8 @@ impl Scene {
     /// [`MotionError`] when the motion cannot drive these handles.
     pub fn handle_path(&self) -> Result<HandlePath, MotionError> {
         let start = self.handles.select(self.mesh.positions());
-        self.motion.bind(&start, self.frame_rate)
+        let path = self.motion.bind(&start, self.frame_rate)?;
+        Ok(path.scheduled(self.schedule.clone()))
     }
 
     /// Frames after the start that the motion lasts; a run has one position more.
@@ -91,7 +98,7 @@ impl Scene {
 mod tests {
     use super::*;
     use crate::generate::{SquareSpec, square};
-    use crate::{BendTable, StretchTable};
+    use crate::{BendTable, Release, StretchTable};
 
     fn scene() -> Scene {
         let spec = SquareSpec {
@@ -104,6 +111,7 @@ mod tests {
             name: "square".into(),
             handles: Handles::new(&sheet.labels["upper-corners"], 30).unwrap(),
             mesh: sheet.mesh,
+            schedule: HandleSchedule::default(),
             material: Material {
                 name: "felt".into(),
                 source: String::new(),
@@ -111,6 +119,7 @@ mod tests {
                 damping: 0.0,
                 stretch: StretchTable([[30.0; 4]; 6]),
                 bend: BendTable([[2e-5; 5]; 3]),
+                strain_limits: None,
             },
             environment: Environment::default(),
             motion: Motion::still(2.0),
@@ -138,6 +147,14 @@ mod tests {
         };
         let wrong = error(|s| s.handles = Handles::new(&[40], 50).unwrap());
         assert!(matches!(wrong, SceneError::Handles(_)));
+        let wrong = error(|s| {
+            s.schedule.releases = vec![Release {
+                handles: vec![2],
+                from: 0.0,
+                to: None,
+            }];
+        });
+        assert!(matches!(wrong, SceneError::Schedule(_)));
         let wrong = error(|s| s.material.density = 0.0);
         assert!(matches!(wrong, SceneError::Material(_)));
         let wrong = error(|s| s.environment.air_drag = -1.0);

@@ -175,6 +175,34 @@ impl Topology {
         boundary
     }
 
+    /// The number of each vertex's sheet, `[vertices]`: connected pieces, counted from 0 in the order
+    /// of their smallest vertices.
+    #[must_use]
+    pub fn sheets(&self) -> Vec<u32> {
+        const UNKNOWN: u32 = u32::MAX;
+        let mut sheets = vec![UNKNOWN; self.vertex_count];
+        let mut count = 0;
+        let mut open = Vec::new();
+        for first in 0..self.vertex_count {
+            if sheets[first] != UNKNOWN {
+                continue;
+            }
+            sheets[first] = count;
+            open.push(VertexId(first as u32));
+            while let Some(vertex) = open.pop() {
+                for arc in &self.arcs[self.arcs_into(vertex)] {
+                    let sheet = &mut sheets[arc.sender.index()];
+                    if *sheet == UNKNOWN {
+                        *sheet = count;
+                        open.push(arc.sender);
+                    }
+                }
+            }
+            count += 1;
+        }
+        sheets
+    }
+
     /// The faces as plain numbers, `[faces, 3]`, as files want them.
     #[must_use]
     pub fn face_indices(&self) -> Vec<[u32; 3]> {

@@ -29,9 +29,11 @@ pub use playback::Playback;
 pub use preset::{DatasetConfig, DatasetPreset, NamedMotion, shipped_presets};
 pub use record::{Drive, Recording, RecordingEnd, record};
 pub use scene::{
-    GeneratorSpec, HandleSelection, LoadedScene, MeshSource, MeshSpec, MeshSpecError, MotionSource,
-    RecordedCsvError, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
-    Transform, materials, open_scene, parse_recorded_csv, parse_scene, read_scene, shipped_scenes,
+    GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
+    MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
+    RecordedCsvError, ReleaseSpan, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError,
+    Setting, Transform, materials, open_scene, parse_recorded_csv, parse_scene, read_scene,
+    shipped_scenes,
 };
 pub use sections::{Sample, Section, SectionError, SectionRule};
 pub use tensor_file::{TensorOut, TensorValues, write_tensors};

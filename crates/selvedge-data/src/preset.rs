@@ -151,17 +151,17 @@ impl DatasetPreset {
     /// [`SceneProblem`] names the field and what is wrong.
     pub fn parse(text: &str, folder: &Path) -> Result<Self, SceneProblem> {
         let file: PresetFile = parse_toml(text)?;
+        let (setting, mesh, groups) = file.setting.resolve(folder)?;
         let mut own = BTreeMap::new();
         for (name, source) in &file.motions {
             if named::by_name(name).is_some() {
                 let problem = format!("{name:?} is the name of a shipped motion: choose another");
                 return Err(field("motions", problem));
             }
-            own.insert(name.clone(), source.resolve(folder)?);
+            own.insert(name.clone(), source.resolve(folder, &groups)?);
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
-        let (setting, mesh) = file.setting.resolve(folder)?;
         let config = DatasetConfig {
             name: file.name,
             sections: file.sections,
@@ -250,6 +250,10 @@ impl DatasetConfig {
         if let Some(name) = own.keys().find(|name| !used.clone().any(|u| u == *name)) {
             let problem = format!("{name:?} is neither in train nor in test: use or remove it");
             return Err(field("motions", problem));
+        }
+        if !self.setting.schedule.is_empty() {
+            let problem = "has groups that let go, which no model can learn yet: take released out";
+            return Err(field("setting.handles", problem));
         }
         let rate = self.setting.frame_rate;
         if self.sections == SectionRule::Paper && rate != PAPER_RATE {

@@ -71,6 +71,10 @@ pub enum GraphError {
     Handles(#[from] HandleError),
     #[error(transparent)]
     Environment(#[from] EnvironmentError),
+    #[error(
+        "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics"
+    )]
+    Gust,
     #[error("{what} has {found} entries, expected {expected}")]
     Count {
         what: &'static str,
@@ -250,6 +254,9 @@ fn check(parts: &ClothParts) -> Result<(), GraphError> {
     let numbers: Vec<u32> = parts.handles.vertices().iter().map(|v| v.0).collect();
     Handles::new(&numbers, vertices)?;
     parts.environment.validate()?;
+    if parts.environment.gust.is_some() {
+        return Err(GraphError::Gust);
+    }
     if !(1.0..=1e5).contains(&parts.frame_rate) {
         return Err(GraphError::FrameRate {
             found: parts.frame_rate,
@@ -341,6 +348,9 @@ fn hinges(topology: &Topology) -> Vec<Hinge> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+    use selvedge_cloth::Gust;
+
     use super::*;
     use crate::frame::Yaw;
     use crate::test_cloth::{parts, turn};
@@ -384,7 +394,7 @@ mod tests {
             change(&mut parts);
             ClothGraph::new(parts).expect_err("a defect").to_string()
         };
-        let cases: [(Change, &str); 7] = [
+        let cases: [(Change, &str); 8] = [
             (
                 |p| p.vertex_mass[2] = 0.0,
                 "vertex_mass must be finite and positive, found 0",
@@ -403,6 +413,16 @@ mod tests {
             ),
             (|p| p.frame_rate = 0.0, "frame_rate must be between"),
             (|p| p.environment.air_drag = -1.0, "environment.air_drag"),
+            (
+                |p| {
+                    p.environment.gust = Some(Gust {
+                        speed: DVec3::X,
+                        period: 1.0,
+                        seed: 1,
+                    });
+                },
+                "environment.gust",
+            ),
             (
                 |p| p.handles = Handles::new(&[9], 10).expect("ten"),
                 "handle 0 is vertex 9",

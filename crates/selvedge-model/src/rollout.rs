@@ -147,6 +147,9 @@ impl Stepper for LearnedStepper {
             let source = HandleError::Count { expected, found };
             return Err(StepError::Handles { frame, source });
         }
+        targets
+            .require_all_hold()
+            .map_err(|source| StepError::Handles { frame, source })?;
         let handles_now = self.handles().select(self.positions());
         let yaw = self.graph.frame().yaw(&handles_now, self.yaw);
         let next_handles: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();

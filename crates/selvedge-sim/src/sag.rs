@@ -7,14 +7,19 @@
 //! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
 //! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
 //! law), it begins later, steps get inertia, and h is halved. The bulge decides to which side the
-//! cloth buckles. Wind acts as on cloth that does not move.
+//! cloth buckles. Wind acts as on cloth that does not move, without its gusts.
+//!
+//! What holds the cloth are the handles that hold at the start of the motion. A sheet that none of
+//! them holds has no rest pose: it stays where it starts. A material with strain limits comes to rest
+//! within them: see [`crate::settle`].
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::area_vector;
-use selvedge_cloth::{Scene, SceneError};
+use selvedge_cloth::{Handles, Scene, SceneError};
 use thiserror::Error;
 
 use crate::anderson::Anderson;
+use crate::settle::settle;
 use crate::system::{SolveError, State, System};
 
 /// A cloth in static equilibrium.
@@ -76,9 +81,16 @@ pub fn sag_with_progress(
     progress: &mut dyn FnMut(SagProgress),
 ) -> Result<SaggedRest, SagError> {
     scene.validate()?;
-    if scene.handles.is_empty() {
-        return Err(SagError::NoHandles);
+    let scene = &standing(scene)?;
+    let rest = relax(scene, progress)?;
+    match scene.material.strain_limits {
+        Some(_) => settle(scene, rest, progress),
+        None => Ok(rest),
     }
+}
+
+/// The pose in which no free vertex is accelerated, without regard to limits.
+fn relax(scene: &Scene, progress: &mut dyn FnMut(SagProgress)) -> Result<SaggedRest, SagError> {
     let mut relaxation = Relaxation::new(scene)?;
     let tolerance = scene.sag.tolerance;
     let mut solves = 0;
@@ -256,6 +268,36 @@ impl Relaxation {
     }
 }
 
+/// The scene as it stands at its start: only handles that hold then, and those of a sheet without
+/// any are all its vertices.
+fn standing(scene: &Scene) -> Result<Scene, SagError> {
+    let mut scene = scene.clone();
+    let released = scene
+        .schedule
+        .released(0, scene.frame_rate, scene.handles.len());
+    scene.schedule.releases.clear();
+    let holds: Vec<bool> = released.iter().map(|released| !released).collect();
+    scene.handles = scene.handles.subset(&holds);
+    if scene.handles.is_empty() {
+        return Err(SagError::NoHandles);
+    }
+    let sheets = scene.mesh.topology().sheets();
+    let mut is_held = vec![false; sheets.len()];
+    for vertex in scene.handles.vertices() {
+        is_held[sheets[vertex.index()] as usize] = true;
+    }
+    let free = (0_u32..)
+        .zip(&sheets)
+        .filter(|(_, sheet)| !is_held[**sheet as usize]);
+    let mut held: Vec<u32> = scene.handles.vertices().iter().map(|v| v.0).collect();
+    let handle_count = held.len();
+    held.extend(free.map(|(vertex, _)| vertex));
+    if held.len() > handle_count {
+        scene.handles = Handles::new(&held, sheets.len()).map_err(SceneError::from)?;
+    }
+    Ok(scene)
+}
+
 /// Start positions with the bulge of the scene along the normals.
 fn bulged(scene: &Scene) -> Vec<DVec3> {
     let mesh = &scene.mesh;
@@ -277,13 +319,34 @@ fn bulged(scene: &Scene) -> Vec<DVec3> {
         .collect()
 }
 
-/// A bump around the middle of the handles that vanishes at each of them, at most 1.
+/// On each sheet a bump around the middle of its handles that vanishes at each of them, at most 1;
+/// nothing where all vertices are handles.
 fn bulge_profile(scene: &Scene) -> Vec<f64> {
+    let sheets = scene.mesh.topology().sheets();
+    let count = sheets.iter().max().map_or(0, |last| last + 1);
+    let mut heights = vec![0.0; sheets.len()];
+    for sheet in 0..count {
+        let of_sheet = |v: &usize| sheets[*v] == sheet;
+        let vertices: Vec<usize> = (0..sheets.len()).filter(of_sheet).collect();
+        let handles = scene.handles.vertices().iter().map(|v| v.index());
+        let handles: Vec<usize> = handles.filter(of_sheet).collect();
+        if handles.len() < vertices.len() {
+            for (v, height) in vertices.iter().zip(bump(scene, &vertices, &handles)) {
+                heights[*v] = height;
+            }
+        }
+    }
+    heights
+}
+
+/// The bump of one sheet with these `vertices` and `handles`, `[vertices]`.
+fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
     let uv = scene.mesh.material_coordinates();
-    let size = sheet_size(scene);
-    let handles = scene.handles.select(uv);
+    let places: Vec<DVec2> = vertices.iter().map(|&v| uv[v]).collect();
+    let size = extent(&places);
+    let handles: Vec<DVec2> = handles.iter().map(|&v| uv[v]).collect();
     let middle = handles.iter().sum::<DVec2>() / handles.len() as f64;
-    let mut heights: Vec<f64> = uv
+    let mut heights: Vec<f64> = places
         .iter()
         .map(|place| {
             let bump = (-(place.distance(middle) / (0.6 * size)).powi(2)).exp();
@@ -303,10 +366,14 @@ fn longest(vectors: &[DVec3]) -> f64 {
     vectors.iter().map(|v| v.length()).fold(0.0, f64::max)
 }
 
-/// Longer side of the sheet's box in material space `[m]`.
+/// Longer side of the mesh's box in material space `[m]`.
 fn sheet_size(scene: &Scene) -> f64 {
-    let uv = scene.mesh.material_coordinates();
-    let low = uv.iter().fold(uv[0], |low, c| low.min(*c));
-    let high = uv.iter().fold(uv[0], |high, c| high.max(*c));
+    extent(scene.mesh.material_coordinates())
+}
+
+/// Longer side of the box around `places` `[m]`.
+fn extent(places: &[DVec2]) -> f64 {
+    let low = places.iter().fold(places[0], |low, c| low.min(*c));
+    let high = places.iter().fold(places[0], |high, c| high.max(*c));
     (high - low).max_element()
 }

@@ -1,8 +1,8 @@
 //! The reference physics as a [`Stepper`]: one step is one frame of `substeps` solves.
 //!
 //! The state is f64; [`Stepper::positions`] gives its f32 copies. The answer depends on nothing but
-//! scene, start and targets: one thread does the work of one cloth. Contact and strain limiting are
-//! not part of it.
+//! scene, start and targets: one thread does the work of one cloth. The wind is that of the frame, held
+//! over its step; handles may let go and take hold again between frames. Contact is not part of it.
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
@@ -10,21 +10,20 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
-use crate::system::{SolveError, State, System};
+use crate::grip::Grip;
+use crate::system::{SolveError, State};
 
 /// Cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
-    topology: Topology,
-    handles: Handles,
-    system: System,
+    scene: Scene,
+    grip: Grip,
     state: State,
     saved: State,
     rounded: Vec<Vec3>,
     frame: usize,
-    frame_duration: f64,
-    substeps: u32,
-    /// Where the handles were told to be at the end of the last frame.
+    /// Where the paths of the handles were at the end of the last frame, `[handles]`.
     reached: Vec<DVec3>,
+    /// Targets of the handles that hold.
     targets: Vec<DVec3>,
 }
 
@@ -71,35 +70,39 @@ impl Simulator {
         velocities: Vec<DVec3>,
     ) -> Result<Self, SimulatorError> {
         scene.validate()?;
-        let topology = scene.mesh.topology().clone();
-        check_state("positions", "position", &positions, topology.vertex_count())?;
-        check_state(
-            "velocities",
-            "velocity",
-            &velocities,
-            topology.vertex_count(),
-        )?;
-        let system = System::new(scene).map_err(|cause| SimulatorError::Analysis {
-            vertices: topology.vertex_count(),
+        let vertices = scene.mesh.topology().vertex_count();
+        check_state("positions", "position", &positions, vertices)?;
+        check_state("velocities", "velocity", &velocities, vertices)?;
+        let grip = Grip::all(scene).map_err(|cause| SimulatorError::Analysis {
+            vertices,
             cause: cause.to_string(),
         })?;
         let state = State {
             positions,
             velocities,
         };
-        Ok(Self {
+        let mut simulator = Self {
             rounded: state.positions.iter().map(|p| p.as_vec3()).collect(),
             reached: scene.handles.select(&state.positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
             saved: state.clone(),
-            handles: scene.handles.clone(),
             frame: 0,
-            frame_duration: 1.0 / scene.frame_rate,
-            substeps: scene.physics.substeps,
-            topology,
-            system,
+            scene: scene.clone(),
+            grip,
             state,
-        })
+        };
+        simulator.feel_the_wind();
+        Ok(simulator)
+    }
+
+    /// The same cloth, with frames counted from `frame`: the next step has the targets, the wind and
+    /// the releases of that frame of the scene, as where a run is taken up again. All handles are
+    /// taken to be where their paths are.
+    #[must_use]
+    pub fn at_frame(mut self, frame: usize) -> Self {
+        self.frame = frame;
+        self.feel_the_wind();
+        self
     }
 
     /// Positions now `[m]`, `[vertices]`.
@@ -117,21 +120,21 @@ impl Simulator {
     /// Mass of each vertex `[kg]`, `[vertices]`.
     #[must_use]
     pub fn vertex_mass(&self) -> &[f64] {
-        self.system.mass()
+        self.grip.system.mass()
     }
 
     /// Kinetic energy Σ m |v|²/2 `[J]`.
     #[must_use]
     pub fn kinetic_energy(&self) -> f64 {
-        self.system
-            .mass()
+        self.vertex_mass()
             .iter()
             .zip(&self.state.velocities)
             .map(|(mass, velocity)| 0.5 * mass * velocity.length_squared())
             .sum()
     }
 
-    /// One solve over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`. The frame count stays.
+    /// One solve over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`, as far as they hold.
+    /// The frame count stays, and with it the wind.
     ///
     /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and
     /// b = dt f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v);
@@ -140,9 +143,9 @@ impl Simulator {
     /// # Errors
     /// As for [`Stepper::step`]; the cloth is then left as it was.
     pub fn substep(&mut self, dt: f64, targets: &[DVec3]) -> Result<(), StepError> {
-        check_targets(self.frame, self.handles.len(), targets.len())?;
+        check_targets(self.frame, self.scene.handles.len(), targets.len())?;
         self.save();
-        self.targets.copy_from_slice(targets);
+        self.grip.put_targets(&mut self.targets, |h| targets[h]);
         self.solve(dt)?;
         self.reached.copy_from_slice(targets);
         self.round();
@@ -156,20 +159,46 @@ impl Simulator {
             .copy_from_slice(&self.state.velocities);
     }
 
+    /// The wind of the step from this frame to the next.
+    fn feel_the_wind(&mut self) {
+        let environment = &self.scene.environment;
+        let now = environment.during_step(self.frame, self.scene.frame_rate);
+        self.grip.system.set_environment(now);
+    }
+
+    /// Lets go and takes hold as `handles` says; what was before, where that is something else.
+    fn regrip(&mut self, handles: &HandleTargets) -> Result<Option<Grip>, StepError> {
+        if self.grip.fits(handles) {
+            return Ok(None);
+        }
+        let grip = self
+            .grip
+            .changed(&self.scene, handles, &self.state, &self.reached)
+            .map_err(|cause| solve_error(self.frame, cause.into()))?;
+        Ok(Some(std::mem::replace(&mut self.grip, grip)))
+    }
+
+    /// All solves of a frame.
+    fn substeps(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+        let substeps = self.scene.physics.substeps;
+        let dt = 1.0 / self.scene.frame_rate / f64::from(substeps);
+        for substep in 1..=substeps {
+            let fraction = f64::from(substep) / f64::from(substeps);
+            let reached = &self.reached;
+            let path = |h: usize| handles.at(h, fraction, reached[h]);
+            self.grip.put_targets(&mut self.targets, path);
+            self.solve(dt)?;
+        }
+        Ok(())
+    }
+
     /// Solves over `dt` towards `self.targets`; goes back to what was saved when it fails.
     fn solve(&mut self, dt: f64) -> Result<(), StepError> {
-        let frame = self.frame;
-        self.system
+        self.grip
             .advance(dt, &mut self.state, &self.targets)
             .map_err(|error| {
                 std::mem::swap(&mut self.state, &mut self.saved);
-                match error {
-                    SolveError::NonFinite { vertex } => StepError::NonFinite { frame, vertex },
-                    SolveError::Factor(cause) => StepError::Solve {
-                        frame,
-                        cause: cause.to_string(),
-                    },
-                }
+                solve_error(self.frame, error)
             })
     }
 
@@ -182,11 +211,11 @@ impl Simulator {
 
 impl Stepper for Simulator {
     fn topology(&self) -> &Topology {
-        &self.topology
+        self.scene.mesh.topology()
     }
 
     fn handles(&self) -> &Handles {
-        &self.handles
+        &self.scene.handles
     }
 
     fn positions(&self) -> &[Vec3] {
@@ -198,20 +227,30 @@ impl Stepper for Simulator {
     }
 
     fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        check_targets(self.frame, self.handles.len(), handles.handle_count())?;
+        check_targets(self.frame, self.scene.handles.len(), handles.handle_count())?;
+        let before = self.regrip(handles)?;
+        self.feel_the_wind();
         self.save();
-        let dt = self.frame_duration / f64::from(self.substeps);
-        for substep in 1..=self.substeps {
-            let fraction = f64::from(substep) / f64::from(self.substeps);
-            for (handle, target) in self.targets.iter_mut().enumerate() {
-                *target = handles.at(handle, fraction, self.reached[handle]);
+        if let Err(error) = self.substeps(handles) {
+            if let Some(before) = before {
+                self.grip = before;
             }
-            self.solve(dt)?;
+            return Err(error);
         }
-        self.reached.copy_from_slice(&self.targets);
+        self.reached.copy_from_slice(handles.end());
         self.frame += 1;
         self.round();
         Ok(())
+    }
+}
+
+fn solve_error(frame: usize, error: SolveError) -> StepError {
+    match error {
+        SolveError::NonFinite { vertex } => StepError::NonFinite { frame, vertex },
+        SolveError::Factor(cause) => StepError::Solve {
+            frame,
+            cause: cause.to_string(),
+        },
     }
 }
 

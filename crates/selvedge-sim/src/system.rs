@@ -157,6 +157,11 @@ impl System {
         &self.mass
     }
 
+    /// Gravity and air from now on; its gusts are not for the system.
+    pub(crate) fn set_environment(&mut self, environment: Environment) {
+        self.environment = environment;
+    }
+
     /// The vertices that are unknowns.
     pub(crate) fn unknown_vertices(&self) -> &[u32] {
         self.pattern.vertices()

@@ -66,6 +66,10 @@ impl Stepper for RigidRest {
                 source: HandleError::Count { expected, found },
             });
         }
+        let frame = self.frames_done;
+        targets
+            .require_all_hold()
+            .map_err(|source| StepError::Handles { frame, source })?;
         let held: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();
         let (yaw, center) = (self.frame.yaw(&held, self.yaw), centroid(&held));
         for (position, local) in self.positions.iter_mut().zip(&self.local) {

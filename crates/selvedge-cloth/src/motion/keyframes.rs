@@ -1,10 +1,11 @@
 //! Keyframed motion: groups of handles that move rigidly from keyframe to keyframe.
 //!
 //! Between two keyframes translation and angle follow the cubic Hermite curve with level ends,
-//! a + (b - a) s²(3 - 2s). `[eq:keyframe]` The angle turns the group about the vertical axis through
-//! its centroid at the start; the translation is added. After the last keyframe the group stays.
+//! a + (b - a) s²(3 - 2s). `[eq:keyframe]` The angle turns the group about its axis, the vertical one
+//! if none is given, through its centroid at the start; the translation is added. After the last
+//! keyframe the group stays.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::{
     Keyframe, KeyframeGroup, KeyframeMotion, MotionError, turned, value_error, whole_frames,
@@ -21,6 +22,8 @@ pub(super) struct KeyframePath {
 struct Group {
     handles: Vec<usize>,
     centroid: DVec3,
+    /// Of length one; none where it is the vertical.
+    axis: Option<DVec3>,
     /// The first at time 0, without displacement.
     keyframes: Vec<Keyframe>,
 }
@@ -36,6 +39,7 @@ impl KeyframePath {
             let sum: DVec3 = group.handles.iter().map(|&h| start[h]).sum();
             groups.push(Group {
                 handles: group.handles.clone(),
+                axis: check_axis(number, group.axis)?,
                 centroid: sum / group.handles.len() as f64,
                 keyframes,
             });
@@ -51,7 +55,7 @@ impl KeyframePath {
             let (translation, angle) = group.pose(time);
             for &handle in &group.handles {
                 let point = positions[handle];
-                positions[handle] = turned(point, group.centroid, angle) + translation;
+                positions[handle] = group.turned(point, angle) + translation;
             }
         }
         positions
@@ -59,6 +63,16 @@ impl KeyframePath {
 }
 
 impl Group {
+    /// `point` turned by `angle` `[rad]`.
+    fn turned(&self, point: DVec3, angle: f64) -> DVec3 {
+        match self.axis {
+            None => turned(point, self.centroid, angle),
+            Some(axis) => {
+                self.centroid + DQuat::from_axis_angle(axis, angle) * (point - self.centroid)
+            }
+        }
+    }
+
     /// Displacement `[m]` and angle `[rad]` at `time` `[s]`.
     fn pose(&self, time: f64) -> (DVec3, f64) {
         let after = self.keyframes.partition_point(|k| k.time <= time).max(1);
@@ -101,6 +115,17 @@ fn claim_handles(
         }
     }
     Ok(())
+}
+
+/// The group's axis with length one; none where it is the vertical.
+fn check_axis(number: usize, axis: DVec3) -> Result<Option<DVec3>, MotionError> {
+    if axis == DVec3::Y {
+        return Ok(None);
+    }
+    axis.try_normalize().map(Some).ok_or_else(|| {
+        let field = format!("groups[{number}].axis");
+        value_error(field, "a direction", axis.to_string())
+    })
 }
 
 /// The keyframes of a group, led by one at time 0.

@@ -22,7 +22,7 @@ use self::blocks::BlockPath;
 use self::keyframes::KeyframePath;
 pub use self::pace::{Pace, Profile};
 use self::recorded::RecordedPath;
-use crate::{HandleError, HandleTargets};
+use crate::{HandleError, HandleSchedule, HandleTargets};
 
 /// Frames per second in which durations are counted and speeds are given.
 pub(crate) const MOTION_RATE: f64 = 60.0;
@@ -108,6 +108,10 @@ pub struct KeyframeMotion {
 pub struct KeyframeGroup {
     /// Numbers in the list of handles, from 0.
     pub handles: Vec<usize>,
+    /// Direction of the axis through the group's start centroid about which keyframes turn it; need
+    /// not have length one.
+    #[serde(default = "upwards", skip_serializing_if = "is_upwards")]
+    pub axis: DVec3,
     /// Keyframes in order of time; smooth (cubic Hermite, level at both ends) between them. The
     /// group starts from where it stands, as if a keyframe without displacement stood at time 0.
     pub keyframes: Vec<Keyframe>,
@@ -122,7 +126,7 @@ pub struct Keyframe {
     /// Displacement from the start `[m]`.
     #[serde(default)]
     pub translation: DVec3,
-    /// Angle about the vertical axis through the group's start centroid `[degrees]`.
+    /// Right-handed angle about the group's axis `[degrees]`; may be more than a turn.
     #[serde(default)]
     pub rotation_deg: f64,
 }
@@ -195,6 +199,7 @@ pub struct HandlePath {
     frame_rate: f64,
     frame_count: usize,
     form: PathForm,
+    schedule: HandleSchedule,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -260,6 +265,7 @@ impl Motion {
             frame_rate,
             frame_count: frames,
             form,
+            schedule: HandleSchedule::default(),
         })
     }
 }
@@ -276,7 +282,22 @@ impl Block {
     }
 }
 
+fn upwards() -> DVec3 {
+    DVec3::Y
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_upwards(axis: &DVec3) -> bool {
+    *axis == DVec3::Y
+}
+
 impl HandlePath {
+    /// The same path, of handles that let go as `schedule` says.
+    #[must_use]
+    pub fn scheduled(self, schedule: HandleSchedule) -> Self {
+        Self { schedule, ..self }
+    }
+
     /// Frames of the scene that the motion lasts (a run has one position more).
     #[must_use]
     pub fn frame_count(&self) -> usize {
@@ -306,7 +327,14 @@ impl HandlePath {
             let frames = frame as f64 + k as f64 / count as f64;
             positions.extend(self.at(frames / self.frame_rate));
         }
-        HandleTargets::sampled(positions, self.handle_count)
+        let targets = HandleTargets::sampled(positions, self.handle_count)?;
+        if self.schedule.is_empty() {
+            return Ok(targets);
+        }
+        let released = self
+            .schedule
+            .released(frame, self.frame_rate, self.handle_count);
+        targets.releasing(released)
     }
 }
 

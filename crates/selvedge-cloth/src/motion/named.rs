@@ -225,6 +225,7 @@ fn apart() -> Motion {
     ];
     let group = |handle, inward: f64, places: [(f64, f64, f64); 5]| KeyframeGroup {
         handles: vec![handle],
+        axis: DVec3::Y,
         keyframes: std::iter::once((0.0, 0.0, 0.0))
             .chain(places)
             .map(|(time, approach, forward)| Keyframe {

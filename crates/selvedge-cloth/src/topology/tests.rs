@@ -216,3 +216,13 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn sheets_are_connected_pieces_in_the_order_of_their_vertices() {
+    // Two triangles that share an edge, one that does not, numbered in between; and two fans that
+    // share a vertex are one piece.
+    let topology = Topology::new(7, &[[0, 2, 4], [4, 2, 6], [1, 3, 5]]).unwrap();
+    assert_eq!(topology.sheets(), [0, 1, 0, 1, 0, 1, 0]);
+    let fans = Topology::new(5, &[[0, 1, 2], [2, 3, 4]]).unwrap();
+    assert_eq!(fans.sheets(), [0; 5]);
+}

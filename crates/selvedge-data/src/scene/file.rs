@@ -3,27 +3,28 @@
 //!
 //! ```toml
 //! name = "a corner let go"
-//! material = "gray-interlock"            # a shipped one, or a TOML file
+//! material = "gray-interlock"            # a shipped one, a TOML file, or a table
 //! mesh = { generator = { kind = "square", vertices = 289, size = 1.0, seed = 1 } }
-//! handles = { label = "upper-corners" }  # or vertices = [..], or box = { min = [..], max = [..] }
-//! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv"
+//! handles = { label = "upper-corners" }  # or vertices = [..], box = { min = [..], max = [..] }, groups
+//! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv", groups
 //! ```
 //!
 //! `environment`, `physics`, `sag` and `frame_rate` (60) have defaults. A mesh may be
-//! `{ obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder.
+//! `{ obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
+//! described in docs/scenes.md.
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
-use selvedge_cloth::generate::Sheet;
-use selvedge_cloth::{Environment, Material, Mesh, PhysicsSettings, SagSettings, Scene};
+use selvedge_cloth::{Environment, Mesh, PhysicsSettings, SagSettings, Scene};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+use super::handle_selection::{Groups, HandleSelection, Selected};
+use super::material_source::MaterialSource;
 use super::mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Transform};
 use super::motion_source::MotionSource;
-use super::shipped::{material_text, materials, shipped_scene_text, shipped_scenes};
+use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
 
 /// A scene, and the spec that it came from.
@@ -67,23 +68,6 @@ pub enum SceneProblem {
     Spec(#[from] SceneSpecError),
 }
 
-/// Which vertices are held: exactly one way to say so.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum HandleSelection {
-    /// By number, from 0; the order is that of the handles.
-    Vertices(Vec<u32>),
-    /// By the label of a generated mesh, or the name of an object or group of an OBJ.
-    Label(String),
-    /// All start positions in a box, its faces included, by number.
-    Box {
-        /// Smallest x, y and z `[m]`.
-        min: DVec3,
-        /// Largest x, y and z `[m]`.
-        max: DVec3,
-    },
-}
-
 /// The file's own words.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -91,7 +75,7 @@ struct SceneFile {
     name: String,
     mesh: MeshFile,
     handles: HandleSelection,
-    material: String,
+    material: MaterialSource,
     motion: MotionSource,
     #[serde(default)]
     environment: Environment,
@@ -109,7 +93,7 @@ struct SceneFile {
 pub(crate) struct SettingFile {
     mesh: MeshFile,
     handles: HandleSelection,
-    material: String,
+    material: MaterialSource,
     #[serde(default)]
     environment: Environment,
     #[serde(default)]
@@ -183,7 +167,6 @@ pub fn parse_scene(text: &str, folder: &Path, origin: &str) -> Result<LoadedScen
 
 fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let file: SceneFile = parse_toml(text)?;
-    let motion = file.motion.resolve(folder)?;
     let setting = SettingFile {
         mesh: file.mesh,
         handles: file.handles,
@@ -193,7 +176,8 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         sag: file.sag,
         frame_rate: file.frame_rate,
     };
-    let (setting, mesh) = setting.resolve(folder)?;
+    let (setting, mesh, groups) = setting.resolve(folder)?;
+    let motion = file.motion.resolve(folder, &groups)?;
     let spec = SceneSpec {
         name: file.name,
         setting,
@@ -204,20 +188,26 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
 }
 
 impl SettingFile {
-    /// Looks up what is named, and builds the mesh.
-    pub(crate) fn resolve(self, folder: &Path) -> Result<(Setting, Mesh), SceneProblem> {
+    /// Looks up what is named, and builds the mesh; the groups are those of the handles.
+    pub(crate) fn resolve(self, folder: &Path) -> Result<(Setting, Mesh, Groups), SceneProblem> {
         let mesh = self.mesh.resolve(folder)?;
         let sheet = mesh.build(folder)?;
+        let Selected {
+            vertices,
+            groups,
+            schedule,
+        } = self.handles.select(&sheet)?;
         let setting = Setting {
-            handles: self.handles.select(&sheet)?,
+            handles: vertices,
+            schedule,
             mesh,
-            material: material(&self.material, folder)?,
+            material: self.material.resolve(folder)?,
             environment: self.environment,
             physics: self.physics,
             sag: self.sag,
             frame_rate: self.frame_rate,
         };
-        Ok((setting, sheet.mesh))
+        Ok((setting, sheet.mesh, groups))
     }
 }
 
@@ -236,51 +226,6 @@ impl MeshFile {
             transform: self.transform,
         })
     }
-}
-
-impl HandleSelection {
-    /// The vertices of `sheet` that are chosen.
-    fn select(&self, sheet: &Sheet) -> Result<Vec<u32>, SceneProblem> {
-        match self {
-            Self::Vertices(vertices) => Ok(vertices.clone()),
-            Self::Label(name) => sheet.labels.get(name).cloned().ok_or_else(|| {
-                let known: Vec<&str> = sheet.labels.keys().map(String::as_str).collect();
-                let known = known.join(", ");
-                let problem = format!("the mesh has no label {name:?}; it has [{known}]");
-                field("handles.label", problem)
-            }),
-            Self::Box { min, max } => {
-                let is_inside = |p: &DVec3| p.cmpge(*min).all() && p.cmple(*max).all();
-                let positions = sheet.mesh.positions().iter().zip(0_u32..);
-                let inside: Vec<u32> = positions
-                    .filter(|(position, _)| is_inside(position))
-                    .map(|(_, vertex)| vertex)
-                    .collect();
-                if inside.is_empty() {
-                    let problem = format!("no vertex starts between {min} and {max}");
-                    return Err(field("handles.box", problem));
-                }
-                Ok(inside)
-            }
-        }
-    }
-}
-
-/// A shipped material by name, or one in a TOML file.
-fn material(name_or_path: &str, folder: &Path) -> Result<Material, SceneProblem> {
-    if let Some(text) = material_text(name_or_path) {
-        return parse_toml(text);
-    }
-    if !name_or_path.ends_with(".toml") {
-        let known: Vec<&str> = materials().iter().map(|entry| entry.0).collect();
-        let known = known.join(", ");
-        let problem = format!("{name_or_path:?} is neither a .toml file nor one of {known}");
-        return Err(field("material", problem));
-    }
-    let path = folder.join(name_or_path);
-    let within =
-        |problem: SceneProblem| field("material", format!("{}: {problem}", path.display()));
-    parse_toml(&read_text(&path).map_err(within)?).map_err(within)
 }
 
 pub(crate) fn field(field: &'static str, problem: impl Into<String>) -> SceneProblem {

@@ -2,18 +2,20 @@
 //! with every result ([`SceneSpec`], JSON), and what is shipped.
 
 mod file;
+mod handle_selection;
+mod material_source;
 mod mesh_spec;
 mod motion_source;
 mod recorded_csv;
 mod shipped;
 mod spec;
 
-pub use file::{
-    HandleSelection, LoadedScene, SceneFileError, SceneProblem, open_scene, parse_scene, read_scene,
-};
+pub use file::{LoadedScene, SceneFileError, SceneProblem, open_scene, parse_scene, read_scene};
 pub(crate) use file::{SettingFile, field, parse_toml, read_text};
+pub use handle_selection::{HandleGroup, HandleSelection, ReleaseSpan};
+pub use material_source::{MaterialSource, MaterialTable};
 pub use mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform};
-pub use motion_source::MotionSource;
+pub use motion_source::{GroupMotion, GroupMove, MotionSource};
 pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
 pub(crate) use shipped::assets;
 pub use shipped::{materials, shipped_scenes};

@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use selvedge_cloth::{
-    Environment, HandleError, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings, Scene,
-    SceneError,
+    Environment, HandleError, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings,
+    SagSettings, Scene, SceneError,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -34,6 +34,9 @@ pub struct Setting {
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
+    /// When they let go.
+    #[serde(default, skip_serializing_if = "HandleSchedule::is_empty")]
+    pub schedule: HandleSchedule,
     /// What it is made of.
     pub material: Material,
     /// What acts on it.
@@ -93,6 +96,7 @@ impl SceneSpec {
             name: self.name.clone(),
             handles: Handles::new(&setting.handles, mesh.topology().vertex_count())?,
             mesh,
+            schedule: setting.schedule.clone(),
             material: setting.material.clone(),
             environment: setting.environment,
             motion: self.motion.clone(),

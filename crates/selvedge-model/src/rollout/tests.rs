@@ -292,3 +292,21 @@ fn a_start_that_does_not_fit_is_refused() {
         RolloutError::NonFinite { vertex }
     );
 }
+
+#[test]
+fn a_handle_cannot_be_let_go() {
+    let parts = parts(3, 1);
+    let positions = swing(&parts, 0);
+    let mut stepper = stepper(
+        &constant(&specs()[0], DVec3::ZERO),
+        parts.clone(),
+        &start(&parts),
+    );
+    let mut released = vec![false; positions.len()];
+    released[1] = true;
+    let targets = targets(positions).releasing(released).expect("as many");
+    let source = HandleError::Released { handle: 1 };
+    let error = StepError::Handles { frame: 1, source };
+    assert_eq!(stepper.step(&targets), Err(error));
+    assert_eq!(stepper.frame(), 0);
+}

@@ -4,8 +4,8 @@
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{
-    BendTable, BendingLaw, Environment, HandleConstraint, Handles, Material, Mesh, Motion,
-    PhysicsSettings, SagSettings, Scene, StretchLookup, StretchTable,
+    BendTable, BendingLaw, Environment, HandleConstraint, HandleSchedule, Handles, Material, Mesh,
+    Motion, PhysicsSettings, SagSettings, Scene, StretchLookup, StretchTable,
 };
 
 use super::*;
@@ -40,6 +40,7 @@ fn scene(handles: HandleConstraint, bending: BendingLaw) -> Scene {
         name: "strip".to_owned(),
         mesh: Mesh::new(&faces, coordinates, positions).unwrap(),
         handles: Handles::new(&[7, 2], 10).unwrap(),
+        schedule: HandleSchedule::default(),
         material: Material {
             name: "test".to_owned(),
             source: String::new(),
@@ -47,6 +48,7 @@ fn scene(handles: HandleConstraint, bending: BendingLaw) -> Scene {
             damping: 0.004,
             stretch: StretchTable([[40.0, 15.0, 80.0, 30.0]; 6]),
             bend: BendTable([[3e-5; 5], [2e-5; 5], [1e-5; 5]]),
+            strain_limits: None,
         },
         environment: Environment {
             wind: DVec3::new(0.5, -0.3, 0.2),

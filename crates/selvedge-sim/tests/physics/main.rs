@@ -3,7 +3,9 @@
 
 mod allocation;
 mod golden;
+mod limits;
 mod reference;
+mod releases;
 mod rest;
 mod scenes;
 mod simulator;

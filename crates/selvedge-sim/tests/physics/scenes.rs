@@ -2,8 +2,10 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings, Scene,
+    Environment, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings,
+    Scene,
 };
+use selvedge_sim::stretch::StretchElement;
 
 pub(crate) const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
 pub(crate) const CAMEL: &str = include_str!("../../../../assets/materials/camel-ponte-roma.toml");
@@ -57,6 +59,7 @@ pub(crate) fn hanging(side: usize) -> Scene {
     Scene {
         name: "hanging".to_owned(),
         handles: Handles::new(&[0, side as u32 - 1], vertex_count).unwrap(),
+        schedule: HandleSchedule::default(),
         mesh,
         material: material(GRAY),
         environment: Environment::default(),
@@ -96,4 +99,19 @@ pub(crate) fn largest_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
         .zip(b)
         .map(|(a, b)| a.distance(*b))
         .fold(0.0, f64::max)
+}
+
+/// Principal stretches of every face, the larger first, `[faces]`.
+pub(crate) fn stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<[f64; 2]> {
+    let uv = mesh.material_coordinates();
+    let faces = mesh.topology().face_indices();
+    let stretch = |corners: &[u32; 3]| {
+        let element = StretchElement::new(corners.map(|v| uv[v as usize]));
+        let (u, v) = element.gradient(corners.map(|v| positions[v as usize]));
+        let trace = u.length_squared() + v.length_squared();
+        let area = u.cross(v).length();
+        let spread = (0.25 * trace * trace - area * area).max(0.0).sqrt();
+        [1.0, -1.0].map(|sign| (0.5 * trace + sign * spread).max(0.0).sqrt())
+    };
+    faces.iter().map(stretch).collect()
 }

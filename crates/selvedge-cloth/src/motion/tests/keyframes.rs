@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::super::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
 use super::corners;
+use crate::{HandleSchedule, Release};
 
 fn keyframed(handles: Vec<usize>, keyframes: &[(f64, f64, f64)]) -> Motion {
     let keyframes = keyframes
@@ -16,7 +17,11 @@ fn keyframed(handles: Vec<usize>, keyframes: &[(f64, f64, f64)]) -> Motion {
         .collect();
     Motion::Keyframes(KeyframeMotion {
         duration: 2.0,
-        groups: vec![KeyframeGroup { handles, keyframes }],
+        groups: vec![KeyframeGroup {
+            handles,
+            axis: DVec3::Y,
+            keyframes,
+        }],
     })
 }
 
@@ -72,4 +77,58 @@ fn wrong_keyframes_are_errors() {
     assert!(nan.contains("rotation_deg"), "{nan}");
     let nobody = error(keyframed(vec![], &[(1.0, 1.0, 0.0)]));
     assert!(nobody.contains("groups[0].handles"), "{nobody}");
+}
+
+#[test]
+fn a_group_moves_rigidly_about_its_own_axis() {
+    let start = [
+        DVec3::new(1.0, 2.0, 3.0),
+        DVec3::new(1.5, 2.0, 3.0),
+        DVec3::new(1.0, 2.6, 3.2),
+    ];
+    let Motion::Keyframes(mut motion) = keyframed(vec![0, 1, 2], &[(1.0, 0.5, 450.0)]) else {
+        unreachable!()
+    };
+    motion.groups[0].axis = DVec3::new(0.0, 0.0, 2.0);
+    let path = Motion::Keyframes(motion.clone())
+        .bind(&start, 60.0)
+        .unwrap();
+    // A turn and a quarter about z through the centroid, then half a metre along x.
+    let center = (start[0] + start[1] + start[2]) / 3.0;
+    for (found, from) in path.at(1.0).iter().zip(start) {
+        let arm = from - center;
+        let expected = center + DVec3::new(-arm.y, arm.x, arm.z) + DVec3::X * 0.5;
+        assert!(found.distance(expected) < 1e-14);
+    }
+    // Between keyframes all distances stay.
+    let between = path.at(0.37);
+    for k in 0..3 {
+        let before = start[k].distance(start[(k + 1) % 3]);
+        assert!((between[k].distance(between[(k + 1) % 3]) - before).abs() < 1e-14);
+    }
+    motion.groups[0].axis = DVec3::ZERO;
+    let error = Motion::Keyframes(motion).bind(&start, 60.0).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "motion: groups[0].axis must be a direction, found [0, 0, 0]"
+    );
+}
+
+#[test]
+fn a_schedule_goes_with_the_targets() {
+    let path = keyframed(vec![1], &[(1.0, 0.7, 40.0)]);
+    let schedule = HandleSchedule {
+        releases: vec![Release {
+            handles: vec![1],
+            from: 0.5,
+            to: None,
+        }],
+    };
+    let path = path.bind(&corners(), 60.0).unwrap().scheduled(schedule);
+    let holds = |frame| {
+        let targets = path.targets(frame, 2).unwrap();
+        [targets.holds(0), targets.holds(1)]
+    };
+    assert_eq!(holds(29), [true, true]);
+    assert_eq!(holds(30), [true, false]);
 }

@@ -1,0 +1,169 @@
+//! When handles let go of the cloth, and take hold of it again.
+//!
+//! A handle holds unless a release says otherwise. Times are in seconds from the start of the motion;
+//! what counts is the start of a frame's step: a handle is free over every step that begins within
+//! a release. A handle that takes hold again does so of the cloth where it then is, and from there
+//! moves by as much as its path does.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A span of time in which some handles are let go.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Release {
+    /// Numbers in the list of handles, from 0.
+    pub handles: Vec<usize>,
+    /// When they let go `[s]`.
+    pub from: f64,
+    /// When they take hold again `[s]`; never, if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to: Option<f64>,
+}
+
+/// All releases of a scene's handles; none by default.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct HandleSchedule {
+    /// In any order; spans of one handle may touch or overlap.
+    pub releases: Vec<Release>,
+}
+
+/// A release that cannot be.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ScheduleError {
+    #[error(
+        "released[{release}] names handle {handle}, but the scene has {handle_count} handles (numbered from 0)"
+    )]
+    HandleOutOfRange {
+        release: usize,
+        handle: usize,
+        handle_count: usize,
+    },
+    #[error("released[{release}].{field} must be {expected}, found {found}")]
+    Time {
+        release: usize,
+        field: &'static str,
+        expected: &'static str,
+        found: f64,
+    },
+}
+
+impl HandleSchedule {
+    /// Whether all handles hold all the time.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.releases.is_empty()
+    }
+
+    /// Checks the releases of `handle_count` handles.
+    ///
+    /// # Errors
+    /// Names the release, the field and what was found.
+    pub fn validate(&self, handle_count: usize) -> Result<(), ScheduleError> {
+        for (release, span) in self.releases.iter().enumerate() {
+            if let Some(&handle) = span.handles.iter().find(|h| **h >= handle_count) {
+                return Err(ScheduleError::HandleOutOfRange {
+                    release,
+                    handle,
+                    handle_count,
+                });
+            }
+            let error = |field, expected, found| ScheduleError::Time {
+                release,
+                field,
+                expected,
+                found,
+            };
+            if !(span.from.is_finite() && span.from >= 0.0) {
+                return Err(error("from", "finite and not negative", span.from));
+            }
+            match span.to {
+                Some(to) if !(to.is_finite() && to > span.from) => {
+                    return Err(error("to", "finite and later than from", to));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether each of `handle_count` handles is let go during the step from `frame` to the next at
+    /// `frame_rate` frames per second, `[handles]`.
+    #[must_use]
+    pub fn released(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
+        let mut released = vec![false; handle_count];
+        // A time such as 0.1 s is meant to be a whole number of frames though it is none in binary.
+        let now = frame as f64 + 1e-6;
+        for span in &self.releases {
+            let until = span.to.map_or(f64::INFINITY, |to| to * frame_rate);
+            if (span.from * frame_rate..until).contains(&now) {
+                for &handle in span.handles.iter().filter(|h| **h < handle_count) {
+                    released[handle] = true;
+                }
+            }
+        }
+        released
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn schedule() -> HandleSchedule {
+        HandleSchedule {
+            releases: vec![
+                Release {
+                    handles: vec![0, 2],
+                    from: 0.1,
+                    to: Some(0.3),
+                },
+                Release {
+                    handles: vec![1],
+                    from: 0.2,
+                    to: None,
+                },
+            ],
+        }
+    }
+
+    #[test]
+    fn steps_that_begin_within_a_release_are_free() {
+        let schedule = schedule();
+        schedule.validate(3).unwrap();
+        let free: Vec<Vec<bool>> = (0..5).map(|f| schedule.released(f, 10.0, 3)).collect();
+        assert_eq!(free[0], [false; 3]);
+        assert_eq!(free[1], [true, false, true]);
+        assert_eq!(free[2], [true; 3]);
+        assert_eq!(free[3], [false, true, false]);
+        assert_eq!(free[4], [false, true, false]);
+        // 0.1 s is frame 6 of 60 per second, and 0.3 s frame 18, though neither is exact.
+        let sixty: Vec<bool> = (0..20).map(|f| schedule.released(f, 60.0, 3)[0]).collect();
+        let expected: Vec<bool> = (0..20).map(|f| (6..18).contains(&f)).collect();
+        assert_eq!(sixty, expected);
+    }
+
+    #[test]
+    fn wrong_releases_are_named() {
+        let error = |spoil: fn(&mut HandleSchedule)| {
+            let mut schedule = schedule();
+            spoil(&mut schedule);
+            schedule.validate(3).unwrap_err().to_string()
+        };
+        assert!(schedule().validate(2).is_err());
+        for (spoil, expected) in [
+            (
+                (|s| s.releases[0].handles = vec![3]) as fn(&mut HandleSchedule),
+                "released[0] names handle 3, but the scene has 3 handles",
+            ),
+            (|s| s.releases[1].from = -1.0, "released[1].from must be"),
+            (|s| s.releases[0].to = Some(0.1), "released[0].to must be"),
+            (|s| s.releases[0].to = Some(f64::NAN), "released[0].to must"),
+        ] {
+            let text = error(spoil);
+            assert!(text.starts_with(expected), "{text}");
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The ways in which a file can say which vertices are held: by number, by label, in a box, or in
+//! groups that have a name, move together and may let go for a while.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use selvedge_cloth::generate::Sheet;
+use selvedge_cloth::{HandleSchedule, Release};
+use serde::Deserialize;
+
+use super::file::{SceneProblem, field};
+
+/// Which vertices are held: exactly one way to say so.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum HandleSelection {
+    /// By number, from 0; the order is that of the handles.
+    Vertices(Vec<u32>),
+    /// By the label of a generated mesh, or the name of an object or group of an OBJ.
+    Label(String),
+    /// All start positions in a box, its faces included, by number.
+    Box {
+        /// Smallest x, y and z `[m]`.
+        min: DVec3,
+        /// Largest x, y and z `[m]`.
+        max: DVec3,
+    },
+    /// Groups, one after another.
+    Groups(Vec<HandleGroup>),
+}
+
+/// Handles that have a name.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HandleGroup {
+    /// What the motion calls them.
+    pub name: String,
+    /// Which they are; not groups again.
+    pub select: HandleSelection,
+    /// When they let go, and when they take hold again.
+    #[serde(default)]
+    pub released: Vec<ReleaseSpan>,
+}
+
+/// A span of time in which a group is let go.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReleaseSpan {
+    /// From when `[s]`.
+    pub from: f64,
+    /// Until when `[s]`; for good, if there is none.
+    #[serde(default)]
+    pub to: Option<f64>,
+}
+
+/// The names of groups, and which handles are theirs.
+pub(crate) type Groups = Vec<(String, Range<usize>)>;
+
+/// The handles that were chosen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Selected {
+    /// Their vertices, in order.
+    pub(crate) vertices: Vec<u32>,
+    /// Their groups, where they have some.
+    pub(crate) groups: Groups,
+    /// When they let go.
+    pub(crate) schedule: HandleSchedule,
+}
+
+impl HandleSelection {
+    /// The vertices of `sheet` that are chosen.
+    pub(crate) fn select(&self, sheet: &Sheet) -> Result<Selected, SceneProblem> {
+        let Self::Groups(groups) = self else {
+            return Ok(Selected {
+                vertices: self.vertices(sheet)?,
+                ..Selected::default()
+            });
+        };
+        let mut selected = Selected::default();
+        for group in groups {
+            if selected.groups.iter().any(|(name, _)| *name == group.name) {
+                let problem = format!("two groups are called {:?}", group.name);
+                return Err(field("handles.groups", problem));
+            }
+            let first = selected.vertices.len();
+            selected.vertices.extend(group.select.vertices(sheet)?);
+            let handles = first..selected.vertices.len();
+            let releases = group.released.iter().map(|span| Release {
+                handles: handles.clone().collect(),
+                from: span.from,
+                to: span.to,
+            });
+            selected.schedule.releases.extend(releases);
+            selected.groups.push((group.name.clone(), handles));
+        }
+        Ok(selected)
+    }
+
+    fn vertices(&self, sheet: &Sheet) -> Result<Vec<u32>, SceneProblem> {
+        match self {
+            Self::Vertices(vertices) => Ok(vertices.clone()),
+            Self::Label(name) => sheet.labels.get(name).cloned().ok_or_else(|| {
+                let known: Vec<&str> = sheet.labels.keys().map(String::as_str).collect();
+                let known = known.join(", ");
+                let problem = format!("the mesh has no label {name:?}; it has [{known}]");
+                field("handles.label", problem)
+            }),
+            Self::Box { min, max } => {
+                let is_inside = |p: &DVec3| p.cmpge(*min).all() && p.cmple(*max).all();
+                let positions = sheet.mesh.positions().iter().zip(0_u32..);
+                let inside: Vec<u32> = positions
+                    .filter(|(position, _)| is_inside(position))
+                    .map(|(_, vertex)| vertex)
+                    .collect();
+                if inside.is_empty() {
+                    let problem = format!("no vertex starts between {min} and {max}");
+                    return Err(field("handles.box", problem));
+                }
+                Ok(inside)
+            }
+            Self::Groups(_) => {
+                let problem = "selects groups: take vertices, label or box";
+                Err(field("handles.groups.select", problem))
+            }
+        }
+    }
+}

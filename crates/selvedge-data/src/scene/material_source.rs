@@ -1,0 +1,180 @@
+//! The ways in which a file can say what the cloth is made of: the name of a shipped fabric, a TOML
+//! file, or a table that changes one of these or has numbers of its own.
+//!
+//! ```toml
+//! material = { from = "gray-interlock", stretch_multiplier = 2.0, damping = 0.002 }
+//! [material]                        # or: an isotropic sheet
+//! name = "rubber"
+//! density = 1.1
+//! isotropic = { youngs_modulus = 1e6, poissons_ratio = 0.45, thickness = 1e-3 }
+//! ```
+//!
+//! A material's own file has the same keys.
+
+use std::path::Path;
+
+use selvedge_cloth::{BendTable, Isotropic, Material, StrainLimits, StretchTable};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use super::file::{SceneProblem, field, parse_toml, read_text};
+use super::shipped::{material_text, materials};
+
+/// One way to say what the cloth is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MaterialSource {
+    /// The name of a shipped material, or a TOML file, relative to the file that names it.
+    Named(String),
+    /// A table.
+    Table(Box<MaterialTable>),
+}
+
+/// A material of one's own: built on exactly one of `from`, `isotropic`, and `stretch` with `bend`.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialTable {
+    /// A shipped material or a TOML file that is changed.
+    from: Option<String>,
+    /// The constants of an isotropic sheet.
+    isotropic: Option<Isotropic>,
+    /// A table of stretching stiffness.
+    stretch: Option<StretchTable>,
+    /// A table of bending stiffness.
+    bend: Option<BendTable>,
+    name: Option<String>,
+    source: Option<String>,
+    density: Option<f64>,
+    damping: Option<f64>,
+    strain_limits: Option<StrainLimits>,
+    /// How many times as stiff against stretching.
+    stretch_multiplier: Option<f64>,
+    /// How many times as stiff against bending.
+    bend_multiplier: Option<f64>,
+}
+
+/// Files that may be built on each other.
+const DEEPEST: usize = 8;
+
+impl<'de> Deserialize<'de> for MaterialSource {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NameOrTable;
+        impl<'de> Visitor<'de> for NameOrTable {
+            type Value = MaterialSource;
+
+            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                formatter.write_str("the name of a material, a TOML file, or a table")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<MaterialSource, E> {
+                Ok(MaterialSource::Named(name.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MaterialSource, A::Error> {
+                let table = MaterialTable::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(MaterialSource::Table(Box::new(table)))
+            }
+        }
+        deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+impl MaterialSource {
+    /// Looks up what is named; files are relative to `folder`.
+    pub(crate) fn resolve(&self, folder: &Path) -> Result<Material, SceneProblem> {
+        let resolved = match self {
+            Self::Named(name) => named(name, folder, 0),
+            Self::Table(table) => table.resolve(folder, 0),
+        };
+        resolved.map_err(|problem| field("material", problem))
+    }
+}
+
+/// A shipped material by name, or one in a TOML file, `depth` files deep.
+fn named(name_or_path: &str, folder: &Path, depth: usize) -> Result<Material, String> {
+    if let Some(text) = material_text(name_or_path) {
+        return parse_toml(text).map_err(|problem| problem.to_string());
+    }
+    if !name_or_path.ends_with(".toml") {
+        let known: Vec<&str> = materials().iter().map(|entry| entry.0).collect();
+        let known = known.join(", ");
+        return Err(format!(
+            "{name_or_path:?} is neither a .toml file nor one of {known}"
+        ));
+    }
+    let path = folder.join(name_or_path);
+    let within = |problem: String| format!("{}: {problem}", path.display());
+    if depth == DEEPEST {
+        return Err(within("is built on itself".to_owned()));
+    }
+    let text = read_text(&path).map_err(|problem| within(problem.to_string()))?;
+    let table: MaterialTable = parse_toml(&text).map_err(|problem| within(problem.to_string()))?;
+    let folder = path.parent().unwrap_or(folder);
+    table.resolve(folder, depth + 1).map_err(within)
+}
+
+impl MaterialTable {
+    fn resolve(&self, folder: &Path, depth: usize) -> Result<Material, String> {
+        let mut material = self.base(folder, depth)?;
+        if let Some(name) = &self.name {
+            material.name.clone_from(name);
+        }
+        if let Some(source) = &self.source {
+            material.source.clone_from(source);
+        }
+        for (changed, value) in [
+            (&mut material.density, self.density),
+            (&mut material.damping, self.damping),
+        ] {
+            *changed = value.unwrap_or(*changed);
+        }
+        material.strain_limits = self.strain_limits.or(material.strain_limits);
+        let stretch = multiplier("stretch_multiplier", self.stretch_multiplier)?;
+        let bend = multiplier("bend_multiplier", self.bend_multiplier)?;
+        let material = material.multiplied(stretch, bend);
+        material.validate().map_err(|error| error.to_string())?;
+        Ok(material)
+    }
+
+    /// What the table is built on.
+    fn base(&self, folder: &Path, depth: usize) -> Result<Material, String> {
+        let (stretch, bend) = match (&self.from, &self.isotropic, self.stretch, self.bend) {
+            (Some(name), None, None, None) => {
+                let mut material = named(name, folder, depth)?;
+                // What has been changed is no longer the measured fabric.
+                material.name += ", changed";
+                return Ok(material);
+            }
+            (None, Some(isotropic), None, None) => {
+                isotropic.validate().map_err(|error| error.to_string())?;
+                (isotropic.stretch_table(), isotropic.bend_table())
+            }
+            (None, None, Some(stretch), Some(bend)) => (stretch, bend),
+            _ => {
+                return Err(
+                    "needs exactly one of from, isotropic, and stretch together with bend"
+                        .to_owned(),
+                );
+            }
+        };
+        Ok(Material {
+            name: self.name.clone().ok_or("name is missing")?,
+            source: String::new(),
+            density: self.density.ok_or("density is missing")?,
+            damping: 0.0,
+            stretch,
+            bend,
+            strain_limits: None,
+        })
+    }
+}
+
+fn multiplier(field: &str, value: Option<f64>) -> Result<f64, String> {
+    match value {
+        None => Ok(1.0),
+        Some(value) if value.is_finite() && value > 0.0 => Ok(value),
+        Some(value) => Err(format!(
+            "{field} must be finite and positive, found {value}"
+        )),
+    }
+}

@@ -1,0 +1,283 @@
+//! Materials of one's own, groups of handles, releases and gusts, as scene files say them; every
+//! mistake is an error that names the file and the field.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+use std::path::Path;
+
+use glam::DVec3;
+use selvedge_cloth::{Gust, Isotropic, Motion, Release, StrainLimits};
+use selvedge_data::{DatasetPreset, LoadedScene, SceneSpec, materials, parse_scene};
+
+const SCENE: &str = r#"
+name = "s"
+mesh = { generator = { kind = "square", vertices = 36, size = 1, seed = 1 } }
+"#;
+const CORNERS: &str = "handles = { label = \"upper-corners\" }\n";
+const STILL: &str = "motion = { inline = { kind = \"blocks\", blocks = [{ duration = 1 }] } }\n";
+const GRAY: &str = "material = \"gray-interlock\"\n";
+
+fn parse_in(folder: &Path, parts: &[&str]) -> Result<LoadedScene, String> {
+    let text = SCENE.to_owned() + &parts.concat();
+    parse_scene(&text, folder, "s.toml").map_err(|error| error.to_string())
+}
+
+fn parse(parts: &[&str]) -> Result<LoadedScene, String> {
+    parse_in(Path::new(""), parts)
+}
+
+/// Each text must be refused with what stands beside it.
+fn refuses(make: impl Fn(&str) -> Result<LoadedScene, String>, cases: &[(&str, &str)]) {
+    for (text, expected) in cases {
+        let error = make(text).unwrap_err();
+        assert!(error.starts_with("s.toml: "), "{error}");
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+}
+
+#[test]
+fn a_material_can_change_another_or_be_isotropic() {
+    let material = |text: &str| {
+        let material = format!("material = {text}\n");
+        let loaded = parse(&[&material, CORNERS, STILL]).unwrap();
+        loaded.scene.material
+    };
+    let gray = material("\"gray-interlock\"");
+    let changed = material(
+        "{ from = \"gray-interlock\", stretch_multiplier = 2, bend_multiplier = 0.5, \
+         damping = 0.01, strain_limits = { min = 0.9, max = 1.1 } }",
+    );
+    let mut expected = gray.clone().multiplied(2.0, 0.5);
+    expected.name = "gray-interlock, changed".to_owned();
+    expected.damping = 0.01;
+    expected.strain_limits = Some(StrainLimits { min: 0.9, max: 1.1 });
+    assert_eq!(changed, expected);
+    let constants = "{ youngs_modulus = 1e6, poissons_ratio = 0.3, thickness = 5e-4 }";
+    let rubber = material(&format!(
+        "{{ name = \"rubber\", density = 0.5, isotropic = {constants} }}"
+    ));
+    let isotropic: Isotropic =
+        toml::from_str(&constants[1..constants.len() - 1].replace(',', "\n")).unwrap();
+    assert_eq!(rubber.stretch, isotropic.stretch_table());
+    assert_eq!(rubber.bend, isotropic.bend_table());
+    assert_eq!((rubber.density, rubber.damping), (0.5, 0.0));
+}
+
+#[test]
+fn a_material_file_has_the_same_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "mine.toml",
+        &materials()[2].1.replace("11oz-black-denim", "mine"),
+    );
+    write(
+        "stiff.toml",
+        "from = \"mine.toml\"\nname = \"stiff\"\nbend_multiplier = 10\n",
+    );
+    write("loop.toml", "from = \"loop.toml\"\n");
+    let material = |name: &str| {
+        let material = format!("material = \"{name}\"\n");
+        parse_in(folder.path(), &[&material, CORNERS, STILL]).map(|l| l.scene.material)
+    };
+    let mine = material("mine.toml").unwrap();
+    assert_eq!((mine.name.as_str(), mine.density), ("mine", 0.324));
+    let stiff = material("stiff.toml").unwrap();
+    assert_eq!(stiff.name, "stiff");
+    assert_eq!(stiff.bend, mine.clone().multiplied(1.0, 10.0).bend);
+    assert!(
+        material("loop.toml")
+            .unwrap_err()
+            .contains("is built on itself")
+    );
+}
+
+#[test]
+fn wrong_materials_are_named() {
+    let make = |text: &str| parse(&[&format!("material = {text}\n"), CORNERS, STILL]);
+    let constants = "isotropic = { youngs_modulus = 1e6, poissons_ratio = 0.3, thickness = 1e-3 }";
+    let rubber = |more: &str| format!("{{ name = \"r\", density = 1, {constants}{more} }}");
+    let both = rubber(", from = \"gray-interlock\"");
+    let ratio = rubber("").replace("0.3", "0.7");
+    let missing = rubber("").replace("density = 1, ", "");
+    refuses(
+        make,
+        &[
+            ("3", "the name of a material, a TOML file, or a table"),
+            ("{ density = 1 }", "material: needs exactly one of from"),
+            (&both, "material: needs exactly one of from"),
+            (&ratio, "material: isotropic.poissons_ratio must be between"),
+            (&missing, "material: density is missing"),
+            (&rubber(", colour = 3"), "unknown field `colour`"),
+            (&rubber(", damping = -1"), "damping must be finite and not"),
+            (
+                &rubber(", stretch_multiplier = 0"),
+                "material: stretch_multiplier must be finite and positive, found 0",
+            ),
+            (
+                &rubber(", strain_limits = { min = 0.9, max = 0.95 }"),
+                "strain_limits.max must be at least 1, found 0.95",
+            ),
+            ("{ from = \"gray\" }", "material: \"gray\" is neither"),
+        ],
+    );
+}
+
+const GROUPS: &str = r#"
+[[handles.groups]]
+name = "left"
+select = { vertices = [0, 1, 2] }
+released = [{ from = 0.5, to = 0.75 }, { from = 1.5 }]
+[[handles.groups]]
+name = "right"
+select = { box = { min = [-1, -0.001, 0.4], max = [1, 1, 2] } }
+"#;
+const MOVES: &str = r#"
+[motion.groups]
+duration = 2
+[[motion.groups.moves]]
+group = "right"
+axis = [1, 0, 0]
+keyframes = [{ time = 1, translation = [0, 0.2, 0], rotation_deg = 90 }]
+"#;
+
+#[test]
+fn groups_of_handles_move_rigidly_and_let_go() {
+    let loaded = parse(&[GRAY, GROUPS, MOVES]).unwrap();
+    let scene = &loaded.scene;
+    let count = scene.handles.len();
+    assert_eq!(loaded.spec.setting.handles[..3], [0, 1, 2]);
+    let release = |from, to| Release {
+        handles: vec![0, 1, 2],
+        from,
+        to,
+    };
+    assert_eq!(
+        scene.schedule.releases,
+        [release(0.5, Some(0.75)), release(1.5, None)]
+    );
+    assert!(count > 3);
+    let path = scene.handle_path().unwrap();
+    assert_eq!(path.frame_count(), 120);
+    let (start, end) = (path.at(0.0), path.at(1.0));
+    assert_eq!(start[..3], end[..3]);
+    let center = start[3..].iter().sum::<DVec3>() / (count - 3) as f64;
+    for (from, to) in start[3..].iter().zip(&end[3..]) {
+        let arm = *from - center;
+        let expected = center + DVec3::new(arm.x, -arm.z + 0.2, arm.y);
+        assert!(to.distance(expected) < 1e-15);
+    }
+    let targets = path.targets(30, 1).unwrap();
+    assert!(!targets.holds(0) && targets.holds(3));
+    // The resolved scene has it all.
+    let json = loaded.spec.to_json().unwrap();
+    assert_eq!(SceneSpec::from_json(&json).unwrap(), loaded.spec);
+    // One without releases has no word of them, as before.
+    let plain = parse(&[GRAY, CORNERS, STILL]).unwrap();
+    let text = plain.spec.to_json().unwrap().to_string();
+    for word in ["schedule", "gust", "strain_limits"] {
+        assert!(!text.contains(&format!("\"{word}\"")), "{word}");
+    }
+}
+
+#[test]
+fn wrong_groups_are_named() {
+    let groups = |from: &str, to: &str| {
+        assert!(GROUPS.contains(from) || MOVES.contains(from), "{from}");
+        let edited = |text: &str| text.replace(from, to);
+        parse(&[GRAY, &edited(GROUPS), &edited(MOVES)]).unwrap_err()
+    };
+    for (from, to, expected) in [
+        ("to = 0.75", "to = 0.25", "handles: released[0].to must be"),
+        ("from = 1.5", "from = -1", "released[1].from must be finite"),
+        (
+            "\"right\"\nsel",
+            "\"left\"\nsel",
+            "two groups are called \"left\"",
+        ),
+        (
+            "group = \"right\"",
+            "group = \"top\"",
+            "motion.groups.moves.group: no group of handles is called \"top\"; there are [left, right]",
+        ),
+        (
+            "axis = [1, 0, 0]",
+            "axis = [0, 0, 0]",
+            "groups[0].axis must be a direction",
+        ),
+        (
+            "duration = 2",
+            "duration = 0.3337",
+            "duration must be a whole number",
+        ),
+        ("[0, 1, 2]", "[0, 1, 36]", "handles: handle 2 is vertex 36"),
+        (
+            "{ vertices = [0, 1, 2] }",
+            "{ groups = [] }",
+            "selects groups",
+        ),
+        ("time = 1", "time = 3", "keyframes[0].time must be between"),
+    ] {
+        let error = groups(from, to);
+        assert!(error.starts_with("s.toml: "), "{error}");
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+}
+
+#[test]
+fn gusts_are_part_of_the_environment() {
+    let windy = |text: &str| parse(&[GRAY, CORNERS, STILL, "[environment]\n", text, "\n"]);
+    let loaded = windy("wind = [2, 0, 0]\ngust = { speed = [1, 0, 0.5], period = 3, seed = 7 }");
+    let environment = loaded.unwrap().scene.environment;
+    let speed = DVec3::new(1.0, 0.0, 0.5);
+    let (period, seed) = (3.0, 7);
+    let gust = Gust {
+        speed,
+        period,
+        seed,
+    };
+    assert_eq!(environment.gust, Some(gust));
+    refuses(
+        windy,
+        &[
+            (
+                "gust = { speed = [1, 0, 0], period = 0, seed = 1 }",
+                "environment.gust.period",
+            ),
+            (
+                "gust = { speed = [-1, 0, 0], period = 1, seed = 1 }",
+                "environment.gust.speed",
+            ),
+            (
+                "gust = { speed = [1, 0, 0], seed = 1 }",
+                "missing field `period`",
+            ),
+            ("gust = { speed = 1, period = 1, seed = 1 }", "gust"),
+        ],
+    );
+}
+
+#[test]
+fn a_data_set_has_no_handles_that_let_go() {
+    let preset = |groups: &str| {
+        let setting = groups.replace("[[handles.groups]]", "[[setting.handles.groups]]");
+        let text = format!(
+            "name = \"p\"\nsections = \"whole\"\ntrain = [\"m\"]\ntest = []\n\
+             [motions.m]{}\n[setting]\n{GRAY}{}{setting}",
+            MOVES.replace("motion.groups", "motions.m.groups"),
+            SCENE.replace("name = \"s\"", ""),
+        );
+        DatasetPreset::parse(&text, Path::new("")).map_err(|error| error.to_string())
+    };
+    let released = "released = [{ from = 0.5, to = 0.75 }, { from = 1.5 }]\n";
+    let held = preset(&GROUPS.replace(released, "")).unwrap();
+    assert!(matches!(
+        held.motions(selvedge_data::Split::Train)[0].motion,
+        Motion::Keyframes(_)
+    ));
+    let error = preset(GROUPS).unwrap_err();
+    assert!(
+        error.contains("setting.handles: has groups that let go"),
+        "{error}"
+    );
+}

@@ -1,0 +1,174 @@
+//! Handles that let go and take hold again; wind that gusts.
+
+use glam::DVec3;
+use selvedge_cloth::{
+    Gust, HandleConstraint, HandleSchedule, HandleTargets, Handles, Release, Scene, StepError,
+    Stepper,
+};
+use selvedge_sim::{SagError, Simulator, sag};
+
+use crate::scenes::{floating, hanging, largest_distance};
+
+fn released(mut scene: Scene, handles: Vec<usize>, from: f64, to: Option<f64>) -> Scene {
+    let release = Release { handles, from, to };
+    scene.schedule = HandleSchedule {
+        releases: vec![release],
+    };
+    scene
+}
+
+fn run(simulator: &mut Simulator, scene: &Scene, frames: usize) {
+    let path = scene.handle_path().unwrap();
+    for _ in 0..frames {
+        let targets = path.targets(simulator.frame(), 4).unwrap();
+        simulator.step(&targets).unwrap();
+    }
+}
+
+#[test]
+fn a_cloth_that_is_let_go_falls_as_one_that_was_never_held() {
+    // Both handles are let go at once from a flat, unstrained sheet in vacuum.
+    for constraint in [HandleConstraint::Exact, HandleConstraint::Spring] {
+        let mut held = released(hanging(5), vec![0, 1], 0.0, None);
+        held.physics.handles = constraint;
+        held.environment.air_density = 0.0;
+        let mut free = floating(5);
+        free.environment.gravity = held.environment.gravity;
+        let mut one = Simulator::new(&held).unwrap();
+        let mut other = Simulator::new(&free).unwrap();
+        run(&mut one, &held, 20);
+        run(&mut other, &free, 20);
+        assert_eq!(one.positions_f64(), other.positions_f64());
+    }
+}
+
+#[test]
+fn a_handle_takes_hold_of_the_cloth_where_it_is() {
+    for constraint in [HandleConstraint::Exact, HandleConstraint::Spring] {
+        let mut scene = released(hanging(5), vec![1], 0.1, Some(0.3));
+        scene.physics.handles = constraint;
+        let vertex = scene.handles.vertices()[1].index();
+        let mut simulator = Simulator::new(&scene).unwrap();
+        run(&mut simulator, &scene, 6);
+        let before = simulator.positions_f64()[vertex];
+        run(&mut simulator, &scene, 12);
+        let caught = simulator.positions_f64()[vertex];
+        assert!(caught.distance(before) > 0.05, "it swings while it is free");
+        // From now on it stays, or its spring does: that gives by load over stiffness, less than
+        // the whole weight with its swing, some 4 N, over 1000 N/m.
+        run(&mut simulator, &scene, 1);
+        let now = simulator.positions_f64()[vertex];
+        match constraint {
+            HandleConstraint::Exact => assert_eq!(now, caught),
+            HandleConstraint::Spring => assert!(now.distance(caught) < 0.02),
+        }
+    }
+}
+
+#[test]
+fn after_taking_hold_a_handle_moves_by_as_much_as_its_path() {
+    let scene = released(hanging(4), vec![0, 1], 0.0, Some(0.05));
+    let mut simulator = Simulator::new(&scene).unwrap();
+    run(&mut simulator, &scene, 3);
+    let before = scene.handles.select(simulator.positions_f64());
+    let step = DVec3::new(0.01, -0.004, 0.002);
+    let start = scene.handles.select(scene.mesh.positions());
+    let targets: Vec<DVec3> = start.iter().map(|p| *p + step).collect();
+    let targets = HandleTargets::at_frame_end(targets).unwrap();
+    simulator.step(&targets).unwrap();
+    let after = scene.handles.select(simulator.positions_f64());
+    let expected: Vec<DVec3> = before.iter().map(|p| *p + step).collect();
+    // Differences and sums of numbers of size 1.
+    assert!(largest_distance(&after, &expected) < 1e-15);
+}
+
+#[test]
+fn a_step_that_fails_gives_the_grip_back() {
+    let scene = hanging(4);
+    let still = scene.handles.select(scene.mesh.positions());
+    let held = HandleTargets::at_frame_end(still.clone()).unwrap();
+    let mut simulator = Simulator::new(&scene).unwrap();
+    simulator.step(&held).unwrap();
+    let mut undisturbed = Simulator::new(&scene).unwrap();
+    undisturbed.step(&held).unwrap();
+    let absurd = HandleTargets::at_frame_end(vec![DVec3::splat(1e300), still[1]]).unwrap();
+    let absurd = absurd.releasing(vec![false, true]).unwrap();
+    let error = simulator.step(&absurd).unwrap_err();
+    assert!(
+        matches!(error, StepError::NonFinite { frame: 1, .. }),
+        "{error}"
+    );
+    simulator.step(&held).unwrap();
+    undisturbed.step(&held).unwrap();
+    assert_eq!(simulator.positions_f64(), undisturbed.positions_f64());
+}
+
+#[test]
+fn a_sheet_that_nothing_holds_rests_where_it_starts() {
+    let whole = hanging(5);
+    let rest = sag(&whole).unwrap();
+    // The same sheet twice in one mesh; the second, elsewhere, has no handle.
+    let twice = {
+        let mesh = &whole.mesh;
+        let count = mesh.positions().len() as u32;
+        let mut faces = mesh.topology().face_indices();
+        faces.extend(
+            faces
+                .clone()
+                .into_iter()
+                .map(|face| face.map(|v| v + count)),
+        );
+        let uv = [mesh.material_coordinates(), mesh.material_coordinates()].concat();
+        let away = mesh.positions().iter().map(|p| *p + DVec3::X * 3.0);
+        let positions: Vec<DVec3> = mesh.positions().iter().copied().chain(away).collect();
+        let mut scene = whole.clone();
+        scene.mesh = selvedge_cloth::Mesh::new(&faces, uv, positions).unwrap();
+        scene
+    };
+    let both = sag(&twice).unwrap();
+    assert_eq!(&both.positions[25..], &twice.mesh.positions()[25..]);
+    // Only the scale of the steps and the order of the unknowns differ: both are at rest.
+    assert!(largest_distance(&both.positions[..25], &rest.positions) < 1e-4);
+    // A handle that holds only later does not help.
+    let later = released(hanging(4), vec![0, 1], 0.0, Some(1.0));
+    assert_eq!(sag(&later), Err(SagError::NoHandles));
+    let one = sag(&released(hanging(4), vec![1], 0.0, Some(1.0))).unwrap();
+    let mut alone = hanging(4);
+    alone.handles = Handles::new(&[0], 16).unwrap();
+    assert_eq!(one, sag(&alone).unwrap());
+}
+
+#[test]
+fn gusts_are_those_of_the_frame_and_a_run_can_be_taken_up_again() {
+    let mut scene = hanging(5);
+    scene.environment.wind = DVec3::new(2.0, 0.0, 1.0);
+    scene.environment.gust = Some(Gust {
+        speed: DVec3::new(1.5, 0.2, 1.0),
+        period: 0.8,
+        seed: 3,
+    });
+    let mut whole = Simulator::new(&scene).unwrap();
+    run(&mut whole, &scene, 12);
+    // Frame by frame in the constant wind of each.
+    let mut steady = scene.clone();
+    let (mut positions, mut velocities) = (scene.mesh.positions().to_vec(), vec![DVec3::ZERO; 25]);
+    for frame in 0..12 {
+        steady.environment = scene.environment.during_step(frame, scene.frame_rate);
+        let mut one = Simulator::with_state(&steady, positions, velocities).unwrap();
+        run(&mut one, &steady, 1);
+        positions = one.positions_f64().to_vec();
+        velocities = one.velocities_f64().to_vec();
+    }
+    assert_eq!(whole.positions_f64(), positions);
+    // From half way, told which frame it is.
+    let mut half = Simulator::new(&scene).unwrap();
+    run(&mut half, &scene, 6);
+    let (x, v) = (
+        half.positions_f64().to_vec(),
+        half.velocities_f64().to_vec(),
+    );
+    let mut rest = Simulator::with_state(&scene, x, v).unwrap().at_frame(6);
+    run(&mut rest, &scene, 6);
+    assert_eq!(rest.frame(), 12);
+    assert_eq!(rest.positions_f64(), positions);
+}
