@@ -108,6 +108,8 @@ impl Isotropic {
 mod tests {
     use super::*;
 
+    type Spoil = fn(&mut Isotropic);
+
     const RUBBER: Isotropic = Isotropic {
         youngs_modulus: 1e6,
         poissons_ratio: 0.45,
@@ -117,7 +119,7 @@ mod tests {
     #[test]
     fn wrong_constants_are_named() {
         RUBBER.validate().unwrap();
-        let wrong: [(&str, fn(&mut Isotropic)); 5] = [
+        let wrong: [(&str, Spoil); 5] = [
             ("youngs_modulus", |i| i.youngs_modulus = 0.0),
             ("thickness", |i| i.thickness = -1e-3),
             ("thickness", |i| i.thickness = f64::NAN),
