@@ -323,6 +323,28 @@ mod tests {
     }
 
     #[test]
+    fn the_frames_of_a_rollout_grow_from_one_to_the_last_number() {
+        let growing = UnrollFrames::Growing {
+            start: 10,
+            end: 50,
+            frames: 5,
+        };
+        let steps = [0, 10, 19, 20, 29, 30, 40, 49, 50, u64::MAX];
+        let expected = [1, 1, 1, 2, 2, 3, 4, 4, 5, 5];
+        assert_eq!(steps.map(|step| growing.at(step)), expected);
+        assert_eq!(UnrollFrames::default().at(7), 1);
+        let refused = |frames: UnrollFrames| frames.validate().expect_err("a defect").to_string();
+        let none = UnrollFrames::Constant { frames: 0 };
+        assert!(refused(none).contains("unroll.frames must be between 1 and 1000, found 0"));
+        let back = UnrollFrames::Growing {
+            start: 5,
+            end: 5,
+            frames: 2,
+        };
+        assert!(refused(back).contains("unroll.end must be after start = 5, found 5"));
+    }
+
+    #[test]
     fn the_probability_of_ground_truth_falls_linearly() {
         let linear = TruthProbability::Linear {
             start: 75,

@@ -39,6 +39,45 @@ fn training_motions_close_and_last_1261_positions() {
 }
 
 #[test]
+fn random_motions_keep_to_the_trained_speed_and_go_everywhere() {
+    let mut reached = [0.0_f64; 6];
+    for number in 0..40 {
+        let motion = named::by_name(&format!("random-{number}")).unwrap();
+        assert_eq!(named::by_name(&format!("random-{number}")).unwrap(), motion);
+        let path = motion.bind(&corners(), 60.0).unwrap();
+        let mut fastest = 0.0_f64;
+        for frame in 0..path.frame_count() {
+            let time = frame as f64 / 60.0;
+            let (now, next) = (path.at(time), path.at(time + 1.0 / 60.0));
+            for (p, q) in now.iter().zip(&next) {
+                fastest = fastest.max(p.distance(*q));
+                let moved = *q - *p;
+                for axis in 0..3 {
+                    reached[axis] = reached[axis].max(moved[axis]);
+                    reached[3 + axis] = reached[3 + axis].max(-moved[axis]);
+                }
+            }
+        }
+        // A move of 1 m in 60 frames peaks at π/2/60 m/frame.
+        assert!(fastest <= std::f64::consts::FRAC_PI_2 / 60.0 + 1e-12);
+        let end = path.frame_count() as f64 / 60.0;
+        assert_eq!(path.at(0.5), corners(), "still for half a second");
+        assert_eq!(path.at(end), path.at(end - 2.0), "still at the end");
+    }
+    // 320 moves of which each goes along a uniform direction or turns: every way is taken fast.
+    assert!(reached.iter().all(|&speed| speed > 0.015), "{reached:?}");
+    for name in [
+        "random-",
+        "random-01",
+        "random-+1",
+        "random--1",
+        "random-4294967296",
+    ] {
+        assert_eq!(named::by_name(name), None, "{name}");
+    }
+}
+
+#[test]
 fn each_opposite_mirrors_its_move() {
     for name in named::training().into_iter().chain(named::test()) {
         let Some(original) = name.strip_suffix("-opposite") else {
