@@ -97,6 +97,40 @@ fn handles_are_chosen_by_number_label_or_box() {
 }
 
 #[test]
+fn every_shape_can_be_asked_for_by_vertices_or_by_density() {
+    let square = "{ kind = \"square\", vertices = 36, size = 1, seed = 1 }";
+    let shape = |numbers: &str| edited(square, numbers);
+    // 200 vertices/m² on 0.75 · 1.2² m².
+    let by_density = shape("{ kind = \"l-shape\", density = 200, size = 1.2, seed = 4 }").unwrap();
+    assert_eq!(by_density.scene.mesh.topology().vertex_count(), 216);
+    let by_count = shape("{ kind = \"l-shape\", vertices = 216, size = 1.2, seed = 4 }").unwrap();
+    assert_eq!(by_density, by_count);
+    let json = by_density.spec.to_json().unwrap();
+    assert_eq!(SceneSpec::from_json(&json).unwrap(), by_density.spec);
+    for (numbers, expected) in [
+        (
+            "{ kind = \"disc\", size = 1, seed = 1 }",
+            "`vertices` or `density`",
+        ),
+        (
+            "{ kind = \"disc\", vertices = 9, density = 9, size = 1, seed = 1 }",
+            "not both",
+        ),
+        (
+            "{ kind = \"disc\", density = -1, size = 1, seed = 1 }",
+            "density must be finite and positive, found -1",
+        ),
+        (
+            "{ kind = \"disc\", density = 1e300, size = 1, seed = 1 }",
+            "vertices must be at most 1000000",
+        ),
+    ] {
+        let error = shape(numbers).unwrap_err();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+}
+
+#[test]
 fn mistakes_are_errors_that_name_file_and_field() {
     let cases = [
         (

@@ -5,16 +5,21 @@
 //! A shape is an outline, and what its labels mean; the mesh comes from one routine for all
 //! outlines. The same numbers give the same bytes on every machine.
 
+mod catalogue;
 mod outline;
 mod relax;
 mod scatter;
+mod shapes;
 
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use thiserror::Error;
 
-use self::outline::sheet_from_outline;
+pub use self::catalogue::{NamedSheet, named_sheets};
+use self::outline::{FlatSheet, sheet_from_outline};
+pub use self::shapes::Shape;
+use self::shapes::{Cut, Label};
 use crate::{Mesh, MeshError};
 
 /// Most vertices that are made: a million take a minute or so.
@@ -26,6 +31,19 @@ pub struct SquareSpec {
     /// Number of vertices, at least 4; the mesh has exactly so many.
     pub vertices: usize,
     /// Length of a side `[m]`.
+    pub size: f64,
+    /// Decides where the inner vertices lie.
+    pub seed: u64,
+}
+
+/// A sheet of any shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SheetSpec {
+    /// Its shape.
+    pub shape: Shape,
+    /// Number of vertices; the mesh has exactly so many.
+    pub vertices: usize,
+    /// The unit of length of the shape `[m]`.
     pub size: f64,
     /// Decides where the inner vertices lie.
     pub seed: u64,
@@ -83,26 +101,70 @@ pub enum GenerateError {
 /// # Errors
 /// [`GenerateError`] names what cannot be used.
 pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
+    sheet(&SheetSpec {
+        shape: Shape::Square,
+        vertices: spec.vertices,
+        size: spec.size,
+        seed: spec.seed,
+    })
+}
+
+/// A sheet of any shape, placed as [`square`] is: flat in the plane x = 0, its highest point at
+/// y = 0, its middle at z = 0, u along z and normals (-1, 0, 0). The boundary comes first, clockwise
+/// from the upper left (of a disc at 135°, of a diamond the left corner), then holes, then the inner
+/// vertices from top to bottom.
+///
+/// Labels: `boundary` (holes included); `upper-corners` (left, then right) of every shape, of a disc
+/// the points at 135° and 45°; `upper-three` (left, middle, right) of `wide`, `diamond` and `disc`;
+/// `upper-row` of `triangle`, 17 vertices evenly spaced from left to right; `upper-edge` where there
+/// is one; `lower-corners` of a sheet with four corners; `hole` where there is one.
+///
+/// # Errors
+/// [`GenerateError`] names what cannot be used.
+pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
     if !(spec.size.is_finite() && spec.size > 0.0) {
         return Err(GenerateError::Size { found: spec.size });
     }
-    let outline = vec![DVec2::Y, DVec2::ONE, DVec2::X, DVec2::ZERO];
-    let flat = sheet_from_outline(&[outline], spec.vertices, spec.seed)?;
-    let upper_left = flat.corners[0][0];
-    let [upper_right, lower_right, lower_left] = [1, 2, 3].map(|k| flat.corners[0][k]);
-    let labels = [
-        ("upper-corners", vec![upper_left, upper_right]),
-        ("lower-corners", vec![lower_left, lower_right]),
-        ("upper-edge", (upper_left..=upper_right).collect()),
-        ("boundary", (0..flat.boundary_count as u32).collect()),
-    ];
+    if spec.vertices > MOST_VERTICES {
+        let found = spec.vertices;
+        return Err(GenerateError::TooManyVertices { found });
+    }
+    let cut = spec.shape.cut(spec.vertices);
+    let flat = sheet_from_outline(&cut.loops, spec.vertices, spec.seed)?;
     let coordinates: Vec<DVec2> = flat.points.iter().map(|p| spec.size * *p).collect();
-    let hang = |c: &DVec2| DVec3::new(0.0, c.y - spec.size, c.x - spec.size / 2.0);
+    let extent = spec.size * cut.extent;
+    let hang = |c: &DVec2| DVec3::new(0.0, c.y - extent.y, c.x - extent.x / 2.0);
     let positions = coordinates.iter().map(hang).collect();
     Ok(Sheet {
         mesh: Mesh::new(&flat.faces, coordinates, positions)?,
-        labels: labels.map(|(name, list)| (name.to_owned(), list)).into(),
+        labels: labels(&cut, &flat),
     })
+}
+
+impl Shape {
+    /// Vertices of a sheet of `size` `[m]` at `density` `[vertices/m²]`, to the nearest; none where a number is not positive.
+    #[must_use]
+    pub fn vertices(self, size: f64, density: f64) -> usize {
+        (density * self.unit_area() * size * size).round() as usize
+    }
+}
+
+fn labels(cut: &Cut, flat: &FlatSheet) -> BTreeMap<String, Vec<u32>> {
+    let outer = &flat.corners[0];
+    let mut labels = BTreeMap::new();
+    for (name, label) in &cut.labels {
+        let list = match label {
+            Label::Corners(corners) => corners.iter().map(|&k| outer[k]).collect(),
+            Label::Run(from, to) => (outer[*from]..=outer[*to]).collect(),
+        };
+        labels.insert((*name).to_owned(), list);
+    }
+    let boundary = 0..flat.boundary_count as u32;
+    if let Some(hole) = flat.corners.get(1) {
+        labels.insert("hole".to_owned(), (hole[0]..boundary.end).collect());
+    }
+    labels.insert("boundary".to_owned(), boundary.collect());
+    labels
 }
 
 #[cfg(test)]

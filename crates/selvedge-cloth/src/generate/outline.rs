@@ -112,6 +112,13 @@ fn region_area(loops: &[Vec<DVec2>]) -> f64 {
     areas.reduce(|outer, hole| outer - hole).unwrap_or(0.0)
 }
 
+/// The target spacing of `count` vertices, at least one.
+pub(super) fn spacing(area: f64, half_perimeter: f64, count: usize) -> f64 {
+    let n = count as f64;
+    let root = (half_perimeter * half_perimeter + 4.0 * DENSITY * area * n).sqrt();
+    (half_perimeter + root) / (2.0 * n)
+}
+
 /// The target spacing, enlarged until the boundary needs no more than `count` vertices.
 fn fitting_spacing(loops: &[Vec<DVec2>], count: usize) -> f64 {
     let area = region_area(loops);
@@ -121,9 +128,7 @@ fn fitting_spacing(loops: &[Vec<DVec2>], count: usize) -> f64 {
         .map(|s| s.0.distance(s.1))
         .sum::<f64>()
         / 2.0;
-    let n = count as f64;
-    let root = (half_perimeter * half_perimeter + 4.0 * DENSITY * area * n).sqrt();
-    let mut spacing = (half_perimeter + root) / (2.0 * n);
+    let mut spacing = spacing(area, half_perimeter, count);
     while boundary_size(loops, spacing) > count {
         spacing *= 1.05;
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::generate::{GenerateError, Sheet, SquareSpec, square};
+use selvedge_cloth::generate::{GenerateError, Shape, Sheet, SheetSpec, sheet};
 use selvedge_cloth::{Mesh, MeshError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -36,19 +36,59 @@ pub enum MeshSource {
     },
 }
 
-/// The numbers of a generated mesh.
+/// The numbers of a generated mesh, which hangs flat; see [`sheet`]. A file may give a `density`
+/// `[vertices/m²]` instead of `vertices`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum GeneratorSpec {
-    /// A square that hangs flat; see [`square`].
-    Square {
-        /// Number of vertices.
-        vertices: usize,
-        /// Length of a side `[m]`.
-        size: f64,
-        /// Decides where the inner vertices lie.
-        seed: u64,
-    },
+#[serde(try_from = "GeneratorFields")]
+pub struct GeneratorSpec {
+    /// Its shape.
+    pub kind: Shape,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// The unit of length of the shape, as the side of a square `[m]`.
+    pub size: f64,
+    /// Decides where the inner vertices lie.
+    pub seed: u64,
+}
+
+/// [`GeneratorSpec`] as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GeneratorFields {
+    kind: Shape,
+    vertices: Option<usize>,
+    density: Option<f64>,
+    size: f64,
+    seed: u64,
+}
+
+impl TryFrom<GeneratorFields> for GeneratorSpec {
+    type Error = String;
+
+    fn try_from(fields: GeneratorFields) -> Result<Self, String> {
+        let GeneratorFields {
+            kind, size, seed, ..
+        } = fields;
+        let vertices = match (fields.vertices, fields.density) {
+            (Some(vertices), None) => vertices,
+            (None, Some(density)) if density.is_finite() && density > 0.0 => {
+                kind.vertices(size, density)
+            }
+            (None, Some(density)) => {
+                return Err(format!(
+                    "density must be finite and positive, found {density} vertices/m²"
+                ));
+            }
+            (Some(_), Some(_)) => return Err("give `vertices` or `density`, not both".to_owned()),
+            (None, None) => return Err("missing field: `vertices` or `density`".to_owned()),
+        };
+        Ok(Self {
+            kind,
+            vertices,
+            size,
+            seed,
+        })
+    }
 }
 
 /// How a mesh is placed: scaled, then turned about the origin, then moved.
@@ -143,14 +183,11 @@ impl MeshSpec {
     /// [`MeshSpecError`] names the field and what is wrong.
     pub fn build(&self, folder: &Path) -> Result<Sheet, MeshSpecError> {
         let sheet = match &self.source {
-            MeshSource::Generator(GeneratorSpec::Square {
-                vertices,
-                size,
-                seed,
-            }) => square(&SquareSpec {
-                vertices: *vertices,
-                size: *size,
-                seed: *seed,
+            MeshSource::Generator(numbers) => sheet(&SheetSpec {
+                shape: numbers.kind,
+                vertices: numbers.vertices,
+                size: numbers.size,
+                seed: numbers.seed,
             })?,
             MeshSource::Obj { path, blake3 } => build_obj(path, blake3, folder)?,
         };

@@ -1,5 +1,7 @@
 //! Generated sheets: quality, exact counts, placement, sameness of bytes, other outlines.
 
+mod shapes;
+
 use std::f64::consts::PI;
 
 use proptest::prelude::*;
@@ -17,7 +19,7 @@ fn unit_square(vertices: usize, seed: u64) -> Sheet {
 }
 
 /// Smallest angle `[degrees]`, shortest and longest edge over the mean, and the mean `[m]`.
-fn quality(mesh: &Mesh) -> (f64, f64, f64, f64) {
+pub(super) fn quality(mesh: &Mesh) -> (f64, f64, f64, f64) {
     let uv = mesh.material_coordinates();
     let mut angle = f64::MAX;
     for face in mesh.topology().faces() {
@@ -225,11 +227,11 @@ fn wrong_numbers_are_errors() {
     assert!(matches!(error(10, f64::NAN), GenerateError::Size { .. }));
 }
 
-fn flat_topology(sheet: &outline::FlatSheet) -> Topology {
+fn flat_topology(sheet: &FlatSheet) -> Topology {
     Topology::new(sheet.points.len(), &sheet.faces).unwrap()
 }
 
-fn area(sheet: &outline::FlatSheet) -> f64 {
+fn area(sheet: &FlatSheet) -> f64 {
     let of = |f: &[u32; 3]| {
         let [a, b, c] = f.map(|v| sheet.points[v as usize]);
         crate::geometry::signed_area_2d(a, b, c)

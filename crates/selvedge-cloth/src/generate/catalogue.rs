@@ -1,0 +1,61 @@
+//! The meshes that have a name: those that Libao et al. 2023 show their model on, and three that
+//! they do not have. The paper gives no measures; these are ours.
+
+use super::Shape;
+
+/// A mesh that has a name.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NamedSheet {
+    /// What people call it.
+    pub name: &'static str,
+    /// Its shape.
+    pub shape: Shape,
+    /// Its size `[m]`.
+    pub size: f64,
+    /// The label of its handles.
+    pub handles: &'static str,
+}
+
+const SHEETS: [NamedSheet; 12] = [
+    entry("square", Shape::Square, 1.0, "upper-corners"),
+    entry("long", Shape::Long, 1.0, "upper-corners"),
+    entry("wide", Shape::Wide, 1.0, "upper-corners"),
+    entry("big", Shape::Square, 1.5, "upper-corners"),
+    entry("quarter", Shape::Square, 0.5, "upper-corners"),
+    entry("triangle", Shape::Triangle, 1.0, "upper-corners"),
+    entry("diamond", Shape::Diamond, 1.0, "upper-three"),
+    entry("wide-3", Shape::Wide, 1.0, "upper-three"),
+    entry("triangle-17", Shape::Triangle, 1.0, "upper-row"),
+    entry("disc", Shape::Disc, 1.0, "upper-corners"),
+    entry("l-shape", Shape::LShape, 1.0, "upper-corners"),
+    entry("holed", Shape::Holed, 1.0, "upper-corners"),
+];
+
+const fn entry(name: &'static str, shape: Shape, size: f64, handles: &'static str) -> NamedSheet {
+    NamedSheet {
+        name,
+        shape,
+        size,
+        handles,
+    }
+}
+
+/// All meshes that have a name, the training mesh (`square`) first.
+#[must_use]
+pub fn named_sheets() -> &'static [NamedSheet] {
+    &SHEETS
+}
+
+impl NamedSheet {
+    /// The mesh of that name.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<Self> {
+        SHEETS.into_iter().find(|sheet| sheet.name == name)
+    }
+
+    /// Its number of vertices at `density` `[vertices/m²]`.
+    #[must_use]
+    pub fn vertices(&self, density: f64) -> usize {
+        self.shape.vertices(self.size, density)
+    }
+}

@@ -1,0 +1,258 @@
+//! The shapes that sheets are cut in: their outlines for size 1, and what their labels mean.
+//!
+//! An outline starts at the upper left and runs clockwise, seen with the material axes u to the
+//! right and v up. Corners may lie within a straight side, where a handle is to be. Circles are
+//! polygons with as many sides as the boundary has segments; their corners come from the Taylor
+//! series of one small angle, so that they are the same on every machine.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::outline::spacing;
+
+/// The shape of a sheet. Lengths are in units of its size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shape {
+    /// 1 × 1.
+    Square,
+    /// 1 wide and 1.5 high.
+    Long,
+    /// 1.5 wide and 1 high; a vertex in the middle of the upper edge.
+    Wide,
+    /// An upper edge of 1 with 17 evenly spaced vertices for handles, the third corner 1 below
+    /// its middle.
+    Triangle,
+    /// A square on its corner, both diagonals 1.
+    Diamond,
+    /// A disc of diameter 1.
+    Disc,
+    /// 1 × 1 without its lower right quarter.
+    LShape,
+    /// 1 × 1 with a round hole of diameter 0.4 in its middle.
+    Holed,
+}
+
+/// Handles along the upper edge of a triangle.
+const TRIANGLE_HANDLES: usize = 17;
+const HOLE_RADIUS: f64 = 0.2;
+
+/// Vertices of the outer loop.
+#[derive(Clone, Debug)]
+pub(super) enum Label {
+    /// Corners, by number.
+    Corners(Vec<usize>),
+    /// Everything on the way from one corner on to another, both included.
+    Run(usize, usize),
+}
+
+/// An outline for size 1, within 0..`extent`.
+#[derive(Clone, Debug)]
+pub(super) struct Cut {
+    /// The outer loop, then holes.
+    pub(super) loops: Vec<Vec<DVec2>>,
+    pub(super) labels: Vec<(&'static str, Label)>,
+    pub(super) extent: DVec2,
+}
+
+impl Shape {
+    /// Area of a sheet of size 1.
+    #[must_use]
+    pub fn unit_area(self) -> f64 {
+        match self {
+            Self::Square => 1.0,
+            Self::Long | Self::Wide => 1.5,
+            Self::Triangle | Self::Diamond => 0.5,
+            Self::Disc => PI / 4.0,
+            Self::LShape => 0.75,
+            Self::Holed => 1.0 - PI * HOLE_RADIUS * HOLE_RADIUS,
+        }
+    }
+
+    /// The outline, for a mesh of `count` vertices.
+    pub(super) fn cut(self, count: usize) -> Cut {
+        match self {
+            Self::Square => rectangle(1.0, 1.0),
+            Self::Long => rectangle(1.0, 1.5),
+            Self::Wide => wide(),
+            Self::Triangle => triangle(),
+            Self::Diamond => diamond(),
+            Self::Disc => disc(count),
+            Self::LShape => l_shape(),
+            Self::Holed => holed(count),
+        }
+    }
+}
+
+fn rectangle(width: f64, height: f64) -> Cut {
+    let corners = [(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)];
+    Cut {
+        loops: vec![polygon(&corners)],
+        labels: vec![
+            ("upper-corners", Label::Corners(vec![0, 1])),
+            ("lower-corners", Label::Corners(vec![3, 2])),
+            ("upper-edge", Label::Run(0, 1)),
+        ],
+        extent: DVec2::new(width, height),
+    }
+}
+
+fn wide() -> Cut {
+    let corners = [(0.0, 1.0), (0.75, 1.0), (1.5, 1.0), (1.5, 0.0), (0.0, 0.0)];
+    Cut {
+        loops: vec![polygon(&corners)],
+        labels: vec![
+            ("upper-corners", Label::Corners(vec![0, 2])),
+            ("upper-three", Label::Corners(vec![0, 1, 2])),
+            ("lower-corners", Label::Corners(vec![4, 3])),
+            ("upper-edge", Label::Run(0, 2)),
+        ],
+        extent: DVec2::new(1.5, 1.0),
+    }
+}
+
+fn triangle() -> Cut {
+    let last = TRIANGLE_HANDLES - 1;
+    // Sixteenths are exact.
+    let mut corners: Vec<(f64, f64)> = (0..=last).map(|k| (k as f64 / last as f64, 1.0)).collect();
+    corners.push((0.5, 0.0));
+    Cut {
+        loops: vec![polygon(&corners)],
+        labels: vec![
+            ("upper-corners", Label::Corners(vec![0, last])),
+            ("upper-row", Label::Corners((0..=last).collect())),
+            ("upper-edge", Label::Run(0, last)),
+        ],
+        extent: DVec2::ONE,
+    }
+}
+
+fn diamond() -> Cut {
+    Cut {
+        loops: vec![polygon(&[(0.0, 0.5), (0.5, 1.0), (1.0, 0.5), (0.5, 0.0)])],
+        labels: vec![
+            ("upper-corners", Label::Corners(vec![0, 2])),
+            ("upper-three", Label::Corners(vec![0, 1, 2])),
+        ],
+        extent: DVec2::ONE,
+    }
+}
+
+fn l_shape() -> Cut {
+    let corners = [
+        (0.0, 1.0),
+        (1.0, 1.0),
+        (1.0, 0.5),
+        (0.5, 0.5),
+        (0.5, 0.0),
+        (0.0, 0.0),
+    ];
+    Cut {
+        loops: vec![polygon(&corners)],
+        ..rectangle(1.0, 1.0)
+    }
+    .without("lower-corners")
+}
+
+fn disc(count: usize) -> Cut {
+    let radius = 0.5;
+    let sides = circle_sides(radius, Shape::Disc.unit_area(), PI * radius, count);
+    Cut {
+        loops: vec![circle(DVec2::splat(0.5), radius, sides)],
+        // The circle starts at its upper left, an eighth of a turn before its top.
+        labels: vec![
+            ("upper-corners", Label::Corners(vec![0, sides / 4])),
+            ("upper-three", Label::Corners(vec![0, sides / 8, sides / 4])),
+        ],
+        extent: DVec2::ONE,
+    }
+}
+
+fn holed(count: usize) -> Cut {
+    let mut cut = rectangle(1.0, 1.0);
+    let half_perimeter = 2.0 + PI * HOLE_RADIUS;
+    let area = Shape::Holed.unit_area();
+    let sides = circle_sides(HOLE_RADIUS, area, half_perimeter, count);
+    let hole = circle(DVec2::splat(0.5), HOLE_RADIUS, sides);
+    cut.loops.push(hole);
+    cut
+}
+
+impl Cut {
+    fn without(mut self, label: &str) -> Self {
+        self.labels.retain(|(name, _)| *name != label);
+        self
+    }
+}
+
+fn polygon(corners: &[(f64, f64)]) -> Vec<DVec2> {
+    corners.iter().map(|&(x, y)| DVec2::new(x, y)).collect()
+}
+
+/// Sides of a circle in the boundary of a mesh of `count` vertices that covers `area`: as many as
+/// its segments, and a multiple of 8, so that an eighth of a turn is a corner.
+fn circle_sides(radius: f64, area: f64, half_perimeter: f64, count: usize) -> usize {
+    let segments = 2.0 * PI * radius / spacing(area, half_perimeter, count.max(1));
+    8 * ((segments / 8.0).round() as usize).max(1)
+}
+
+/// A regular polygon from its upper left (135°) clockwise; at least 8 `sides`.
+fn circle(center: DVec2, radius: f64, sides: usize) -> Vec<DVec2> {
+    let (sin, cos) = small_sin_cos(2.0 * PI / sides as f64);
+    let mut direction = DVec2::new(-FRAC_1_SQRT_2, FRAC_1_SQRT_2);
+    let mut points = Vec::with_capacity(sides);
+    for _ in 0..sides {
+        points.push(center + radius * direction);
+        direction = DVec2::new(
+            direction.x * cos + direction.y * sin,
+            direction.y * cos - direction.x * sin,
+        );
+    }
+    points
+}
+
+/// Sine and cosine of an angle in 0..1 by their series, whose terms beyond these are below 1e-19.
+fn small_sin_cos(angle: f64) -> (f64, f64) {
+    let (mut sin, mut cos, mut term) = (0.0, 0.0, 1.0);
+    for order in 0..20 {
+        match order % 4 {
+            0 => cos += term,
+            1 => sin += term,
+            2 => cos -= term,
+            _ => sin -= term,
+        }
+        term *= angle / f64::from(order + 1);
+    }
+    (sin, cos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_series_is_the_sine_and_the_cosine() {
+        for k in 0..=100 {
+            let angle = f64::from(k) * 0.0079;
+            let (sin, cos) = small_sin_cos(angle);
+            // One rounding of a sum of order 1, and those of its first terms.
+            assert!((sin - angle.sin()).abs() < 5e-16, "{angle}");
+            assert!((cos - angle.cos()).abs() < 5e-16, "{angle}");
+        }
+    }
+
+    #[test]
+    fn a_circle_closes_and_its_eighths_are_corners() {
+        for sides in [8, 64, 96, 1000] {
+            let points = circle(DVec2::ZERO, 1.0, sides);
+            let corner = DVec2::splat(FRAC_1_SQRT_2);
+            // Each rotation rounds by 1e-16.
+            let allowed = 2e-16 * sides as f64;
+            assert!(points[sides / 8].distance(DVec2::Y) < allowed);
+            assert!(points[sides / 4].distance(corner) < allowed);
+            assert!(points[sides / 2].distance(-points[0]) < allowed);
+        }
+    }
+}

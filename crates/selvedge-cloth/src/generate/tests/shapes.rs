@@ -1,0 +1,178 @@
+//! Every shape and every mesh that has a name: exact counts, areas, placement and labels.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::quality;
+use crate::generate::*;
+
+const SHAPES: [Shape; 8] = [
+    Shape::Square,
+    Shape::Long,
+    Shape::Wide,
+    Shape::Triangle,
+    Shape::Diamond,
+    Shape::Disc,
+    Shape::LShape,
+    Shape::Holed,
+];
+
+fn of(shape: Shape, vertices: usize) -> Sheet {
+    let spec = SheetSpec {
+        shape,
+        vertices,
+        size: 1.0,
+        seed: 1,
+    };
+    sheet(&spec).unwrap()
+}
+
+/// How much smaller a polygon of `sides` is than the disc around it, as a share.
+fn missing_from_disc(sides: usize) -> f64 {
+    let angle = 2.0 * PI / sides as f64;
+    1.0 - angle.sin() / angle
+}
+
+#[test]
+fn every_shape_has_its_count_area_topology_and_place() {
+    for shape in SHAPES {
+        for vertices in [40, 289, 700] {
+            let sheet = of(shape, vertices);
+            let mesh = &sheet.mesh;
+            let topology = mesh.topology();
+            assert_eq!(topology.vertex_count(), vertices, "{shape:?}");
+            // V - E + F: 1 for a disc, 0 with a hole.
+            let euler = vertices + topology.faces().len() - topology.edges().len();
+            assert_eq!(euler, usize::from(shape != Shape::Holed), "{shape:?}");
+            let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+            // A polygon within the disc, or around which the sheet is cut out.
+            let round = match shape {
+                Shape::Disc => -PI / 4.0 * missing_from_disc(sheet.labels["boundary"].len()),
+                Shape::Holed => 0.04 * PI * missing_from_disc(sheet.labels["hole"].len()),
+                _ => 0.0,
+            };
+            let expected = shape.unit_area() + round;
+            assert!(
+                (area - expected).abs() < 1e-9,
+                "{shape:?}: {area} {expected}"
+            );
+            let top = mesh
+                .positions()
+                .iter()
+                .map(|p| p.y)
+                .fold(f64::MIN, f64::max);
+            assert!(top.abs() < 1e-12, "{shape:?}: {top}");
+            let boundary = topology.boundary_vertices();
+            let count = boundary.iter().filter(|&&b| b).count();
+            assert_eq!(sheet.labels["boundary"].len(), count);
+            assert!(boundary[..count].iter().all(|&b| b), "{shape:?}");
+        }
+    }
+}
+
+#[test]
+fn faces_of_every_shape_are_well_formed() {
+    for shape in SHAPES {
+        for vertices in [289, 700] {
+            let (angle, shortest, longest, _) = quality(&of(shape, vertices).mesh);
+            let found = format!("{shape:?} {vertices}: {angle}° {shortest} {longest}");
+            assert!(angle > 25.0, "{found}");
+            assert!(shortest > 0.5 && longest < 1.7, "{found}");
+        }
+    }
+}
+
+#[test]
+fn labels_are_where_they_say() {
+    for shape in SHAPES {
+        let sheet = of(shape, 300);
+        let at = |label: &str| -> Vec<DVec3> {
+            let list = sheet.labels[label].iter();
+            list.map(|&v| sheet.mesh.positions()[v as usize]).collect()
+        };
+        let corners = at("upper-corners");
+        let [left, right] = corners[..] else {
+            panic!("{shape:?}: two corners");
+        };
+        // Level, left before right, and in the middle.
+        assert!((left.y - right.y).abs() < 1e-14, "{shape:?}");
+        assert!(
+            left.z < 0.0 && (left.z + right.z).abs() < 1e-14,
+            "{shape:?}"
+        );
+        let width = match shape {
+            Shape::Wide => 1.5,
+            Shape::Disc => 0.5_f64.sqrt(),
+            _ => 1.0,
+        };
+        assert!((right.z - left.z - width).abs() < 1e-14, "{shape:?}");
+        if let Some(three) = sheet.labels.get("upper-three") {
+            assert_eq!([three[0], three[2]], sheet.labels["upper-corners"][..]);
+            let middle = at("upper-three")[1];
+            assert!(middle.length() < 1e-14, "{shape:?}: {middle}");
+        }
+        if let Some(hole) = sheet.labels.get("hole") {
+            let centre = DVec3::new(0.0, -0.5, 0.0);
+            assert!(hole.len() >= 8);
+            assert!(
+                at("hole")
+                    .iter()
+                    .all(|p| (p.distance(centre) - 0.2).abs() < 1e-14)
+            );
+        }
+    }
+    let triangle = of(Shape::Triangle, 300);
+    let row = &triangle.labels["upper-row"];
+    assert_eq!(row.len(), 17);
+    for (k, &vertex) in row.iter().enumerate() {
+        let place = triangle.mesh.positions()[vertex as usize];
+        assert_eq!(place, DVec3::new(0.0, 0.0, k as f64 / 16.0 - 0.5));
+    }
+}
+
+#[test]
+fn meshes_with_a_name_can_be_made_at_the_density_of_the_paper() {
+    let mut names = Vec::new();
+    for named in named_sheets() {
+        let vertices = named.vertices(1024.0);
+        let expected = 1024.0 * named.shape.unit_area() * named.size * named.size;
+        assert!((vertices as f64 - expected).abs() <= 0.5);
+        let spec = SheetSpec {
+            shape: named.shape,
+            // A fifth of it, to be quick.
+            vertices: vertices / 5,
+            size: named.size,
+            seed: 1,
+        };
+        let sheet = sheet(&spec).unwrap();
+        let handles = &sheet.labels[named.handles];
+        let expected = match named.name {
+            "triangle-17" => 17,
+            "diamond" | "wide-3" => 3,
+            _ => 2,
+        };
+        assert_eq!(handles.len(), expected, "{}", named.name);
+        assert_eq!(NamedSheet::by_name(named.name), Some(*named));
+        names.push(named.name);
+    }
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), named_sheets().len());
+    assert_eq!(NamedSheet::by_name("cube"), None);
+}
+
+#[test]
+fn too_few_vertices_for_a_shape_are_an_error_that_says_how_many_it_needs() {
+    for (shape, expected) in [(Shape::Triangle, 18), (Shape::Wide, 5), (Shape::LShape, 6)] {
+        let spec = SheetSpec {
+            shape,
+            vertices: 3,
+            size: 1.0,
+            seed: 0,
+        };
+        let error = sheet(&spec).unwrap_err();
+        let (found, needed) = (3, expected);
+        assert_eq!(error, GenerateError::TooFewVertices { found, needed });
+    }
+}
