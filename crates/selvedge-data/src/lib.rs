@@ -8,6 +8,8 @@
 mod atomic;
 mod dataset;
 mod dataset_writer;
+mod distribution;
+pub mod foreign;
 mod frames;
 pub mod metrics;
 mod obj;
@@ -23,6 +25,7 @@ mod trajectory_file;
 pub use atomic::{WriteError, write_atomically};
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use dataset_writer::{DatasetPlan, DatasetWriter};
+pub use distribution::{Distribution, Distributions, Histogram};
 pub use frames::{Frames, FramesError};
 pub use obj::{ObjError, ReadObjError, parse_obj, read_obj, write_obj};
 pub use playback::Playback;

@@ -1,11 +1,14 @@
 //! What can be asked, and the help that teaches it.
 
+mod import;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_data::Split;
 
+pub(crate) use self::import::ImportArgs;
 use crate::output::Reader;
 use crate::span;
 
@@ -196,6 +199,7 @@ pub(crate) struct SagArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum DatasetCommand {
     Generate(GenerateArgs),
+    Import(ImportArgs),
     Inspect(DatasetInspectArgs),
 }
 
@@ -221,9 +225,19 @@ pub(crate) struct GenerateArgs {
 
 /// Say what is in a data set, and check every file against its hash.
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge dataset inspect data/first
+  selvedge dataset inspect data/first --pictures pictures
+
+With --pictures the folder gets histograms.png and one contact sheet per trajectory, as
+train-forward.png.")]
 pub(crate) struct DatasetInspectArgs {
     /// The folder of the data set.
     pub(crate) folder: PathBuf,
+    /// A folder for pictures; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) pictures: Option<PathBuf>,
 }
 
 /// Train a model on a data set.

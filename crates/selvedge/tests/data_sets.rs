@@ -81,3 +81,69 @@ fn a_changed_file_is_found() {
         &["lift.safetensors", "has changed"],
     );
 }
+
+#[test]
+fn inspection_counts_every_number_and_draws_every_trajectory() {
+    let desk = Desk::new();
+    desk.tiny();
+    let report = desk.json("dataset inspect tiny --pictures seen");
+    // 36 vertices of which two are held; runs of 91, 61 and 61 frames.
+    let frames = 91.0 + 61.0 + 61.0;
+    let count = |name: &str| number(&report, &format!("/distributions/{name}/count"));
+    assert_eq!(count("speed"), 36.0 * (frames - 3.0));
+    assert_eq!(count("acceleration"), 34.0 * (frames - 6.0));
+    let counts = &report["distributions"]["strain"]["histogram"]["counts"];
+    let counts = counts.as_array().unwrap().iter();
+    let sum: f64 = counts.map(|c| c.as_f64().unwrap()).sum();
+    assert_eq!(sum, count("strain"));
+    let largest = number(&report, "/distributions/speed/most");
+    let entry = number(&report, "/splits/train/0/max_speed");
+    assert!(largest >= entry);
+    let names = [
+        "histograms.png",
+        "test-lift.png",
+        "train-push.png",
+        "train-turn.png",
+    ];
+    assert_eq!(names_in(&desk.path("seen")), names);
+    for name in names {
+        assert_eq!(desk.read(&format!("seen/{name}"))[1..4], *b"PNG");
+    }
+    let said = desk.run("dataset inspect tiny");
+    assert!(said.out.contains("bending angle"), "{}", said.out);
+}
+
+#[test]
+fn foreign_data_become_a_data_set() {
+    let desk = Desk::new();
+    let fixtures = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../selvedge-data/tests/fixtures/foreign"
+    );
+    let flag = format!("dataset import flag-simple {fixtures}/flag_simple --out flag");
+    desk.fails(&flag, 1, &["what the cloth weighs", "--density"]);
+    let report = desk.json(&format!("{flag} --density 0.5"));
+    assert_eq!(
+        (number(&report, "/train"), number(&report, "/test")),
+        (2.0, 1.0)
+    );
+    assert_eq!(number(&report, "/samples"), 2.0);
+    let again = desk.json(&format!("{flag} --density 0.5"));
+    assert_eq!(number(&again, "/trajectories_kept"), 3.0);
+    desk.fails(
+        &format!("{flag} --density 0.6"),
+        1,
+        &["another configuration"],
+    );
+    assert_eq!(desk.json("dataset inspect flag")["kind"], "dataset");
+    let released = format!("dataset import released {fixtures}/released --out released");
+    desk.fails(&released, 1, &["--handles"]);
+    let report = desk.json(&format!("{released} --handles 6,8 --test side"));
+    assert_eq!(
+        (number(&report, "/train"), number(&report, "/test")),
+        (1.0, 1.0)
+    );
+    desk.model();
+    let evaluate = "evaluate --model run/model.safetensors --data flag";
+    desk.json(evaluate);
+}

@@ -14,6 +14,7 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use selvedge_cloth::MeshError;
 use selvedge_cloth::generate::Sheet;
 use thiserror::Error;
@@ -75,6 +76,17 @@ pub fn read_obj(path: &Path) -> Result<Sheet, ReadObjError> {
             path: path.to_owned(),
             source,
         })
+}
+
+/// Reads the vertices of a mesh only `[m]`, `[vertices]`; faces may be of any kind.
+pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadObjError> {
+    let positions = std::fs::read(path)
+        .map_err(ObjError::Read)
+        .and_then(|bytes| Ok(parse::parse(&String::from_utf8_lossy(&bytes))?.positions));
+    positions.map_err(|source| ReadObjError {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Reads a mesh and its labels from the bytes of a file.

@@ -1,5 +1,4 @@
-//! `selvedge dataset`: simulates the motions of a preset, scenes side by side, and says what a data
-//! set holds.
+//! `selvedge dataset generate`: simulates the motions of a preset, scenes side by side.
 //!
 //! All scenes of a preset share one cloth, so one rest pose serves them all. Each scene is the work
 //! of one thread from its start to its end, and the index is sorted: the files do not depend on the
@@ -17,7 +16,7 @@ use selvedge_data::{Dataset, DatasetPreset, DatasetWriter, LoadedScene, Split};
 use serde::Serialize;
 
 use crate::cli::GenerateArgs;
-use crate::output::{Answer, End, Facts, Table, length};
+use crate::output::{Answer, End, Facts};
 use crate::progress::Progress;
 use crate::{interrupt, place, reference};
 
@@ -169,61 +168,6 @@ fn text(report: &Report) -> Facts {
     }
     facts.add("wrote", report.out.display());
     facts
-}
-
-#[derive(Serialize)]
-struct Contents<'a> {
-    kind: &'static str,
-    folder: &'a Path,
-    #[serde(flatten)]
-    index: &'a selvedge_data::DatasetIndex,
-}
-
-/// Says what a data set holds, after checking all its files.
-///
-/// # Errors
-/// What is wrong with it.
-pub(crate) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
-    let dataset = open(folder)?;
-    dataset.verify_hashes()?;
-    let index = dataset.index();
-    let mut facts = Facts::new();
-    facts.add("kind", "data set");
-    facts.add("name", &index.name);
-    facts.add("folder", folder.display());
-    facts.add("trajectories", index.statistics.trajectories);
-    facts.add("training frames", index.statistics.train_frames);
-    facts.add("sections", index.sections.len());
-    facts.add("samples", index.statistics.samples);
-    facts.add("files", "complete, all hashes right");
-    let headings = [
-        "motion",
-        "split",
-        "frames",
-        "vertices",
-        "mean speed",
-        "largest speed",
-    ];
-    let mut table = Table::new(headings.into_iter().chain(["mean edge"]));
-    for (split, name) in [(Split::Train, "train"), (Split::Test, "test")] {
-        for entry in dataset.entries(split) {
-            table.row([
-                entry.motion.clone(),
-                name.to_owned(),
-                entry.frames.to_string(),
-                entry.vertices.to_string(),
-                format!("{:.3} m/s", entry.mean_speed),
-                format!("{:.3} m/s", entry.max_speed),
-                length(entry.mean_edge_length),
-            ]);
-        }
-    }
-    let contents = Contents {
-        kind: "dataset",
-        folder,
-        index,
-    };
-    Answer::new(format!("{facts}\n{table}"), &contents)
 }
 
 /// Opens a complete data set, and says of an incomplete one how to complete it.

@@ -18,7 +18,7 @@ use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::TrainConfig;
 use serde_json::{Value, json};
 
-use super::dataset;
+use super::dataset_inspect;
 use crate::cli::InspectArgs;
 use crate::output::{Answer, Facts, length, percent};
 use crate::reference;
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
     let path = args.path.as_path();
     let name = path.to_string_lossy();
     if path.is_dir() {
-        return dataset::inspect(path);
+        return dataset_inspect::run(path, None);
     }
     if !path.exists() && shipped_scenes().iter().any(|scene| scene.0 == name) {
         return inspect_scene(&open_scene(&name)?, &name);

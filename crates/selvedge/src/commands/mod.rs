@@ -2,6 +2,8 @@
 
 mod compare;
 mod dataset;
+mod dataset_import;
+mod dataset_inspect;
 mod evaluate;
 mod inspect;
 mod rollout;
@@ -21,7 +23,10 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Simulate(args) => simulate::run(args),
         Command::Sag(args) => sag::run(args),
         Command::Dataset(DatasetCommand::Generate(args)) => dataset::generate(args),
-        Command::Dataset(DatasetCommand::Inspect(args)) => dataset::inspect(&args.folder),
+        Command::Dataset(DatasetCommand::Import(args)) => dataset_import::run(args),
+        Command::Dataset(DatasetCommand::Inspect(args)) => {
+            dataset_inspect::run(&args.folder, args.pictures.as_deref())
+        }
         Command::Compare(args) => compare::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Rollout(args) => rollout::run(args),

@@ -1,0 +1,285 @@
+//! How the numbers of a data set are distributed: speed, acceleration, strain and bending angle over
+//! all its frames, each with mean, deviation, extremes and a histogram.
+//!
+//! A histogram does not know its range beforehand: where a value lies outside, the range is doubled
+//! and neighbouring bins are put together. So it depends only on the values, not on their order.
+
+use glam::DVec3;
+use selvedge_cloth::geometry::dihedral_angle;
+use serde::Serialize;
+
+use crate::metrics::material_edge_lengths;
+use crate::trajectory::Trajectory;
+
+const BINS: usize = 32;
+/// Half the first range: a power of two, so that all bounds are exact.
+const FIRST_REACH: f64 = 1.0 / (1 << 20) as f64;
+
+/// Counts in equal bins, from `low` to `high`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Histogram {
+    low: f64,
+    high: f64,
+    counts: [u64; BINS],
+}
+
+/// A set of numbers, summed up.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Distribution {
+    count: u64,
+    mean: f64,
+    /// Sum of squared distances from the mean.
+    #[serde(skip)]
+    squares: f64,
+    deviation: f64,
+    least: f64,
+    most: f64,
+    histogram: Histogram,
+}
+
+/// The distributions of a data set.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Distributions {
+    /// Of all vertices, between two frames `[m/s]`.
+    pub speed: Distribution,
+    /// Of the vertices that are not held, over three frames `[m/s²]`: what a network predicts.
+    pub acceleration: Distribution,
+    /// Of all edges, (l - l₀)/l₀ with l₀ in material space.
+    pub strain: Distribution,
+    /// At all edges with two faces `[rad]`, 0 where flat.
+    pub bending_angle: Distribution,
+}
+
+impl Histogram {
+    /// Of numbers that are never negative.
+    fn positive() -> Self {
+        Self {
+            low: 0.0,
+            high: FIRST_REACH,
+            counts: [0; BINS],
+        }
+    }
+
+    /// Of numbers of both signs.
+    fn signed() -> Self {
+        Self {
+            low: -FIRST_REACH,
+            ..Self::positive()
+        }
+    }
+
+    /// Lower bound of the first bin.
+    #[must_use]
+    pub fn low(&self) -> f64 {
+        self.low
+    }
+
+    /// Upper bound of the last bin.
+    #[must_use]
+    pub fn high(&self) -> f64 {
+        self.high
+    }
+
+    /// Numbers in each bin.
+    #[must_use]
+    pub fn counts(&self) -> &[u64] {
+        &self.counts
+    }
+
+    fn add(&mut self, value: f64) {
+        while value < self.low || value >= self.high {
+            self.widen();
+        }
+        let place = (value - self.low) / (self.high - self.low) * BINS as f64;
+        self.counts[(place as usize).min(BINS - 1)] += 1;
+    }
+
+    /// Doubles the range; zero stays where a bin begins.
+    fn widen(&mut self) {
+        let mut counts = [0; BINS];
+        let first = if self.low < 0.0 { BINS / 4 } else { 0 };
+        for (bin, count) in self.counts.iter().enumerate() {
+            counts[first + bin / 2] += count;
+        }
+        self.counts = counts;
+        self.low *= 2.0;
+        self.high *= 2.0;
+    }
+}
+
+impl Distribution {
+    fn of(histogram: Histogram) -> Self {
+        Self {
+            count: 0,
+            mean: 0.0,
+            squares: 0.0,
+            deviation: 0.0,
+            least: 0.0,
+            most: 0.0,
+            histogram,
+        }
+    }
+
+    /// How many numbers.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Their mean; 0 where there are none, as all that follow.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// Their standard deviation.
+    #[must_use]
+    pub fn deviation(&self) -> f64 {
+        self.deviation
+    }
+
+    /// The smallest.
+    #[must_use]
+    pub fn least(&self) -> f64 {
+        self.least
+    }
+
+    /// The largest.
+    #[must_use]
+    pub fn most(&self) -> f64 {
+        self.most
+    }
+
+    /// How many of them are where.
+    #[must_use]
+    pub fn histogram(&self) -> &Histogram {
+        &self.histogram
+    }
+
+    /// Adds a number; what is not finite belongs to no distribution.
+    fn add(&mut self, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        if self.count == 0 {
+            (self.least, self.most) = (value, value);
+        }
+        self.count += 1;
+        // Welford's update.
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.squares += before * (value - self.mean);
+        self.deviation = (self.squares / self.count as f64).sqrt();
+        self.least = self.least.min(value);
+        self.most = self.most.max(value);
+        self.histogram.add(value);
+    }
+}
+
+impl Default for Distributions {
+    fn default() -> Self {
+        let positive = || Distribution::of(Histogram::positive());
+        let signed = || Distribution::of(Histogram::signed());
+        Self {
+            speed: positive(),
+            acceleration: positive(),
+            strain: signed(),
+            bending_angle: signed(),
+        }
+    }
+}
+
+impl Distributions {
+    /// Each with its name and unit.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, &'static str, &Distribution); 4] {
+        [
+            ("speed", "m/s", &self.speed),
+            ("acceleration", "m/s²", &self.acceleration),
+            ("strain", "1", &self.strain),
+            ("bending angle", "rad", &self.bending_angle),
+        ]
+    }
+
+    /// Adds all frames of a trajectory.
+    pub fn add(&mut self, trajectory: &Trajectory) {
+        let rate = trajectory.frame_rate();
+        let held = trajectory.handles().mask(trajectory.vertex_count());
+        let frames = trajectory.frames();
+        let pairs = || frames.iter().zip(frames.iter().skip(1));
+        for (now, next) in pairs() {
+            for (p, q) in now.iter().zip(next) {
+                self.speed.add(rate * p.as_dvec3().distance(q.as_dvec3()));
+            }
+        }
+        for ((before, now), next) in pairs().zip(frames.iter().skip(2)) {
+            for vertex in (0..held.len()).filter(|&v| !held[v]) {
+                let [a, b, c] = [before, now, next].map(|frame| frame[vertex].as_dvec3());
+                self.acceleration
+                    .add(rate * rate * (a - 2.0 * b + c).length());
+            }
+        }
+        self.add_edges(trajectory);
+    }
+
+    fn add_edges(&mut self, trajectory: &Trajectory) {
+        let topology = trajectory.topology();
+        let coordinates = &trajectory.cloth().material_coordinates;
+        let rest = material_edge_lengths(topology, coordinates);
+        for frame in trajectory.frames().iter() {
+            let at =
+                |vertex: selvedge_cloth::VertexId| -> DVec3 { frame[vertex.index()].as_dvec3() };
+            for (edge, rest) in topology.edges().iter().zip(&rest) {
+                let [from, to] = edge.vertices.map(at);
+                self.strain.add((from.distance(to) - rest) / rest);
+                if let (left, Some(right)) = edge.opposite {
+                    let angle = dihedral_angle(from, to, at(left), at(right));
+                    self.bending_angle.add(angle);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_histogram_depends_on_the_values_and_not_on_their_order() {
+        let values: Vec<f64> = (0..500)
+            .map(|k| 0.013 * f64::from(k * k % 499) - 2.0)
+            .collect();
+        let of = |values: &[f64]| {
+            let mut histogram = Histogram::signed();
+            values.iter().for_each(|v| histogram.add(*v));
+            histogram
+        };
+        let histogram = of(&values);
+        let reversed: Vec<f64> = values.iter().rev().copied().collect();
+        assert_eq!(of(&reversed), histogram);
+        // The smallest power of two beyond 0.013 · 498 - 2 = 4.474.
+        assert_eq!((histogram.low(), histogram.high()), (-8.0, 8.0));
+        for (bin, count) in histogram.counts().iter().enumerate() {
+            let from = -8.0 + 0.5 * bin as f64;
+            let inside = values.iter().filter(|v| (from..from + 0.5).contains(*v));
+            assert_eq!(*count, inside.count() as u64);
+        }
+    }
+
+    #[test]
+    fn mean_and_deviation_are_those_of_the_numbers() {
+        let mut distribution = Distribution::of(Histogram::positive());
+        assert_eq!((distribution.mean(), distribution.deviation()), (0.0, 0.0));
+        (1..=9).for_each(|k| distribution.add(f64::from(k)));
+        distribution.add(f64::NAN);
+        // Of 1 … n: mean (n + 1)/2, variance (n² - 1)/12.
+        assert!((distribution.mean() - 5.0).abs() < 1e-14);
+        assert!((distribution.deviation() - (80.0_f64 / 12.0).sqrt()).abs() < 1e-14);
+        assert_eq!((distribution.least(), distribution.most()), (1.0, 9.0));
+        assert_eq!(
+            (distribution.count(), distribution.histogram().high()),
+            (9, 16.0)
+        );
+    }
+}

@@ -1,0 +1,121 @@
+//! A trajectory from the parts that foreign data have.
+
+use glam::{DVec2, DVec3, Vec3};
+use selvedge_cloth::geometry::signed_area_2d;
+use selvedge_cloth::{Handles, Mesh};
+use serde_json::Value;
+
+use super::error::ForeignProblem;
+use super::options::ForeignFormat;
+use crate::trajectory::{Cloth, Provenance, Trajectory};
+
+/// How far the sum of given areas may be from that in material space, as a share.
+const AREA_TOLERANCE: f64 = 0.01;
+
+/// What a foreign trajectory consists of, y up, in metres.
+pub(super) struct Parts {
+    pub(super) format: ForeignFormat,
+    pub(super) faces: Vec<[u32; 3]>,
+    /// `[vertices]`.
+    pub(super) material: Vec<DVec2>,
+    /// `[vertices]`.
+    pub(super) rest: Vec<DVec3>,
+    /// `[frames * vertices]`.
+    pub(super) positions: Vec<DVec3>,
+    pub(super) handles: Vec<u32>,
+    pub(super) weight: Weight,
+    pub(super) frame_rate: f64,
+}
+
+/// What the cloth weighs.
+pub(super) enum Weight {
+    /// `[kg/m²]`.
+    Density(f64),
+    /// `[kg]`, `[vertices]`, and `[m²]`, `[faces]`.
+    Given { mass: Vec<f32>, area: Vec<f32> },
+}
+
+impl Parts {
+    pub(super) fn trajectory(self) -> Result<Trajectory, ForeignProblem> {
+        let vertices = self.material.len();
+        let handles = Handles::new(&self.handles, vertices)?;
+        let faces = counter_clockwise(self.faces, &self.material)?;
+        let mesh = Mesh::new(&faces, self.material, self.rest)?;
+        let density = match self.weight {
+            Weight::Density(density) => density,
+            Weight::Given { .. } => 1.0,
+        };
+        let shape = mesh.rest_shape(density);
+        let (vertex_mass, face_area) = match self.weight {
+            Weight::Density(_) => (rounded(&shape.vertex_mass), rounded(&shape.face_area)),
+            Weight::Given { mass, area } => {
+                check_area(&area, shape.face_area.iter().sum())?;
+                (mass, area)
+            }
+        };
+        let coordinates = mesh.material_coordinates();
+        let cloth = Cloth {
+            topology: mesh.topology().clone(),
+            rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
+            material_coordinates: coordinates.iter().map(|c| c.as_vec2()).collect(),
+            vertex_mass,
+            face_area,
+            handles,
+        };
+        let positions: Vec<Vec3> = self.positions.iter().map(|p| p.as_vec3()).collect();
+        let program = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
+        let format = match self.format {
+            ForeignFormat::FlagSimple => "flag-simple",
+            ForeignFormat::Released => "released",
+        };
+        let provenance = Provenance {
+            frame_rate: self.frame_rate,
+            scene: Value::Null,
+            made_by: format!("{program}, imported from {format}"),
+        };
+        Ok(Trajectory::new(cloth, positions, provenance)?)
+    }
+}
+
+/// The material coordinates hanging flat as a generated sheet does.
+pub(super) fn hanging(material: &[DVec2]) -> Vec<DVec3> {
+    let low = material.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let high = material
+        .iter()
+        .copied()
+        .fold(DVec2::NEG_INFINITY, DVec2::max);
+    let middle = (low.x + high.x) / 2.0;
+    let hang = |c: &DVec2| DVec3::new(0.0, c.y - high.y, c.x - middle);
+    material.iter().map(hang).collect()
+}
+
+/// `faces` turned round where all of them are clockwise in material space.
+fn counter_clockwise(
+    faces: Vec<[u32; 3]>,
+    material: &[DVec2],
+) -> Result<Vec<[u32; 3]>, ForeignProblem> {
+    // Vertices that do not exist are named by the mesh.
+    let corner = |v: u32| material.get(v as usize).copied().unwrap_or_default();
+    let is_clockwise = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(corner);
+        signed_area_2d(a, b, c) < 0.0
+    };
+    let first = faces.first().is_some_and(is_clockwise);
+    if let Some(face) = faces.iter().position(|face| is_clockwise(face) != first) {
+        return Err(ForeignProblem::Orientation { face });
+    }
+    let turn = |[a, b, c]: [u32; 3]| if first { [a, c, b] } else { [a, b, c] };
+    Ok(faces.into_iter().map(turn).collect())
+}
+
+fn check_area(area: &[f32], expected: f64) -> Result<(), ForeignProblem> {
+    let found: f64 = area.iter().map(|&a| f64::from(a)).sum();
+    if (found - expected).abs() <= AREA_TOLERANCE * expected {
+        return Ok(());
+    }
+    Err(ForeignProblem::Area { expected, found })
+}
+
+fn rounded(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|&v| v as f32).collect()
+}

@@ -1,0 +1,137 @@
+//! What can be wrong with foreign data: always with the file, and within it the record and byte, or
+//! the array.
+
+use std::path::PathBuf;
+
+use selvedge_cloth::{HandleError, MeshError};
+use thiserror::Error;
+
+use crate::obj::ReadObjError;
+use crate::trajectory::TrajectoryError;
+
+/// Foreign data that cannot be imported.
+#[derive(Debug, Error)]
+#[error("{}: {problem}", path.display())]
+pub struct ForeignError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    #[source]
+    pub problem: ForeignProblem,
+}
+
+/// What is wrong with foreign data.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ForeignProblem {
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("{0}")]
+    Layout(String),
+    #[error("the data do not say {what}: give {option} ({hint})")]
+    Missing {
+        what: &'static str,
+        option: &'static str,
+        hint: &'static str,
+    },
+    #[error("the data say {what} themselves: leave {option} out")]
+    Superfluous {
+        what: &'static str,
+        option: &'static str,
+    },
+    #[error("{option} must be {expected}, found {found}")]
+    Option {
+        option: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+    #[error("record {record}, byte {offset}: {problem}")]
+    Record {
+        record: usize,
+        offset: u64,
+        problem: RecordProblem,
+    },
+    #[error("{0}")]
+    Npy(#[from] NpyProblem),
+    #[error("{what} is for {found} {unit}, but there are {expected}")]
+    Count {
+        what: String,
+        unit: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("face {face} is clockwise in material space, others are not: turn all one way")]
+    Orientation { face: usize },
+    #[error(
+        "the faces have {found} m² in all, but {expected} m² in material space: texture coordinates must be in metres"
+    )]
+    Area { expected: f64, found: f64 },
+    #[error("the mesh: {0}")]
+    Mesh(#[from] MeshError),
+    #[error("the handles: {0}")]
+    Handles(#[from] HandleError),
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    #[error(transparent)]
+    Obj(#[from] ReadObjError),
+}
+
+/// What is wrong with a record of a TFRecord file.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RecordProblem {
+    #[error("the file ends within {what}: {found} of {expected} bytes are there")]
+    Truncated {
+        what: &'static str,
+        expected: u64,
+        found: u64,
+    },
+    #[error(
+        "the checksum of {what} is {found:#010x}, the file says {expected:#010x}: it is damaged"
+    )]
+    Checksum {
+        what: &'static str,
+        expected: u32,
+        found: u32,
+    },
+    #[error("is no tf.train.Example: {0}")]
+    Example(String),
+    #[error("feature {feature}: {problem}")]
+    Feature {
+        feature: &'static str,
+        problem: String,
+    },
+}
+
+/// What is wrong with a .npy file.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum NpyProblem {
+    #[error("is no .npy file: it does not begin with \\x93NUMPY")]
+    Magic,
+    #[error("is .npy of version {found}, known are 1, 2 and 3")]
+    Version { found: u8 },
+    #[error("ends at byte {found}, within its header, which needs {expected}")]
+    Header { expected: usize, found: usize },
+    #[error("its header cannot be understood: {0}")]
+    Dictionary(String),
+    #[error("is in Fortran order: save it as numpy.ascontiguousarray(array)")]
+    Fortran,
+    #[error("has elements of type {found:?}, expected {expected}")]
+    Type {
+        expected: &'static str,
+        found: String,
+    },
+    #[error("has the shape {found}, expected {expected}")]
+    Shape { expected: String, found: String },
+    #[error(
+        "has {found} bytes of data, but its shape needs {expected}: it was cut short or changed"
+    )]
+    Length { expected: String, found: usize },
+    #[error("element {element} is {found}: {why}")]
+    Value {
+        element: usize,
+        found: String,
+        why: &'static str,
+    },
+}

@@ -1,0 +1,120 @@
+//! What has to be said about foreign data, and how much of it the data say themselves.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::error::ForeignProblem;
+
+/// A format that can be imported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ForeignFormat {
+    /// DeepMind's `flag_simple` (Pfaff et al. 2021): meta.json and TFRecord files.
+    FlagSimple,
+    /// The released code of Libao et al. 2023: a folder of .npy files per trajectory.
+    Released,
+}
+
+/// What is taken for the rest pose.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RestSource {
+    /// The material coordinates, hanging flat in the plane x = 0: a 2D rest state.
+    Flat,
+    /// The first frame.
+    FirstFrame,
+    /// The vertices of a mesh file (.obj), y up, in metres.
+    Obj(PathBuf),
+}
+
+/// Which axis of the foreign world points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UpAxis {
+    /// As here.
+    Y,
+    /// As in ARCSim and Blender: (x, y, z) becomes (x, z, -y).
+    Z,
+}
+
+/// What is said about foreign data. `None` takes the default, where there is one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportOptions {
+    /// Name of the data set; else that of the folder.
+    pub name: Option<String>,
+    /// Mass per area `[kg/m²]`. `flag_simple` has neither masses nor a material: required there.
+    /// The released code's folders have masses: not allowed there.
+    pub density: Option<f64>,
+    /// Frames per second. `flag_simple` has a time step: not allowed there. The released folders:
+    /// by default 60 (Libao et al. 2023, section 3), or the `dt` of their meta.json.
+    pub frame_rate: Option<f64>,
+    /// The held vertices, in the order of their targets. `flag_simple` has node types: not allowed
+    /// there. The released folders do not say: required there.
+    pub handles: Option<Vec<u32>>,
+    /// The rest pose. `flag_simple` has none: by default [`RestSource::Flat`], the mesh space in
+    /// which MeshGraphNets measures rest lengths (Pfaff et al. 2021, appendix A.1). The released
+    /// folders have rest.obj: not allowed there.
+    pub rest: Option<RestSource>,
+    /// A mesh file whose material coordinates are taken, for released folders whose rest.obj is
+    /// sagged and has no texture coordinates. `flag_simple` has its own: not allowed there.
+    pub flat: Option<PathBuf>,
+    /// By default z for `flag_simple`, as in ARCSim, which made it (Narain et al. 2012), and y for
+    /// the released folders (Libao et al. 2023, section 5.4: the local frame turns about y).
+    pub up: Option<UpAxis>,
+    /// At most so many trajectories of each split.
+    pub limit: Option<usize>,
+    /// Trajectories to test on, by name, for released folders that are not already in `train` and
+    /// `test`.
+    pub test: Vec<String>,
+}
+
+impl UpAxis {
+    /// A point of the foreign world in ours.
+    pub(super) fn to_ours(self, p: DVec3) -> DVec3 {
+        match self {
+            Self::Y => p,
+            Self::Z => DVec3::new(p.x, p.z, -p.y),
+        }
+    }
+}
+
+impl RestSource {
+    /// As the configuration names it.
+    pub(super) fn describe(&self) -> String {
+        match self {
+            Self::Flat => "flat".to_owned(),
+            Self::FirstFrame => "first-frame".to_owned(),
+            Self::Obj(path) => path
+                .file_name()
+                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        }
+    }
+}
+
+/// An option that must not be given, because the data say it.
+pub(super) fn refuse<T>(
+    value: Option<&T>,
+    what: &'static str,
+    option: &'static str,
+) -> Result<(), ForeignProblem> {
+    match value {
+        Some(_) => Err(ForeignProblem::Superfluous { what, option }),
+        None => Ok(()),
+    }
+}
+
+/// A positive number, where one is given.
+pub(super) fn positive(
+    value: Option<f64>,
+    option: &'static str,
+) -> Result<Option<f64>, ForeignProblem> {
+    match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => Err(ForeignProblem::Option {
+            option,
+            expected: "finite and positive",
+            found: value.to_string(),
+        }),
+        other => Ok(other),
+    }
+}

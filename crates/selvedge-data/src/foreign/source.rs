@@ -1,0 +1,254 @@
+//! A folder of foreign data, opened: which trajectories it has, what data set they make, and each of
+//! them read when it is wanted.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::error::{ForeignError, ForeignProblem};
+use super::flag_simple::{FlagSimple, record_files};
+use super::options::{ForeignFormat, ImportOptions};
+use super::released::{POSITIONS, Released};
+use super::tfrecord::{self, RecordPlace};
+use crate::dataset::Split;
+use crate::dataset_writer::DatasetPlan;
+use crate::sections::SectionRule;
+use crate::trajectory::Trajectory;
+
+/// Foreign data that can be read.
+#[derive(Clone, Debug)]
+pub struct ForeignSource {
+    name: String,
+    reader: Reader,
+    runs: Vec<ForeignRun>,
+}
+
+/// A trajectory of foreign data.
+#[derive(Clone, Debug)]
+pub struct ForeignRun {
+    /// The part of the data set that it goes to.
+    pub split: Split,
+    /// What it is called there.
+    pub name: String,
+    place: Place,
+}
+
+#[derive(Clone, Debug)]
+enum Place {
+    Record(PathBuf, RecordPlace),
+    Folder(PathBuf),
+}
+
+#[derive(Clone, Debug)]
+enum Reader {
+    FlagSimple(FlagSimple),
+    Released(Released),
+}
+
+impl ForeignSource {
+    /// Opens the data in `folder` and finds their trajectories, without reading them.
+    ///
+    /// Of `flag_simple`, `train.tfrecord` is learned from and every other .tfrecord file tested on;
+    /// trajectories are called by file and record, as `valid-0007`. Of released folders those in
+    /// `train` and `test` are, or else those beside each other, tested on where the options say so.
+    ///
+    /// # Errors
+    /// [`ForeignError`] names the file, the record and the byte, or the option.
+    pub fn open(
+        format: ForeignFormat,
+        folder: &Path,
+        options: &ImportOptions,
+    ) -> Result<Self, ForeignError> {
+        let at_folder = |problem| ForeignError {
+            path: folder.to_owned(),
+            problem,
+        };
+        let (reader, mut runs) = match format {
+            ForeignFormat::FlagSimple => {
+                let reader = FlagSimple::open(folder, options)?;
+                (Reader::FlagSimple(reader), records(folder)?)
+            }
+            ForeignFormat::Released => {
+                let reader = Released::new(options).map_err(at_folder)?;
+                let runs = folders(folder, &options.test)?;
+                (Reader::Released(reader), runs)
+            }
+        };
+        if let Some(limit) = options.limit {
+            let mut kept = [0; 2];
+            runs.retain(|run| {
+                let count = &mut kept[usize::from(run.split == Split::Test)];
+                *count += 1;
+                *count <= limit
+            });
+        }
+        let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        let named = named.file_name().map(|name| name.to_string_lossy());
+        let name = options.name.clone();
+        Ok(Self {
+            name: name.unwrap_or_else(|| named.map_or_else(String::new, String::from)),
+            reader,
+            runs,
+        })
+    }
+
+    /// Its trajectories.
+    #[must_use]
+    pub fn runs(&self) -> &[ForeignRun] {
+        &self.runs
+    }
+
+    /// The data set that they make: whole trajectories, and the resolved options as configuration.
+    #[must_use]
+    pub fn plan(&self) -> DatasetPlan {
+        let of = |split| {
+            let runs = self.runs.iter().filter(move |run| run.split == split);
+            runs.map(|run| run.name.clone()).collect()
+        };
+        DatasetPlan {
+            name: self.name.clone(),
+            config: self.config(),
+            train: of(Split::Train),
+            test: of(Split::Test),
+            sections: SectionRule::Whole,
+        }
+    }
+
+    fn config(&self) -> Value {
+        let import = match &self.reader {
+            Reader::FlagSimple(flag) => json!({
+                "format": ForeignFormat::FlagSimple,
+                "density": flag.density,
+                "frame_rate": flag.frame_rate(),
+                "rest": flag.rest.describe(),
+                "up": flag.up,
+            }),
+            Reader::Released(released) => json!({
+                "format": ForeignFormat::Released,
+                "frame_rate": released.frame_rate,
+                "handles": released.handles,
+                "up": released.up,
+            }),
+        };
+        json!({ "name": self.name, "import": import })
+    }
+
+    /// Reads a trajectory and checks all of it.
+    ///
+    /// # Errors
+    /// [`ForeignError`] names the file, the record and the byte, or the array.
+    pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
+        let (path, parts) = match (&self.reader, &run.place) {
+            (Reader::FlagSimple(reader), Place::Record(path, place)) => {
+                (path, reader.read(path, place))
+            }
+            (Reader::Released(reader), Place::Folder(path)) => (path, Ok(reader.read(path)?)),
+            (Reader::FlagSimple(_), Place::Folder(path))
+            | (Reader::Released(_), Place::Record(path, _)) => {
+                let problem = format!("{} is of another source", run.name);
+                (path, Err(ForeignProblem::Layout(problem)))
+            }
+        };
+        let trajectory = parts.and_then(super::assemble::Parts::trajectory);
+        trajectory.map_err(|problem| ForeignError {
+            path: path.clone(),
+            problem,
+        })
+    }
+}
+
+/// The records of all TFRecord files in `folder`.
+fn records(folder: &Path) -> Result<Vec<ForeignRun>, ForeignError> {
+    let at = |path: &Path, problem| ForeignError {
+        path: path.to_owned(),
+        problem,
+    };
+    let mut runs = Vec::new();
+    for path in record_files(folder).map_err(|problem| at(folder, problem))? {
+        let places = File::open(&path)
+            .map_err(ForeignProblem::Read)
+            .and_then(|mut file| tfrecord::scan(&mut file))
+            .map_err(|problem| at(&path, problem))?;
+        if places.is_empty() {
+            let problem = ForeignProblem::Layout("has no record".to_owned());
+            return Err(at(&path, problem));
+        }
+        let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
+        let stem = stem.unwrap_or_default();
+        runs.extend(places.into_iter().map(|place| ForeignRun {
+            split: match stem.as_str() {
+                "train" => Split::Train,
+                _ => Split::Test,
+            },
+            name: format!("{stem}-{:04}", place.number),
+            place: Place::Record(path.clone(), place),
+        }));
+    }
+    Ok(runs)
+}
+
+/// The trajectories in `folder`, of which those named `test` are tested on.
+fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignError> {
+    let wrong = |problem: String| ForeignError {
+        path: folder.to_owned(),
+        problem: ForeignProblem::Layout(problem),
+    };
+    let [train_folder, test_folder] = ["train", "test"].map(|name| folder.join(name));
+    let mut runs = Vec::new();
+    if train_folder.is_dir() || test_folder.is_dir() {
+        if !test.is_empty() {
+            return Err(wrong(
+                "has folders train and test, which say what to test on: leave --test out"
+                    .to_owned(),
+            ));
+        }
+        for (split, path) in [(Split::Train, train_folder), (Split::Test, test_folder)] {
+            if path.is_dir() {
+                runs.extend(folders_of(&path, |_| split)?);
+            }
+        }
+    } else {
+        let split = |name: &str| match test.iter().any(|t| t == name) {
+            true => Split::Test,
+            false => Split::Train,
+        };
+        runs = folders_of(folder, split)?;
+        if let Some(name) = test
+            .iter()
+            .find(|t| !runs.iter().any(|run| run.name == **t))
+        {
+            return Err(wrong(format!("--test names {name:?}, which is not there")));
+        }
+    }
+    if runs.is_empty() {
+        return Err(wrong(format!("has no folder with a {POSITIONS}")));
+    }
+    Ok(runs)
+}
+
+/// The folders in `folder` that have positions, by name.
+fn folders_of(
+    folder: &Path,
+    split: impl Fn(&str) -> Split,
+) -> Result<Vec<ForeignRun>, ForeignError> {
+    let read = |source| ForeignError {
+        path: folder.to_owned(),
+        problem: ForeignProblem::Read(source),
+    };
+    let mut runs = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(read)? {
+        let path = entry.map_err(read)?.path();
+        if path.join(POSITIONS).is_file() {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let name = name.into_owned();
+            runs.push(ForeignRun {
+                split: split(&name),
+                name,
+                place: Place::Folder(path),
+            });
+        }
+    }
+    runs.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(runs)
+}

@@ -1,0 +1,108 @@
+//! The call of `selvedge dataset import`: many options, because foreign data lack many things.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use selvedge_data::foreign::{ForeignFormat, ImportOptions, RestSource, UpAxis};
+
+/// Make a data set from data of another project.
+///
+/// flag-simple is DeepMind's folder of meta.json and TFRecord files; released is the folder of the
+/// code that came with MeshGraphNetRP, one folder of .npy files per trajectory. What the data do not
+/// say must be said here; what they say themselves must not. An interrupted import goes on when it
+/// is started again.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge dataset import flag-simple flag_simple --density 0.15 --limit 20 --out data/flag
+  selvedge dataset import released runs --handles 0,30 --test test1,test2 --out data/released
+
+docs/data.md says what each format lacks, what is taken by default, and why.")]
+pub(crate) struct ImportArgs {
+    /// What the data are.
+    #[arg(value_enum)]
+    pub(crate) format: FormatName,
+    /// Their folder.
+    pub(crate) source: PathBuf,
+    /// The folder of the data set; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// What the data set is called [default: as the folder].
+    #[arg(long)]
+    pub(crate) name: Option<String>,
+    /// Mass per area in kg/m² (flag-simple: required).
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) density: Option<f64>,
+    /// Frames per second [default for released: 1/dt of meta.json, or 60].
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) frame_rate: Option<f64>,
+    /// The held vertices in the order of their targets, from 0, separated by commas (released:
+    /// required).
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
+    pub(crate) handles: Option<Vec<u32>>,
+    /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default for flag-simple: flat].
+    #[arg(long, value_name = "WHICH")]
+    pub(crate) rest: Option<String>,
+    /// A mesh (.obj) whose material coordinates are taken (released, where rest.obj has none).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) flat: Option<PathBuf>,
+    /// Which axis points up [default: z for flag-simple, y for released].
+    #[arg(long, value_enum)]
+    pub(crate) up: Option<UpName>,
+    /// At most so many trajectories of each split.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) limit: Option<u32>,
+    /// Trajectories to test on, separated by commas (released, without folders train and test).
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) test: Vec<String>,
+}
+
+/// A format of another project.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FormatName {
+    /// DeepMind's flag_simple: meta.json and TFRecord.
+    FlagSimple,
+    /// The released code of MeshGraphNetRP: folders of .npy.
+    Released,
+}
+
+/// An axis that points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpName {
+    /// As here.
+    Y,
+    /// As in ARCSim and Blender.
+    Z,
+}
+
+impl ImportArgs {
+    /// The format, as the data crate calls it.
+    pub(crate) fn format(&self) -> ForeignFormat {
+        match self.format {
+            FormatName::FlagSimple => ForeignFormat::FlagSimple,
+            FormatName::Released => ForeignFormat::Released,
+        }
+    }
+
+    /// All that is said about the data.
+    pub(crate) fn options(&self) -> ImportOptions {
+        ImportOptions {
+            name: self.name.clone(),
+            density: self.density,
+            frame_rate: self.frame_rate,
+            handles: self.handles.clone(),
+            rest: self.rest.as_deref().map(|rest| match rest {
+                "flat" => RestSource::Flat,
+                "first-frame" => RestSource::FirstFrame,
+                path => RestSource::Obj(PathBuf::from(path)),
+            }),
+            flat: self.flat.clone(),
+            up: self.up.map(|up| match up {
+                UpName::Y => UpAxis::Y,
+                UpName::Z => UpAxis::Z,
+            }),
+            limit: self.limit.map(|limit| limit as usize),
+            test: self.test.clone(),
+        }
+    }
+}

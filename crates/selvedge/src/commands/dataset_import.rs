@@ -1,0 +1,98 @@
+//! `selvedge dataset import`: data of other projects as a data set.
+//!
+//! Every trajectory is read, checked and written by itself, so that an import of many gigabytes
+//! needs the memory of one trajectory, and an interrupted one goes on.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use selvedge_data::DatasetWriter;
+use selvedge_data::foreign::ForeignSource;
+use serde::Serialize;
+
+use crate::cli::ImportArgs;
+use crate::output::{Answer, End, Facts};
+use crate::progress::Progress;
+use crate::{interrupt, place};
+
+#[derive(Serialize)]
+struct Report {
+    name: String,
+    source: PathBuf,
+    out: PathBuf,
+    train: usize,
+    test: usize,
+    samples: usize,
+    trajectories_kept: usize,
+    trajectories_missing: usize,
+    seconds: f64,
+    interrupted: bool,
+}
+
+/// Imports a folder of foreign data, or goes on with it.
+///
+/// # Errors
+/// What of the options, the data or the folder went wrong.
+pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
+    let started = Instant::now();
+    let source = ForeignSource::open(args.format(), &args.source, &args.options())?;
+    let plan = source.plan();
+    let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
+    place::make_folder(&args.out)?;
+    let mut writer = DatasetWriter::open(&args.out, plan)?;
+    let missing = writer.missing().len();
+    let progress = Progress::new("importing", missing, "trajectories");
+    for run in source.runs() {
+        if interrupt::requested() {
+            break;
+        }
+        if writer.written(run.split, &run.name).is_some() {
+            continue;
+        }
+        let trajectory = source.read(run)?;
+        writer.add(run.split, &run.name, &trajectory)?;
+        progress.advance();
+    }
+    drop(progress);
+    let trajectories_missing = writer.missing().len();
+    let mut report = Report {
+        name,
+        source: args.source.clone(),
+        out: args.out.clone(),
+        train,
+        test,
+        samples: 0,
+        trajectories_kept: train + test - missing,
+        trajectories_missing,
+        seconds: 0.0,
+        interrupted: trajectories_missing > 0,
+    };
+    let mut end = End::Interrupted;
+    if trajectories_missing == 0 {
+        let dataset = writer.finish()?;
+        report.samples = dataset.index().statistics.samples;
+        end = End::Complete;
+    }
+    report.seconds = started.elapsed().as_secs_f64();
+    Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+fn text(report: &Report) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("data set", &report.name);
+    let (train, test) = (report.train, report.test);
+    let split = format!("{train} to train on, {test} to test on");
+    facts.add("trajectories", split);
+    if report.trajectories_kept > 0 {
+        facts.add("already there", report.trajectories_kept);
+    }
+    if report.interrupted {
+        let missing = report.trajectories_missing;
+        let problem = format!("{missing} trajectories are missing: run the same command again");
+        facts.add("interrupted", problem);
+    } else {
+        facts.add("samples", report.samples);
+    }
+    facts.add("wrote", report.out.display());
+    facts
+}
