@@ -3,20 +3,26 @@
 //! through the features and the integration into all predictions before it.
 //!
 //! A prediction is judged where the rollout is: k frames after its start (k from 1) its target is the
-//! truth plus (1 - γ)^k e, e being how far the start was from the truth, in the local frame. The
-//! positions that a constant error of the acceleration leads to are off by k²/2 of it, so the loss of
+//! truth plus (1 - γ)^k e, e being how far the start was from the truth, in the local frame and
+//! smoothed over a few edges: a cloth that swings aside cannot come back at once, but stiff as it is
+//! it smooths wrinkles within a frame. The positions that a constant error of the acceleration leads to are off by k²/2 of it, so the loss of
 //! frame k counts 1/k², in a weighted mean `[eq:unrolled-loss]`.
 //!
 //! One lane at a time, by itself: lanes are what threads share.
 
 use glam::{DVec3, Vec3};
 use rand_chacha::ChaCha8Rng;
-use selvedge_model::{Dropout, Gradients, Input, InputGradient, Pass, Place, Window, Workspace};
+use selvedge_model::{
+    ClothGraph, Dropout, Gradients, Input, InputGradient, Pass, Place, Window, Workspace,
+};
 
 use crate::corpus::Motion;
 use crate::lane::{LaneState, Shown};
 use crate::losses::{LossEvaluator, LossTerms};
 use crate::shard::Context;
+
+/// Means over neighbours that take the wrinkles out of an error.
+const SMOOTHINGS: usize = 16;
 
 /// The buffers of one lane's run through several frames.
 #[derive(Default)]
@@ -69,6 +75,8 @@ impl Unroll {
             lane.show(cfg, corpus, rng, &mut frame.shown);
             if terms.is_empty() {
                 start = lane.offset(corpus, frame.shown.yaw);
+                let graph = &corpus.motion(frame.shown.trajectory).graph;
+                smooth(graph, &mut start);
             }
             let number = terms.len() as f64 + 1.0;
             lane.aim(corpus, (&start, kept.powf(number)), &mut frame.shown);
@@ -247,6 +255,24 @@ impl FrameBuffers {
             &self.by_output,
             &mut self.workspace,
         );
+    }
+}
+
+/// Replaces every free vertex's row by the mean of its own and its neighbours', [`SMOOTHINGS`] times:
+/// what varies over fewer edges than the root of that is gone. Handles are where they should be.
+fn smooth(graph: &ClothGraph, offset: &mut Vec<DVec3>) {
+    for _ in 0..SMOOTHINGS {
+        let mut sums: Vec<(DVec3, f64)> = offset.iter().map(|&e| (e, 1.0)).collect();
+        for (&sender, &receiver) in graph.senders().iter().zip(graph.receivers()) {
+            let (sum, count) = &mut sums[receiver as usize];
+            *sum += offset[sender as usize];
+            *count += 1.0;
+        }
+        offset.clear();
+        offset.extend(sums.iter().map(|(sum, count)| *sum / *count));
+        for v in graph.handles().vertices() {
+            offset[v.index()] = DVec3::ZERO;
+        }
     }
 }
 
