@@ -29,7 +29,9 @@ pub use distribution::{Distribution, Distributions, Histogram};
 pub use frames::{Frames, FramesError};
 pub use obj::{ObjError, ReadObjError, parse_obj, read_obj, write_obj};
 pub use playback::Playback;
-pub use preset::{DatasetConfig, DatasetPreset, NamedMotion, shipped_presets};
+pub use preset::{
+    DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
+};
 pub use record::{Drive, Recording, RecordingEnd, record};
 pub use scene::{
     GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,

@@ -13,17 +13,33 @@
 //!
 //! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions;
 //! `{ set = "all-training", random = 32 }` adds the motions `random-0` to `random-31` to them.
+//! A list may name such sets too, and `all-generalisation`, the 12 motions unlike those.
+//!
+//! ```toml
+//! [meshes]                          # run the test motions on these instead of the setting's mesh
+//! names = "all"                     # or some of the meshes that have a name
+//! density = 1024.0                  # vertices/m²
+//! seed = 1
+//! ```
+//!
+//! Only with `meshes` may `train` be empty: such a set is for testing what was learned elsewhere.
 //! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
 //! Running the physics is left to whoever has it.
+
+mod cloths;
+mod forecast;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{Mesh, Motion};
+use selvedge_cloth::{Mesh, Motion, SceneError};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+pub use self::cloths::NamedCloth;
+use self::cloths::{MeshesFile, on_each};
+pub use self::forecast::{Forecast, PlannedRun};
 use crate::dataset::Split;
 use crate::dataset_writer::DatasetPlan;
 use crate::scene::{
@@ -35,13 +51,23 @@ use crate::sections::SectionRule;
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
 
-const PRESETS: [(&str, &str); 2] = assets!("datasets": "first", "tiny");
+const PRESETS: [(&str, &str); 6] = assets!("datasets":
+    "first",
+    "tiny",
+    "small",
+    "paper",
+    "generalisation",
+    "generalisation-small",
+);
 
 /// A resolved preset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DatasetPreset {
     config: DatasetConfig,
     mesh: Mesh,
+    /// Of the configuration's cloths, in their order.
+    meshes: Vec<Mesh>,
+    forecast: Forecast,
 }
 
 /// The configuration of a data set, as its index keeps it.
@@ -54,6 +80,9 @@ pub struct DatasetConfig {
     pub sections: SectionRule,
     /// All of the scenes but their motions.
     pub setting: Setting,
+    /// Cloths beside the setting's own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cloths: Vec<NamedCloth>,
     /// Motions of the training split, in order.
     pub train: Vec<NamedMotion>,
     /// Motions of the test split, in order.
@@ -68,6 +97,9 @@ pub struct NamedMotion {
     pub name: String,
     /// How the handles move.
     pub motion: Motion,
+    /// The cloth that they move; the setting's own where none is named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloth: Option<String>,
 }
 
 /// The file's own words.
@@ -79,6 +111,7 @@ struct PresetFile {
     train: MotionList,
     test: MotionList,
     setting: SettingFile,
+    meshes: Option<MeshesFile>,
     #[serde(default)]
     motions: BTreeMap<String, MotionSource>,
 }
@@ -87,7 +120,7 @@ struct PresetFile {
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected a list of motions, \"all-training\", \"all-test\" or a table of set and random"
+    expecting = "expected a list of motions, \"all-training\", \"all-test\", \"all-generalisation\" or a table of set and random"
 )]
 enum MotionList {
     Set(MotionSet),
@@ -104,17 +137,31 @@ struct MoreMotions {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
 enum MotionSet {
-    AllTraining,
-    AllTest,
+    #[serde(rename = "all-training")]
+    Training,
+    #[serde(rename = "all-test")]
+    Test,
+    #[serde(rename = "all-generalisation")]
+    Generalisation,
 }
 
 impl MotionSet {
+    /// The set that is called so in a list.
+    fn by_name(name: &str) -> Option<Self> {
+        match name {
+            "all-training" => Some(Self::Training),
+            "all-test" => Some(Self::Test),
+            "all-generalisation" => Some(Self::Generalisation),
+            _ => None,
+        }
+    }
+
     fn names(&self) -> Vec<String> {
         let names = match self {
-            Self::AllTraining => named::training(),
-            Self::AllTest => named::test(),
+            Self::Training => named::training(),
+            Self::Test => named::test(),
+            Self::Generalisation => named::generalisation(),
         };
         names.into_iter().map(str::to_owned).collect()
     }
@@ -162,21 +209,58 @@ impl DatasetPreset {
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
-        let config = DatasetConfig {
+        let cloths = file.meshes.map_or(Ok(Vec::new()), MeshesFile::resolve)?;
+        let mut config = DatasetConfig {
             name: file.name,
             sections: file.sections,
             setting,
+            cloths: cloths.iter().map(|(cloth, _)| cloth.clone()).collect(),
             train,
             test,
         };
         config.check(&own)?;
-        let preset = Self { config, mesh };
+        if !cloths.is_empty() {
+            config.test = on_each(&cloths, &config.test)?;
+        }
+        let mut preset = Self {
+            config,
+            mesh,
+            meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
+            forecast: Forecast {
+                runs: Vec::new(),
+                sections: Vec::new(),
+            },
+        };
+        preset.forecast = preset.foresee()?;
+        Ok(preset)
+    }
+
+    /// Every scene, made once to see that it can be, and what comes of it.
+    fn foresee(&self) -> Result<Forecast, SceneProblem> {
+        let mut runs = Vec::new();
         for split in [Split::Train, Split::Test] {
-            for motion in preset.motions(split) {
-                preset.scene(motion)?;
+            for motion in self.motions(split) {
+                let scene = self.scene(motion)?.scene;
+                let frames = scene.frame_count().map_err(SceneError::Motion);
+                runs.push(PlannedRun {
+                    split,
+                    name: motion.name.clone(),
+                    vertices: scene.mesh.topology().vertex_count(),
+                    frames: frames.map_err(SceneSpecError::Scene)? + 1,
+                });
             }
         }
-        Ok(preset)
+        let train = runs.iter().filter(|run| run.split == Split::Train);
+        let lengths: Vec<(&str, usize)> = train.map(|r| (r.name.as_str(), r.frames)).collect();
+        let sections = self.config.sections.sections(&lengths);
+        let sections = sections.map_err(|error| field("sections", error.to_string()))?;
+        Ok(Forecast { runs, sections })
+    }
+
+    /// What will be made.
+    #[must_use]
+    pub fn forecast(&self) -> &Forecast {
+        &self.forecast
     }
 
     /// The configuration.
@@ -199,12 +283,22 @@ impl DatasetPreset {
     /// # Errors
     /// [`SceneSpecError`] when the motion cannot drive the handles.
     pub fn scene(&self, motion: &NamedMotion) -> Result<LoadedScene, SceneSpecError> {
+        let mut setting = self.config.setting.clone();
+        let mut mesh = &self.mesh;
+        let cloths = self.config.cloths.iter().zip(&self.meshes);
+        for (cloth, other) in cloths {
+            if motion.cloth.as_ref() == Some(&cloth.name) {
+                setting.mesh = cloth.mesh.clone();
+                setting.handles.clone_from(&cloth.handles);
+                mesh = other;
+            }
+        }
         let spec = SceneSpec {
             name: format!("{}/{}", self.config.name, motion.name),
-            setting: self.config.setting.clone(),
+            setting,
             motion: motion.motion.clone(),
         };
-        let scene = spec.with_mesh(self.mesh.clone())?;
+        let scene = spec.with_mesh(mesh.clone())?;
         Ok(LoadedScene { spec, scene })
     }
 
@@ -234,7 +328,7 @@ pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
 impl DatasetConfig {
     /// That the splits are fit to learn from and to test with; `own` are the file's own motions.
     fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), SceneProblem> {
-        if self.train.is_empty() {
+        if self.train.is_empty() && self.cloths.is_empty() {
             let problem = "is empty: name at least one motion to learn from";
             return Err(field("train", problem));
         }
@@ -278,7 +372,10 @@ impl MotionList {
                 let random = (0..more.random).map(|number| format!("random-{number}"));
                 more.set.names().into_iter().chain(random).collect()
             }
-            Self::Names(names) => names,
+            Self::Names(names) => names
+                .into_iter()
+                .flat_map(|name| MotionSet::by_name(&name).map_or(vec![name], |set| set.names()))
+                .collect(),
         };
         names
             .into_iter()
@@ -286,7 +383,11 @@ impl MotionList {
                 let motion = own.get(&name).cloned().or_else(|| named::by_name(&name));
                 let problem = || format!("no motion is called {name:?}, here or by name");
                 match motion {
-                    Some(motion) => Ok(NamedMotion { name, motion }),
+                    Some(motion) => Ok(NamedMotion {
+                        name,
+                        motion,
+                        cloth: None,
+                    }),
                     None => Err(field(split, problem())),
                 }
             })

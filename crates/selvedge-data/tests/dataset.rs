@@ -246,3 +246,53 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
         .to_string();
     assert!(text.contains("has 9 frames of 3 vertices"), "{text}");
 }
+
+#[test]
+fn a_missing_or_altered_file_is_named_wherever_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = make(folder.path());
+    let path = folder.path().join("train/b.safetensors");
+    let entry = &dataset.entries(Split::Train)[1];
+    let bytes = std::fs::read(&path).unwrap();
+    // One bit of the last position, which would read as a cloth like any other.
+    let mut altered = bytes.clone();
+    *altered.last_mut().unwrap() ^= 1;
+    let longer = [&bytes[..], &[0]].concat();
+    for changed in [&altered, &longer, &bytes[..bytes.len() - 1].to_vec()] {
+        std::fs::write(&path, changed).unwrap();
+        for error in [
+            dataset.read(entry).unwrap_err(),
+            dataset.verify_hashes().unwrap_err(),
+        ] {
+            let text = error.to_string();
+            let words = ["train/b.safetensors", "has changed", &entry.blake3];
+            assert!(words.iter().all(|word| text.contains(word)), "{text}");
+        }
+    }
+    std::fs::remove_file(&path).unwrap();
+    let text = dataset.read(entry).unwrap_err().to_string();
+    assert!(
+        text.contains("train/b.safetensors: could not be read"),
+        "{text}"
+    );
+    let text = Dataset::open(folder.path()).unwrap_err().to_string();
+    assert!(
+        text.contains("\"train/b.safetensors\" is missing"),
+        "{text}"
+    );
+}
+
+#[test]
+fn another_vertex_count_than_that_of_the_trajectory_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    edit_index(folder.path(), "\"vertices\": 3", "\"vertices\": 4");
+    let dataset = Dataset::open(folder.path()).unwrap();
+    let error = dataset.read(&dataset.entries(Split::Test)[0]).unwrap_err();
+    let text = error.to_string();
+    let expected = "has 4 frames of 3 vertices, the index says 4 frames of 4 vertices";
+    assert!(
+        text.contains("test/a.safetensors") && text.contains(expected),
+        "{text}"
+    );
+}

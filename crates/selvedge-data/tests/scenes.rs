@@ -9,8 +9,8 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Material, Motion, RecordedMotion};
 use selvedge_data::{
-    DatasetConfig, DatasetPreset, LoadedScene, SceneSpec, SectionRule, Split, materials,
-    open_scene, parse_scene, read_scene, shipped_presets, shipped_scenes,
+    DatasetPreset, LoadedScene, SceneSpec, materials, open_scene, parse_scene, read_scene,
+    shipped_presets, shipped_scenes,
 };
 
 const SCENE: &str = r#"
@@ -274,121 +274,6 @@ fn recorded_motion_drives_the_handles() {
     assert_eq!(scene.frame_count().unwrap(), 3);
     let path = scene.handle_path().unwrap();
     assert_eq!(path.at(3.0 / 30.0)[1], start[1] + DVec3::X * 3.0);
-}
-
-#[test]
-fn presets_resolve_to_scenes_and_a_plan() {
-    let first = DatasetPreset::open("first").unwrap();
-    assert_eq!(first.motions(Split::Train).len(), 16);
-    assert_eq!(first.motions(Split::Test).len(), 15);
-    assert_eq!(first.config().sections, SectionRule::Whole);
-    let tiny = DatasetPreset::open("tiny").unwrap();
-    let push = &tiny.motions(Split::Train)[0];
-    let scene = tiny.scene(push).unwrap();
-    assert_eq!(scene.spec.name, "tiny/push");
-    assert_eq!(scene.scene.frame_count().unwrap(), 90);
-    let plan = tiny.plan().unwrap();
-    assert_eq!(plan.train, ["push", "turn"]);
-    let config: DatasetConfig = serde_json::from_str(&plan.config.to_string()).unwrap();
-    assert_eq!(&config, tiny.config());
-}
-
-#[test]
-fn mistakes_in_a_preset_are_named() {
-    let (_, tiny) = shipped_presets().iter().find(|p| p.0 == "tiny").unwrap();
-    let cases = [
-        (
-            "[\"lift\"]",
-            "[\"lift\", \"nope\"]",
-            "test: no motion is called \"nope\"",
-        ),
-        ("[\"lift\"]", "\"everything\"", "expected a list of motions"),
-        ("\"whole\"", "\"half\"", "unknown variant `half`"),
-        ("[setting]", "[settings]", "unknown field `settings`"),
-        ("duration = 0.25 }", "duration = -1 }", "duration"),
-        (
-            "[\"lift\"]",
-            "[\"lift\", \"turn\"]",
-            "test: \"turn\" is the motion \"turn\" of train",
-        ),
-        (
-            "test = [\"lift\"]",
-            "test = []",
-            "motions: \"lift\" is neither in train nor in test",
-        ),
-        (
-            "train = [\"push\", \"turn\"]",
-            "train = []",
-            "train: is empty: name at least one motion",
-        ),
-    ];
-    for (from, to, expected) in cases {
-        let text = tiny.replacen(from, to, 1);
-        let error = DatasetPreset::parse(&text, Path::new(""))
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains(expected), "{error} lacks {expected}");
-    }
-    let error = DatasetPreset::open("none").unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny"
-    );
-}
-
-/// A preset with these lists, sections, frame rate and own motions.
-fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
-    let setting = "material = \"gray-interlock\"\nhandles = { label = \"upper-corners\" }\n\
-        mesh = { generator = { kind = \"square\", vertices = 36, size = 1.0, seed = 1 } }";
-    let text = format!(
-        "name = \"p\"\nsections = \"{rule}\"\n{lists}\n[setting]\nframe_rate = {rate}\n{setting}\n{own}"
-    );
-    DatasetPreset::parse(&text, Path::new("")).map_err(|error| error.to_string())
-}
-
-#[test]
-fn a_motion_under_another_name_is_still_in_both_splits() {
-    let own = "[motions.mine]\nnamed = \"forward\"\n";
-    let lists = "train = [\"forward\"]\ntest = [\"mine\"]";
-    let error = preset(lists, "whole", "60", own).unwrap_err();
-    assert_eq!(
-        error,
-        "test: \"mine\" is the motion \"forward\" of train: test on others"
-    );
-    let lists = "train = [\"mine\"]\ntest = [\"side\"]";
-    assert!(preset(lists, "whole", "60", own).is_ok());
-    assert!(
-        preset(
-            "train = \"all-training\"\ntest = \"all-test\"",
-            "whole",
-            "60",
-            ""
-        )
-        .is_ok()
-    );
-}
-
-#[test]
-fn a_shipped_name_means_the_shipped_motion() {
-    let own = "[motions.forward.inline]\nkind = \"blocks\"\nblocks = [{ duration = 21.0 }]\n";
-    let lists = "train = [\"forward\"]\ntest = []";
-    let error = preset(lists, "whole", "60", own).unwrap_err();
-    assert_eq!(
-        error,
-        "motions: \"forward\" is the name of a shipped motion: choose another"
-    );
-}
-
-#[test]
-fn the_sections_of_the_paper_are_for_its_frame_rate() {
-    let lists = "train = [\"forward\"]\ntest = []";
-    assert!(preset(lists, "paper", "60", "").is_ok());
-    assert!(preset(lists, "whole", "30", "").is_ok());
-    let error = preset(lists, "paper", "30", "").unwrap_err();
-    assert!(
-        error.contains("sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"),
-        "{error}"
-    );
 }
 
 #[test]

@@ -198,6 +198,7 @@ pub(crate) struct SagArgs {
 /// Make data to learn from, or look at it.
 #[derive(Debug, Subcommand)]
 pub(crate) enum DatasetCommand {
+    Plan(PlanArgs),
     Generate(GenerateArgs),
     Import(ImportArgs),
     Inspect(DatasetInspectArgs),
@@ -221,6 +222,17 @@ pub(crate) struct GenerateArgs {
     /// Scenes that are simulated at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
+}
+
+/// Say what a preset will make, without making it: trajectories, frames, sections, samples.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge dataset plan paper
+  selvedge dataset plan my-preset.toml --json")]
+pub(crate) struct PlanArgs {
+    /// A preset: a TOML file, or the name of a shipped one.
+    pub(crate) preset: String,
 }
 
 /// Say what is in a data set, and check every file against its hash.

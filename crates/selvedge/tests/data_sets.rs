@@ -147,3 +147,89 @@ fn foreign_data_become_a_data_set() {
     let evaluate = "evaluate --model run/model.safetensors --data flag";
     desk.json(evaluate);
 }
+
+#[test]
+fn nothing_is_learned_from_a_damaged_data_set() {
+    let desk = Desk::new();
+    desk.tiny();
+    desk.write("moment.toml", common::TRAINING);
+    let train = "train moment.toml --data tiny --out run";
+    let (file, index) = ("tiny/train/push.safetensors", "tiny/index.json");
+    let [good, good_index] = [desk.read(file), desk.read(index)];
+    let mut altered = good.clone();
+    *altered.last_mut().unwrap() ^= 1;
+    desk.write(file, altered);
+    desk.fails(train, 1, &["push.safetensors", "has changed"]);
+    std::fs::remove_file(desk.path(file)).unwrap();
+    desk.fails(train, 1, &["train/push.safetensors", "is missing"]);
+    desk.write(file, good);
+    let text = String::from_utf8(good_index).unwrap();
+    for (from, to, expected) in [
+        (
+            "\"end\": 91",
+            "\"end\": 92",
+            "frames 0..92 of training trajectory 0 do not exist",
+        ),
+        (
+            "\"vertices\": 36",
+            "\"vertices\": 37",
+            "91 frames of 37 vertices",
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        desk.write(index, text.replace(from, to));
+        desk.fails(train, 1, &["tiny", expected]);
+    }
+    assert!(!desk.path("run/model.safetensors").exists());
+}
+
+#[test]
+fn a_plan_is_told_without_simulating_anything() {
+    let desk = Desk::new();
+    let report = desk.json("dataset plan paper");
+    assert_eq!(number(&report, "/samples"), 6550.0);
+    assert_eq!(number(&report, "/frames"), 31.0 * 1261.0);
+    let sections = report["forecast"]["sections"].as_array().unwrap();
+    assert_eq!(sections.len(), 42);
+    assert!(desk.names().is_empty());
+    desk.fails("dataset plan nothing", 1, &["nothing", "shipped preset"]);
+}
+
+#[test]
+fn a_set_on_several_meshes_has_a_rest_pose_for_each() {
+    let desk = Desk::new();
+    let preset = r#"
+name = "two"
+sections = "whole"
+train = []
+test = ["step"]
+[meshes]
+names = ["quarter", "wide-3"]
+density = 60.0
+seed = 1
+[setting]
+material = "gray-interlock"
+mesh = { generator = { kind = "square", vertices = 16, size = 1.0, seed = 1 } }
+handles = { label = "upper-corners" }
+[motions.step.inline]
+kind = "blocks"
+blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { distance = 0.01 } }] }]
+"#;
+    desk.write("two.toml", preset);
+    desk.json("dataset generate two.toml --out two");
+    let dataset = Dataset::open(&desk.path("two")).unwrap();
+    let vertices: Vec<usize> = dataset
+        .entries(Split::Test)
+        .iter()
+        .map(|e| e.vertices)
+        .collect();
+    assert_eq!(vertices, [15, 90]);
+    for entry in dataset.entries(Split::Test) {
+        let trajectory = dataset.read(entry).unwrap();
+        // It starts in its own rest pose.
+        assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions);
+        assert_eq!(trajectory.frame_count(), 7);
+    }
+    desk.write("moment.toml", common::TRAINING);
+    desk.fails("train moment.toml --data two --out run", 1, &["no samples"]);
+}

@@ -7,6 +7,7 @@
 //! frame rate of the scene. The forms that people write (and their TOML) are here, what is computed
 //! from them in one file per form; [`named`] holds the motions of the paper and of our tests.
 
+mod apart;
 mod blocks;
 mod keyframes;
 pub mod named;
@@ -18,6 +19,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use self::apart::apart;
 use self::blocks::BlockPath;
 use self::keyframes::KeyframePath;
 pub use self::pace::{Pace, Profile};

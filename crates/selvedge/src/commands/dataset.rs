@@ -1,10 +1,11 @@
 //! `selvedge dataset generate`: simulates the motions of a preset, scenes side by side.
 //!
-//! All scenes of a preset share one cloth, so one rest pose serves them all. Each scene is the work
+//! The rest pose of a cloth serves all scenes that it is in. Each scene is the work
 //! of one thread from its start to its end, and the index is sorted: the files do not depend on the
 //! number of threads. A finished trajectory is in the index at once, so that an interrupted run
 //! loses at most the scenes under way.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -38,6 +39,8 @@ struct Report {
 struct Job {
     split: Split,
     motion: String,
+    /// Its cloth, where it is not the setting's own.
+    cloth: Option<String>,
     scene: LoadedScene,
     frames: usize,
 }
@@ -54,13 +57,8 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let jobs = jobs(&preset, &writer)?;
     let planned = preset.motions(Split::Train).len() + preset.motions(Split::Test).len();
     let kept = planned - jobs.len();
-    let writer = match jobs.first() {
-        Some(job) => {
-            let rest = reference::rest_pose(&job.scene.scene)?.positions;
-            simulate_all(&jobs, &rest, writer, args.threads)?
-        }
-        None => writer,
-    };
+    let rests = rest_poses(&jobs)?;
+    let writer = simulate_all(&jobs, &rests, writer, args.threads)?;
     let missing = writer.missing().len();
     let made = |job: &&Job| writer.written(job.split, &job.motion).is_some();
     let mut report = Report {
@@ -95,6 +93,7 @@ fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Jo
         jobs.push(Job {
             split,
             motion: name,
+            cloth: motion.cloth.clone(),
             frames: scene.scene.frame_count()?,
             scene,
         });
@@ -102,10 +101,25 @@ fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Jo
     Ok(jobs)
 }
 
-/// Simulates the jobs from `rest` `[m]`, `[vertices]`, until all are done or an end is asked for.
+/// Rest poses by cloth `[m]`, `[vertices]`.
+type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
+
+/// The rest pose of every cloth that the jobs have, until an end is asked for.
+fn rest_poses(jobs: &[Job]) -> anyhow::Result<Rests> {
+    let mut rests = Rests::new();
+    for job in jobs {
+        if !rests.contains_key(&job.cloth) && !interrupt::requested() {
+            let rest = reference::rest_pose(&job.scene.scene)?.positions;
+            rests.insert(job.cloth.clone(), rest);
+        }
+    }
+    Ok(rests)
+}
+
+/// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked for.
 fn simulate_all(
     jobs: &[Job],
-    rest: &[DVec3],
+    rests: &Rests,
     writer: DatasetWriter,
     threads: Option<u16>,
 ) -> anyhow::Result<DatasetWriter> {
@@ -120,7 +134,11 @@ fn simulate_all(
     // One job at a time for each thread: blocks of them would leave threads idle at the end.
     let simulate = |job: &Job| -> anyhow::Result<()> {
         let scene = &job.scene.scene;
-        let run = reference::run(scene, rest.to_vec(), job.frames, &mut || {
+        // There is none where an end was asked for before.
+        let Some(rest) = rests.get(&job.cloth) else {
+            return Ok(());
+        };
+        let run = reference::run(scene, rest.clone(), job.frames, &mut || {
             progress.advance();
             interrupt::flow()
         })?;

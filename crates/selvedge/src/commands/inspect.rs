@@ -11,14 +11,13 @@ use anyhow::{Context, bail};
 use glam::Vec3;
 use selvedge_cloth::Mesh;
 use selvedge_data::{
-    DatasetPreset, LoadedScene, Split, Trajectory, TrajectoryFileError, metrics, open_scene,
-    read_obj, shipped_scenes,
+    LoadedScene, Trajectory, TrajectoryFileError, metrics, open_scene, read_obj, shipped_scenes,
 };
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::TrainConfig;
 use serde_json::{Value, json};
 
-use super::dataset_inspect;
+use super::{dataset_inspect, dataset_plan};
 use crate::cli::InspectArgs;
 use crate::output::{Answer, Facts, length, percent};
 use crate::reference;
@@ -58,30 +57,12 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
     // What is no TOML is a scene that says where it is wrong.
     let table: toml::Table = toml::from_str(&text).unwrap_or_default();
     if table.contains_key("setting") {
-        return inspect_preset(&DatasetPreset::open(name)?, name);
+        return dataset_plan::run(name);
     }
     if table.contains_key("batch") {
         return inspect_training(&TrainConfig::parse(&text, path)?, name);
     }
     inspect_scene(&open_scene(name)?, name)
-}
-
-fn inspect_preset(preset: &DatasetPreset, name: &str) -> anyhow::Result<Answer> {
-    let config = preset.config();
-    let names = |split| -> Vec<&str> {
-        let motions = preset.motions(split).iter();
-        motions.map(|motion| motion.name.as_str()).collect()
-    };
-    let mut facts = Facts::new();
-    facts.add("kind", "preset of a data set");
-    facts.add("file", name);
-    facts.add("name", &config.name);
-    facts.add("material", &config.setting.material.name);
-    facts.add("handles", format!("{:?}", config.setting.handles));
-    facts.add("to train on", names(Split::Train).join(", "));
-    facts.add("to test on", names(Split::Test).join(", "));
-    let report = json!({ "kind": "preset", "file": name, "config": config });
-    Answer::new(facts, &report)
 }
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {

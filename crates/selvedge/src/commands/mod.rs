@@ -4,6 +4,7 @@ mod compare;
 mod dataset;
 mod dataset_import;
 mod dataset_inspect;
+mod dataset_plan;
 mod evaluate;
 mod inspect;
 mod rollout;
@@ -23,6 +24,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Simulate(args) => simulate::run(args),
         Command::Sag(args) => sag::run(args),
         Command::Dataset(DatasetCommand::Generate(args)) => dataset::generate(args),
+        Command::Dataset(DatasetCommand::Plan(args)) => dataset_plan::run(&args.preset),
         Command::Dataset(DatasetCommand::Import(args)) => dataset_import::run(args),
         Command::Dataset(DatasetCommand::Inspect(args)) => {
             dataset_inspect::run(&args.folder, args.pictures.as_deref())

@@ -1,0 +1,140 @@
+//! Cloths beside the setting's own: the meshes that have a name, at one density, on each of which
+//! the test motions are run.
+//!
+//! A trajectory is then called by mesh and motion, as `wide.bouncy`. The motion `apart` fits the
+//! handles of each mesh.
+
+use selvedge_cloth::generate::{NamedSheet, named_sheets};
+use selvedge_cloth::motion::apart;
+use selvedge_cloth::{Handles, Mesh, SceneError};
+use serde::{Deserialize, Serialize};
+
+use super::NamedMotion;
+use crate::scene::{
+    GeneratorSpec, MeshSource, MeshSpec, SceneProblem, SceneSpecError, Transform, field,
+};
+
+/// A motion that depends on where the handles are.
+const APART: &str = "apart";
+
+/// A mesh, its handles and its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedCloth {
+    /// What people call it.
+    pub name: String,
+    /// Where the mesh comes from.
+    pub mesh: MeshSpec,
+    /// The held vertices, in the order of the handle targets.
+    pub handles: Vec<u32>,
+}
+
+/// The file's own words.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MeshesFile {
+    names: MeshNames,
+    density: f64,
+    seed: u64,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a list of meshes, or \"all\"")]
+enum MeshNames {
+    All(All),
+    Names(Vec<String>),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum All {
+    All,
+}
+
+impl MeshesFile {
+    /// The cloths and their meshes.
+    pub(super) fn resolve(self) -> Result<Vec<(NamedCloth, Mesh)>, SceneProblem> {
+        let density = self.density;
+        if !(density.is_finite() && density > 0.0) {
+            let problem = format!("must be finite and positive, found {density} vertices/m²");
+            return Err(field("meshes.density", problem));
+        }
+        let sheets: Vec<NamedSheet> = match self.names {
+            MeshNames::All(All::All) => named_sheets().to_vec(),
+            MeshNames::Names(names) => {
+                names.iter().map(|n| by_name(n)).collect::<Result<_, _>>()?
+            }
+        };
+        if sheets.is_empty() {
+            return Err(field("meshes.names", "is empty: name at least one mesh"));
+        }
+        let mut cloths: Vec<(NamedCloth, Mesh)> = Vec::with_capacity(sheets.len());
+        for sheet in sheets {
+            if cloths.iter().any(|(cloth, _)| cloth.name == sheet.name) {
+                return Err(field("meshes.names", format!("has {:?} twice", sheet.name)));
+            }
+            cloths.push(build(&sheet, density, self.seed)?);
+        }
+        Ok(cloths)
+    }
+}
+
+fn by_name(name: &str) -> Result<NamedSheet, SceneProblem> {
+    NamedSheet::by_name(name).ok_or_else(|| {
+        let known: Vec<&str> = named_sheets().iter().map(|sheet| sheet.name).collect();
+        let known = known.join(", ");
+        field(
+            "meshes.names",
+            format!("no mesh is called {name:?}; known are {known}"),
+        )
+    })
+}
+
+fn build(sheet: &NamedSheet, density: f64, seed: u64) -> Result<(NamedCloth, Mesh), SceneProblem> {
+    let generator = GeneratorSpec {
+        kind: sheet.shape,
+        vertices: sheet.vertices(density),
+        size: sheet.size,
+        seed,
+    };
+    let mesh = MeshSpec {
+        source: MeshSource::Generator(generator),
+        transform: Transform::default(),
+    };
+    let built = mesh.build("".as_ref())?;
+    let handles = built.labels.get(sheet.handles).cloned();
+    let cloth = NamedCloth {
+        name: sheet.name.to_owned(),
+        mesh,
+        handles: handles.unwrap_or_default(),
+    };
+    Ok((cloth, built.mesh))
+}
+
+/// Every motion on every cloth.
+pub(super) fn on_each(
+    cloths: &[(NamedCloth, Mesh)],
+    motions: &[NamedMotion],
+) -> Result<Vec<NamedMotion>, SceneProblem> {
+    let mut runs = Vec::with_capacity(cloths.len() * motions.len());
+    for (cloth, mesh) in cloths {
+        for motion in motions {
+            let motion_of = match motion.name.as_str() {
+                APART => apart_of(cloth, mesh)?,
+                _ => motion.motion.clone(),
+            };
+            runs.push(NamedMotion {
+                name: format!("{}.{}", cloth.name, motion.name),
+                motion: motion_of,
+                cloth: Some(cloth.name.clone()),
+            });
+        }
+    }
+    Ok(runs)
+}
+
+fn apart_of(cloth: &NamedCloth, mesh: &Mesh) -> Result<selvedge_cloth::Motion, SceneSpecError> {
+    let handles = Handles::new(&cloth.handles, mesh.topology().vertex_count())?;
+    let start = handles.select(mesh.positions());
+    Ok(apart(&start).map_err(SceneError::Motion)?)
+}

@@ -1,0 +1,54 @@
+//! What making a data set comes to: trajectories, frames, sections and samples, known before anything
+//! is simulated.
+
+use serde::Serialize;
+
+use crate::dataset::Split;
+use crate::sections::Section;
+
+/// What a preset will make.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Forecast {
+    /// The trajectories, in order; training first.
+    pub runs: Vec<PlannedRun>,
+    /// What of the training split is learned from.
+    pub sections: Vec<Section>,
+}
+
+/// A trajectory that is to be made.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct PlannedRun {
+    /// Part of the data set.
+    pub split: Split,
+    /// Its name there.
+    pub name: String,
+    /// Vertices of its mesh.
+    pub vertices: usize,
+    /// Its frames, the start included.
+    pub frames: usize,
+}
+
+impl Forecast {
+    /// The trajectories of a split.
+    pub fn of(&self, split: Split) -> impl Iterator<Item = &PlannedRun> {
+        self.runs.iter().filter(move |run| run.split == split)
+    }
+
+    /// Frames in all, starts included.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.runs.iter().map(|run| run.frames).sum()
+    }
+
+    /// Positions in all: vertices of every frame.
+    #[must_use]
+    pub fn positions(&self) -> usize {
+        self.runs.iter().map(|run| run.frames * run.vertices).sum()
+    }
+
+    /// Samples in the sections.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.sections.iter().map(|s| s.samples().count()).sum()
+    }
+}

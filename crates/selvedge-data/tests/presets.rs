@@ -1,0 +1,238 @@
+//! Presets of data sets: the counts of the paper, every mesh in every motion, and every mistake an
+//! error that names the field.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+use std::path::Path;
+
+use selvedge_cloth::generate::named_sheets;
+use selvedge_cloth::motion::named;
+use selvedge_data::{
+    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, shipped_presets,
+};
+
+/// A preset with these lists, sections, frame rate and own motions.
+fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
+    let setting = "material = \"gray-interlock\"\nhandles = { label = \"upper-corners\" }\n\
+        mesh = { generator = { kind = \"square\", vertices = 36, size = 1.0, seed = 1 } }";
+    let text = format!(
+        "name = \"p\"\nsections = \"{rule}\"\n{lists}\n[setting]\nframe_rate = {rate}\n{setting}\n{own}"
+    );
+    DatasetPreset::parse(&text, Path::new("")).map_err(|error| error.to_string())
+}
+
+#[test]
+fn presets_resolve_to_scenes_and_a_plan() {
+    let first = DatasetPreset::open("first").unwrap();
+    // The paper's 16 and 40 drawn at random.
+    assert_eq!(first.motions(Split::Train).len(), 56);
+    assert_eq!(first.motions(Split::Test).len(), 15);
+    assert_eq!(first.config().sections, SectionRule::Whole);
+    let tiny = DatasetPreset::open("tiny").unwrap();
+    let push = &tiny.motions(Split::Train)[0];
+    let scene = tiny.scene(push).unwrap();
+    assert_eq!(scene.spec.name, "tiny/push");
+    assert_eq!(scene.scene.frame_count().unwrap(), 90);
+    let plan = tiny.plan().unwrap();
+    assert_eq!(plan.train, ["push", "turn"]);
+    let config: DatasetConfig = serde_json::from_str(&plan.config.to_string()).unwrap();
+    assert_eq!(&config, tiny.config());
+}
+
+#[test]
+fn mistakes_in_a_preset_are_named() {
+    let (_, tiny) = shipped_presets().iter().find(|p| p.0 == "tiny").unwrap();
+    let cases = [
+        (
+            "[\"lift\"]",
+            "[\"lift\", \"nope\"]",
+            "test: no motion is called \"nope\"",
+        ),
+        ("[\"lift\"]", "\"everything\"", "expected a list of motions"),
+        ("\"whole\"", "\"half\"", "unknown variant `half`"),
+        ("[setting]", "[settings]", "unknown field `settings`"),
+        ("duration = 0.25 }", "duration = -1 }", "duration"),
+        (
+            "[\"lift\"]",
+            "[\"lift\", \"turn\"]",
+            "test: \"turn\" is the motion \"turn\" of train",
+        ),
+        (
+            "test = [\"lift\"]",
+            "test = []",
+            "motions: \"lift\" is neither in train nor in test",
+        ),
+        (
+            "train = [\"push\", \"turn\"]",
+            "train = []",
+            "train: is empty: name at least one motion",
+        ),
+    ];
+    for (from, to, expected) in cases {
+        let text = tiny.replacen(from, to, 1);
+        let error = DatasetPreset::parse(&text, Path::new(""))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+    let error = DatasetPreset::open("none").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, paper, generalisation, generalisation-small"
+    );
+}
+
+#[test]
+fn a_motion_under_another_name_is_still_in_both_splits() {
+    let own = "[motions.mine]\nnamed = \"forward\"\n";
+    let lists = "train = [\"forward\"]\ntest = [\"mine\"]";
+    let error = preset(lists, "whole", "60", own).unwrap_err();
+    assert_eq!(
+        error,
+        "test: \"mine\" is the motion \"forward\" of train: test on others"
+    );
+    let lists = "train = [\"mine\"]\ntest = [\"side\"]";
+    assert!(preset(lists, "whole", "60", own).is_ok());
+    assert!(
+        preset(
+            "train = \"all-training\"\ntest = \"all-test\"",
+            "whole",
+            "60",
+            ""
+        )
+        .is_ok()
+    );
+}
+
+#[test]
+fn a_shipped_name_means_the_shipped_motion() {
+    let own = "[motions.forward.inline]\nkind = \"blocks\"\nblocks = [{ duration = 21.0 }]\n";
+    let lists = "train = [\"forward\"]\ntest = []";
+    let error = preset(lists, "whole", "60", own).unwrap_err();
+    assert_eq!(
+        error,
+        "motions: \"forward\" is the name of a shipped motion: choose another"
+    );
+}
+
+#[test]
+fn the_sections_of_the_paper_are_for_its_frame_rate() {
+    let lists = "train = [\"forward\"]\ntest = []";
+    assert!(preset(lists, "paper", "60", "").is_ok());
+    assert!(preset(lists, "whole", "30", "").is_ok());
+    let error = preset(lists, "paper", "30", "").unwrap_err();
+    assert!(
+        error.contains("sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_paper_and_the_small_preset_have_the_counts_of_the_paper() {
+    for (name, vertices) in [("paper", 1024), ("small", 400)] {
+        let preset = DatasetPreset::open(name).unwrap();
+        let forecast = preset.forecast();
+        let (train, test) = (Split::Train, Split::Test);
+        assert_eq!(
+            (forecast.of(train).count(), forecast.of(test).count()),
+            (16, 15)
+        );
+        let is_right = |run: &PlannedRun| (run.vertices, run.frames) == (vertices, 1261);
+        assert!(forecast.runs.iter().all(is_right), "{name}");
+        assert_eq!(
+            (forecast.sections.len(), forecast.samples()),
+            (42, 6550),
+            "{name}"
+        );
+        assert_eq!(preset.plan().unwrap().train.len(), 16);
+    }
+}
+
+#[test]
+fn generalisation_is_every_mesh_in_every_motion() {
+    let preset = DatasetPreset::open("generalisation-small").unwrap();
+    let forecast = preset.forecast();
+    let meshes = named_sheets();
+    // The twelve motions with a name and half and twice the trained speed.
+    let motions = named::generalisation().len() + 2;
+    assert_eq!((meshes.len(), motions), (12, 14));
+    assert_eq!(forecast.of(Split::Train).count(), 0);
+    assert_eq!(forecast.of(Split::Test).count(), meshes.len() * motions);
+    assert_eq!(forecast.samples(), 0);
+    for sheet in meshes {
+        let prefix = format!("{}.", sheet.name);
+        let runs = forecast
+            .runs
+            .iter()
+            .filter(|run| run.name.starts_with(&prefix));
+        let vertices: Vec<usize> = runs.map(|run| run.vertices).collect();
+        assert_eq!(vertices, vec![sheet.vertices(400.0); motions], "{prefix}");
+    }
+    // What is written in the configuration makes the same scenes.
+    let config = serde_json::to_string(preset.config()).unwrap();
+    let config: DatasetConfig = serde_json::from_str(&config).unwrap();
+    assert_eq!(&config, preset.config());
+    let run = |name: &str| preset.motions(Split::Test).iter().find(|m| m.name == name);
+    let wide = preset.scene(run("wide-3.apart").unwrap()).unwrap();
+    assert_eq!(wide.spec.setting.handles.len(), 3);
+    assert_eq!(wide.spec.build(Path::new("")).unwrap(), wide.scene);
+    // Three handles 0.75 m apart come to 0.45 m, the middle one where it was.
+    let path = wide.scene.handle_path().unwrap();
+    let (start, near) = (path.at(0.0), path.at(1.5));
+    assert!((start[1].distance(start[0]) - 0.75).abs() < 1e-12);
+    assert!((near[1].distance(near[0]) - 0.45).abs() < 1e-12);
+    assert!(near[1].distance(start[1]) < 1e-12);
+}
+
+#[test]
+fn mistakes_in_meshes_are_named() {
+    let preset = |meshes: &str| {
+        let lists = "train = []\ntest = [\"bouncy\"]";
+        preset(lists, "whole", "60", &format!("[meshes]\n{meshes}\n"))
+    };
+    let two = preset("names = [\"disc\", \"quarter\"]\ndensity = 60.0\nseed = 1").unwrap();
+    let names: Vec<&str> = two
+        .forecast()
+        .runs
+        .iter()
+        .map(|r| r.name.as_str())
+        .collect();
+    assert_eq!(names, ["disc.bouncy", "quarter.bouncy"]);
+    for (meshes, expected) in [
+        (
+            "names = [\"cube\"]\ndensity = 60.0\nseed = 1",
+            "no mesh is called \"cube\"; known are square, ",
+        ),
+        (
+            "names = []\ndensity = 60.0\nseed = 1",
+            "meshes.names: is empty",
+        ),
+        (
+            "names = [\"disc\", \"disc\"]\ndensity = 60.0\nseed = 1",
+            "has \"disc\" twice",
+        ),
+        (
+            "names = \"some\"\ndensity = 60.0\nseed = 1",
+            "expected a list of meshes, or \"all\"",
+        ),
+        (
+            "names = \"all\"\ndensity = 0.0\nseed = 1",
+            "meshes.density: must be finite and positive",
+        ),
+        ("names = \"all\"\ndensity = 2.0\nseed = 1", "needs at least"),
+        ("names = \"all\"\ndensity = 60.0", "missing field `seed`"),
+    ] {
+        let error = preset(meshes).unwrap_err();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+}
+
+#[test]
+fn sections_of_the_paper_that_a_motion_is_too_short_for_are_an_error_of_the_preset() {
+    let own = "[motions.mine.inline]\nkind = \"blocks\"\nblocks = [{ duration = 5.0 }]\n";
+    let error = preset("train = [\"mine\"]\ntest = []", "paper", "60", own).unwrap_err();
+    assert!(
+        error.contains("sections: trajectory mine has 301 frames"),
+        "{error}"
+    );
+}
