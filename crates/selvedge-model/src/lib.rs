@@ -10,6 +10,7 @@ mod graph;
 mod integration;
 mod kernels;
 mod layers;
+mod limits;
 mod model;
 mod model_file;
 mod network;
@@ -33,6 +34,7 @@ pub use features::{
 pub use frame::{LocalFrame, Yaw};
 pub use graph::{ClothGraph, ClothParts, GraphError, Hinge};
 pub use integration::{Integration, ReferenceSlope};
+pub use limits::EdgeLimits;
 pub use model::{Model, ModelError, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError};
 pub use network::{Dropout, Gradients, Input, InputGradient, Network, Pass, Workspace};

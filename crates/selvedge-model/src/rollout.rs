@@ -1,7 +1,7 @@
 //! The learned simulator as a [`Stepper`]: features of the last frames, one pass of the network,
 //! and the integration p^{t+1} = a + 2 p^t - p^{t-1} `[eq:integration]`.
 //!
-//! Handle vertices never follow the network: after the step they are where their targets are.
+//! Where the spec has edge limits they come last. Handle vertices never follow the network: after the step they are where their targets are.
 
 use std::sync::Arc;
 
@@ -172,6 +172,9 @@ impl Stepper for LearnedStepper {
         );
         for (vertex, target) in self.graph.handles().vertices().iter().zip(targets.end()) {
             self.next[vertex.index()] = target.as_vec3();
+        }
+        if let Some(limits) = self.model.spec().edge_limits {
+            limits.apply(&self.graph, &mut self.next);
         }
         if let Some(vertex) = self.next.iter().position(|p| !p.is_finite()) {
             let vertex = VertexId(vertex as u32);

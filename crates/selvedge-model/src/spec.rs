@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::integration::Integration;
+use crate::limits::EdgeLimits;
 
 /// The full description of a learned simulator, as it stands in a training configuration and in
 /// the metadata of a weight file.
@@ -26,6 +27,9 @@ pub struct ModelSpec {
     /// Where the cloth goes without the network.
     #[serde(default)]
     pub integration: Integration,
+    /// What keeps a rollout's edges within bounds; without it nothing does, as in the paper.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_limits: Option<EdgeLimits>,
 }
 
 /// A group of columns of a vertex, in the order in which they stand in the input.
@@ -107,6 +111,12 @@ pub enum SpecError {
     },
     #[error("model.integration.{field} must be between 0 and 1, found {found}")]
     Part { field: &'static str, found: f64 },
+    #[error("model.edge_limits.{field} must be {expected}, found {found}")]
+    Limit {
+        field: &'static str,
+        expected: &'static str,
+        found: f64,
+    },
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -135,6 +145,7 @@ impl ModelSpec {
             latent,
             blocks,
             integration: Integration::default(),
+            edge_limits: None,
         }
     }
 
@@ -148,6 +159,7 @@ impl ModelSpec {
             latent,
             blocks,
             integration: Integration::default(),
+            edge_limits: None,
         }
     }
 
@@ -175,6 +187,37 @@ impl ModelSpec {
             for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
                 if !(0.0..=1.0).contains(&found) {
                     return Err(SpecError::Part { field, found });
+                }
+            }
+        }
+        if let Some(limits) = self.edge_limits {
+            let sweeps = f64::from(limits.sweeps);
+            for (field, expected, found, holds) in [
+                (
+                    "least",
+                    "from 0 to 1",
+                    limits.least,
+                    (0.0..=1.0).contains(&limits.least),
+                ),
+                (
+                    "most",
+                    "from 1 to 100",
+                    limits.most,
+                    (1.0..=100.0).contains(&limits.most),
+                ),
+                (
+                    "sweeps",
+                    "from 1 to 1000",
+                    sweeps,
+                    (1.0..=1000.0).contains(&sweeps),
+                ),
+            ] {
+                if !holds {
+                    return Err(SpecError::Limit {
+                        field,
+                        expected,
+                        found,
+                    });
                 }
             }
         }

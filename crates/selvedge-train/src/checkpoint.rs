@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use selvedge_data::{Dataset, Section, TensorOut, TensorValues, WriteError, write_tensors};
-use selvedge_model::{Network, RunningStatistics};
+use selvedge_model::{ModelSpec, Network, RunningStatistics};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
@@ -191,7 +191,8 @@ impl Trainer {
 
 impl Trainer {
     /// A new training from its first step, but with the weights and the statistics of the checkpoint
-    /// at `path`, which may be of another configuration and other data; only `model` must be the same.
+    /// at `path`, which may be of another configuration and other data; only `model` must be the same,
+    /// but for its edge limits.
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.
@@ -204,8 +205,12 @@ impl Trainer {
         let bytes = read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         let made: TrainConfig = file.json("config")?;
-        if made.model != cfg.model {
-            let text = |cfg: &TrainConfig| toml::to_string(&cfg.model).unwrap_or_default();
+        let network = |cfg: &TrainConfig| ModelSpec {
+            edge_limits: None,
+            ..cfg.model.clone()
+        };
+        if network(&made) != network(&cfg) {
+            let text = |cfg| toml::to_string(&network(cfg)).unwrap_or_default();
             return Err(ResumeError::Configuration {
                 path: path.to_owned(),
                 field: "model".to_owned(),

@@ -229,6 +229,9 @@ impl LaneState {
         for vertex in motion.graph.handles().vertices() {
             predicted[vertex.index()] = truth[vertex.index()];
         }
+        if let Some(limits) = cfg.model.edge_limits {
+            limits.apply(&motion.graph, &mut predicted);
+        }
         let farthest = cfg.scheduled_sampling.farthest as f32;
         let close = |(p, q): (&Vec3, &Vec3)| p.distance(*q) <= farthest;
         // False for a position that is not finite, too.
