@@ -27,7 +27,10 @@ pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry,
 pub use dataset_writer::{DatasetPlan, DatasetWriter};
 pub use distribution::{Distribution, Distributions, Histogram};
 pub use frames::{Frames, FramesError};
-pub use obj::{ObjError, ReadObjError, parse_obj, read_obj, write_obj};
+pub use obj::{
+    ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj,
+    write_obj,
+};
 pub use playback::Playback;
 pub use preset::{
     DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,

@@ -143,7 +143,7 @@ impl RolloutArgs {
 Examples:
   selvedge simulate default --out truth.safetensors
   selvedge simulate my-scene.toml --out run.safetensors --frames 120
-  selvedge simulate my-scene.toml --out fall.safetensors --from-start")]
+  selvedge simulate my-scene.toml --out fall.safetensors --from-start --clip fall.gif")]
 pub(crate) struct SimulateArgs {
     /// A scene: a TOML file, or the name of a shipped one.
     pub(crate) scene: String,
@@ -153,6 +153,9 @@ pub(crate) struct SimulateArgs {
     /// How many frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
+    /// Also draw the run as a clip (.gif), in real time.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) clip: Option<PathBuf>,
     /// Start in the sagged rest pose (the default).
     #[arg(long, conflicts_with = "from_start")]
     from_rest: bool,

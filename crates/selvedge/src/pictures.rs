@@ -18,14 +18,18 @@ use crate::progress::Progress;
 pub(crate) struct Show<'a> {
     /// The heading.
     pub(crate) title: &'a str,
-    /// The model's run.
+    /// What stands over the run.
+    pub(crate) label: &'a str,
+    /// The run: the model's, where there is a truth.
     pub(crate) prediction: &'a Trajectory,
     /// The run to compare it with, of as many frames.
     pub(crate) truth: Option<&'a Trajectory>,
 }
 
-const PREDICTION: &str = "model";
-const TRUTH: &str = "physics";
+/// What stands over a model's run.
+pub(crate) const MODEL: &str = "model";
+/// What stands over a run of the physics.
+pub(crate) const PHYSICS: &str = "physics";
 
 /// Writes a contact sheet (.png) of evenly spaced frames; beside a truth, the model's run once
 /// more in the colours of its error.
@@ -39,7 +43,7 @@ pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
         Some(truth) => Some(ScalarField::distance(truth, &prediction)?),
         None => None,
     };
-    let mut panels = panels(&prediction, truth.as_ref());
+    let mut panels = panels(show.label, &prediction, truth.as_ref());
     panels.extend(error.as_ref().map(|error| Panel {
         label: "error",
         run: &prediction,
@@ -62,7 +66,7 @@ pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
 pub(crate) fn write_clip_of(path: &Path, show: &Show<'_>) -> anyhow::Result<End> {
     let prediction = run_of(show.prediction)?;
     let truth = show.truth.map(run_of).transpose()?;
-    let panels = panels(&prediction, truth.as_ref());
+    let panels = panels(show.label, &prediction, truth.as_ref());
     let settings = ClipSettings::default();
     let seconds = prediction.time(prediction.frames().len() - 1);
     let pictures = (1e3 * seconds / f64::from(settings.delay_ms)) as usize + 1;
@@ -82,16 +86,20 @@ pub(crate) fn write_clip_of(path: &Path, show: &Show<'_>) -> anyhow::Result<End>
 }
 
 /// The truth first, as in a table of results.
-fn panels<'a>(prediction: &'a Run<'a>, truth: Option<&'a Run<'a>>) -> Vec<Panel<'a>> {
-    let panel = |label, run| Panel {
+fn panels<'a>(
+    label: &'a str,
+    prediction: &'a Run<'a>,
+    truth: Option<&'a Run<'a>>,
+) -> Vec<Panel<'a>> {
+    let panel = |label: &'a str, run| Panel {
         label,
         run,
         colouring: Colouring::Plain,
     };
     truth
-        .map(|run| panel(TRUTH, run))
+        .map(|run| panel(PHYSICS, run))
         .into_iter()
-        .chain([panel(PREDICTION, prediction)])
+        .chain([panel(label, prediction)])
         .collect()
 }
 

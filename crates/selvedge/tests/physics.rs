@@ -133,3 +133,46 @@ fn inspect_says_what_a_file_is() {
     );
     assert_eq!(desk.json("inspect default")["kind"], "scene");
 }
+
+#[test]
+fn a_clip_is_drawn_beside_the_trajectory() {
+    let desk = desk();
+    let report = desk.json("simulate push.toml --out push.safetensors --frames 3 --clip push.gif");
+    assert_eq!(report["clip"], "push.gif");
+    assert!(desk.read("push.gif").starts_with(b"GIF89a"));
+    assert!(number(&report, "/final_speed") >= 0.0);
+    desk.fails(
+        "simulate push.toml --out other.safetensors --clip push.png",
+        2,
+        &["--clip push.png", ".gif"],
+    );
+    assert_eq!(desk.names(), ["push.gif", "push.safetensors", "push.toml"]);
+}
+
+#[test]
+fn handles_that_let_go_are_for_the_physics_alone() {
+    let desk = Desk::new();
+    desk.model();
+    let groups = "handles = { groups = [{ name = \"both\", select = { label = \"upper-corners\" }, \
+        released = [{ from = 0.05 }] }] }";
+    let scene = PUSH.replace("handles = { label = \"upper-corners\" }", groups);
+    assert_ne!(scene, PUSH);
+    desk.write("drop.toml", &scene);
+    desk.json("simulate drop.toml --out drop.safetensors --frames 12");
+    let run = Trajectory::read(&desk.path("drop.safetensors")).unwrap();
+    let height = |frame: usize| run.handles().select(run.frame(frame))[0].y;
+    assert_eq!(height(3), height(0));
+    // Nine frames of free fall would be 0.11 m; the air and the cloth hold it up a little.
+    assert!(height(12) < height(3) - 0.02);
+    let command =
+        "rollout drop.toml --model run/model.safetensors --out out --no-truth --frames 12";
+    desk.fails(command, 1, &["frame 4", "handle 0 is let go"]);
+    let windy = PUSH.replace(
+        "name = \"push\"",
+        "name = \"push\"\nenvironment = { gust = { speed = [1, 0, 0], period = 2, seed = 1 } }",
+    );
+    desk.write("windy.toml", windy);
+    desk.json("simulate windy.toml --out windy.safetensors --frames 2");
+    let command = command.replace("drop.toml", "windy.toml");
+    desk.fails(&command, 1, &["environment.gust"]);
+}

@@ -1,23 +1,32 @@
-//! From statements to a mesh: one texture coordinate per vertex, polygons split into triangles.
+//! From statements to a mesh: one texture coordinate per vertex (cut open along seams, where that is
+//! wanted), polygons split into triangles.
 
 use glam::DVec2;
 use selvedge_cloth::Mesh;
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::geometry::signed_area_2d;
 
-use super::ObjError;
+use super::fit::fit;
 use super::flat::planar_coordinates;
 use super::parse::{Polygon, Statements};
+use super::{ObjError, ObjOptions, Seams, TextureUnit};
 
-pub(super) fn assemble(statements: &Statements) -> Result<Sheet, ObjError> {
+pub(super) fn assemble(mut statements: Statements, options: ObjOptions) -> Result<Sheet, ObjError> {
     if statements.polygons.is_empty() {
         return Err(ObjError::NoFaces);
     }
-    let corners = || statements.polygons.iter().flat_map(|p| &p.corners);
-    let coordinates = if corners().any(|corner| corner.texture.is_some()) {
-        texture_coordinates(statements)?
+    let mut corners = statements.polygons.iter().flat_map(|p| &p.corners);
+    let coordinates = if corners.any(|corner| corner.texture.is_some()) {
+        if options.seams == Seams::Cut {
+            cut(&mut statements);
+        }
+        let mut coordinates = texture_coordinates(&statements)?;
+        if options.texture == TextureUnit::Fit {
+            fit(&statements, &mut coordinates)?;
+        }
+        coordinates
     } else {
-        planar_coordinates(statements)?
+        planar_coordinates(&statements)?
     };
     let mut faces = Vec::with_capacity(statements.polygons.len());
     for polygon in &statements.polygons {
@@ -29,9 +38,40 @@ pub(super) fn assemble(statements: &Statements) -> Result<Sheet, ObjError> {
         .map(|(name, vertices)| (name.clone(), vertices.iter().copied().collect()))
         .collect();
     Ok(Sheet {
-        mesh: Mesh::new(&faces, coordinates, statements.positions.clone())?,
+        mesh: Mesh::new(&faces, coordinates, statements.positions)?,
         labels,
     })
+}
+
+/// Gives every further texture coordinate of a vertex a vertex of its own at the same place, with
+/// the same labels.
+fn cut(statements: &mut Statements) {
+    // What stands for vertex v with a coordinate: v itself for the first, then the copies.
+    let mut versions: Vec<Vec<(DVec2, u32)>> = vec![Vec::new(); statements.positions.len()];
+    for corner in statements.polygons.iter_mut().flat_map(|p| &mut p.corners) {
+        let Some(texture) = corner.texture else {
+            continue;
+        };
+        let value = statements.texture[texture];
+        let known = &mut versions[corner.vertex as usize];
+        if let Some((_, version)) = known.iter().find(|(other, _)| *other == value) {
+            corner.vertex = *version;
+            continue;
+        }
+        let original = corner.vertex;
+        if !known.is_empty() {
+            corner.vertex = statements.positions.len() as u32;
+            statements
+                .positions
+                .push(statements.positions[original as usize]);
+            for label in statements.labels.values_mut() {
+                if label.contains(&original) {
+                    label.insert(corner.vertex);
+                }
+            }
+        }
+        known.push((value, corner.vertex));
+    }
 }
 
 /// The texture coordinate of each vertex, on which all its faces must agree; zero for a vertex

@@ -2,12 +2,16 @@
 //! numbers that they have in the file (from 0 here, from 1 there), and objects and groups become
 //! labels of vertices.
 //!
+//! Files of other programs often have texture coordinates from 0 to 1 and seams, where a vertex has
+//! two of them: [`ObjOptions`] says what is done then.
+//!
 //! Several objects make one mesh of several sheets. The reader is our own: the common ones number
 //! vertices anew in every group, so that handles chosen by number would be others. Normals,
 //! materials and smoothing are passed over; curves and surfaces are errors. Bytes that are not UTF-8
 //! can only be part of names, where they become the replacement character.
 
 mod assemble;
+mod fit;
 mod flat;
 mod parse;
 mod write;
@@ -17,9 +21,44 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use selvedge_cloth::MeshError;
 use selvedge_cloth::generate::Sheet;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use write::write_obj;
+
+/// What is done with texture coordinates that are not those of a cloth in metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjOptions {
+    /// Where a vertex has two texture coordinates.
+    pub seams: Seams,
+    /// The unit of texture coordinates.
+    pub texture: TextureUnit,
+}
+
+/// What is done where a vertex has two texture coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Seams {
+    /// The file is refused.
+    #[default]
+    Refuse,
+    /// The sheet is cut open along the seam: the side that comes later in the file gets vertices of
+    /// its own, numbered after those of the file.
+    Cut,
+}
+
+/// The unit of texture coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TextureUnit {
+    /// They are in metres.
+    #[default]
+    Metres,
+    /// Any: each sheet's are stretched along u and along v to be as long as the sheet is at the
+    /// start, and mirrored back where they are mirrored.
+    Fit,
+}
 
 /// Why a file is not a cloth.
 #[derive(Debug, Error)]
@@ -43,13 +82,17 @@ pub enum ObjError {
     #[error("has no faces")]
     NoFaces,
     #[error(
-        "vertex {vertex} has the texture coordinates {first} and {second}: a cloth must be cut along such a seam, each side with vertices of its own, or its texture made to agree"
+        "vertex {vertex} has the texture coordinates {first} and {second}: a cloth must be cut along such a seam, each side with vertices of its own (a scene does that with mesh.seams = \"cut\"), or its texture made to agree"
     )]
     Seam {
         vertex: usize,
         first: String,
         second: String,
     },
+    #[error(
+        "the texture coordinates of the sheet of vertex {vertex} cannot be stretched along u and v to fit its shape: they need some extent along both"
+    )]
+    Fit { vertex: usize },
     #[error("line {line}: this face has no texture coordinates, but others have")]
     MissingTexture { line: usize },
     #[error(
@@ -71,7 +114,7 @@ pub enum ObjError {
 pub fn read_obj(path: &Path) -> Result<Sheet, ReadObjError> {
     std::fs::read(path)
         .map_err(ObjError::Read)
-        .and_then(|bytes| parse_obj_bytes(&bytes))
+        .and_then(|bytes| parse_obj_bytes(&bytes, ObjOptions::default()))
         .map_err(|source| ReadObjError {
             path: path.to_owned(),
             source,
@@ -90,8 +133,8 @@ pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadObjError
 }
 
 /// Reads a mesh and its labels from the bytes of a file.
-pub(crate) fn parse_obj_bytes(bytes: &[u8]) -> Result<Sheet, ObjError> {
-    parse_obj(&String::from_utf8_lossy(bytes))
+pub(crate) fn parse_obj_bytes(bytes: &[u8], options: ObjOptions) -> Result<Sheet, ObjError> {
+    parse_obj_with(&String::from_utf8_lossy(bytes), options)
 }
 
 /// Reads a mesh and its labels from the text of a file.
@@ -99,7 +142,15 @@ pub(crate) fn parse_obj_bytes(bytes: &[u8]) -> Result<Sheet, ObjError> {
 /// # Errors
 /// [`ObjError`] names the line or vertex that cannot be used.
 pub fn parse_obj(text: &str) -> Result<Sheet, ObjError> {
+    parse_obj_with(text, ObjOptions::default())
+}
+
+/// As [`parse_obj`], with texture coordinates taken as `options` say.
+///
+/// # Errors
+/// As for [`parse_obj`]; [`ObjError::Fit`].
+pub fn parse_obj_with(text: &str, options: ObjOptions) -> Result<Sheet, ObjError> {
     // Some programs put a byte-order mark before the first line.
     let text = text.trim_start_matches('\u{feff}');
-    assemble::assemble(&parse::parse(text)?)
+    assemble::assemble(parse::parse(text)?, options)
 }

@@ -26,6 +26,7 @@ use super::mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Trans
 use super::motion_source::MotionSource;
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
+use crate::obj::{ObjOptions, Seams, TextureUnit};
 
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,6 +110,8 @@ pub(crate) struct SettingFile {
 struct MeshFile {
     generator: Option<GeneratorSpec>,
     obj: Option<String>,
+    seams: Option<Seams>,
+    texture: Option<TextureUnit>,
     #[serde(default)]
     transform: Transform,
 }
@@ -213,9 +216,16 @@ impl SettingFile {
 
 impl MeshFile {
     fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
+        let options = ObjOptions {
+            seams: self.seams.unwrap_or_default(),
+            texture: self.texture.unwrap_or_default(),
+        };
         let source = match (self.generator, self.obj) {
+            (Some(_), None) if self.seams.is_some() || self.texture.is_some() => {
+                return Err(field("mesh", "seams and texture are for an obj"));
+            }
             (Some(generator), None) => MeshSource::Generator(generator),
-            (None, Some(path)) => MeshSource::obj(&path, folder)?,
+            (None, Some(path)) => MeshSource::obj(&path, folder, options)?,
             (None, None) => return Err(field("mesh", "needs a generator or an obj")),
             (Some(_), Some(_)) => {
                 return Err(field("mesh", "has both a generator and an obj: keep one"));

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::dataset::hash;
-use crate::obj::{ObjError, ReadObjError, parse_obj_bytes};
+use crate::obj::{ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj_bytes};
 
 /// A mesh, resolved: the same spec makes the same mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,12 @@ pub enum MeshSource {
         path: String,
         /// BLAKE3 hash of its bytes, in hexadecimal.
         blake3: String,
+        /// What is done where a vertex has two texture coordinates.
+        #[serde(default, skip_serializing_if = "is_default")]
+        seams: Seams,
+        /// The unit of texture coordinates.
+        #[serde(default, skip_serializing_if = "is_default")]
+        texture: TextureUnit,
     },
 }
 
@@ -139,7 +145,7 @@ pub enum MeshSpecError {
         found: String,
     },
     #[error(
-        "the edges of the mesh are on average {ratio:.3} × as long as in its material coordinates: these must be in metres too; set mesh.transform.material_scale"
+        "the edges of the mesh are on average {ratio:.3} × as long as in its material coordinates: these must be in metres too; set mesh.transform.material_scale, or mesh.texture = \"fit\" for an obj"
     )]
     Units { ratio: f64 },
     #[error("mesh: {0}")]
@@ -168,10 +174,12 @@ impl MeshSource {
     ///
     /// # Errors
     /// [`MeshSpecError::Obj`] when it cannot be read.
-    pub fn obj(path: &str, folder: &Path) -> Result<Self, MeshSpecError> {
+    pub fn obj(path: &str, folder: &Path, options: ObjOptions) -> Result<Self, MeshSpecError> {
         Ok(Self::Obj {
             path: path.to_owned(),
             blake3: hash(&read(&folder.join(path))?),
+            seams: options.seams,
+            texture: options.texture,
         })
     }
 }
@@ -189,7 +197,15 @@ impl MeshSpec {
                 size: numbers.size,
                 seed: numbers.seed,
             })?,
-            MeshSource::Obj { path, blake3 } => build_obj(path, blake3, folder)?,
+            MeshSource::Obj {
+                path,
+                blake3,
+                seams,
+                texture,
+            } => {
+                let (seams, texture) = (*seams, *texture);
+                build_obj(path, blake3, folder, ObjOptions { seams, texture })?
+            }
         };
         let sheet = self.transform.apply(sheet)?;
         check_units(&sheet.mesh)?;
@@ -255,7 +271,16 @@ fn read(path: &Path) -> Result<Vec<u8>, ReadObjError> {
     })
 }
 
-fn build_obj(path: &str, expected: &str, folder: &Path) -> Result<Sheet, MeshSpecError> {
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+fn build_obj(
+    path: &str,
+    expected: &str,
+    folder: &Path,
+    options: ObjOptions,
+) -> Result<Sheet, MeshSpecError> {
     let full = folder.join(path);
     let bytes = read(&full)?;
     let found = hash(&bytes);
@@ -266,7 +291,7 @@ fn build_obj(path: &str, expected: &str, folder: &Path) -> Result<Sheet, MeshSpe
             found,
         });
     }
-    parse_obj_bytes(&bytes)
+    parse_obj_bytes(&bytes, options)
         .map_err(|source| MeshSpecError::Obj(ReadObjError { path: full, source }))
 }
 

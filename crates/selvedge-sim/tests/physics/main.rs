@@ -2,10 +2,13 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod allocation;
+mod dynamics;
 mod golden;
 mod limits;
 mod reference;
 mod releases;
 mod rest;
 mod scenes;
+mod sheets;
 mod simulator;
+mod statics;

@@ -16,7 +16,7 @@ use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
 use crate::learned::{self, NamedModel};
 use crate::output::{Answer, End, Facts, length, percent};
-use crate::pictures::{Show, write_clip_of, write_sheet};
+use crate::pictures::{self, Show, write_clip_of, write_sheet};
 use crate::progress::Progress;
 use crate::reference::{self, Run};
 use crate::{interrupt, place};
@@ -85,6 +85,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     if end == End::Complete {
         let show = Show {
             title: &stage.loaded.scene.name,
+            label: pictures::MODEL,
             prediction: &prediction.trajectory,
             truth: truth.as_ref().map(|truth| &truth.trajectory),
         };

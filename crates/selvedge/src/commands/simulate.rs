@@ -1,16 +1,17 @@
 //! `selvedge simulate`: the physics on a scene, as a trajectory.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
-use selvedge_data::open_scene;
+use selvedge_data::{Trajectory, metrics, open_scene};
 use selvedge_sim::SaggedRest;
 use serde::Serialize;
 
 use crate::cli::{From, SimulateArgs};
 use crate::output::{Answer, End, Facts, percent};
+use crate::pictures::Show;
 use crate::progress::Progress;
-use crate::{interrupt, place, reference};
+use crate::{interrupt, pictures, place, reference};
 
 #[derive(Serialize)]
 struct Report {
@@ -22,6 +23,9 @@ struct Report {
     sag_solves: Option<u32>,
     sag_residual: Option<f64>,
     largest_strain: f64,
+    /// Mean speed of the vertices in the last second `[m/s]`.
+    final_speed: f64,
+    clip: Option<PathBuf>,
     interrupted: bool,
 }
 
@@ -31,6 +35,9 @@ struct Report {
 /// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors"])?;
+    if let Some(clip) = &args.clip {
+        place::check_file(clip, "--clip", &["gif"])?;
+    }
     let loaded = open_scene(&args.scene)?;
     let scene = &loaded.scene;
     let frames = match args.frames {
@@ -52,18 +59,35 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     drop(progress);
     let trajectory = reference::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
+    let end = match &args.clip {
+        Some(clip) if run.end == End::Complete => draw(clip, &scene.name, &trajectory)?,
+        _ => run.end,
+    };
     let report = Report {
         scene: scene.name.clone(),
         out: args.out.clone(),
+        clip: args.clip.clone().filter(|_| run.end == End::Complete),
         vertices: trajectory.vertex_count(),
         frames: trajectory.frame_count(),
         ms_per_frame: run.ms_per_frame,
         sag_solves: rest.as_ref().map(|rest| rest.solves),
         sag_residual: rest.as_ref().map(|rest| rest.residual),
         largest_strain: reference::largest_strain(&trajectory)?,
+        final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
         interrupted: run.end == End::Interrupted,
     };
-    Ok(Answer::new(text(&report, frames + 1), &report)?.ended(run.end))
+    Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
+}
+
+/// Draws the run as a clip.
+fn draw(clip: &Path, title: &str, trajectory: &Trajectory) -> anyhow::Result<End> {
+    let show = Show {
+        title,
+        label: pictures::PHYSICS,
+        prediction: trajectory,
+        truth: None,
+    };
+    pictures::write_clip_of(clip, &show)
 }
 
 /// The sagged rest pose. A cloth that nothing holds has none: it can only be let go where it
@@ -96,6 +120,13 @@ fn text(report: &Report, wanted: usize) -> Facts {
         facts.add("sag", format!("{solves} solves, {residual:.1e} m/s² left"));
     }
     facts.add("largest strain", percent(report.largest_strain));
+    facts.add(
+        "speed",
+        format!("{:.4} m/s in the last second", report.final_speed),
+    );
     facts.add("wrote", report.out.display());
+    if let Some(clip) = &report.clip {
+        facts.add("and", clip.display());
+    }
     facts
 }

@@ -1,0 +1,306 @@
+//! Motions against closed forms and laws: a pendulum, a damped hinge, angular momentum, energy, the
+//! order of the integrator, mirror symmetry.
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::{Isotropic, Material, Mesh, Scene};
+use selvedge_sim::Simulator;
+use selvedge_sim::bend::BendElement;
+use selvedge_sim::stretch::StretchElement;
+
+use crate::scenes::{GRAY, largest_distance, material, noise};
+use crate::sheets::{grid, isotropic, scene, slope};
+
+const GRAVITY: f64 = 9.8;
+
+const SOFT: Isotropic = Isotropic {
+    youngs_modulus: 2e4,
+    poissons_ratio: 0.3,
+    thickness: 1e-3,
+};
+
+fn angular_momentum(simulator: &Simulator) -> DVec3 {
+    let state = simulator
+        .positions_f64()
+        .iter()
+        .zip(simulator.velocities_f64());
+    let masses = simulator.vertex_mass().iter();
+    state.zip(masses).map(|((x, v), m)| *m * x.cross(*v)).sum()
+}
+
+fn still(scene: &Scene) -> Vec<DVec3> {
+    scene.handles.select(scene.mesh.positions())
+}
+
+#[test]
+fn a_triangle_held_by_an_edge_is_a_pendulum() {
+    // All free mass is at the apex, l below the held edge: θ'' = -(g/l) sin θ. For small θ backward
+    // Euler turns by atan(ω dt) a step and shrinks by (1 + ω² dt²)^(-1/2), exactly; the amplitude
+    // θ₀ = 0.02 makes the period longer by θ₀²/16 = 2.5e-5, and the stiff cloth by its elongation,
+    // m g/(2 E h) · O(1) = 1e-5.
+    let sheet = Isotropic {
+        youngs_modulus: 1e7,
+        poissons_ratio: 0.0,
+        thickness: 1e-3,
+    };
+    let (length, start) = (0.5, 0.02_f64);
+    let uv = vec![
+        DVec2::ZERO,
+        DVec2::new(-0.2, length),
+        DVec2::new(0.2, length),
+    ];
+    let swung = |v: f64| {
+        let drop = length - v;
+        (drop * start.sin(), -drop * start.cos())
+    };
+    let positions = uv
+        .iter()
+        .map(|c| {
+            let (x, y) = swung(c.y);
+            DVec3::new(x, y, -c.x)
+        })
+        .collect();
+    let mesh = Mesh::new(&[[0, 2, 1]], uv, positions).unwrap();
+    let scene = scene(mesh, isotropic(sheet, 0.3), &[1, 2]);
+    let dt = 1.0 / 2000.0;
+    let omega = (GRAVITY / length).sqrt();
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let targets = still(&scene);
+    // z with x_n = Re(C zⁿ): from x₀ and v₀ = 0, that is x₋₁ = x₀.
+    let (turn, shrink) = (
+        (omega * dt).atan(),
+        (1.0 + (omega * dt).powi(2)).sqrt().recip(),
+    );
+    let (mut angles, steps) = (Vec::new(), 3000);
+    for _ in 0..steps {
+        simulator.substep(dt, &targets).unwrap();
+        let apex = simulator.positions_f64()[0];
+        angles.push(apex.x.atan2(-apex.y));
+    }
+    for (n, angle) in (1..).zip(&angles) {
+        let n = f64::from(n);
+        // C = x₀ (1 + i tan φ) with x₋₁ = x₀: Re(C/z) = x₀, so tan φ = (1 - cos/shrink)/(sin/shrink).
+        let tangent = (1.0 - turn.cos() / shrink) / (turn.sin() / shrink);
+        let phase = turn * n;
+        let expected = start * shrink.powf(n) * (phase.cos() - tangent * phase.sin());
+        // After 6.6 rad, 3.5e-5 of the phase is 2.3e-4 of the amplitude; the same for what the
+        // elongation oscillates at first.
+        assert!(
+            (angle - expected).abs() < 5e-4 * start,
+            "step {n}: {angle} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_folded_hinge_opens_as_a_damped_oscillator() {
+    // One free wing of two triangles whose other three corners are held, without gravity: for small
+    // angles m h² θ'' = -k (θ + c θ'), k the hinge's stiffness and h the wing's height. Backward
+    // Euler with damping: v' = (v - dt ω² θ)/(1 + dt (dt + c) ω²), θ' = θ + dt v'.
+    let sheet = Isotropic {
+        youngs_modulus: 1e7,
+        poissons_ratio: 0.0,
+        thickness: 3e-4,
+    };
+    let side = 0.05;
+    let height = 0.75_f64.sqrt() * side;
+    let start = 1e-3_f64;
+    let uv = vec![
+        DVec2::ZERO,
+        DVec2::new(side, 0.0),
+        DVec2::new(0.5 * side, height),
+        DVec2::new(0.5 * side, -height),
+    ];
+    let mut positions: Vec<DVec3> = uv.iter().map(|c| c.extend(0.0)).collect();
+    positions[2] = DVec3::new(0.5 * side, height * start.cos(), height * start.sin());
+    let mesh = Mesh::new(&[[0, 1, 2], [0, 3, 1]], uv.clone(), positions).unwrap();
+    let mut scene = scene(mesh, isotropic(sheet, 0.3), &[0, 1, 3]);
+    scene.environment.gravity = DVec3::ZERO;
+    let corners = [0, 1, 2, 3].map(|v| uv[v]);
+    let element = BendElement::new(&scene.material.bend, corners);
+    let flat = corners.map(|c| c.extend(0.0));
+    let stiffness = element
+        .respond(selvedge_cloth::BendingLaw::Symmetric, flat)
+        .stiffness;
+    for damping in [0.0, 0.01] {
+        scene.material.damping = damping;
+        let mut simulator = Simulator::new(&scene).unwrap();
+        let square = stiffness / (simulator.vertex_mass()[2] * height.powi(2));
+        let dt = 0.05 / square.sqrt();
+        let (mut angle, mut rate) = (start, 0.0);
+        let mut steps_back = 0;
+        for _ in 0..200 {
+            simulator.substep(dt, &still(&scene)).unwrap();
+            rate = (rate - dt * square * angle) / (1.0 + dt * (dt + damping) * square);
+            let before = angle;
+            angle += dt * rate;
+            steps_back += i32::from(before * angle < 0.0);
+            let wing = simulator.positions_f64()[2];
+            let found = wing.z.atan2(wing.y);
+            // θ² = 1e-6 of everything that is linear here, in each of 200 steps at most.
+            assert!((found - angle).abs() < 2e-4 * start, "{found} {angle}");
+        }
+        assert!(steps_back > 0 || damping > 0.0, "it swings through");
+    }
+}
+
+/// A square of soft cloth spinning about its normal and moving, flat and a little strained.
+fn spinning(side: usize) -> (Scene, Vec<DVec3>, Vec<DVec3>) {
+    let mesh = grid(side, side, 1.0 / side as f64, |c| c.extend(0.0));
+    let mut scene = scene(mesh, isotropic(SOFT, 0.3), &[]);
+    scene.environment.gravity = DVec3::ZERO;
+    let positions: Vec<DVec3> = scene.mesh.positions().to_vec();
+    let velocities = positions
+        .iter()
+        .map(|x| DVec3::new(0.3, -0.2, 4.0).cross(*x - DVec3::new(0.5, 0.5, 0.0)))
+        .collect();
+    (scene, positions, velocities)
+}
+
+#[test]
+fn angular_momentum_is_kept_to_the_order_of_the_integrator() {
+    // F at x has no torque about x. The implicit part dt² J v of a stressed face has, of size
+    // dt² (stress × turn), in every step: after a given time the loss is proportional to dt.
+    let (scene, positions, velocities) = spinning(4);
+    let mut points = Vec::new();
+    for steps in [100_u32, 200, 400] {
+        let mut simulator =
+            Simulator::with_state(&scene, positions.clone(), velocities.clone()).unwrap();
+        let before = angular_momentum(&simulator);
+        let dt = 0.25 / f64::from(steps);
+        for _ in 0..steps {
+            simulator.substep(dt, &[]).unwrap();
+        }
+        let lost = angular_momentum(&simulator).distance(before) / before.length();
+        points.push((dt.ln(), lost.ln()));
+    }
+    let order = slope(&points);
+    assert!((order - 1.0).abs() < 0.15, "{order}");
+    assert!(points[2].1 < 0.02_f64.ln(), "{points:?}");
+}
+
+/// Kinetic energy, and of gravity, stretching and bending, for a material of constant tables [J].
+fn energy(scene: &Scene, simulator: &Simulator) -> f64 {
+    let uv = scene.mesh.material_coordinates();
+    let x = simulator.positions_f64();
+    let height: f64 = x
+        .iter()
+        .zip(simulator.vertex_mass())
+        .map(|(x, m)| -m * scene.environment.gravity.dot(*x))
+        .sum();
+    let [c, coupling, _, shear] = scene.material.stretch.0[0].map(|k| 2.0 * k);
+    let stretching: f64 = scene
+        .mesh
+        .topology()
+        .face_indices()
+        .iter()
+        .map(|corners| {
+            let element = StretchElement::new(corners.map(|v| uv[v as usize]));
+            let g = element.strain(corners.map(|v| x[v as usize]));
+            let squares = 0.5 * c * (g.uu * g.uu + g.vv * g.vv);
+            element.area * (squares + coupling * g.uu * g.vv + shear * g.uv * g.uv)
+        })
+        .sum();
+    let edges = scene.mesh.topology().edges().iter();
+    let bending: f64 = edges
+        .filter_map(|edge| {
+            let [from, to] = edge.vertices;
+            let corners = [from, to, edge.opposite.0, edge.opposite.1?].map(|v| v.index());
+            let element = BendElement::new(&scene.material.bend, corners.map(|v| uv[v]));
+            let law = selvedge_cloth::BendingLaw::Symmetric;
+            let response = element.respond(law, corners.map(|v| x[v]));
+            Some(0.5 * response.stiffness * response.angle.powi(2))
+        })
+        .sum();
+    simulator.kinetic_energy() + height + stretching + bending
+}
+
+#[test]
+fn without_input_the_energy_never_grows() {
+    // A soft sheet let go from a crumpled shape, held by a corner: backward Euler only takes energy
+    // away. Rounding, and the stiffness that bending holds constant while edges change their
+    // lengths, are allowed 1e-6 of what there was.
+    let place = |c: DVec2| DVec3::new(0.05 * (7.0 * c.x + 3.0 * c.y).sin(), c.y, c.x);
+    let mesh = grid(8, 8, 0.125, place);
+    let scene = scene(mesh, isotropic(SOFT, 0.3), &[0]);
+    let shaken = noise(81, 0.004);
+    let start: Vec<DVec3> = scene
+        .mesh
+        .positions()
+        .iter()
+        .zip(shaken)
+        .map(|(x, s)| *x + s)
+        .collect();
+    let targets = vec![start[0]];
+    let mut simulator = Simulator::with_state(&scene, start, noise(81, 0.3)).unwrap();
+    let first = energy(&scene, &simulator);
+    let (mut before, mut lowest) = (first, first);
+    for step in 0..480 {
+        simulator.substep(1.0 / 240.0, &targets).unwrap();
+        let now = energy(&scene, &simulator);
+        assert!(
+            now <= before + 1e-6 * first.abs(),
+            "step {step}: {before} J to {now} J"
+        );
+        (before, lowest) = (now, lowest.min(now));
+    }
+    assert!(lowest < first - 0.1, "{first} J to {lowest} J");
+}
+
+#[test]
+fn the_integrator_is_of_first_order() {
+    // Differences of runs with dt and dt/2 at the same time halve with dt.
+    let mesh = grid(4, 4, 0.25, |c| {
+        DVec3::new(0.05 * (3.0 * c.x + 2.0 * c.y).sin(), c.y - 1.0, c.x - 0.5)
+    });
+    let mut scene = scene(mesh, isotropic(SOFT, 0.3), &[0, 4]);
+    scene.environment.air_density = 1.0;
+    let run = |steps: u32| -> Vec<DVec3> {
+        let mut simulator = Simulator::new(&scene).unwrap();
+        for _ in 0..steps {
+            simulator
+                .substep(0.2 / f64::from(steps), &still(&scene))
+                .unwrap();
+        }
+        simulator.positions_f64().to_vec()
+    };
+    let counts = [400, 800, 1600, 3200];
+    let runs = counts.map(run);
+    let points: Vec<(f64, f64)> = (0..3)
+        .map(|k| {
+            let difference = largest_distance(&runs[k], &runs[k + 1]);
+            ((0.2 / f64::from(counts[k])).ln(), difference.ln())
+        })
+        .collect();
+    let order = slope(&points);
+    assert!((order - 1.0).abs() < 0.1, "{order}");
+}
+
+#[test]
+fn a_symmetric_sheet_stays_symmetric() {
+    // Mesh, handles, start and (orthotropic) material are their own mirror images in the plane z = 0.
+    let fabrics: [Material; 2] = [material(GRAY), isotropic(SOFT, 0.3)];
+    for fabric in fabrics {
+        let side = 8;
+        let mesh = grid(side, side, 1.0 / side as f64, |c| {
+            let (y, z) = (c.y - 1.0, c.x - 0.5);
+            DVec3::new(0.02 * (4.0 * z).cos() * (3.0 * y).sin(), y, z)
+        });
+        let mut scene = scene(mesh, fabric, &[0, side as u32]);
+        scene.environment.air_density = 1.0;
+        let mut simulator = Simulator::new(&scene).unwrap();
+        for _ in 0..120 {
+            simulator.substep(1.0 / 240.0, &still(&scene)).unwrap();
+        }
+        let x = simulator.positions_f64();
+        let mirrored: Vec<DVec3> = (0..x.len())
+            .map(|v| {
+                let (row, column) = (v / (side + 1), v % (side + 1));
+                let other = x[row * (side + 1) + side - column];
+                DVec3::new(other.x, other.y, -other.z)
+            })
+            .collect();
+        // Rounding, 1e-16, grows where the sheet folds up; half a second is too short for more than
+        // a few powers of ten.
+        assert!(largest_distance(x, &mirrored) < 1e-9);
+    }
+}

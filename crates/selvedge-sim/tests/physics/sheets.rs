@@ -1,0 +1,106 @@
+//! Meshes and scenes for closed forms: regular strips and sheets of isotropic material, in vacuum.
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::{
+    Environment, HandleSchedule, Handles, Isotropic, Material, Mesh, Motion, PhysicsSettings,
+    SagSettings, Scene,
+};
+
+/// A sheet of thickness 1 mm made of `isotropic`, of `density` [kg/m²].
+pub(crate) fn isotropic(isotropic: Isotropic, density: f64) -> Material {
+    isotropic.validate().unwrap();
+    Material {
+        name: "isotropic".to_owned(),
+        source: String::new(),
+        density,
+        damping: 0.0,
+        stretch: isotropic.stretch_table(),
+        bend: isotropic.bend_table(),
+        strain_limits: None,
+    }
+}
+
+/// `mesh` of `material` held at `handles`, under gravity, without air, without a bulge.
+pub(crate) fn scene(mesh: Mesh, material: Material, handles: &[u32]) -> Scene {
+    let vertices = mesh.positions().len();
+    Scene {
+        name: "closed form".to_owned(),
+        handles: Handles::new(handles, vertices).unwrap(),
+        schedule: HandleSchedule::default(),
+        mesh,
+        material,
+        environment: Environment {
+            air_density: 0.0,
+            ..Environment::default()
+        },
+        motion: Motion::still(1.0),
+        physics: PhysicsSettings::default(),
+        sag: SagSettings {
+            bulge: 0.0,
+            ..SagSettings::default()
+        },
+        frame_rate: 60.0,
+    }
+}
+
+/// A rectangle of `columns` × `rows` squares of side `spacing`, u to the right and v up, placed by
+/// `place`; vertices row by row from the top. Diagonals alternate, so that with an even number of
+/// columns the mesh is its own mirror image.
+pub(crate) fn grid(
+    columns: usize,
+    rows: usize,
+    spacing: f64,
+    place: impl Fn(DVec2) -> DVec3,
+) -> Mesh {
+    let coordinates: Vec<DVec2> = (0..(columns + 1) * (rows + 1))
+        .map(|k| {
+            let (row, column) = (k / (columns + 1), k % (columns + 1));
+            DVec2::new(column as f64, (rows - row) as f64) * spacing
+        })
+        .collect();
+    let mut faces = Vec::new();
+    for row in 0..rows {
+        for column in 0..columns {
+            let a = (row * (columns + 1) + column) as u32;
+            let (b, c, d) = (a + columns as u32 + 1, a + columns as u32 + 2, a + 1);
+            if (row + column) % 2 == 0 {
+                faces.extend([[a, b, c], [a, c, d]]);
+            } else {
+                faces.extend([[a, b, d], [d, b, c]]);
+            }
+        }
+    }
+    let positions = coordinates.iter().map(|c| place(*c)).collect();
+    Mesh::new(&faces, coordinates, positions).unwrap()
+}
+
+/// A strip of `count` equilateral triangles of side `side` along u, placed by `place`; vertices in
+/// order along the strip, lower and upper in turn.
+pub(crate) fn triangle_strip(count: usize, side: f64, place: impl Fn(DVec2) -> DVec3) -> Mesh {
+    let height = 0.75_f64.sqrt() * side;
+    let coordinates: Vec<DVec2> = (0..count + 2)
+        .map(|k| DVec2::new(0.5 * side * k as f64, if k % 2 == 0 { 0.0 } else { height }))
+        .collect();
+    let faces: Vec<[u32; 3]> = (0..count as u32)
+        .map(|k| {
+            if k % 2 == 0 {
+                [k, k + 2, k + 1]
+            } else {
+                [k, k + 1, k + 2]
+            }
+        })
+        .collect();
+    let positions = coordinates.iter().map(|c| place(*c)).collect();
+    Mesh::new(&faces, coordinates, positions).unwrap()
+}
+
+/// Slope of the line of least squares through (x, y).
+pub(crate) fn slope(points: &[(f64, f64)]) -> f64 {
+    let count = points.len() as f64;
+    let (x, y) = points
+        .iter()
+        .fold((0.0, 0.0), |(a, b), (x, y)| (a + x / count, b + y / count));
+    let products = points.iter().map(|p| (p.0 - x) * (p.1 - y));
+    let squares = points.iter().map(|p| (p.0 - x).powi(2));
+    products.sum::<f64>() / squares.sum::<f64>()
+}

@@ -1,0 +1,252 @@
+//! Rest poses against closed forms: a hanging strip, a cantilever, the energy of a rolled sheet,
+//! meshes that are refined, cloth that hardly stretches.
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::geometry::dihedral_angle;
+use selvedge_cloth::{BendingLaw, Isotropic, Mesh};
+use selvedge_sim::bend::BendElement;
+use selvedge_sim::sag;
+
+use crate::scenes::{largest_distance, stretches};
+use crate::sheets::{grid, isotropic, scene, slope, triangle_strip};
+
+const GRAVITY: f64 = 9.8;
+
+/// Interior edges of `mesh`: from, to, left, right.
+fn hinges(mesh: &Mesh) -> Vec<[usize; 4]> {
+    let edges = mesh.topology().edges().iter();
+    edges
+        .filter_map(|edge| {
+            let [from, to] = edge.vertices.map(|v| v.index());
+            Some([from, to, edge.opposite.0.index(), edge.opposite.1?.index()])
+        })
+        .collect()
+}
+
+#[test]
+fn a_rolled_sheet_has_the_energy_of_a_plate() {
+    // Rolled up with radius R in any direction, equilateral triangles have the energy D/(2 R²) per
+    // area: the three edges of which there is one each for every two faces.
+    let sheet = Isotropic {
+        youngs_modulus: 2e6,
+        poissons_ratio: 0.3,
+        thickness: 5e-4,
+    };
+    let side = 0.01;
+    for degrees in [0.0_f64, 10.0, 30.0, 45.0, 77.0] {
+        let radius = 10.0;
+        let direction = DVec2::from_angle(degrees.to_radians());
+        let energy: f64 = [0.0_f64, 60.0, 120.0]
+            .iter()
+            .map(|turn| {
+                let along = DVec2::from_angle(turn.to_radians()) * side;
+                let wing = DVec2::from_angle((turn + 60.0).to_radians()) * side;
+                let rest = [DVec2::ZERO, along, wing, along - wing];
+                let place = |c: DVec2| {
+                    let c = c - 0.5 * along;
+                    let (sine, cosine) = (c.dot(direction) / radius).sin_cos();
+                    let across = c.perp_dot(direction);
+                    DVec3::new(radius * sine, -across, radius * (1.0 - cosine))
+                };
+                let element = BendElement::new(&sheet.bend_table(), rest);
+                let response = element.respond(BendingLaw::Symmetric, rest.map(place));
+                0.5 * response.stiffness * response.angle.powi(2)
+            })
+            .sum();
+        let cell = 0.75_f64.sqrt() * side.powi(2);
+        let expected = 0.5 * sheet.plate_stiffness() / radius.powi(2) * cell;
+        // Chords for arcs: (l/R)² = 1e-6.
+        assert!((energy / expected - 1.0).abs() < 2e-6, "{degrees}°");
+    }
+}
+
+#[test]
+fn a_hanging_strip_is_as_long_as_its_weight_makes_it() {
+    // Per width, at the material height s above the lower end: N = E h (λ³ - λ)/2 = ρ g s, for the
+    // Saint Venant-Kirchhoff strip with ν = 0. On a mesh the load of a row is that of the lumped
+    // masses below, ρ g at the row's middle: the midpoint rule of ∫ (λ - 1) ds, second order.
+    let sheet = Isotropic {
+        youngs_modulus: 2e4,
+        poissons_ratio: 0.0,
+        thickness: 1e-3,
+    };
+    let (density, length) = (0.3, 1.0_f64);
+    let membrane = sheet.youngs_modulus * sheet.thickness;
+    let stretch = |s: f64| {
+        // Newton's method for λ³ - λ = 2 ρ g s/(E h), which is convex above 1.
+        let load = 2.0 * density * GRAVITY * s / membrane;
+        (0..50).fold(1.5_f64, |x, _| {
+            x - (x.powi(3) - x - load) / (3.0 * x * x - 1.0)
+        })
+    };
+    let exact: f64 = (0..10_000)
+        .map(|k| (stretch(length * (f64::from(k) + 0.5) / 1e4) - 1.0) * length / 1e4)
+        .sum();
+    // Small strains: ρ g L²/(2 E h), 73.5 mm; of the next order -3/2 of the mean square strain.
+    let linear = density * GRAVITY * length.powi(2) / (2.0 * membrane);
+    assert!((exact / linear - 1.0).abs() < 0.15);
+    let mut errors = Vec::new();
+    for rows in [8_usize, 16, 32] {
+        let spacing = length / rows as f64;
+        let mesh = grid(2, rows, spacing, |c| DVec3::new(0.0, c.y - length, c.x));
+        let mut scene = scene(mesh, isotropic(sheet, density), &[0, 1, 2]);
+        scene.sag.tolerance = 1e-6;
+        let rest = sag(&scene).unwrap();
+        let last = rest.positions.len();
+        let found = -rest.positions[last - 3..].iter().map(|p| p.y).sum::<f64>() / 3.0 - length;
+        let midpoint: f64 = (0..rows)
+            .map(|k| (stretch(spacing * (k as f64 + 0.5)) - 1.0) * spacing)
+            .sum();
+        // Lumped thirds load the rows a little unevenly across the width: a bending in the plane,
+        // second order in the strain.
+        assert!(
+            (found / midpoint - 1.0).abs() < 2e-3,
+            "{rows}: {found} {midpoint}"
+        );
+        errors.push((found - exact).abs() / exact);
+    }
+    assert!(errors[2] < 2e-3, "{errors:?}");
+}
+
+/// A strip clamped at its first two triangles, horizontal along x, its tip's height at rest.
+fn cantilever(sheet: Isotropic, density: f64, length: f64, count: usize) -> (Mesh, Vec<DVec3>) {
+    // The first hinge is the far edge of the second triangle, half a side beyond the clamped ones.
+    let side = 2.0 * length / (count as f64 + 1.0);
+    let mesh = triangle_strip(count + 2, side, |c| DVec3::new(c.x, 0.0, -c.y));
+    let mut scene = scene(mesh.clone(), isotropic(sheet, density), &[0, 1, 2, 3]);
+    scene.sag.tolerance = 1e-5;
+    let rest = sag(&scene).unwrap();
+    (mesh, rest.positions)
+}
+
+#[test]
+fn a_cantilever_carries_its_weight_hinge_by_hinge() {
+    // A chain of triangles is statically determinate: at every hinge, stiffness times angle is the
+    // moment of all weight beyond it about the hinge, however far it has bent.
+    let sheet = Isotropic {
+        youngs_modulus: 1e8,
+        poissons_ratio: 0.3,
+        thickness: 3e-4,
+    };
+    let density = 0.3;
+    let (mesh, positions) = cantilever(sheet, density, 0.08, 15);
+    let mass = mesh.rest_shape(density).vertex_mass;
+    let uv = mesh.material_coordinates();
+    let chain = hinges(&mesh);
+    let mut tested = 0;
+    for corners in chain {
+        let [from, to, left, right] = corners;
+        // Beyond the edge of vertices k and k + 1 are those after.
+        let beyond = from.max(to) + 1;
+        if from.min(to) < 2 {
+            continue;
+        }
+        let element = BendElement::new(&sheet.bend_table(), corners.map(|v| uv[v]));
+        let response = element.respond(BendingLaw::Symmetric, corners.map(|v| positions[v]));
+        let axis = (positions[to] - positions[from]).normalize();
+        let weight = |v: usize| DVec3::new(0.0, -GRAVITY * mass[v], 0.0);
+        let moment: f64 = (beyond..positions.len())
+            .map(|v| (positions[v] - positions[from]).cross(weight(v)).dot(axis))
+            .sum();
+        let theta = dihedral_angle(
+            positions[from],
+            positions[to],
+            positions[left],
+            positions[right],
+        );
+        assert_eq!(theta, response.angle);
+        // Unbalanced: 1e-5 m/s² of 9.8; a tip has no moment to compare with but its own.
+        let torque = (response.stiffness * response.angle).abs();
+        assert!(
+            (torque - moment.abs()).abs() < 1e-4 * moment.abs() + 1e-12,
+            "{corners:?}"
+        );
+        tested += 1;
+    }
+    assert_eq!(tested, 15);
+}
+
+#[test]
+fn a_cantilever_bends_like_a_beam() {
+    // Small deflections under its own weight q = ρ g: w = q L⁴/(8 D'), with D' = 8/9 D, since the
+    // edges of a narrow strip are free to curl (see `Isotropic`). The chain's own error is first
+    // order in its side: hinges and lumped masses half a side off, 4 of L's powers.
+    let sheet = Isotropic {
+        youngs_modulus: 1e9,
+        poissons_ratio: 0.3,
+        thickness: 3e-4,
+    };
+    let (density, length) = (0.3, 0.08_f64);
+    let expected = density * GRAVITY * length.powi(4) / (8.0 * 8.0 / 9.0 * sheet.plate_stiffness());
+    assert!(expected < 0.1 * length);
+    let mut points = Vec::new();
+    for count in [11_usize, 23, 47] {
+        let (_, positions) = cantilever(sheet, density, length, count);
+        let tip = positions.len() - 2;
+        let found = -0.5 * (positions[tip].y + positions[tip + 1].y);
+        let error = (found / expected - 1.0).abs();
+        points.push(((count as f64).ln(), error.max(1e-12).ln()));
+        assert!(error < 5.0 / count as f64, "{count}: {error}");
+    }
+    let order = -slope(&points);
+    assert!(order > 0.8, "{order}");
+}
+
+#[test]
+fn finer_meshes_come_nearer_to_each_other() {
+    // A square hanging by its upper edge, which cannot narrow there: linear elements, a solution that
+    // is smooth but for the upper corners, so between first and second order. Compared are the 25
+    // vertices that all meshes have.
+    let sheet = Isotropic {
+        youngs_modulus: 2e4,
+        poissons_ratio: 0.3,
+        thickness: 1e-3,
+    };
+    let poses: Vec<Vec<DVec3>> = [4_usize, 8, 16, 32]
+        .into_iter()
+        .map(|side| {
+            let place = |c: DVec2| DVec3::new(0.0, c.y - 1.0, c.x - 0.5);
+            let mesh = grid(side, side, 1.0 / side as f64, place);
+            let upper: Vec<u32> = (0..=side as u32).collect();
+            let mut scene = scene(mesh, isotropic(sheet, 0.3), &upper);
+            scene.sag.tolerance = 1e-5;
+            let rest = sag(&scene).unwrap().positions;
+            let step = side / 4;
+            let common = |k: usize| rest[(k / 5) * step * (side + 1) + (k % 5) * step];
+            (0..25).map(common).collect()
+        })
+        .collect();
+    let changes: Vec<f64> = poses
+        .windows(2)
+        .map(|pair| largest_distance(&pair[0], &pair[1]))
+        .collect();
+    assert!(
+        changes[1] < 0.6 * changes[0] && changes[2] < 0.6 * changes[1],
+        "{changes:?}"
+    );
+}
+
+#[test]
+fn stiff_cloth_approaches_the_inextensible() {
+    // The load is the same whatever the stiffness: strain ∝ 1/E, a slope of -1.
+    let mut points = Vec::new();
+    for youngs_modulus in [3e5, 3e6, 3e7] {
+        let sheet = Isotropic {
+            youngs_modulus,
+            poissons_ratio: 0.3,
+            thickness: 1e-3,
+        };
+        let place = |c: DVec2| DVec3::new(0.0, c.y - 1.0, c.x - 0.5);
+        let mesh = grid(8, 8, 0.125, place);
+        let upper: Vec<u32> = (0..=8).collect();
+        let scene = scene(mesh, isotropic(sheet, 0.3), &upper);
+        let rest = sag(&scene).unwrap();
+        let largest = stretches(&scene.mesh, &rest.positions)
+            .into_iter()
+            .fold(0.0_f64, |most, [largest, _]| most.max(largest - 1.0));
+        points.push((youngs_modulus.ln(), largest.ln()));
+    }
+    // Strains of 1 % and less: the law's curvature changes the slope by as much.
+    let slope = slope(&points);
+    assert!((slope + 1.0).abs() < 0.02, "{slope}");
+}
