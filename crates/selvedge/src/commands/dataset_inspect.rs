@@ -74,6 +74,7 @@ fn read_all(
                 let path = out.join(format!("{name}-{}.png", entry.motion));
                 let show = Show {
                     title: &format!("{}: {} ({name})", dataset.index().name, entry.motion),
+                    label: name,
                     prediction: &trajectory,
                     truth: None,
                 };
