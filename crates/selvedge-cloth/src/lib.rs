@@ -34,7 +34,8 @@ pub use motion::{
     RecordedMotion, Rotation, Translation, TurnSense,
 };
 pub use physics::{
-    BendingLaw, HandleConstraint, PhysicsError, PhysicsSettings, SagSettings, StretchLookup,
+    AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, HandleConstraint, Integrator,
+    LinearSolver, Newton, PhysicsError, PhysicsSettings, SagSettings, StretchLookup, Substepping,
 };
 pub use scene::{Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};

@@ -16,6 +16,14 @@ pub struct PhysicsSettings {
     pub bending: BendingLaw,
     /// How the stretching table is looked up.
     pub stretch_lookup: StretchLookup,
+    /// How the air acts within a substep.
+    pub air: AirLaw,
+    /// How far a substep's equations are solved.
+    pub integrator: Integrator,
+    /// Whether substeps are divided where the cloth strains too much.
+    pub substepping: Substepping,
+    /// How linear systems are solved.
+    pub solver: LinearSolver,
 }
 
 /// How handles hold the cloth.
@@ -51,6 +59,84 @@ pub enum StretchLookup {
     Exact,
 }
 
+/// How the air acts within a substep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AirLaw {
+    /// A force of the velocities at the start of the substep, as in ARCSim. Where these are very
+    /// fast or the substep long, it can turn a face round and add energy.
+    #[default]
+    Explicit,
+    /// The force of the velocities at the end of the substep, with |v_n| of its start: it takes
+    /// energy from whatever moves through the air, never adds any.
+    Implicit,
+}
+
+/// How far the equations of a substep (backward Euler) are solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    /// One linear solve, as in ARCSim.
+    #[default]
+    Linearised,
+    /// Newton's method with a line search.
+    Newton(Newton),
+}
+
+/// When Newton's method ends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Newton {
+    /// Root mean square by mass of what the equations lack, as a velocity `[m/s]`.
+    pub tolerance: f64,
+    /// An error after this many linear solves.
+    pub max_iterations: u32,
+}
+
+/// Whether substeps are divided where the cloth strains too much.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Substepping {
+    /// Never.
+    #[default]
+    Fixed,
+    /// A frame in which an edge strains too much is computed again with twice as many substeps.
+    Adaptive(AdaptiveSubsteps),
+}
+
+/// When a frame is computed again.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AdaptiveSubsteps {
+    /// Largest change of an edge's stretch l/l₀ in one substep; edges between handles apart.
+    pub max_change: f64,
+    /// An error when this many substeps of a frame are not enough.
+    pub max_substeps: u32,
+}
+
+/// How linear systems are solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinearSolver {
+    /// Whichever was measured to be faster at this number of vertices.
+    #[default]
+    Automatic,
+    /// A complete factorisation: exact but for rounding.
+    Cholesky,
+    /// Preconditioned conjugate gradients from the last solution.
+    ConjugateGradients(ConjugateGradients),
+}
+
+/// When conjugate gradients end.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConjugateGradients {
+    /// Root mean square error of the velocities, by mass `[m/s]`.
+    pub tolerance: f64,
+    /// An error after this many iterations of one solve.
+    pub max_iterations: u32,
+}
+
 /// How the sagged rest pose is found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -80,6 +166,37 @@ impl Default for PhysicsSettings {
             handles: HandleConstraint::default(),
             bending: BendingLaw::default(),
             stretch_lookup: StretchLookup::default(),
+            air: AirLaw::default(),
+            integrator: Integrator::default(),
+            substepping: Substepping::default(),
+            solver: LinearSolver::default(),
+        }
+    }
+}
+
+impl Default for Newton {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            max_iterations: 50,
+        }
+    }
+}
+
+impl Default for AdaptiveSubsteps {
+    fn default() -> Self {
+        Self {
+            max_change: 0.1,
+            max_substeps: 64,
+        }
+    }
+}
+
+impl Default for ConjugateGradients {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-7,
+            max_iterations: 1000,
         }
     }
 }
@@ -95,17 +212,48 @@ impl Default for SagSettings {
 }
 
 impl PhysicsSettings {
-    /// Checks the number of substeps.
+    /// Checks the numbers of substeps and iterations, tolerances and bounds.
     ///
     /// # Errors
     /// Names the field and the value.
     pub fn validate(&self) -> Result<(), PhysicsError> {
-        if !(1..=1000).contains(&self.substeps) {
-            return Err(PhysicsError {
-                field: "physics.substeps",
-                expected: "between 1 and 1000",
-                found: f64::from(self.substeps),
-            });
+        check_count("physics.substeps", self.substeps)?;
+        if let Integrator::Newton(newton) = &self.integrator {
+            check_positive("physics.integrator.newton.tolerance", newton.tolerance)?;
+            check_count(
+                "physics.integrator.newton.max_iterations",
+                newton.max_iterations,
+            )?;
+        }
+        if let Substepping::Adaptive(adaptive) = &self.substepping {
+            check_positive(
+                "physics.substepping.adaptive.max_change",
+                adaptive.max_change,
+            )?;
+            check_count(
+                "physics.substepping.adaptive.max_substeps",
+                adaptive.max_substeps,
+            )?;
+            if adaptive.max_substeps < self.substeps {
+                return Err(PhysicsError {
+                    field: "physics.substepping.adaptive.max_substeps",
+                    expected: "at least physics.substeps",
+                    found: f64::from(adaptive.max_substeps),
+                });
+            }
+        }
+        if let LinearSolver::ConjugateGradients(settings) = &self.solver {
+            check_positive(
+                "physics.solver.conjugate-gradients.tolerance",
+                settings.tolerance,
+            )?;
+            if settings.max_iterations == 0 {
+                return Err(PhysicsError {
+                    field: "physics.solver.conjugate-gradients.max_iterations",
+                    expected: "at least 1",
+                    found: 0.0,
+                });
+            }
         }
         Ok(())
     }
@@ -142,9 +290,88 @@ impl SagSettings {
     }
 }
 
+fn check_count(field: &'static str, found: u32) -> Result<(), PhysicsError> {
+    if (1..=1000).contains(&found) {
+        return Ok(());
+    }
+    Err(PhysicsError {
+        field,
+        expected: "between 1 and 1000",
+        found: f64::from(found),
+    })
+}
+
+fn check_positive(field: &'static str, found: f64) -> Result<(), PhysicsError> {
+    if found.is_finite() && found > 0.0 {
+        return Ok(());
+    }
+    Err(PhysicsError {
+        field,
+        expected: "finite and positive",
+        found,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    type SpoilPhysics = fn(&mut PhysicsSettings);
+
+    #[test]
+    fn wrong_solver_settings_are_named() {
+        let wrong: [(&str, SpoilPhysics); 4] = [
+            ("physics.integrator.newton.tolerance", |s| {
+                s.integrator = Integrator::Newton(Newton {
+                    tolerance: -1.0,
+                    ..Newton::default()
+                });
+            }),
+            ("physics.substepping.adaptive.max_change", |s| {
+                s.substepping = Substepping::Adaptive(AdaptiveSubsteps {
+                    max_change: f64::NAN,
+                    ..AdaptiveSubsteps::default()
+                });
+            }),
+            ("physics.substepping.adaptive.max_substeps", |s| {
+                s.substepping = Substepping::Adaptive(AdaptiveSubsteps {
+                    max_substeps: 2,
+                    ..AdaptiveSubsteps::default()
+                });
+            }),
+            ("physics.solver.conjugate-gradients.max_iterations", |s| {
+                s.solver = LinearSolver::ConjugateGradients(ConjugateGradients {
+                    max_iterations: 0,
+                    ..ConjugateGradients::default()
+                });
+            }),
+        ];
+        for (field, spoil) in wrong {
+            let mut settings = PhysicsSettings::default();
+            spoil(&mut settings);
+            let text = settings.validate().unwrap_err().to_string();
+            assert!(text.starts_with(field), "{text}");
+        }
+    }
+
+    #[test]
+    fn solver_settings_are_written_as_people_write_them() {
+        let text = "solver = { conjugate-gradients = { tolerance = 1e-6 } }\nair = \"implicit\"\nintegrator = { newton = {} }\nsubstepping = { adaptive = { max_change = 0.05 } }";
+        let settings: PhysicsSettings = toml::from_str(text).unwrap();
+        let expected = ConjugateGradients {
+            tolerance: 1e-6,
+            ..ConjugateGradients::default()
+        };
+        assert_eq!(settings.solver, LinearSolver::ConjugateGradients(expected));
+        assert_eq!(settings.integrator, Integrator::Newton(Newton::default()));
+        settings.validate().unwrap();
+        let text = toml::to_string(&settings).unwrap();
+        assert_eq!(toml::from_str::<PhysicsSettings>(&text).unwrap(), settings);
+        let cholesky: PhysicsSettings = toml::from_str("solver = \"cholesky\"").unwrap();
+        assert_eq!(cholesky.solver, LinearSolver::Cholesky);
+        let error = toml::from_str::<PhysicsSettings>("integrator = { newton = { steps = 3 } }");
+        assert!(error.unwrap_err().to_string().contains("steps"));
+    }
 
     type Spoil = fn(&mut SagSettings);
 

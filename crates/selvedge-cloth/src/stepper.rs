@@ -43,6 +43,17 @@ pub enum StepError {
     NonFinite { frame: usize, vertex: VertexId },
     #[error("frame {frame}: the linear system could not be solved ({cause}): use more substeps")]
     Solve { frame: usize, cause: String },
+    #[error(
+        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} still strains by {change:.3} in one of them, bound is {bound}: raise max_substeps or max_change in physics.substepping, or move the handles more slowly"
+    )]
+    Strain {
+        frame: usize,
+        substeps: u32,
+        from: VertexId,
+        to: VertexId,
+        change: f64,
+        bound: f64,
+    },
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
 }

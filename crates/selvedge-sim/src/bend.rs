@@ -21,7 +21,7 @@ pub struct BendElement {
 }
 
 /// Force and Jacobian of one edge at one configuration.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct BendResponse {
     /// ∂θ/∂x of the four corners `[1/m]`.
     pub gradient: [DVec3; 4],
@@ -114,14 +114,16 @@ impl BendResponse {
     #[must_use]
     #[inline]
     pub fn negative_jacobian_times(&self, vectors: [DVec3; 4]) -> [DVec3; 4] {
-        let rate: f64 = self
-            .gradient
-            .iter()
-            .zip(vectors)
-            .map(|(gradient, vector)| gradient.dot(vector))
-            .sum();
-        let scale = self.stiffness * rate;
+        let scale = self.stiffness * self.rate(vectors);
         self.gradient.map(|gradient| gradient * scale)
+    }
+
+    /// ∂θ/∂x applied to one vector per corner.
+    #[must_use]
+    #[inline]
+    pub fn rate(&self, vectors: [DVec3; 4]) -> f64 {
+        let [a, b, c, d] = self.gradient;
+        a.dot(vectors[0]) + b.dot(vectors[1]) + c.dot(vectors[2]) + d.dot(vectors[3])
     }
 }
 

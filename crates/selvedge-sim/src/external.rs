@@ -1,11 +1,22 @@
-//! Gravity and air, explicit forces (Narain et al. 2012).
+//! Gravity and air (Narain et al. 2012), and how the air resists a change of velocity.
 //!
 //! Air acts on each face with its material area and its current unit normal (that the area is not
 //! the current one is a finding: only so ARCSim's substeps are met); a third goes to each corner.
 
 use glam::DVec3;
-use selvedge_cloth::Environment;
 use selvedge_cloth::geometry::area_vector;
+use selvedge_cloth::{AirLaw, Environment};
+
+/// The air's force on a face, and what it adds to the matrix of an implicit step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AirResponse {
+    /// Force on the face `[N]`.
+    pub force: DVec3,
+    /// Unit normal of the face.
+    pub normal: DVec3,
+    /// Resistance along the normal, and across it, to the mean velocity of the corners `[N s/m]`.
+    pub resistance: [f64; 2],
+}
 
 /// Force of the air on a face of material `area` `[m²]` with corners at `positions` `[m]` moving at `velocities` `[m/s]`, `[N]`.
 ///
@@ -27,6 +38,51 @@ pub fn air_force(
     let tangential = relative - normal * through;
     normal * (environment.air_density * area * through.abs() * through)
         + tangential * (environment.air_drag * area)
+}
+
+/// Force as of [`air_force`], and the resistance D of the air at these velocities.
+///
+/// [`AirLaw::Explicit`]: none. [`AirLaw::Implicit`]: D = density · area · |v_n| n nᵀ + drag · area ·
+/// (I - n nᵀ), so that the force on the face after the step is F - D Δv, Δv the change of the mean
+/// corner velocity. With still air and |v_n| of the start its power at the end of the step,
+/// -v·D v, is never positive. `[eq:air-implicit]`
+#[must_use]
+#[inline]
+pub fn air_response(
+    environment: &Environment,
+    law: AirLaw,
+    area: f64,
+    positions: [DVec3; 3],
+    velocities: [DVec3; 3],
+) -> AirResponse {
+    let force = air_force(environment, area, positions, velocities);
+    if law == AirLaw::Explicit {
+        return AirResponse {
+            force,
+            ..AirResponse::default()
+        };
+    }
+    let [a, b, c] = positions;
+    let normal = area_vector(a, b, c).normalize_or_zero();
+    let [first, second, third] = velocities;
+    let relative = environment.wind - (first + second + third) / 3.0;
+    let through = environment.air_density * area * normal.dot(relative).abs();
+    AirResponse {
+        force,
+        normal,
+        resistance: [through, environment.air_drag * area],
+    }
+}
+
+impl AirResponse {
+    /// D `velocity`, `velocity` a change of the mean corner velocity `[m/s]`.
+    #[must_use]
+    #[inline]
+    pub fn resist(&self, velocity: DVec3) -> DVec3 {
+        let [through, along] = self.resistance;
+        let normal = self.normal * self.normal.dot(velocity);
+        normal * through + (velocity - normal) * along
+    }
 }
 
 #[cfg(test)]
@@ -62,6 +118,26 @@ mod tests {
             air_force(&environment, 0.5, FACE, still),
             air_force(&environment, 0.5, turned, still)
         );
+    }
+
+    #[test]
+    fn resistance_takes_power_from_whatever_moves() {
+        let environment = air(1.2, 0.4, DVec3::ZERO);
+        let velocities = [
+            DVec3::new(1.0, -2.0, 30.0),
+            DVec3::new(0.0, 5.0, 40.0),
+            DVec3::Z,
+        ];
+        let response = air_response(&environment, AirLaw::Implicit, 0.5, FACE, velocities);
+        let mean = (velocities[0] + velocities[1] + velocities[2]) / 3.0;
+        // In still air the force is the resistance to all of the velocity.
+        assert!(response.force.distance(-response.resist(mean)) < 1e-12 * response.force.length());
+        for velocity in [DVec3::X, DVec3::NEG_Z, DVec3::new(1.0, -3.0, 0.2)] {
+            assert!(velocity.dot(response.resist(velocity)) > 0.0);
+        }
+        let explicit = air_response(&environment, AirLaw::Explicit, 0.5, FACE, velocities);
+        assert_eq!(explicit.force, response.force);
+        assert_eq!(explicit.resist(DVec3::ONE), DVec3::ZERO);
     }
 
     #[test]

@@ -5,9 +5,10 @@
 //! difference to its path, which stays until it lets go again.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleTargets, Scene, VertexId};
+use selvedge_cloth::{HandleTargets, Integrator, Scene, VertexId};
 
 use crate::cholesky::FactorError;
+use crate::newton::Newton;
 use crate::strain_limit::StrainLimiter;
 use crate::system::{SolveError, State, System};
 
@@ -21,6 +22,8 @@ pub(crate) struct Grip {
     pub(crate) system: System,
     /// The limits of its faces, where the material has some.
     limiter: Option<StrainLimiter>,
+    /// What solves a substep's equations to the end, where that is asked for.
+    newton: Option<Newton>,
 }
 
 impl Grip {
@@ -65,6 +68,10 @@ impl Grip {
             holds,
             offsets,
             limiter: StrainLimiter::new(scene, system.mass()),
+            newton: match scene.physics.integrator {
+                Integrator::Linearised => None,
+                Integrator::Newton(settings) => Some(Newton::new(settings, system.mass().len())),
+            },
             system,
         })
     }
@@ -77,7 +84,7 @@ impl Grip {
             .all(|(h, holds)| *holds == targets.holds(h))
     }
 
-    /// Moves `state` by one solve over `dt` `[s]`, those that hold to `targets` `[m]`, and then within
+    /// Moves `state` by one substep over `dt` `[s]`, those that hold to `targets` `[m]`, and then within
     /// the limits of the material; on an error the state is unusable and the caller restores it.
     pub(crate) fn advance(
         &mut self,
@@ -85,7 +92,10 @@ impl Grip {
         state: &mut State,
         targets: &[DVec3],
     ) -> Result<(), SolveError> {
-        self.system.advance(dt, state, targets)?;
+        match &mut self.newton {
+            None => self.system.advance(dt, state, targets)?,
+            Some(newton) => newton.advance(&mut self.system, dt, state, targets)?,
+        }
         let Some(limiter) = &self.limiter else {
             return Ok(());
         };

@@ -8,17 +8,27 @@
 
 mod anderson;
 pub mod bend;
+mod blocks;
 mod cholesky;
+mod conjugate_gradients;
+mod elements;
 pub mod external;
 mod grip;
+mod incomplete;
+mod lists;
+mod newton;
+mod ordering;
 mod pattern;
 mod sag;
 mod settle;
 mod simulator;
 mod strain_limit;
+mod strain_watch;
 pub mod stretch;
 pub mod stretch_table;
 mod system;
+mod threads;
 
 pub use sag::{SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{Simulator, SimulatorError};
+pub use threads::Threads;

@@ -1,17 +1,14 @@
 //! Where the numbers of the system matrix stand: 3x3 blocks, one per pair of free vertices that
 //! share a face or an interior edge's stencil, lower triangle only.
 //!
-//! Free vertices are numbered as unknowns in an approximate minimum degree order, so that the
-//! matrix can be factorised as it is. Held vertices are no unknowns. A block has a slot: the
-//! diagonal ones first, then those below the diagonal column by column, then one slot more that
-//! collects what belongs to held vertices and is never read.
+//! Free vertices are numbered as unknowns in the order that their solver likes ([`crate::ordering`]),
+//! so that the matrix can be factorised as it is. Held vertices are no unknowns. A block has a slot:
+//! the diagonal ones first, then those below the diagonal column by column.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SymbolicSparseColMat;
-use faer::sparse::linalg::amd;
 use glam::DMat3;
 
 use crate::cholesky::FactorError;
+use crate::ordering::{Ordering, order};
 
 /// The block pattern of the lower triangle.
 #[derive(Clone, Debug)]
@@ -30,6 +27,7 @@ impl Pattern {
     /// The pattern of a matrix that couples the vertices of each stencil; `held` says which
     /// vertices are no unknowns.
     pub(crate) fn new<const N: usize>(
+        ordering: Ordering,
         held: &[bool],
         triangles: &[[u32; 3]],
         stencils: &[[u32; N]],
@@ -39,7 +37,7 @@ impl Pattern {
             .collect();
         let number = number_unknowns(held.len(), &free);
         let pairs = coupled_pairs(&number, free.len(), triangles, stencils);
-        let order = fill_reducing_order(free.len(), &pairs)?;
+        let order = order(ordering, free.len(), &pairs)?;
         let vertex_of_unknown: Vec<u32> = order.iter().map(|&k| free[k]).collect();
         let unknown_of_vertex = number_unknowns(held.len(), &vertex_of_unknown);
         let renumbered = coupled_pairs(&unknown_of_vertex, free.len(), triangles, stencils);
@@ -73,29 +71,33 @@ impl Pattern {
         self.unknown_of_vertex[vertex as usize]
     }
 
-    /// Number of slots, with the one that is never read.
+    /// Number of slots.
     pub(crate) fn slot_count(&self) -> usize {
-        self.unknown_count() + self.rows.len() + 1
+        self.unknown_count() + self.rows.len()
     }
 
-    /// Slot of the block that couples two vertices. The row is that of the vertex with the larger
-    /// unknown.
-    pub(crate) fn slot(&self, first: u32, second: u32) -> u32 {
+    /// Slot and row of each block below the diagonal in a column, rows ascending.
+    pub(crate) fn below(&self, column: usize) -> impl Iterator<Item = (u32, u32)> {
+        let range = self.starts[column]..self.starts[column + 1];
+        let slots = (self.unknown_count() + range.start) as u32..;
+        slots.zip(self.rows[range].iter().copied())
+    }
+
+    /// Slot of the block that couples two vertices, if they are free and coupled. The row is that of
+    /// the vertex with the larger unknown.
+    pub(crate) fn slot(&self, first: u32, second: u32) -> Option<u32> {
         let (first, second) = (self.unknown(first), self.unknown(second));
         let (row, column) = (first.max(second), first.min(second));
-        let unused = self.slot_count() as u32 - 1;
         if row as usize == self.unknown_count() {
-            return unused;
+            return None;
         }
         if row == column {
-            return row;
+            return Some(row);
         }
         let start = self.starts[column as usize];
         let end = self.starts[column as usize + 1];
-        match self.rows[start..end].binary_search(&row) {
-            Ok(place) => (self.unknown_count() + start + place) as u32,
-            Err(_) => unused,
-        }
+        let place = self.rows[start..end].binary_search(&row).ok()?;
+        Some((self.unknown_count() + start + place) as u32)
     }
 
     /// The lower triangle as compressed scalar columns: starts and row indices.
@@ -168,44 +170,6 @@ fn coupled_pairs<const N: usize>(
     pairs
 }
 
-/// The order in which to eliminate: entry k is the k-th unknown to go.
-fn fill_reducing_order(
-    unknown_count: usize,
-    pairs: &[(u32, u32)],
-) -> Result<Vec<usize>, FactorError> {
-    let resources = |cause: String| FactorError::Resources {
-        unknowns: 3 * unknown_count,
-        cause,
-    };
-    // The upper triangle by columns: column = larger unknown.
-    let mut entries: Vec<(u32, u32)> = pairs.iter().map(|&(a, b)| (b, a)).collect();
-    entries.extend((0..unknown_count as u32).map(|k| (k, k)));
-    entries.sort_unstable();
-    let mut starts = vec![0_usize; unknown_count + 1];
-    for &(column, _) in &entries {
-        starts[column as usize + 1] += 1;
-    }
-    for column in 0..unknown_count {
-        starts[column + 1] += starts[column];
-    }
-    let rows: Vec<usize> = entries.iter().map(|&(_, row)| row as usize).collect();
-    let count = rows.len();
-    let graph = SymbolicSparseColMat::new_checked(unknown_count, unknown_count, starts, None, rows);
-    let mut order = vec![0_usize; unknown_count];
-    let mut inverse = vec![0_usize; unknown_count];
-    let mut workspace = MemBuffer::try_new(amd::order_scratch::<usize>(unknown_count, count))
-        .map_err(|_| resources("out of memory".to_owned()))?;
-    amd::order(
-        &mut order,
-        &mut inverse,
-        graph.as_ref(),
-        amd::Control::default(),
-        MemStack::new(&mut workspace),
-    )
-    .map_err(|cause| resources(format!("{cause:?}")))?;
-    Ok(order)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -215,7 +179,7 @@ mod tests {
 
     fn pattern(held: &[u32]) -> Pattern {
         let held: Vec<bool> = (0..6).map(|v| held.contains(&v)).collect();
-        Pattern::new(&held, &TRIANGLES, &HINGES).unwrap()
+        Pattern::new(Ordering::MinimumDegree, &held, &TRIANGLES, &HINGES).unwrap()
     }
 
     fn coupled(a: u32, b: u32) -> bool {
@@ -227,18 +191,17 @@ mod tests {
     #[test]
     fn every_coupled_pair_of_free_vertices_has_its_own_slot() {
         let pattern = pattern(&[1]);
-        let unused = pattern.slot_count() as u32 - 1;
         let mut seen = std::collections::HashSet::new();
         for a in 0..6 {
             for b in a..6 {
                 let slot = pattern.slot(a, b);
                 assert_eq!(slot, pattern.slot(b, a));
                 let expected = a != 1 && b != 1 && (a == b || coupled(a, b));
-                assert_eq!(slot != unused, expected, "{a} {b}");
-                assert!(slot == unused || seen.insert(slot));
+                assert_eq!(slot.is_some(), expected, "{a} {b}");
+                assert!(slot.is_none_or(|slot| seen.insert(slot)));
             }
         }
-        assert_eq!(seen.len(), unused as usize);
+        assert_eq!(seen.len(), pattern.slot_count());
     }
 
     #[test]
@@ -272,7 +235,7 @@ mod tests {
             assert_eq!(rows[range.start], column);
             for (row, value) in rows[range.clone()].iter().zip(&values[range]) {
                 let [a, b] = [row / 3, column / 3].map(|unknown| pattern.vertices()[unknown]);
-                let slot = pattern.slot(a, b) as usize;
+                let slot = pattern.slot(a, b).unwrap() as usize;
                 assert_eq!(*value, (100 * slot + 10 * (row % 3) + column % 3) as f64);
             }
         }
@@ -289,7 +252,13 @@ mod tests {
         }
         let none: [[u32; 4]; 0] = [];
         let count = (side * side) as usize;
-        let pattern = Pattern::new(&vec![false; count], &triangles, &none).unwrap();
+        let pattern = Pattern::new(
+            Ordering::MinimumDegree,
+            &vec![false; count],
+            &triangles,
+            &none,
+        )
+        .unwrap();
         // Row by row, eliminating fills the band of 21 below each column; a good order stays well
         // below that.
         let mut columns: Vec<std::collections::BTreeSet<u32>> = (0..count)

@@ -15,7 +15,7 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::area_vector;
-use selvedge_cloth::{Handles, Scene, SceneError};
+use selvedge_cloth::{Handles, LinearSolver, Scene, SceneError};
 use thiserror::Error;
 
 use crate::anderson::Anderson;
@@ -160,7 +160,7 @@ struct Relaxation {
 
 impl Relaxation {
     fn new(scene: &Scene) -> Result<Self, SagError> {
-        let system = System::new(scene).map_err(|cause| SagError::Solve {
+        let system = System::with_solver(scene, LinearSolver::Cholesky).map_err(|cause| SagError::Solve {
             solves: 0,
             cause: cause.to_string(),
         })?;

@@ -1,17 +1,21 @@
 //! The reference physics as a [`Stepper`]: one step is one frame of `substeps` solves.
 //!
 //! The state is f64; [`Stepper::positions`] gives its f32 copies. The answer depends on nothing but
-//! scene, start and targets: one thread does the work of one cloth. The wind is that of the frame, held
-//! over its step; handles may let go and take hold again between frames. Contact is not part of it.
+//! scene, start and targets: any number of threads gives the same bytes. The wind is that of the frame,
+//! held over its step; handles may let go and take hold again between frames. Contact is not part of
+//! it.
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    HandleError, HandleTargets, Handles, Scene, SceneError, StepError, Stepper, Topology, VertexId,
+    HandleError, HandleTargets, Handles, Scene, SceneError, StepError, Stepper, Substepping,
+    Topology, VertexId,
 };
 use thiserror::Error;
 
 use crate::grip::Grip;
+use crate::strain_watch::{Overstrained, StrainWatch};
 use crate::system::{SolveError, State};
+use crate::threads::Threads;
 
 /// Cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
@@ -25,6 +29,10 @@ pub struct Simulator {
     reached: Vec<DVec3>,
     /// Targets of the handles that hold.
     targets: Vec<DVec3>,
+    threads: Threads,
+    watch: Option<StrainWatch>,
+    /// Positions before the substep, where strains are watched `[m]`.
+    before: Vec<DVec3>,
 }
 
 /// Why a simulator cannot be made.
@@ -87,6 +95,14 @@ impl Simulator {
             targets: vec![DVec3::ZERO; scene.handles.len()],
             saved: state.clone(),
             frame: 0,
+            threads: Threads::Pool,
+            watch: match scene.physics.substepping {
+                Substepping::Fixed => None,
+                Substepping::Adaptive(settings) => {
+                    Some(StrainWatch::new(settings, &scene.mesh, &scene.handles))
+                }
+            },
+            before: state.positions.clone(),
             scene: scene.clone(),
             grip,
             state,
@@ -103,6 +119,11 @@ impl Simulator {
         self.frame = frame;
         self.feel_the_wind();
         self
+    }
+
+    /// Says who is to work from now on; without it, the threads of rayon's current pool.
+    pub fn set_threads(&mut self, threads: Threads) {
+        self.threads = threads;
     }
 
     /// Positions now `[m]`, `[vertices]`.
@@ -133,12 +154,19 @@ impl Simulator {
             .sum()
     }
 
-    /// One solve over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`, as far as they hold.
+    /// Iterations of the last linear solve; none where it was a complete factorisation.
+    #[must_use]
+    pub fn solver_iterations(&self) -> Option<u32> {
+        self.grip.system.iterations()
+    }
+
+    /// One substep over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`, as far as they hold.
     /// The frame count stays, and with it the wind.
     ///
     /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and
     /// b = dt f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v);
-    /// an exact handle's row is v = (target - x)/dt instead. `[eq:backward-euler]`
+    /// an exact handle's row is v = (target - x)/dt instead. `[eq:backward-euler]` With Newton's method
+    /// as integrator, solved again until the equations hold.
     ///
     /// # Errors
     /// As for [`Stepper::step`]; the cloth is then left as it was.
@@ -146,17 +174,31 @@ impl Simulator {
         check_targets(self.frame, self.scene.handles.len(), targets.len())?;
         self.save();
         self.grip.put_targets(&mut self.targets, |h| targets[h]);
-        self.solve(dt)?;
+        let threads = self.enter();
+        if let Err(error) = threads.run(|| self.solve(dt)) {
+            self.restore();
+            return Err(self.step_error(error, 1));
+        }
         self.reached.copy_from_slice(targets);
         self.round();
         Ok(())
     }
 
     fn save(&mut self) {
-        self.saved.positions.copy_from_slice(&self.state.positions);
-        self.saved
-            .velocities
-            .copy_from_slice(&self.state.velocities);
+        self.saved.copy_from(&self.state);
+        self.grip.system.save();
+    }
+
+    fn restore(&mut self) {
+        self.state.copy_from(&self.saved);
+        self.grip.system.restore();
+    }
+
+    /// Who is to work on the step that begins.
+    fn enter(&mut self) -> Threads {
+        let threads = self.threads.for_cloth(self.rounded.len());
+        self.grip.system.set_threads(threads);
+        threads
     }
 
     /// The wind of the step from this frame to the next.
@@ -174,13 +216,12 @@ impl Simulator {
         let grip = self
             .grip
             .changed(&self.scene, handles, &self.state, &self.reached)
-            .map_err(|cause| solve_error(self.frame, cause.into()))?;
+            .map_err(|cause| self.step_error(SolveError::from(cause).into(), 0))?;
         Ok(Some(std::mem::replace(&mut self.grip, grip)))
     }
 
-    /// All solves of a frame.
-    fn substeps(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        let substeps = self.scene.physics.substeps;
+    /// All of a frame, in so many substeps; when it fails the state is unusable.
+    fn advance(&mut self, handles: &HandleTargets, substeps: u32) -> Result<(), SubstepError> {
         let dt = 1.0 / self.scene.frame_rate / f64::from(substeps);
         for substep in 1..=substeps {
             let fraction = f64::from(substep) / f64::from(substeps);
@@ -192,14 +233,50 @@ impl Simulator {
         Ok(())
     }
 
-    /// Solves over `dt` towards `self.targets`; goes back to what was saved when it fails.
-    fn solve(&mut self, dt: f64) -> Result<(), StepError> {
-        self.grip
-            .advance(dt, &mut self.state, &self.targets)
-            .map_err(|error| {
-                std::mem::swap(&mut self.state, &mut self.saved);
-                solve_error(self.frame, error)
-            })
+    /// A substep over `dt` towards `self.targets`; when it fails the state is unusable.
+    fn solve(&mut self, dt: f64) -> Result<(), SubstepError> {
+        let Some(watch) = &self.watch else {
+            return Ok(self.grip.advance(dt, &mut self.state, &self.targets)?);
+        };
+        self.before.copy_from_slice(&self.state.positions);
+        self.grip.advance(dt, &mut self.state, &self.targets)?;
+        Ok(watch.check(&self.before, &self.state.positions)?)
+    }
+
+    /// A frame in as many substeps as it takes, from the scene's number on by doubling.
+    fn divided(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+        let threads = self.enter();
+        let most = self.watch.as_ref().map_or(0, StrainWatch::max_substeps);
+        let mut substeps = self.scene.physics.substeps;
+        while let Err(error) = threads.run(|| self.advance(handles, substeps)) {
+            self.restore();
+            if 2 * substeps > most {
+                return Err(self.step_error(error, substeps));
+            }
+            substeps *= 2;
+        }
+        Ok(())
+    }
+
+    fn step_error(&self, error: SubstepError, substeps: u32) -> StepError {
+        let frame = self.frame;
+        match error {
+            SubstepError::Solve(SolveError::NonFinite { vertex }) => {
+                StepError::NonFinite { frame, vertex }
+            }
+            SubstepError::Solve(other) => StepError::Solve {
+                frame,
+                cause: other.to_string(),
+            },
+            SubstepError::Strain(Overstrained { vertices, change }) => StepError::Strain {
+                frame,
+                substeps,
+                from: vertices[0],
+                to: vertices[1],
+                change,
+                bound: self.watch.as_ref().map_or(0.0, StrainWatch::max_change),
+            },
+        }
     }
 
     fn round(&mut self) {
@@ -231,7 +308,7 @@ impl Stepper for Simulator {
         let before = self.regrip(handles)?;
         self.feel_the_wind();
         self.save();
-        if let Err(error) = self.substeps(handles) {
+        if let Err(error) = self.divided(handles) {
             if let Some(before) = before {
                 self.grip = before;
             }
@@ -244,13 +321,21 @@ impl Stepper for Simulator {
     }
 }
 
-fn solve_error(frame: usize, error: SolveError) -> StepError {
-    match error {
-        SolveError::NonFinite { vertex } => StepError::NonFinite { frame, vertex },
-        SolveError::Factor(cause) => StepError::Solve {
-            frame,
-            cause: cause.to_string(),
-        },
+/// Why a substep failed.
+enum SubstepError {
+    Solve(SolveError),
+    Strain(Overstrained),
+}
+
+impl From<SolveError> for SubstepError {
+    fn from(error: SolveError) -> Self {
+        Self::Solve(error)
+    }
+}
+
+impl From<Overstrained> for SubstepError {
+    fn from(error: Overstrained) -> Self {
+        Self::Strain(error)
     }
 }
 

@@ -24,7 +24,7 @@ pub struct Strain {
 }
 
 /// A face's rest shape: what turns corner positions into a deformation gradient.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StretchElement {
     /// ∂x/∂u = Σ shape_u\[a\] x_a `[1/m]`.
     pub shape_u: [f64; 3],
@@ -35,14 +35,14 @@ pub struct StretchElement {
 }
 
 /// Force and Jacobian of one face at one configuration.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct StretchResponse {
-    element: StretchElement,
-    along_u: DVec3,
-    along_v: DVec3,
-    stiffness: [f64; 4],
+    pub(crate) element: StretchElement,
+    pub(crate) along_u: DVec3,
+    pub(crate) along_v: DVec3,
+    pub(crate) stiffness: [f64; 4],
     stress: Strain,
-    tension: DVec2,
+    pub(crate) tension: DVec2,
 }
 
 impl StretchElement {

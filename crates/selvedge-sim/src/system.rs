@@ -2,26 +2,31 @@
 //! A Δv = b with
 //!   A = M - Σ dt (dt + c) J + dt² K_handles,
 //!   b = dt f_ext + Σ dt (F + (dt + c) J v) - dt k (x_h - target + dt v_h).
+//! Solved again where it has led, it becomes Newton's method for the backward Euler equations
+//! ([`System::linearise_again`]).
 //!
 //! Exact handles are eliminated: they are no unknowns, and in the product J v they move with the
 //! velocity that takes them to their targets, which is what their column of A would contribute.
 //! The pattern of A is made once; assembling and solving allocate nothing.
 
 use glam::{DMat3, DVec3};
-use selvedge_cloth::{
-    BendingLaw, Environment, HandleConstraint, Handles, Mesh, Scene, StretchLookup, VertexId,
-};
+use selvedge_cloth::{AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, VertexId};
 use thiserror::Error;
 
-use crate::bend::BendElement;
+use crate::blocks::Contributions;
 use crate::cholesky::{Cholesky, FactorError};
-use crate::external::air_force;
+use crate::conjugate_gradients::{ConjugateGradients, IterationError};
+use crate::elements::{Elements, Linearisation, hinge_stencils};
+use crate::ordering::Ordering;
 use crate::pattern::Pattern;
-use crate::stretch::StretchElement;
-use crate::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
+use crate::threads::Threads;
 
 /// Stiffness of a spring handle, per axis `[N/m]`.
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
+
+/// Vertices from which the automatic choice is conjugate gradients: measured, see
+/// `docs/benchmarks.md`.
+const ITERATIVE_FROM: usize = 600;
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,8 +37,16 @@ pub(crate) struct State {
     pub(crate) velocities: Vec<DVec3>,
 }
 
+impl State {
+    /// Makes this a copy of `other`, of the same size.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.positions.copy_from_slice(&other.positions);
+        self.velocities.copy_from_slice(&other.velocities);
+    }
+}
+
 /// Why a solve failed.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 pub(crate) enum SolveError {
     /// A force or a result is not finite.
     #[error("the motion of vertex {vertex} is no longer finite")]
@@ -41,66 +54,68 @@ pub(crate) enum SolveError {
         /// The first such vertex.
         vertex: VertexId,
     },
-    /// The linear system could not be solved.
+    /// The linear system could not be factorised.
     #[error(transparent)]
     Factor(#[from] FactorError),
-}
-
-/// A face: corners in descending order of their unknowns, so that block (a, b), a ≤ b, lies in the
-/// lower triangle; slots of the blocks 00, 11, 22, 01, 02, 12.
-struct Face {
-    corners: [u32; 3],
-    slots: [u32; 6],
-    element: StretchElement,
-}
-
-/// An interior edge: its corners in the order of [`BendElement`], which of them comes when in
-/// descending order of unknowns, and the slots of the blocks 00, 11, 22, 33, 01, 02, 03, 12, 13, 23
-/// in that order.
-struct Hinge {
-    corners: [u32; 4],
-    descending: [u8; 4],
-    slots: [u32; 10],
-    element: BendElement,
-}
-
-enum StretchLaw {
-    Exact(ExactStiffness),
-    Grid(GridStiffness),
+    /// Conjugate gradients did not get there.
+    #[error(transparent)]
+    Iteration(#[from] IterationError),
+    /// Newton's method did not get there.
+    #[error(
+        "after {iterations} iterations of Newton's method velocities still lack {lack:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.integrator"
+    )]
+    Newton {
+        /// Linear solves done.
+        iterations: u32,
+        /// What the equations lack `[m/s]`.
+        lack: f64,
+        /// What it was to be `[m/s]`.
+        tolerance: f64,
+    },
 }
 
 /// The system of a cloth, ready to be assembled and solved again and again.
 pub(crate) struct System {
-    faces: Vec<Face>,
-    hinges: Vec<Hinge>,
-    stretch_law: StretchLaw,
-    bending: BendingLaw,
-    environment: Environment,
-    damping: f64,
-    mass: Vec<f64>,
+    elements: Elements,
+    pattern: Pattern,
     handles: Handles,
     constraint: HandleConstraint,
-    pattern: Pattern,
-    blocks: Vec<DMat3>,
+    air: AirLaw,
+    threads: Threads,
+    /// b, `[vertices]` `[N s]`.
     impulses: Vec<DVec3>,
+    /// Velocities, those of exact handles as they will be, `[vertices]`.
     driven: Vec<DVec3>,
-    cholesky: Cholesky,
-    values: Vec<f64>,
-    solution: Vec<f64>,
+    /// Δv of the last solve, `[vertices]` `[m/s]`; 0 where held.
+    changes: Vec<DVec3>,
+    /// dt of the last solve, or 0 when there is none to start the next from `[s]`.
+    solved_dt: f64,
+    saved_changes: (Vec<DVec3>, f64),
+    solver: Solver,
 }
 
-/// The factors of one solve.
-#[derive(Clone, Copy)]
-struct Scales {
-    /// dt: what turns a force into an impulse `[s]`.
-    force: f64,
-    /// dt (dt + c): what turns a Jacobian into a mass `[s²]`.
-    jacobian: f64,
+/// How A Δv = b is solved.
+enum Solver {
+    Direct(Box<Direct>),
+    Iterative(Box<ConjugateGradients>),
+}
+
+struct Direct {
+    contributions: Contributions,
+    blocks: Vec<DMat3>,
+    values: Vec<f64>,
+    solution: Vec<f64>,
+    cholesky: Cholesky,
 }
 
 impl System {
-    /// The system of a scene that has been validated.
+    /// The system of a scene that has been validated, with the solver that its settings ask for.
     pub(crate) fn new(scene: &Scene) -> Result<Self, FactorError> {
+        Self::with_solver(scene, scene.physics.solver)
+    }
+
+    /// The system of a scene that has been validated, whatever solver its settings ask for.
+    pub(crate) fn with_solver(scene: &Scene, solver: LinearSolver) -> Result<Self, FactorError> {
         let mesh = &scene.mesh;
         let constraint = scene.physics.handles;
         let vertex_count = mesh.topology().vertex_count();
@@ -108,53 +123,43 @@ impl System {
             HandleConstraint::Exact => scene.handles.mask(vertex_count),
             HandleConstraint::Spring => vec![false; vertex_count],
         };
+        let settings = match solver {
+            LinearSolver::Cholesky => None,
+            LinearSolver::Automatic if vertex_count < ITERATIVE_FROM => None,
+            LinearSolver::Automatic => Some(selvedge_cloth::ConjugateGradients::default()),
+            LinearSolver::ConjugateGradients(settings) => Some(settings),
+        };
+        let ordering = match settings {
+            None => Ordering::MinimumDegree,
+            Some(_) => Ordering::Banded,
+        };
         let triangles = mesh.topology().face_indices();
-        let stencils = hinge_stencils(mesh);
-        let pattern = Pattern::new(&held, &triangles, &stencils)?;
-        let (starts, rows) = pattern.scalar_columns();
-        let values = vec![0.0; rows.len()];
-        let cholesky = Cholesky::new(starts, rows)?;
-        let uv = mesh.material_coordinates();
-        let table = scene.material.stretch;
+        let pattern = Pattern::new(ordering, &held, &triangles, &hinge_stencils(mesh))?;
+        let elements = Elements::new(scene);
         Ok(Self {
-            faces: triangles
-                .iter()
-                .map(|&corners| face(mesh, &pattern, corners))
-                .collect(),
-            hinges: stencils
-                .iter()
-                .map(|&corners| {
-                    let rest = corners.map(|v| uv[v as usize]);
-                    hinge(
-                        &pattern,
-                        corners,
-                        BendElement::new(&scene.material.bend, rest),
-                    )
-                })
-                .collect(),
-            stretch_law: match scene.physics.stretch_lookup {
-                StretchLookup::Exact => StretchLaw::Exact(ExactStiffness::new(table)),
-                StretchLookup::Grid => StretchLaw::Grid(GridStiffness::new(table)),
+            solver: match settings {
+                None => Solver::Direct(Box::new(Direct::new(&pattern, &elements)?)),
+                Some(settings) => Solver::Iterative(Box::new(ConjugateGradients::new(
+                    settings, &pattern, &elements,
+                ))),
             },
-            bending: scene.physics.bending,
-            environment: scene.environment,
-            damping: scene.material.damping,
-            mass: mesh.rest_shape(scene.material.density).vertex_mass,
+            elements,
+            pattern,
             handles: scene.handles.clone(),
             constraint,
-            blocks: vec![DMat3::ZERO; pattern.slot_count()],
+            air: scene.physics.air,
+            threads: Threads::One,
             impulses: vec![DVec3::ZERO; vertex_count],
             driven: vec![DVec3::ZERO; vertex_count],
-            solution: vec![0.0; 3 * pattern.unknown_count()],
-            pattern,
-            cholesky,
-            values,
+            changes: vec![DVec3::ZERO; vertex_count],
+            solved_dt: 0.0,
+            saved_changes: (vec![DVec3::ZERO; vertex_count], 0.0),
         })
     }
 
     /// Mass of each vertex `[kg]`, `[vertices]`.
     pub(crate) fn mass(&self) -> &[f64] {
-        &self.mass
+        &self.elements.mass
     }
 
     /// Gravity and air from now on; its gusts are not for the system.
@@ -162,12 +167,35 @@ impl System {
         self.environment = environment;
     }
 
+    /// Gravity and air from now on; its gusts are not for the system.
+    pub(crate) fn set_environment(&mut self, environment: Environment) {
+        self.elements.set_environment(environment);
+    }
+
     /// The vertices that are unknowns.
     pub(crate) fn unknown_vertices(&self) -> &[u32] {
         self.pattern.vertices()
     }
 
-    /// Assembles A and b at `state` for a solve over `dt` `[s]`, handles going to `targets` `[m]`.
+    /// Who is to work from now on; the result is the same.
+    pub(crate) fn set_threads(&mut self, threads: Threads) {
+        self.threads = threads;
+    }
+
+    /// Remembers where the next solve would start from, for [`Self::restore`].
+    pub(crate) fn save(&mut self) {
+        self.saved_changes.0.copy_from_slice(&self.changes);
+        self.saved_changes.1 = self.solved_dt;
+    }
+
+    /// Goes back to what [`Self::save`] remembered.
+    pub(crate) fn restore(&mut self) {
+        self.changes.copy_from_slice(&self.saved_changes.0);
+        self.solved_dt = self.saved_changes.1;
+    }
+
+    /// Assembles b at `state` for a solve over `dt` `[s]`, handles going to `targets` `[m]`, and
+    /// evaluates what A is made of.
     pub(crate) fn assemble(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
         self.driven.copy_from_slice(&state.velocities);
         if self.constraint == HandleConstraint::Exact {
@@ -176,42 +204,59 @@ impl System {
                 self.driven[v] = (*target - state.positions[v]) / dt;
             }
         }
-        self.blocks.fill(DMat3::ZERO);
-        for (impulse, mass) in self.impulses.iter_mut().zip(&self.mass) {
-            *impulse = self.environment.gravity * (mass * dt);
-        }
-        let unknowns = self.pattern.vertices();
-        for (block, &vertex) in self.blocks.iter_mut().zip(unknowns) {
-            *block = DMat3::from_diagonal(DVec3::splat(self.mass[vertex as usize]));
-        }
-        let scales = Scales {
-            force: dt,
-            jacobian: dt * (dt + self.damping),
+        let jacobian = dt * (dt + self.elements.damping);
+        let at = Linearisation {
+            dt,
+            jacobian,
+            rate: jacobian,
+            positions: &state.positions,
+            rates: &self.driven,
+            air_positions: &state.positions,
+            air_velocities: match self.air {
+                AirLaw::Explicit => &state.velocities,
+                AirLaw::Implicit => &self.driven,
+            },
         };
-        let mut sums = Sums {
-            blocks: &mut self.blocks,
-            impulses: &mut self.impulses,
-            driven: &self.driven,
-        };
-        match &self.stretch_law {
-            StretchLaw::Exact(law) => sums.add_faces(&self.faces, law, state, scales),
-            StretchLaw::Grid(law) => sums.add_faces(&self.faces, law, state, scales),
-        }
-        sums.add_air(&self.faces, &self.environment, state, scales);
-        sums.add_hinges(&self.hinges, self.bending, state, scales);
-        if self.constraint == HandleConstraint::Spring {
-            self.add_springs(dt, state, targets);
-        }
+        self.elements.evaluate(self.threads, at, &mut self.impulses);
+        self.push_springs(dt, targets, |v| {
+            state.positions[v] + state.velocities[v] * dt
+        });
     }
 
-    fn add_springs(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
-        for (vertex, target) in self.handles.vertices().iter().zip(targets) {
-            let v = vertex.index();
-            let unknown = self.pattern.unknown(vertex.0) as usize;
-            let stiffness = DVec3::splat(dt * dt * HANDLE_STIFFNESS);
-            self.blocks[unknown] += DMat3::from_diagonal(stiffness);
-            let predicted = state.positions[v] + state.velocities[v] * dt;
-            self.impulses[v] -= (predicted - *target) * (dt * HANDLE_STIFFNESS);
+    /// Assembles b = M (v₀ - v) + dt (f_ext + F + c J v) at the end of the step over `dt` `[s]` as it
+    /// is known so far, `now`, from the start `from`; A is that of [`Self::assemble`], there. b is what
+    /// the backward Euler equations lack, and A Δv = b is Newton's step. `[eq:newton]`
+    pub(crate) fn linearise_again(
+        &mut self,
+        dt: f64,
+        (from, now): (&State, &State),
+        targets: &[DVec3],
+    ) {
+        let at = Linearisation {
+            dt,
+            jacobian: dt * (dt + self.elements.damping),
+            rate: dt * self.elements.damping,
+            positions: &now.positions,
+            rates: &now.velocities,
+            air_positions: &from.positions,
+            air_velocities: match self.air {
+                AirLaw::Explicit => &from.velocities,
+                AirLaw::Implicit => &now.velocities,
+            },
+        };
+        self.elements.evaluate(self.threads, at, &mut self.impulses);
+        for (v, impulse) in self.impulses.iter_mut().enumerate() {
+            *impulse += (from.velocities[v] - now.velocities[v]) * self.elements.mass[v];
+        }
+        self.push_springs(dt, targets, |v| now.positions[v]);
+    }
+
+    fn push_springs(&mut self, dt: f64, targets: &[DVec3], predicted: impl Fn(usize) -> DVec3) {
+        if self.constraint == HandleConstraint::Spring {
+            for (vertex, target) in self.handles.vertices().iter().zip(targets) {
+                let v = vertex.index();
+                self.impulses[v] -= (predicted(v) - *target) * (dt * HANDLE_STIFFNESS);
+            }
         }
     }
 
@@ -220,33 +265,100 @@ impl System {
         &self.impulses
     }
 
+    /// √(Σ |b|²/m / Σ m) over the unknowns `[m/s]`: because A ⪰ M, no less than the root mean square
+    /// of the velocity change that A Δv = b asks for, by mass.
+    pub(crate) fn lack(&self) -> f64 {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for &v in self.pattern.vertices() {
+            let mass = self.elements.mass[v as usize];
+            sum += self.impulses[v as usize].length_squared() / mass;
+            total += mass;
+        }
+        if total == 0.0 {
+            0.0
+        } else {
+            (sum / total).sqrt()
+        }
+    }
+
     /// Solves what was assembled; the answer is read by [`Self::velocity_changes`].
     pub(crate) fn solve(&mut self) -> Result<(), SolveError> {
-        for (entry, &vertex) in self
-            .solution
-            .chunks_exact_mut(3)
-            .zip(self.pattern.vertices())
-        {
-            let impulse = self.impulses[vertex as usize];
-            if !impulse.is_finite() {
-                return Err(SolveError::NonFinite {
-                    vertex: VertexId(vertex),
-                });
-            }
-            entry.copy_from_slice(&impulse.to_array());
+        let is_bad = |v: &&u32| !self.impulses[**v as usize].is_finite();
+        if let Some(&vertex) = self.pattern.vertices().iter().find(is_bad) {
+            return Err(SolveError::NonFinite {
+                vertex: VertexId(vertex),
+            });
         }
-        self.pattern.expand(&self.blocks, &mut self.values);
-        self.cholesky.solve(&self.values, &mut self.solution)?;
+        let dt = self.elements.time_step();
+        let springs = match self.constraint {
+            HandleConstraint::Exact => &[][..],
+            HandleConstraint::Spring => self.handles.vertices(),
+        };
+        let stiffness = dt * dt * HANDLE_STIFFNESS;
+        let guess = match self.solved_dt {
+            0.0 => 0.0,
+            last => dt / last,
+        };
+        match &mut self.solver {
+            Solver::Direct(direct) => {
+                let elements = &self.elements;
+                direct
+                    .contributions
+                    .gather(self.threads, elements, &mut direct.blocks);
+                for vertex in springs {
+                    let added = DMat3::from_diagonal(DVec3::splat(stiffness));
+                    direct.blocks[self.pattern.unknown(vertex.0) as usize] += added;
+                }
+                direct.solve(&self.pattern, &self.impulses, &mut self.changes)?;
+            }
+            Solver::Iterative(solver) => {
+                self.changes.iter_mut().for_each(|change| *change *= guess);
+                let stiff = springs.iter().map(|vertex| (vertex.0, stiffness));
+                solver.prepare(self.threads, (&self.pattern, &self.elements), stiff);
+                let (elements, impulses) = (&mut self.elements, &self.impulses);
+                let threads = self.threads;
+                let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
+                    elements.multiply(threads, changes, residual);
+                    for (residual, impulse) in residual.iter_mut().zip(impulses) {
+                        *residual = *impulse - *residual;
+                    }
+                    for vertex in springs {
+                        residual[vertex.index()] -= changes[vertex.index()] * stiffness;
+                    }
+                };
+                solver.solve(threads, &self.pattern, &mut self.changes, residual)?;
+            }
+        }
+        self.solved_dt = dt;
         Ok(())
+    }
+
+    /// Iterations of the last solve; none where the solver does not iterate.
+    pub(crate) fn iterations(&self) -> Option<u32> {
+        match &self.solver {
+            Solver::Direct(_) => None,
+            Solver::Iterative(solver) => Some(solver.iterations()),
+        }
+    }
+
+    /// Lets the next solve start from nothing: it seeks a small correction.
+    pub(crate) fn forget_changes(&mut self) {
+        self.solved_dt = 0.0;
+    }
+
+    /// Lets the next solve start from the change of velocity over all of a step over `dt` `[s]`.
+    pub(crate) fn remember_changes(&mut self, dt: f64, from: &State, now: &State) {
+        for &v in self.pattern.vertices() {
+            let v = v as usize;
+            self.changes[v] = now.velocities[v] - from.velocities[v];
+        }
+        self.solved_dt = dt;
     }
 
     /// Each unknown vertex and its Δv `[m/s]` of the last solve.
     pub(crate) fn velocity_changes(&self) -> impl Iterator<Item = (usize, DVec3)> {
-        self.pattern
-            .vertices()
-            .iter()
-            .zip(self.solution.chunks_exact(3))
-            .map(|(&vertex, change)| (vertex as usize, DVec3::from_slice(change)))
+        let vertices = self.pattern.vertices().iter();
+        vertices.map(|&vertex| (vertex as usize, self.changes[vertex as usize]))
     }
 
     /// Moves `state` by one solve over `dt` `[s]`, handles to `targets` `[m]`; on an error it is
@@ -259,8 +371,9 @@ impl System {
     ) -> Result<(), SolveError> {
         self.assemble(dt, state, targets);
         self.solve()?;
-        for (v, change) in self.velocity_changes() {
-            let velocity = state.velocities[v] + change;
+        for &v in self.pattern.vertices() {
+            let v = v as usize;
+            let velocity = state.velocities[v] + self.changes[v];
             state.velocities[v] = velocity;
             state.positions[v] += velocity * dt;
             if !(velocity.is_finite() && state.positions[v].is_finite()) {
@@ -277,139 +390,46 @@ impl System {
         }
         Ok(())
     }
-}
 
-/// What elements add to.
-struct Sums<'a> {
-    blocks: &'a mut [DMat3],
-    impulses: &'a mut [DVec3],
-    driven: &'a [DVec3],
-}
-
-impl Sums<'_> {
-    fn add_faces(
-        &mut self,
-        faces: &[Face],
-        law: &impl StretchStiffness,
-        state: &State,
-        scales: Scales,
-    ) {
-        const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
-        for face in faces {
-            let corners = face.corners.map(|v| state.positions[v as usize]);
-            let response = face.element.respond(law, corners);
-            let rates = face.corners.map(|v| self.driven[v as usize]);
-            let resisting = response.negative_jacobian_times(rates);
-            for ((vertex, force), resisting) in
-                face.corners.iter().zip(response.force()).zip(resisting)
-            {
-                self.impulses[*vertex as usize] +=
-                    force * scales.force - resisting * scales.jacobian;
-            }
-            for (slot, (row, column)) in face.slots.iter().zip(PAIRS) {
-                self.blocks[*slot as usize] +=
-                    response.negative_jacobian(row, column) * scales.jacobian;
-            }
-        }
-    }
-
-    fn add_air(
-        &mut self,
-        faces: &[Face],
-        environment: &Environment,
-        state: &State,
-        scales: Scales,
-    ) {
-        for face in faces {
-            let positions = face.corners.map(|v| state.positions[v as usize]);
-            let velocities = face.corners.map(|v| state.velocities[v as usize]);
-            let third = air_force(environment, face.element.area, positions, velocities)
-                * (scales.force / 3.0);
-            for vertex in face.corners {
-                self.impulses[vertex as usize] += third;
-            }
-        }
-    }
-
-    fn add_hinges(&mut self, hinges: &[Hinge], law: BendingLaw, state: &State, scales: Scales) {
-        const PAIRS: [(usize, usize); 10] = [
-            (0, 0),
-            (1, 1),
-            (2, 2),
-            (3, 3),
-            (0, 1),
-            (0, 2),
-            (0, 3),
-            (1, 2),
-            (1, 3),
-            (2, 3),
-        ];
-        for hinge in hinges {
-            let corners = hinge.corners.map(|v| state.positions[v as usize]);
-            let mut response = hinge.element.respond(law, corners);
-            let rates = hinge.corners.map(|v| self.driven[v as usize]);
-            let resisting = response.negative_jacobian_times(rates);
-            for ((vertex, force), resisting) in
-                hinge.corners.iter().zip(response.force()).zip(resisting)
-            {
-                self.impulses[*vertex as usize] +=
-                    force * scales.force - resisting * scales.jacobian;
-            }
-            let gradient = response.gradient;
-            response.gradient = hinge.descending.map(|k| gradient[usize::from(k)]);
-            response.stiffness *= scales.jacobian;
-            for (slot, (row, column)) in hinge.slots.iter().zip(PAIRS) {
-                self.blocks[*slot as usize] += response.negative_jacobian(row, column);
-            }
+    /// Makes the velocities and positions of `state` those of `base` with `part` of the last solve's
+    /// Δv and so many seconds of it.
+    pub(crate) fn apply(&self, seconds: f64, part: f64, base: &State, state: &mut State) {
+        for &v in self.pattern.vertices() {
+            let v = v as usize;
+            state.velocities[v] = base.velocities[v] + self.changes[v] * part;
+            state.positions[v] = base.positions[v] + self.changes[v] * seconds;
         }
     }
 }
 
-/// Corners of every interior edge in the order of [`BendElement`].
-fn hinge_stencils(mesh: &Mesh) -> Vec<[u32; 4]> {
-    mesh.topology()
-        .edges()
-        .iter()
-        .filter_map(|edge| {
-            let right = edge.opposite.1?;
-            let [from, to] = edge.vertices;
-            Some([from.0, to.0, edge.opposite.0.0, right.0])
+impl Direct {
+    fn new(pattern: &Pattern, elements: &Elements) -> Result<Self, FactorError> {
+        let (starts, rows) = pattern.scalar_columns();
+        Ok(Self {
+            contributions: Contributions::new(pattern, elements),
+            blocks: vec![DMat3::ZERO; pattern.slot_count()],
+            values: vec![0.0; rows.len()],
+            solution: vec![0.0; 3 * pattern.unknown_count()],
+            cholesky: Cholesky::new(starts, rows)?,
         })
-        .collect()
-}
-
-fn face(mesh: &Mesh, pattern: &Pattern, mut corners: [u32; 3]) -> Face {
-    corners.sort_by_key(|&v| std::cmp::Reverse(pattern.unknown(v)));
-    let [a, b, c] = corners;
-    let rest = corners.map(|v| mesh.material_coordinates()[v as usize]);
-    Face {
-        corners,
-        slots: [(a, a), (b, b), (c, c), (a, b), (a, c), (b, c)].map(|(a, b)| pattern.slot(a, b)),
-        element: StretchElement::new(rest),
     }
-}
 
-fn hinge(pattern: &Pattern, corners: [u32; 4], element: BendElement) -> Hinge {
-    let mut descending = [0_u8, 1, 2, 3];
-    descending.sort_by_key(|&k| std::cmp::Reverse(pattern.unknown(corners[usize::from(k)])));
-    let [a, b, c, d] = descending.map(|k| corners[usize::from(k)]);
-    let pairs = [
-        (a, a),
-        (b, b),
-        (c, c),
-        (d, d),
-        (a, b),
-        (a, c),
-        (a, d),
-        (b, c),
-        (b, d),
-        (c, d),
-    ];
-    Hinge {
-        corners,
-        descending,
-        slots: pairs.map(|(a, b)| pattern.slot(a, b)),
-        element,
+    fn solve(
+        &mut self,
+        pattern: &Pattern,
+        impulses: &[DVec3],
+        changes: &mut [DVec3],
+    ) -> Result<(), FactorError> {
+        let vertices = pattern.vertices();
+        for (entry, &vertex) in self.solution.chunks_exact_mut(3).zip(vertices) {
+            entry.copy_from_slice(&impulses[vertex as usize].to_array());
+        }
+        pattern.expand(&self.blocks, &mut self.values);
+        self.cholesky.solve(&self.values, &mut self.solution)?;
+        for (entry, &vertex) in self.solution.chunks_exact(3).zip(vertices) {
+            changes[vertex as usize] = DVec3::from_slice(entry);
+        }
+        Ok(())
     }
 }
 

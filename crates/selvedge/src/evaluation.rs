@@ -9,6 +9,7 @@ use anyhow::{Context, anyhow};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandlePath, Motion, RecordedMotion, Scene};
 use selvedge_data::{Frames, SceneSpec, Setting, Trajectory, metrics};
+use selvedge_sim::Threads;
 use serde::Serialize;
 
 use crate::learned::{self, NamedModel};
@@ -195,7 +196,7 @@ impl Mirror {
         on_frame: &mut dyn FnMut() -> std::ops::ControlFlow<()>,
     ) -> anyhow::Result<Option<Run>> {
         let frames = truth.frame_count() - 1;
-        let run = reference::run(&self.scene, self.rest, frames, on_frame)?;
+        let run = reference::run(&self.scene, self.rest, frames, Threads::One, on_frame)?;
         Ok((run.end == End::Complete).then_some(run))
     }
 }

@@ -10,7 +10,7 @@ use selvedge_cloth::Scene;
 use selvedge_data::{
     Cloth, Drive, Provenance, Recording, RecordingEnd, SceneSpec, Trajectory, metrics, record,
 };
-use selvedge_sim::{SaggedRest, Simulator, sag_with_progress};
+use selvedge_sim::{SaggedRest, Simulator, Threads, sag_with_progress};
 
 use crate::output::End;
 use crate::progress::Progress;
@@ -47,8 +47,8 @@ pub(crate) fn rest_pose(scene: &Scene) -> anyhow::Result<SaggedRest> {
     Ok(rest)
 }
 
-/// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest. `on_frame` hears of every
-/// frame and may stop.
+/// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`. `on_frame`
+/// hears of every frame and may stop.
 ///
 /// # Errors
 /// When the simulator cannot be made, or a step fails.
@@ -56,11 +56,13 @@ pub(crate) fn run(
     scene: &Scene,
     start: Vec<DVec3>,
     frames: usize,
+    threads: Threads,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> anyhow::Result<Run> {
     let context = || format!("simulating scene {:?}", scene.name);
     let still = vec![DVec3::ZERO; start.len()];
     let mut simulator = Simulator::with_state(scene, start, still).with_context(context)?;
+    simulator.set_threads(threads);
     let path = scene.handle_path().with_context(context)?;
     let drive = Drive {
         path: &path,

@@ -11,4 +11,5 @@ mod rest;
 mod scenes;
 mod sheets;
 mod simulator;
+mod solvers;
 mod statics;

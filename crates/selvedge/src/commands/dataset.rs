@@ -14,6 +14,7 @@ use anyhow::{Context, anyhow};
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_data::{Dataset, DatasetPreset, DatasetWriter, LoadedScene, Split};
+use selvedge_sim::Threads;
 use serde::Serialize;
 
 use crate::cli::GenerateArgs;
@@ -138,7 +139,7 @@ fn simulate_all(
         let Some(rest) = rests.get(&job.cloth) else {
             return Ok(());
         };
-        let run = reference::run(scene, rest.clone(), job.frames, &mut || {
+        let run = reference::run(scene, rest.clone(), job.frames, Threads::One, &mut || {
             progress.advance();
             interrupt::flow()
         })?;

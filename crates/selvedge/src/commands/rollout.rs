@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{Cloth, LoadedScene, Trajectory, open_scene};
-use selvedge_sim::SaggedRest;
+use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
 use super::compare::compare;
@@ -123,7 +123,7 @@ fn predict(stage: &Stage, model: &NamedModel) -> anyhow::Result<Timed> {
 fn simulate(stage: &Stage) -> anyhow::Result<Timed> {
     let progress = Progress::new("simulating the truth", stage.frames, "frames");
     let start = stage.rest.positions.clone();
-    let run = reference::run(&stage.loaded.scene, start, stage.frames, &mut || {
+    let run = reference::run(&stage.loaded.scene, start, stage.frames, Threads::Pool, &mut || {
         progress.advance();
         interrupt::flow()
     })?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
 use selvedge_data::{Trajectory, metrics, open_scene};
-use selvedge_sim::SaggedRest;
+use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
 use crate::cli::{From, SimulateArgs};
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         From::Start => sheet.to_vec(),
     };
     let progress = Progress::new("simulating", frames, "frames");
-    let run = reference::run(scene, start, frames, &mut || {
+    let run = reference::run(scene, start, frames, Threads::Pool, &mut || {
         progress.advance();
         interrupt::flow()
     })?;

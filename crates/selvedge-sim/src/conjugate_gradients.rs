@@ -1,0 +1,256 @@
+//! Conjugate gradients (Hestenes and Stiefel 1952) for the system of a large cloth, preconditioned
+//! by [`crate::incomplete`].
+//!
+//! The iteration runs in f32 on the scaled matrix; from time to time the residual is computed anew
+//! in f64, without a matrix, and the iteration goes on from there with its direction kept (Clark et
+//! al. 2010, "reliable updates"). So the answer has the accuracy of f64, at the memory traffic of
+//! f32. It starts from the answer of the last solve.
+
+use glam::{DVec3, Mat3A, Vec3A};
+use selvedge_cloth::ConjugateGradients as Settings;
+use thiserror::Error;
+
+use crate::blocks::{Contributions, Singles};
+use crate::elements::Elements;
+use crate::incomplete::{Incomplete, TILE};
+use crate::pattern::Pattern;
+use crate::threads::Threads;
+
+/// A solve that did not come to its end.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub(crate) enum IterationError {
+    /// More iterations are needed than there may be, or more accuracy than there is.
+    #[error(
+        "after {iterations} iterations of conjugate gradients velocities are still wrong by {error:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.solver, or choose \"cholesky\""
+    )]
+    NotConverged {
+        /// Iterations done.
+        iterations: u32,
+        /// Estimated error of the velocities `[m/s]`.
+        error: f64,
+        /// What it was to be `[m/s]`.
+        tolerance: f64,
+    },
+    /// A direction in which the matrix is not positive.
+    #[error("the matrix is not positive definite, as iteration {iterations} has found")]
+    Indefinite {
+        /// Iterations done.
+        iterations: u32,
+    },
+}
+
+/// The solver with its workspaces.
+pub(crate) struct ConjugateGradients {
+    settings: Settings,
+    contributions: Contributions,
+    singles: Singles,
+    blocks: Vec<Mat3A>,
+    incomplete: Incomplete,
+    /// 1 / the mean mass of a vertex: the matrix in f32 is scaled by it `[1/kg]`.
+    scale: f64,
+    vectors: Vectors,
+    residual: Vec<DVec3>,
+    iterations: u32,
+}
+
+/// Per unknown, in the scaled space.
+struct Vectors {
+    solution: Vec<Vec3A>,
+    residual: Vec<Vec3A>,
+    direction: Vec<Vec3A>,
+    /// (I + L)⁻ᵀ of the direction.
+    solved: Vec<Vec3A>,
+    /// The matrix times the direction.
+    product: Vec<Vec3A>,
+}
+
+/// Part by which the residual falls before it is computed anew: rounding in f32 is well below.
+const CYCLE: f64 = 1e-4;
+/// Computed anew, a residual that is so much larger (squared) than it was thought to be shows that
+/// there is no more accuracy to be had.
+const STUCK: f64 = 1e6;
+
+impl ConjugateGradients {
+    /// A solver for matrices of this pattern.
+    pub(crate) fn new(settings: Settings, pattern: &Pattern, elements: &Elements) -> Self {
+        let zeros = || vec![Vec3A::ZERO; pattern.unknown_count()];
+        let mass: f64 = elements.mass.iter().sum();
+        Self {
+            settings,
+            contributions: Contributions::new(pattern, elements),
+            singles: Singles::new(elements),
+            blocks: vec![Mat3A::ZERO; pattern.slot_count()],
+            incomplete: Incomplete::new(TILE, pattern),
+            scale: elements.mass.len() as f64 / mass,
+            vectors: Vectors {
+                solution: zeros(),
+                residual: zeros(),
+                direction: zeros(),
+                solved: zeros(),
+                product: zeros(),
+            },
+            residual: vec![DVec3::ZERO; elements.mass.len()],
+            iterations: 0,
+        }
+    }
+
+    /// Iterations of the last solve.
+    pub(crate) fn iterations(&self) -> u32 {
+        self.iterations
+    }
+
+    /// Gathers the matrix from the evaluated `elements`, with `springs` (vertex, `[kg]`) on its
+    /// diagonal, and factorises it incompletely.
+    pub(crate) fn prepare(
+        &mut self,
+        threads: Threads,
+        (pattern, elements): (&Pattern, &Elements),
+        springs: impl Iterator<Item = (u32, f64)>,
+    ) {
+        self.contributions.gather_single(
+            threads,
+            elements,
+            self.scale,
+            &mut self.singles,
+            &mut self.blocks,
+        );
+        for (vertex, stiffness) in springs {
+            let added = Mat3A::from_diagonal(glam::Vec3::splat((stiffness * self.scale) as f32));
+            self.blocks[pattern.unknown(vertex) as usize] += added;
+        }
+        self.incomplete.factorise(threads, &self.blocks);
+    }
+
+    /// Makes `changes` `[m/s]`, `[vertices]`, from a first guess the solution of A Δv = b: it is good
+    /// when √(rᵀ P⁻¹ r / Σ m) ≤ tolerance, r = b - A Δv, P the preconditioner; P being near A, that is
+    /// the error of Δv in the norm of A, and because A ⪰ M no less than the root mean square of the
+    /// velocities' error. `[eq:solver-tolerance]` `residual_of` gives b - A Δv, `[vertices]`.
+    pub(crate) fn solve(
+        &mut self,
+        threads: Threads,
+        pattern: &Pattern,
+        changes: &mut [DVec3],
+        mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
+    ) -> Result<(), IterationError> {
+        self.iterations = 0;
+        // In the scaled space a residual of this size is an error of 1 m/s everywhere.
+        let unit = changes.len() as f64;
+        let goal = self.settings.tolerance * self.settings.tolerance * unit;
+        let mut before = None;
+        loop {
+            residual_of(changes, &mut self.residual);
+            let size = self.take_residual(threads, pattern);
+            if size <= goal {
+                return Ok(());
+            }
+            self.vectors.solution.fill(Vec3A::ZERO);
+            self.turn(threads, before.map_or(0.0, |before: f64| size / before));
+            let cycle_goal = goal.max(size * CYCLE * CYCLE);
+            let mut now = size;
+            while now > cycle_goal && self.iterations < self.settings.max_iterations {
+                now = self
+                    .iterate(threads, now)
+                    .ok_or(IterationError::Indefinite {
+                        iterations: self.iterations,
+                    })?;
+            }
+            self.give_solution(threads, pattern, changes);
+            if now <= goal {
+                return Ok(());
+            }
+            if now > cycle_goal || before.is_some_and(|before| size > STUCK * before) {
+                return Err(IterationError::NotConverged {
+                    iterations: self.iterations,
+                    error: (now / unit).sqrt(),
+                    tolerance: self.settings.tolerance,
+                });
+            }
+            before = Some(now);
+        }
+    }
+
+    /// Takes over the f64 residual; its size squared.
+    fn take_residual(&mut self, threads: Threads, pattern: &Pattern) -> f64 {
+        let scaling = self.incomplete.scaling();
+        for ((entry, vertex), scaling) in self
+            .vectors
+            .residual
+            .iter_mut()
+            .zip(pattern.vertices())
+            .zip(scaling)
+        {
+            *entry = *scaling * (self.residual[*vertex as usize] * self.scale).as_vec3a();
+        }
+        self.incomplete
+            .solve_lower(threads, &mut self.vectors.residual);
+        length_squared(&self.vectors.residual)
+    }
+
+    /// The next direction: residual + `part` · direction.
+    fn turn(&mut self, threads: Threads, part: f64) {
+        let part = part as f32;
+        let Vectors {
+            residual,
+            direction,
+            solved,
+            ..
+        } = &mut self.vectors;
+        for ((direction, residual), solved) in direction.iter_mut().zip(residual).zip(&mut *solved)
+        {
+            *direction = *residual + *direction * part;
+            *solved = *direction;
+        }
+        self.incomplete.solve_upper(threads, solved);
+    }
+
+    /// One iteration from a residual of size squared `size`; that of the next. None where the matrix
+    /// is not positive definite, or something is not finite.
+    fn iterate(&mut self, threads: Threads, size: f64) -> Option<f64> {
+        self.iterations += 1;
+        let Vectors {
+            solution,
+            residual,
+            direction,
+            solved,
+            product,
+        } = &mut self.vectors;
+        self.incomplete
+            .multiply(threads, (direction, solved), product);
+        let curvature = dot(direction, product);
+        if curvature.is_nan() || curvature <= 0.0 {
+            return None;
+        }
+        let step = (size / curvature) as f32;
+        let mut next = 0.0;
+        for (((solution, residual), direction), product) in solution
+            .iter_mut()
+            .zip(residual)
+            .zip(direction)
+            .zip(product)
+        {
+            *solution += *direction * step;
+            *residual -= *product * step;
+            next += f64::from(residual.length_squared());
+        }
+        self.turn(threads, next / size);
+        next.is_finite().then_some(next)
+    }
+
+    /// Adds what the iteration found to `changes`.
+    fn give_solution(&mut self, threads: Threads, pattern: &Pattern, changes: &mut [DVec3]) {
+        let solution = &mut self.vectors.solution;
+        self.incomplete.solve_upper(threads, solution);
+        let scaling = self.incomplete.scaling();
+        for ((entry, vertex), scaling) in solution.iter().zip(pattern.vertices()).zip(scaling) {
+            changes[*vertex as usize] += (scaling.transpose() * *entry).as_dvec3();
+        }
+    }
+}
+
+fn dot(a: &[Vec3A], b: &[Vec3A]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a.dot(*b))).sum()
+}
+
+fn length_squared(a: &[Vec3A]) -> f64 {
+    dot(a, a)
+}

@@ -1,0 +1,290 @@
+//! The faces and hinges of a cloth, and the impulses and the matrix products that they make.
+//!
+//! Each element is evaluated by itself into a place of its own; then each vertex (here) or each
+//! block of the matrix ([`crate::blocks`]) gathers from the elements around it, in a fixed order.
+//! So any number of threads gives the same bytes, and no two write to one place. Nothing is
+//! allocated after construction.
+
+use glam::DVec3;
+use selvedge_cloth::{AirLaw, BendingLaw, Environment, Mesh, Scene, StretchLookup};
+
+use crate::bend::{BendElement, BendResponse};
+use crate::external::{AirResponse, air_response};
+use crate::lists::Lists;
+use crate::stretch::{StretchElement, StretchResponse};
+use crate::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
+use crate::threads::Threads;
+
+/// A face with its corners.
+pub(crate) struct Face {
+    pub(crate) corners: [u32; 3],
+    element: StretchElement,
+}
+
+/// An interior edge with its corners in the order of [`BendElement`].
+pub(crate) struct Hinge {
+    pub(crate) corners: [u32; 4],
+    element: BendElement,
+}
+
+enum StretchLaw {
+    Exact(ExactStiffness),
+    Grid(GridStiffness),
+}
+
+/// A face evaluated: how it resists, and the impulse on each corner `[N s]`.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct FaceResponse {
+    pub(crate) stretch: StretchResponse,
+    pub(crate) air: AirResponse,
+}
+
+/// Where and how forces are linearised.
+#[derive(Clone, Copy)]
+pub(crate) struct Linearisation<'a> {
+    /// dt: what turns a force into an impulse `[s]`.
+    pub(crate) dt: f64,
+    /// dt (dt + c): what turns a Jacobian into a mass `[s²]`.
+    pub(crate) jacobian: f64,
+    /// What turns the Jacobian times `rates` into an impulse `[s²]`.
+    pub(crate) rate: f64,
+    /// Where faces and hinges are evaluated `[m]`, `[vertices]`.
+    pub(crate) positions: &'a [DVec3],
+    /// Velocities that the Jacobian is applied to `[m/s]`, `[vertices]`.
+    pub(crate) rates: &'a [DVec3],
+    /// Where the air meets the faces `[m]`, `[vertices]`.
+    pub(crate) air_positions: &'a [DVec3],
+    /// How fast the faces move through the air `[m/s]`, `[vertices]`.
+    pub(crate) air_velocities: &'a [DVec3],
+}
+
+/// The faces of a cloth, evaluated.
+pub(crate) struct Faces {
+    pub(crate) faces: Vec<Face>,
+    pub(crate) responses: Vec<FaceResponse>,
+    /// Impulse on each corner `[N s]`.
+    impulses: Vec<[DVec3; 3]>,
+    air: AirLaw,
+}
+
+/// The hinges of a cloth, evaluated.
+pub(crate) struct Hinges {
+    pub(crate) hinges: Vec<Hinge>,
+    pub(crate) responses: Vec<BendResponse>,
+    /// Impulse of a hinge along its angle's gradient.
+    impulses: Vec<f64>,
+    law: BendingLaw,
+}
+
+/// All elements of a cloth.
+pub(crate) struct Elements {
+    pub(crate) faces: Faces,
+    pub(crate) hinges: Hinges,
+    stretch_law: StretchLaw,
+    environment: Environment,
+    /// Stiffness-proportional damping of the material `[s]`.
+    pub(crate) damping: f64,
+    /// Mass of each vertex `[kg]`.
+    pub(crate) mass: Vec<f64>,
+    /// Per vertex, 4 · face + corner.
+    faces_of: Lists,
+    /// Per vertex, 4 · hinge + corner.
+    hinges_of: Lists,
+    /// dt (dt + c) and dt of the last evaluation.
+    jacobian: f64,
+    dt: f64,
+}
+
+impl Elements {
+    /// The elements of a scene that has been validated.
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let mesh = &scene.mesh;
+        let uv = mesh.material_coordinates();
+        let faces: Vec<Face> = mesh
+            .topology()
+            .face_indices()
+            .into_iter()
+            .map(|corners| Face {
+                corners,
+                element: StretchElement::new(corners.map(|v| uv[v as usize])),
+            })
+            .collect();
+        let hinges: Vec<Hinge> = hinge_stencils(mesh)
+            .into_iter()
+            .map(|corners| Hinge {
+                corners,
+                element: BendElement::new(&scene.material.bend, corners.map(|v| uv[v as usize])),
+            })
+            .collect();
+        let vertex_count = mesh.topology().vertex_count();
+        let table = scene.material.stretch;
+        Self {
+            faces_of: Lists::group(vertex_count, &incidence(faces.iter().map(|f| f.corners))),
+            hinges_of: Lists::group(vertex_count, &incidence(hinges.iter().map(|h| h.corners))),
+            faces: Faces {
+                responses: vec![FaceResponse::default(); faces.len()],
+                impulses: vec![[DVec3::ZERO; 3]; faces.len()],
+                faces,
+                air: scene.physics.air,
+            },
+            hinges: Hinges {
+                responses: vec![BendResponse::default(); hinges.len()],
+                impulses: vec![0.0; hinges.len()],
+                hinges,
+                law: scene.physics.bending,
+            },
+            stretch_law: match scene.physics.stretch_lookup {
+                StretchLookup::Exact => StretchLaw::Exact(ExactStiffness::new(table)),
+                StretchLookup::Grid => StretchLaw::Grid(GridStiffness::new(table)),
+            },
+            environment: scene.environment,
+            damping: scene.material.damping,
+            mass: mesh.rest_shape(scene.material.density).vertex_mass,
+            jacobian: 0.0,
+            dt: 0.0,
+        }
+    }
+
+    /// Gravity and air from now on.
+    pub(crate) fn set_environment(&mut self, environment: Environment) {
+        self.environment = environment;
+    }
+
+    /// Evaluates every element at `at`, and sums what acts on each vertex into `impulses` `[N s]`:
+    /// dt (m g + F + F_air) + rate J rates.
+    pub(crate) fn evaluate(
+        &mut self,
+        threads: Threads,
+        at: Linearisation<'_>,
+        impulses: &mut [DVec3],
+    ) {
+        (self.jacobian, self.dt) = (at.jacobian, at.dt);
+        let air = &self.environment;
+        match &self.stretch_law {
+            StretchLaw::Exact(law) => self.faces.evaluate(law, threads, air, at),
+            StretchLaw::Grid(law) => self.faces.evaluate(law, threads, air, at),
+        }
+        self.hinges.evaluate(threads, at);
+        let gravity = self.environment.gravity * at.dt;
+        let this = &*self;
+        threads.each(impulses, |v, impulse| {
+            *impulse = gravity * this.mass[v] + this.gathered(v);
+        });
+    }
+
+    /// Sum of what the elements around vertex `v` push it by.
+    #[inline]
+    fn gathered(&self, v: usize) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for &entry in self.faces_of.of(v) {
+            sum += self.faces.impulses[(entry >> 2) as usize][(entry & 3) as usize];
+        }
+        for &entry in self.hinges_of.of(v) {
+            let (hinge, corner) = ((entry >> 2) as usize, (entry & 3) as usize);
+            sum += self.hinges.responses[hinge].gradient[corner] * self.hinges.impulses[hinge];
+        }
+        sum
+    }
+
+    /// `product` = (M - dt (dt + c) J + dt D_air) `vector` with what was evaluated last,
+    /// `[vertices]` each, without a matrix.
+    pub(crate) fn multiply(&mut self, threads: Threads, vector: &[DVec3], product: &mut [DVec3]) {
+        let (jacobian, dt) = (self.jacobian, self.dt);
+        let (faces, responses) = (&self.faces.faces, &self.faces.responses);
+        threads.each(&mut self.faces.impulses, |k, pushes| {
+            let vectors = faces[k].corners.map(|v| vector[v as usize]);
+            let response = &responses[k];
+            let resisting = response.stretch.negative_jacobian_times(vectors);
+            let air = response.air.resist(vectors[0] + vectors[1] + vectors[2]) * (dt / 9.0);
+            *pushes = resisting.map(|r| r * jacobian + air);
+        });
+        let (hinges, bent) = (&self.hinges.hinges, &self.hinges.responses);
+        threads.each(&mut self.hinges.impulses, |k, push| {
+            let rate = bent[k].rate(hinges[k].corners.map(|v| vector[v as usize]));
+            *push = bent[k].stiffness * jacobian * rate;
+        });
+        let this = &*self;
+        threads.each(product, |v, product| {
+            *product = vector[v] * this.mass[v] + this.gathered(v);
+        });
+    }
+
+    /// dt (dt + c) of the last evaluation `[s²]`.
+    pub(crate) fn jacobian_scale(&self) -> f64 {
+        self.jacobian
+    }
+
+    /// dt of the last evaluation `[s]`.
+    pub(crate) fn time_step(&self) -> f64 {
+        self.dt
+    }
+}
+
+impl Hinges {
+    fn evaluate(&mut self, threads: Threads, at: Linearisation<'_>) {
+        let (hinges, law) = (&self.hinges, self.law);
+        threads.each_pair(&mut self.responses, &mut self.impulses, |k, bent, push| {
+            let Hinge { corners, element } = &hinges[k];
+            *bent = element.respond(law, corners.map(|v| at.positions[v as usize]));
+            let rate = bent.rate(corners.map(|v| at.rates[v as usize]));
+            *push = -bent.stiffness * (at.dt * bent.angle + at.rate * rate);
+        });
+    }
+}
+
+impl Faces {
+    fn evaluate(
+        &mut self,
+        law: &(impl StretchStiffness + Sync),
+        threads: Threads,
+        environment: &Environment,
+        at: Linearisation<'_>,
+    ) {
+        let (faces, air) = (&self.faces, self.air);
+        threads.each_pair(
+            &mut self.responses,
+            &mut self.impulses,
+            |k, response, pushes| {
+                let Face { corners, element } = &faces[k];
+                let stretch = element.respond(law, corners.map(|v| at.positions[v as usize]));
+                let air = air_response(
+                    environment,
+                    air,
+                    element.area,
+                    corners.map(|v| at.air_positions[v as usize]),
+                    corners.map(|v| at.air_velocities[v as usize]),
+                );
+                let resisting =
+                    stretch.negative_jacobian_times(corners.map(|v| at.rates[v as usize]));
+                let third = air.force * (at.dt / 3.0);
+                let force = stretch.force();
+                *pushes =
+                    std::array::from_fn(|a| force[a] * at.dt - resisting[a] * at.rate + third);
+                *response = FaceResponse { stretch, air };
+            },
+        );
+    }
+}
+
+/// Corners of every interior edge in the order of [`BendElement`].
+pub(crate) fn hinge_stencils(mesh: &Mesh) -> Vec<[u32; 4]> {
+    mesh.topology()
+        .edges()
+        .iter()
+        .filter_map(|edge| {
+            let right = edge.opposite.1?;
+            let [from, to] = edge.vertices;
+            Some([from.0, to.0, edge.opposite.0.0, right.0])
+        })
+        .collect()
+}
+
+/// Pairs (vertex, 4 · element + corner) of all elements with these corners.
+fn incidence<const N: usize>(corners: impl Iterator<Item = [u32; N]>) -> Vec<(u32, u32)> {
+    corners
+        .zip(0_u32..)
+        .flat_map(|(corners, element)| {
+            std::array::from_fn::<_, N, _>(|corner| (corners[corner], 4 * element + corner as u32))
+        })
+        .collect()
+}

@@ -1,0 +1,47 @@
+//! Many short lists of numbers in two arrays: for each key, the entries that belong to it.
+
+/// The lists of keys 0, 1, ….
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Lists {
+    starts: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+impl Lists {
+    /// The lists of `count` keys, from pairs (key, entry); a list keeps the order of its entries.
+    pub(crate) fn group(count: usize, pairs: &[(u32, u32)]) -> Self {
+        let mut starts = vec![0_u32; count + 1];
+        for (key, _) in pairs {
+            starts[*key as usize + 1] += 1;
+        }
+        for key in 0..count {
+            starts[key + 1] += starts[key];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![0; pairs.len()];
+        for (key, entry) in pairs {
+            let place = &mut next[*key as usize];
+            entries[*place as usize] = *entry;
+            *place += 1;
+        }
+        Self { starts, entries }
+    }
+
+    /// The entries of `key`, in order.
+    #[inline]
+    pub(crate) fn of(&self, key: usize) -> &[u32] {
+        &self.entries[self.starts[key] as usize..self.starts[key + 1] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_are_found_under_their_key_in_order() {
+        let lists = Lists::group(4, &[(2, 7), (0, 5), (2, 1), (3, 9), (2, 7)]);
+        let found: Vec<&[u32]> = (0..4).map(|key| lists.of(key)).collect();
+        assert_eq!(found, [&[5][..], &[], &[7, 1, 7], &[9]]);
+    }
+}

@@ -1,0 +1,103 @@
+//! Loops over slices on one thread or on all of a pool, with the same result: every entry is
+//! computed by itself, from what no other entry of the loop writes.
+//!
+//! The pool is rayon's current one. Where it has one thread, and for a small cloth, the loop runs on
+//! the caller's thread.
+
+use rayon::prelude::*;
+
+/// Who does the work of a cloth. The result is the same, byte for byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Threads {
+    /// The caller's thread alone: best where many cloths are simulated side by side.
+    One,
+    /// The threads of rayon's current pool, where the cloth is large enough.
+    Pool,
+}
+
+/// Entries that one thread takes at a time.
+const CHUNK: usize = 128;
+/// Vertices below which waking other threads costs more than they do.
+const FEWEST_VERTICES: usize = 500;
+
+impl Threads {
+    /// Who is to work on a cloth of `vertices` vertices when called from here.
+    pub(crate) fn for_cloth(self, vertices: usize) -> Self {
+        if vertices < FEWEST_VERTICES || rayon::current_num_threads() < 2 {
+            Self::One
+        } else {
+            self
+        }
+    }
+
+    /// Runs `work`, inside the pool where that is who works: entered once, loops start quickly.
+    pub(crate) fn run<R: Send>(self, work: impl FnOnce() -> R + Send) -> R {
+        match self {
+            Self::One => work(),
+            Self::Pool => rayon::scope(|_| work()),
+        }
+    }
+
+    /// `work` on each entry with its number.
+    pub(crate) fn each<A: Send>(self, a: &mut [A], work: impl Fn(usize, &mut A) + Sync) {
+        match self {
+            Self::One => a.iter_mut().enumerate().for_each(|(k, a)| work(k, a)),
+            Self::Pool => a.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, a)| {
+                for (k, a) in a.iter_mut().enumerate() {
+                    work(CHUNK * chunk + k, a);
+                }
+            }),
+        }
+    }
+
+    /// `work` on each pair of entries with its number; slices of the same length.
+    pub(crate) fn each_pair<A: Send, B: Send>(
+        self,
+        a: &mut [A],
+        b: &mut [B],
+        work: impl Fn(usize, &mut A, &mut B) + Sync,
+    ) {
+        match self {
+            Self::One => {
+                let pairs = a.iter_mut().zip(b).enumerate();
+                pairs.for_each(|(k, (a, b))| work(k, a, b));
+            }
+            Self::Pool => {
+                let chunks = a.par_chunks_mut(CHUNK).zip(b.par_chunks_mut(CHUNK));
+                chunks.enumerate().for_each(|(chunk, (a, b))| {
+                    for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {
+                        work(CHUNK * chunk + k, a, b);
+                    }
+                });
+            }
+        }
+    }
+
+    /// `work` on each entry of `few`, large pieces of work, with the entries of `many` that belong
+    /// to it, `share` of them each (the last may have fewer).
+    pub(crate) fn each_share<A: Send, B: Send>(
+        self,
+        few: &mut [A],
+        (many, share): (&mut [B], usize),
+        work: impl Fn(&mut A, &mut [B]) + Sync,
+    ) {
+        if self == Self::One || few.len() < 2 {
+            few.iter_mut()
+                .zip(many.chunks_mut(share))
+                .for_each(|(a, b)| work(a, b));
+        } else {
+            few.par_iter_mut()
+                .zip(many.par_chunks_mut(share))
+                .for_each(|(a, b)| work(a, b));
+        }
+    }
+
+    /// `work` on each entry of `few`, large pieces of work.
+    pub(crate) fn each_large<A: Send>(self, few: &mut [A], work: impl Fn(&mut A) + Sync) {
+        if self == Self::One || few.len() < 2 {
+            few.iter_mut().for_each(work);
+        } else {
+            few.par_iter_mut().for_each(|a| work(a));
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! Solvers and integrators: the same motion by each, the same bytes by any number of threads.
+
+use glam::DVec3;
+use selvedge_cloth::{
+    AdaptiveSubsteps, AirLaw, ConjugateGradients, HandleTargets, Handles, Integrator, LinearSolver,
+    Newton, Scene, StepError, Stepper, Substepping,
+};
+use selvedge_sim::Simulator;
+
+use crate::scenes::{floating, hanging, largest_distance};
+
+const DT: f64 = 1.0 / 240.0;
+
+fn start(scene: &Scene) -> Vec<DVec3> {
+    scene.handles.select(scene.mesh.positions())
+}
+
+fn moved(scene: &Scene, by: DVec3) -> HandleTargets {
+    HandleTargets::at_frame_end(start(scene).iter().map(|x| *x + by).collect()).unwrap()
+}
+
+/// A few frames of a sheet whose handles jerk sideways.
+fn run(scene: &Scene, frames: u32) -> Simulator {
+    let mut simulator = Simulator::new(scene).unwrap();
+    for frame in 1..=frames {
+        let by = DVec3::new(0.02, 0.0, 0.005) * f64::from(frame);
+        simulator.step(&moved(scene, by)).unwrap();
+    }
+    simulator
+}
+
+#[test]
+fn conjugate_gradients_move_the_cloth_as_cholesky_does() {
+    let mut scene = hanging(12);
+    scene.physics.solver = LinearSolver::Cholesky;
+    let direct = run(&scene, 5);
+    scene.physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
+    let iterative = run(&scene, 5);
+    assert!(direct.solver_iterations().is_none() && iterative.solver_iterations().is_some());
+    // 20 solves, each wrong by dt times 1e-7 m/s: 1e-8 m, grown by little in 0.08 s.
+    let distance = largest_distance(direct.positions_f64(), iterative.positions_f64());
+    assert!(distance < 3e-8, "{distance}");
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    // More than one tile of the preconditioner, and enough vertices for threads to be used.
+    let mut scene = hanging(48);
+    for solver in [
+        LinearSolver::ConjugateGradients(ConjugateGradients::default()),
+        LinearSolver::Cholesky,
+    ] {
+        scene.physics.solver = solver;
+        scene.physics.substeps = 2;
+        let runs = [1, 2, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let run = pool.build().unwrap().install(|| run(&scene, 1));
+            run.positions_f64().to_vec()
+        });
+        assert!(runs[0] == runs[1] && runs[0] == runs[2], "{solver:?}");
+    }
+}
+
+#[test]
+fn both_integrators_are_of_first_order() {
+    let mut scene = hanging(5);
+    scene.physics.solver = LinearSolver::Cholesky;
+    // A smooth start: the stiff modes of a rough one would need far shorter steps.
+    let shape = |x: &DVec3| {
+        let wave = DVec3::new((2.0 * x.y).sin(), (3.0 * x.z).cos(), (2.0 * x.y).cos());
+        *x + 0.02 * wave
+    };
+    let positions: Vec<DVec3> = scene.mesh.positions().iter().map(shape).collect();
+    let targets = scene.handles.select(&positions);
+    let mut end = |integrator: Integrator, steps: u32| -> Vec<DVec3> {
+        scene.physics.integrator = integrator;
+        let still = vec![DVec3::ZERO; 25];
+        let mut simulator = Simulator::with_state(&scene, positions.clone(), still).unwrap();
+        for _ in 0..steps {
+            simulator
+                .substep(0.05 / f64::from(steps), &targets)
+                .unwrap();
+        }
+        simulator.positions_f64().to_vec()
+    };
+    let newton = Integrator::Newton(Newton {
+        tolerance: 1e-9,
+        max_iterations: 200,
+    });
+    for integrator in [Integrator::Linearised, newton] {
+        let exact = end(integrator, 6400);
+        let errors = [100, 200, 400].map(|steps| largest_distance(&end(integrator, steps), &exact));
+        // Error C dt + D dt²: the order measured from halving dt nears 1 from either side; the run
+        // that counts as exact has 1/16 of the error of the finest one.
+        for (coarse, fine) in [(0, 1), (1, 2)] {
+            let order = (errors[coarse] / errors[fine]).log2();
+            assert!(
+                (0.8..1.25).contains(&order),
+                "{integrator:?} {order} {errors:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_frame_that_strains_too_much_gets_more_substeps() {
+    let mut scene = hanging(6);
+    scene.physics.substeps = 1;
+    let jerk = moved(&scene, DVec3::new(0.0, 0.03, 0.0));
+    let with = |scene: &Scene, adaptive: Option<AdaptiveSubsteps>| {
+        let mut scene = scene.clone();
+        scene.physics.substepping = adaptive.map_or(Substepping::Fixed, Substepping::Adaptive);
+        let mut simulator = Simulator::new(&scene).unwrap();
+        let result = simulator.step(&jerk);
+        (simulator.positions_f64().to_vec(), result)
+    };
+    let bound = |max_change: f64, max_substeps: u32| AdaptiveSubsteps {
+        max_change,
+        max_substeps,
+    };
+    let (once, _) = with(&scene, None);
+    // Loose enough: nothing changes. 3 cm in a frame are 15 % of an edge of 20 cm.
+    assert_eq!(with(&scene, Some(bound(0.5, 64))), (once, Ok(())));
+    let (divided, result) = with(&scene, Some(bound(0.05, 64)));
+    assert_eq!(result, Ok(()));
+    let same = [2, 4, 8, 16, 32, 64].map(|substeps| {
+        scene.physics.substeps = substeps;
+        with(&scene, None).0 == divided
+    });
+    assert_eq!(same.iter().filter(|same| **same).count(), 1);
+    // Not enough substeps: an error that says so, and the cloth where it was.
+    scene.physics.substeps = 1;
+    let (kept, result) = with(&scene, Some(bound(0.001, 4)));
+    assert!(
+        matches!(
+            result,
+            Err(StepError::Strain {
+                frame: 0,
+                substeps: 4,
+                ..
+            })
+        ),
+        "{result:?}"
+    );
+    assert_eq!(kept, scene.mesh.positions());
+}
+
+#[test]
+fn implicit_air_takes_energy_where_explicit_air_adds_it() {
+    // Thrown at 300 m/s in one substep per frame, dt ρ_air |v| / ρ = 27: the explicit force turns
+    // faces round and blows up, the implicit one only brakes. There is no other energy: the sheet is
+    // flat and all of it moves alike.
+    let mut scene = floating(4);
+    scene.environment.air_density = 1.0;
+    let thrown = vec![DVec3::new(300.0, 0.0, 0.0); 16];
+    let energies = |scene: &Scene, steps: u32| -> Vec<f64> {
+        let positions = scene.mesh.positions().to_vec();
+        let mut simulator = Simulator::with_state(scene, positions, thrown.clone()).unwrap();
+        let mut energies = vec![simulator.kinetic_energy()];
+        for _ in 0..steps {
+            simulator.substep(1.0 / 60.0, &[]).unwrap();
+            energies.push(simulator.kinetic_energy());
+        }
+        energies
+    };
+    scene.physics.air = AirLaw::Implicit;
+    assert!(energies(&scene, 20).is_sorted_by(|a, b| a > b));
+    scene.physics.air = AirLaw::Explicit;
+    let explicit = energies(&scene, 1);
+    assert!(explicit[1] > 100.0 * explicit[0]);
+}
+
+#[test]
+fn newton_keeps_to_its_handles_and_to_the_linearised_motion_at_short_steps() {
+    let mut scene = hanging(6);
+    scene.handles = Handles::new(&[0, 5, 14], 36).unwrap();
+    let targets = start(&scene);
+    let mut distances = [DT, DT / 8.0].map(|dt| {
+        let step = |integrator: Integrator, scene: &mut Scene| {
+            scene.physics.integrator = integrator;
+            let mut simulator = Simulator::new(scene).unwrap();
+            simulator.substep(dt, &targets).unwrap();
+            simulator.positions_f64().to_vec()
+        };
+        let newton = step(Integrator::Newton(Newton::default()), &mut scene);
+        assert_eq!(scene.handles.select(&newton), targets);
+        largest_distance(&newton, &step(Integrator::Linearised, &mut scene))
+    });
+    distances.reverse();
+    assert!(distances.is_sorted(), "{distances:?}");
+}
