@@ -160,9 +160,11 @@ struct Relaxation {
 
 impl Relaxation {
     fn new(scene: &Scene) -> Result<Self, SagError> {
-        let system = System::with_solver(scene, LinearSolver::Cholesky).map_err(|cause| SagError::Solve {
-            solves: 0,
-            cause: cause.to_string(),
+        let system = System::with_solver(scene, LinearSolver::Cholesky).map_err(|cause| {
+            SagError::Solve {
+                solves: 0,
+                cause: cause.to_string(),
+            }
         })?;
         Ok(Self {
             system,

@@ -10,7 +10,9 @@
 //! The pattern of A is made once; assembling and solving allocate nothing.
 
 use glam::{DMat3, DVec3};
-use selvedge_cloth::{AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, VertexId};
+use selvedge_cloth::{
+    AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, VertexId,
+};
 use thiserror::Error;
 
 use crate::blocks::Contributions;
@@ -160,11 +162,6 @@ impl System {
     /// Mass of each vertex `[kg]`, `[vertices]`.
     pub(crate) fn mass(&self) -> &[f64] {
         &self.elements.mass
-    }
-
-    /// Gravity and air from now on; its gusts are not for the system.
-    pub(crate) fn set_environment(&mut self, environment: Environment) {
-        self.environment = environment;
     }
 
     /// Gravity and air from now on; its gusts are not for the system.

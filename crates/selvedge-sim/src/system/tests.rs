@@ -5,8 +5,8 @@ use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{
     BendTable, BendingLaw, ConjugateGradients as Settings, Environment, HandleConstraint,
-    HandleSchedule, Handles, Material, Mesh, Motion, Newton as NewtonSettings, PhysicsSettings, SagSettings, Scene,
-    StretchLookup, StretchTable,
+    HandleSchedule, Handles, Material, Mesh, Motion, Newton as NewtonSettings, PhysicsSettings,
+    SagSettings, Scene, StretchLookup, StretchTable,
 };
 
 use super::*;

@@ -123,10 +123,16 @@ fn predict(stage: &Stage, model: &NamedModel) -> anyhow::Result<Timed> {
 fn simulate(stage: &Stage) -> anyhow::Result<Timed> {
     let progress = Progress::new("simulating the truth", stage.frames, "frames");
     let start = stage.rest.positions.clone();
-    let run = reference::run(&stage.loaded.scene, start, stage.frames, Threads::Pool, &mut || {
-        progress.advance();
-        interrupt::flow()
-    })?;
+    let run = reference::run(
+        &stage.loaded.scene,
+        start,
+        stage.frames,
+        Threads::Pool,
+        &mut || {
+            progress.advance();
+            interrupt::flow()
+        },
+    )?;
     timed(stage, run)
 }
 
