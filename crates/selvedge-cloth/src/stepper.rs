@@ -41,7 +41,7 @@ pub enum StepError {
     },
     #[error("frame {frame}: the position of vertex {vertex} is no longer finite")]
     NonFinite { frame: usize, vertex: VertexId },
-    #[error("frame {frame}: the linear system could not be solved ({cause}): use more substeps")]
+    #[error("frame {frame}: a substep could not be solved ({cause}): use more substeps")]
     Solve { frame: usize, cause: String },
     #[error(
         "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} still strains by {change:.3} in one of them, bound is {bound}: raise max_substeps or max_change in physics.substepping, or move the handles more slowly"

@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use crate::blocks::{Contributions, Singles};
 use crate::elements::Elements;
-use crate::incomplete::{Incomplete, TILE};
+use crate::incomplete::{Incomplete, tile_of};
 use crate::pattern::Pattern;
 use crate::threads::Threads;
 
@@ -80,7 +80,7 @@ impl ConjugateGradients {
             contributions: Contributions::new(pattern, elements),
             singles: Singles::new(elements),
             blocks: vec![Mat3A::ZERO; pattern.slot_count()],
-            incomplete: Incomplete::new(TILE, pattern),
+            incomplete: Incomplete::new(tile_of(pattern.unknown_count()), pattern),
             scale: elements.mass.len() as f64 / mass,
             vectors: Vectors {
                 solution: zeros(),

@@ -6,15 +6,16 @@
 //! C⁻¹ from the left and C⁻ᵀ from the right it becomes (I + L)(I + L)ᵀ, and the preconditioned
 //! matrix (I + L)⁻¹ A (I + L)⁻ᵀ costs no more than its two triangular solves, because all of A but
 //! its diagonal is in them already (Eisenstat 1981). What couples tiles is left out of P, not out of
-//! A. Tiles have a fixed size, whatever the number of threads.
+//! A. The size of a tile follows from the cloth, whatever the number of threads.
 
 use glam::{Mat3A, Vec3A};
 
 use crate::pattern::Pattern;
 use crate::threads::Threads;
 
-/// Unknowns of a tile.
-pub(crate) const TILE: usize = 2048;
+/// Fewest unknowns of a tile, and most tiles of a cloth: what couples tiles is lost.
+const SMALLEST_TILE: usize = 2048;
+const MOST_TILES: usize = 8;
 /// Part of what eliminating a column takes from later ones that E does without. All of it leaves
 /// pivots near zero (the matrix is not one for which they are bounded), none needs a fifth more
 /// iterations; 0.5 to 0.8 make no difference on 4096 vertices of a moving cloth.
@@ -61,6 +62,11 @@ struct Across {
 enum Side {
     Lower,
     Upper,
+}
+
+/// Unknowns of a tile where there are `count`.
+pub(crate) fn tile_of(count: usize) -> usize {
+    SMALLEST_TILE.max(count.div_ceil(MOST_TILES))
 }
 
 impl Incomplete {

@@ -26,8 +26,9 @@ use crate::threads::Threads;
 /// Stiffness of a spring handle, per axis `[N/m]`.
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 
-/// Vertices from which the automatic choice is conjugate gradients: measured, see
-/// `docs/benchmarks.md`.
+/// Vertices from which the automatic choice is conjugate gradients. They are quicker from 150 on
+/// (`docs/benchmarks.md`); a small cloth is solved exactly all the same, so that data sets made of
+/// it stay what they are.
 const ITERATIVE_FROM: usize = 600;
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
@@ -100,6 +101,14 @@ pub(crate) struct System {
 enum Solver {
     Direct(Box<Direct>),
     Iterative(Box<ConjugateGradients>),
+}
+
+/// The springs of handles, as they stand on the diagonal of A.
+#[derive(Clone, Copy)]
+struct Springs<'a> {
+    vertices: &'a [VertexId],
+    /// dt² k `[kg]`.
+    stiffness: f64,
 }
 
 struct Direct {
@@ -287,43 +296,41 @@ impl System {
             });
         }
         let dt = self.elements.time_step();
-        let springs = match self.constraint {
-            HandleConstraint::Exact => &[][..],
-            HandleConstraint::Spring => self.handles.vertices(),
+        let springs = Springs {
+            vertices: match self.constraint {
+                HandleConstraint::Exact => &[],
+                HandleConstraint::Spring => self.handles.vertices(),
+            },
+            stiffness: dt * dt * HANDLE_STIFFNESS,
         };
-        let stiffness = dt * dt * HANDLE_STIFFNESS;
-        let guess = match self.solved_dt {
-            0.0 => 0.0,
-            last => dt / last,
-        };
+        let (pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
         match &mut self.solver {
             Solver::Direct(direct) => {
-                let elements = &self.elements;
-                direct
-                    .contributions
-                    .gather(self.threads, elements, &mut direct.blocks);
-                for vertex in springs {
-                    let added = DMat3::from_diagonal(DVec3::splat(stiffness));
-                    direct.blocks[self.pattern.unknown(vertex.0) as usize] += added;
-                }
-                direct.solve(&self.pattern, &self.impulses, &mut self.changes)?;
+                direct.gather(self.threads, (pattern, &self.elements), springs);
+                direct.solve(pattern, impulses, changes)?;
             }
             Solver::Iterative(solver) => {
-                self.changes.iter_mut().for_each(|change| *change *= guess);
-                let stiff = springs.iter().map(|vertex| (vertex.0, stiffness));
-                solver.prepare(self.threads, (&self.pattern, &self.elements), stiff);
-                let (elements, impulses) = (&mut self.elements, &self.impulses);
                 let threads = self.threads;
+                // A change of velocity is about an acceleration times dt.
+                let scale = if self.solved_dt > 0.0 {
+                    dt / self.solved_dt
+                } else {
+                    0.0
+                };
+                changes.iter_mut().for_each(|change| *change *= scale);
+                let stiff = springs.vertices.iter().map(|v| (v.0, springs.stiffness));
+                solver.prepare(threads, (pattern, &self.elements), stiff);
+                let elements = &mut self.elements;
                 let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
                     elements.multiply(threads, changes, residual);
                     for (residual, impulse) in residual.iter_mut().zip(impulses) {
                         *residual = *impulse - *residual;
                     }
-                    for vertex in springs {
-                        residual[vertex.index()] -= changes[vertex.index()] * stiffness;
+                    for v in springs.vertices.iter().map(|v| v.index()) {
+                        residual[v] -= changes[v] * springs.stiffness;
                     }
                 };
-                solver.solve(threads, &self.pattern, &mut self.changes, residual)?;
+                solver.solve(threads, pattern, changes, residual)?;
             }
         }
         self.solved_dt = dt;
@@ -409,6 +416,20 @@ impl Direct {
             solution: vec![0.0; 3 * pattern.unknown_count()],
             cholesky: Cholesky::new(starts, rows)?,
         })
+    }
+
+    fn gather(
+        &mut self,
+        threads: Threads,
+        (pattern, elements): (&Pattern, &Elements),
+        springs: Springs<'_>,
+    ) {
+        self.contributions
+            .gather(threads, elements, &mut self.blocks);
+        for vertex in springs.vertices {
+            let added = DMat3::from_diagonal(DVec3::splat(springs.stiffness));
+            self.blocks[pattern.unknown(vertex.0) as usize] += added;
+        }
     }
 
     fn solve(

@@ -8,6 +8,7 @@ mod limits;
 mod reference;
 mod releases;
 mod rest;
+mod robustness;
 mod scenes;
 mod sheets;
 mod simulator;
