@@ -1,0 +1,158 @@
+//! What the choices of the physics do to a motion: the table of `docs/simulator.md`.
+//!
+//! `cargo run --release -p selvedge-sim --example choices`. A square of gray interlock with 289
+//! vertices, held by two corners, starts in its rest pose and is moved diagonally for 90 frames. Each
+//! row is one choice: the root mean square distance, over all vertices and frames, to the motion
+//! with short substeps and to that with the default settings, and what a frame took.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a measuring program that prints its result"
+)]
+
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::motion::named::by_name;
+use selvedge_cloth::{
+    AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, Environment, HandleConstraint,
+    HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsSettings, SagSettings, Scene,
+    Stepper, StretchLookup, Substepping,
+};
+use selvedge_sim::{Simulator, sag};
+
+/// Frames that the shipped motion stands still before its first move.
+const STILL: usize = 60;
+const FRAMES: usize = 90;
+
+fn main() {
+    let mut scene = scene();
+    let rest = sag(&scene).unwrap().positions;
+    let mut run = |physics: PhysicsSettings| {
+        scene.physics = physics;
+        frames(&scene, &rest)
+    };
+    let usual = PhysicsSettings::default();
+    let (fine, _) = run(PhysicsSettings {
+        substeps: 64,
+        ..usual
+    });
+    let (base, _) = run(usual);
+    for (name, physics) in choices() {
+        let (found, milliseconds) = run(physics);
+        println!(
+            "| {name} | {:.2} mm | {:.4} mm | {milliseconds:.2} ms |",
+            1e3 * distance(&found, &fine),
+            1e3 * distance(&found, &base),
+        );
+    }
+}
+
+fn choices() -> Vec<(&'static str, PhysicsSettings)> {
+    let usual = PhysicsSettings::default();
+    let one = PhysicsSettings {
+        substeps: 1,
+        ..usual
+    };
+    let newton = Integrator::Newton(Newton::default());
+    let adaptive = Substepping::Adaptive(AdaptiveSubsteps {
+        max_change: 0.02,
+        ..AdaptiveSubsteps::default()
+    });
+    let solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
+    let (handles, bending) = (HandleConstraint::Spring, BendingLaw::Arcsim);
+    let stretch_lookup = StretchLookup::Exact;
+    let (integrator, substepping, air) = (newton, adaptive, AirLaw::Implicit);
+    vec![
+        ("default: 4 substeps", usual),
+        ("1 substep", one),
+        (
+            "2 substeps",
+            PhysicsSettings {
+                substeps: 2,
+                ..usual
+            },
+        ),
+        (
+            "8 substeps",
+            PhysicsSettings {
+                substeps: 8,
+                ..usual
+            },
+        ),
+        (
+            "Newton",
+            PhysicsSettings {
+                integrator,
+                ..usual
+            },
+        ),
+        ("Newton, 1 substep", PhysicsSettings { integrator, ..one }),
+        ("implicit air", PhysicsSettings { air, ..usual }),
+        ("implicit air, 1 substep", PhysicsSettings { air, ..one }),
+        (
+            "1 substep, divided where an edge changes by 0.02",
+            PhysicsSettings { substepping, ..one },
+        ),
+        ("conjugate gradients", PhysicsSettings { solver, ..usual }),
+        ("spring handles", PhysicsSettings { handles, ..usual }),
+        ("one-sided bending", PhysicsSettings { bending, ..usual }),
+        (
+            "exact look-up",
+            PhysicsSettings {
+                stretch_lookup,
+                ..usual
+            },
+        ),
+    ]
+}
+
+/// Positions of all frames `[frames * vertices]`, and how long a frame took `[ms]`.
+fn frames(scene: &Scene, rest: &[DVec3]) -> (Vec<Vec3>, f64) {
+    let still = vec![DVec3::ZERO; rest.len()];
+    let mut simulator = Simulator::with_state(scene, rest.to_vec(), still).unwrap();
+    let path = scene.handle_path().unwrap();
+    let begin = Instant::now();
+    let mut positions = Vec::with_capacity(FRAMES * rest.len());
+    for frame in 0..FRAMES {
+        let targets = path.targets(STILL + frame, scene.physics.substeps as usize);
+        simulator.step(&targets.unwrap()).unwrap();
+        positions.extend_from_slice(simulator.positions());
+    }
+    (
+        positions,
+        begin.elapsed().as_secs_f64() * 1e3 / FRAMES as f64,
+    )
+}
+
+/// Root mean square distance `[m]`.
+fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
+    let squares = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| a.as_dvec3().distance_squared(b.as_dvec3()));
+    (squares.sum::<f64>() / a.len() as f64).sqrt()
+}
+
+fn scene() -> Scene {
+    let spec = SquareSpec {
+        vertices: 289,
+        size: 1.0,
+        seed: 1,
+    };
+    let sheet = square(&spec).unwrap();
+    let material = include_str!("../../../assets/materials/gray-interlock.toml");
+    Scene {
+        name: "choices".to_owned(),
+        handles: Handles::new(&sheet.labels["upper-corners"], spec.vertices).unwrap(),
+        schedule: HandleSchedule::default(),
+        mesh: sheet.mesh,
+        material: toml::from_str(material).unwrap(),
+        environment: Environment::default(),
+        motion: by_name("test-x-minus-z").unwrap(),
+        physics: PhysicsSettings::default(),
+        sag: SagSettings::default(),
+        frame_rate: 60.0,
+    }
+}
