@@ -196,7 +196,7 @@ impl Default for ConjugateGradients {
     fn default() -> Self {
         Self {
             tolerance: 1e-7,
-            max_iterations: 1000,
+            max_iterations: 10_000,
         }
     }
 }

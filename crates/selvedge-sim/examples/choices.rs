@@ -18,7 +18,7 @@ use selvedge_cloth::motion::named::by_name;
 use selvedge_cloth::{
     AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, Environment, HandleConstraint,
     HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsSettings, SagSettings, Scene,
-    Stepper, StretchLookup, Substepping,
+    StepError, Stepper, StretchLookup, Substepping,
 };
 use selvedge_sim::{Simulator, sag};
 
@@ -37,10 +37,17 @@ fn main() {
     let (fine, _) = run(PhysicsSettings {
         substeps: 64,
         ..usual
-    });
-    let (base, _) = run(usual);
+    })
+    .unwrap();
+    let (base, _) = run(usual).unwrap();
     for (name, physics) in choices() {
-        let (found, milliseconds) = run(physics);
+        let (found, milliseconds) = match run(physics) {
+            Ok(found) => found,
+            Err(error) => {
+                println!("| {name} | {error} |");
+                continue;
+            }
+        };
         println!(
             "| {name} | {:.2} mm | {:.4} mm | {milliseconds:.2} ms |",
             1e3 * distance(&found, &fine),
@@ -109,7 +116,7 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
 }
 
 /// Positions of all frames `[frames * vertices]`, and how long a frame took `[ms]`.
-fn frames(scene: &Scene, rest: &[DVec3]) -> (Vec<Vec3>, f64) {
+fn frames(scene: &Scene, rest: &[DVec3]) -> Result<(Vec<Vec3>, f64), StepError> {
     let still = vec![DVec3::ZERO; rest.len()];
     let mut simulator = Simulator::with_state(scene, rest.to_vec(), still).unwrap();
     let path = scene.handle_path().unwrap();
@@ -117,13 +124,11 @@ fn frames(scene: &Scene, rest: &[DVec3]) -> (Vec<Vec3>, f64) {
     let mut positions = Vec::with_capacity(FRAMES * rest.len());
     for frame in 0..FRAMES {
         let targets = path.targets(STILL + frame, scene.physics.substeps as usize);
-        simulator.step(&targets.unwrap()).unwrap();
+        simulator.step(&targets.unwrap())?;
         positions.extend_from_slice(simulator.positions());
     }
-    (
-        positions,
-        begin.elapsed().as_secs_f64() * 1e3 / FRAMES as f64,
-    )
+    let milliseconds = begin.elapsed().as_secs_f64() * 1e3 / FRAMES as f64;
+    Ok((positions, milliseconds))
 }
 
 /// Root mean square distance `[m]`.
