@@ -3,6 +3,7 @@
 //! [`selvedge_cloth::Stepper`].
 
 mod connectivity;
+mod cost;
 mod features;
 mod frame;
 pub mod geometry;
@@ -26,6 +27,7 @@ mod test_cloth;
 mod window;
 
 pub use connectivity::Connectivity;
+pub use cost::{FirstEdgeLayer, Flops, flops};
 pub use features::backward::{PoseGradient, edge_features_backward, node_features_backward};
 pub use features::{
     Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use crate::integration::Integration;
@@ -15,8 +15,10 @@ use crate::limits::EdgeLimits;
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
     /// What the network sees of a vertex.
+    #[serde(deserialize_with = "each_once")]
     pub node_features: BTreeSet<NodeFeature>,
     /// What the network sees of an arc.
+    #[serde(deserialize_with = "each_once")]
     pub edge_features: BTreeSet<EdgeFeature>,
     /// How features become latent vectors.
     pub encoder: Encoder,
@@ -91,6 +93,23 @@ pub enum Encoder {
 
 fn one() -> usize {
     1
+}
+
+/// A list in which nothing may stand twice.
+fn each_once<'de, D, T>(list: D) -> Result<BTreeSet<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de> + Serialize + Ord,
+{
+    let mut set = BTreeSet::new();
+    for feature in Vec::<T>::deserialize(list)? {
+        let name = serde_json::to_string(&feature).map_err(serde::de::Error::custom)?;
+        if !set.insert(feature) {
+            let message = format!("{name} stands twice in a list of features: once is enough");
+            return Err(serde::de::Error::custom(message));
+        }
+    }
+    Ok(set)
 }
 
 impl Encoder {

@@ -1,14 +1,17 @@
 //! The configuration of a training: a TOML file, checked once, saved beside the result.
 
+mod setting;
+
 use std::path::{Path, PathBuf};
 
-use selvedge_model::{ModelSpec, SpecError};
+use selvedge_model::{Encoder, ModelSpec, SpecError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::losses::{LossWeights, LossWeightsError};
 use crate::optimizer::{AdamError, AdamSettings};
 use crate::schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
+pub use setting::{Setting, SettingError};
 
 /// Everything that decides a training besides its data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,7 +41,7 @@ pub struct TrainConfig {
     /// prediction gone astray does not drown the rest of its batch. Without this key all count alike.
     #[serde(default)]
     pub loss_cap: Option<f64>,
-    /// Probability that a value between the recurrent layers is dropped.
+    /// Probability that a value between the recurrent layers is dropped; 0 where there are none.
     #[serde(default)]
     pub dropout: f64,
     /// How samples are put together.
@@ -137,6 +140,12 @@ pub enum ConfigError {
         path: PathBuf,
         source: InvalidConfig,
     },
+    #[error("{path} with {settings}: {source}")]
+    Setting {
+        path: PathBuf,
+        settings: String,
+        source: SettingError,
+    },
 }
 
 /// A value of a configuration that cannot be used.
@@ -165,11 +174,19 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigError`] names the file and the field.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        Self::read_with(path, &[])
+    }
+
+    /// The same with some of its values changed, later ones after earlier ones.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file, the field, and the changes where one of them does not fit.
+    pub fn read_with(path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
             path: path.to_owned(),
             source,
         })?;
-        Self::parse(&text, path)
+        Self::parse_with(&text, path, settings)
     }
 
     /// Checks the TOML text of a configuration that people know as `path`.
@@ -177,12 +194,33 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigError`] names the file and the field.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        Self::parse_with(text, path, &[])
+    }
+
+    /// The same with some of its values changed, later ones after earlier ones.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file, the field, and the changes where one of them does not fit.
+    pub fn parse_with(text: &str, path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
         let path = path.to_owned();
-        let cfg: Self = match toml::from_str(text) {
+        // Read as it is first, so that a defect of the text has its line.
+        let read: Result<Self, toml::de::Error> = toml::from_str(text);
+        let cfg = match read {
             Ok(cfg) => cfg,
             Err(source) => {
                 let source = Box::new(source);
                 return Err(ConfigError::Syntax { path, source });
+            }
+        };
+        let cfg = match setting::changed(cfg, text, settings) {
+            Ok(cfg) => cfg,
+            Err(source) => {
+                let settings = setting::list(settings);
+                return Err(ConfigError::Setting {
+                    path,
+                    settings,
+                    source,
+                });
             }
         };
         match cfg.validate() {
@@ -212,6 +250,10 @@ impl TrainConfig {
         let kept = (0.0..1.0).contains(&self.dropout);
         let expected = "at least 0 and below 1";
         require(kept, "dropout", expected, self.dropout)?;
+        let recurrent = matches!(self.model.encoder, Encoder::Gru { .. });
+        let expected = "0 where model.encoder is no gru: it acts between recurrent layers";
+        let has_place = recurrent || self.dropout == 0.0;
+        require(has_place, "dropout", expected, self.dropout)?;
         self.batch.validate()?;
         self.noise.validate()?;
         self.scheduled_sampling.validate()?;
@@ -245,6 +287,7 @@ impl NoiseConfig {
 impl ScheduledSampling {
     fn validate(&self) -> Result<(), InvalidConfig> {
         self.truth.validate()?;
+        at_least_one("scheduled_sampling.longest", f64::from(self.longest))?;
         positive("scheduled_sampling.farthest", self.farthest)?;
         part("scheduled_sampling.correction", self.correction)
     }

@@ -17,7 +17,8 @@ mod unroll;
 
 pub use checkpoint::ResumeError;
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, ScheduledSampling, TrainConfig,
+    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, ScheduledSampling, Setting, SettingError,
+    TrainConfig,
 };
 pub use corpus::{CorpusError, graph_of};
 pub use losses::{

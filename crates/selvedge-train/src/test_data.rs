@@ -155,7 +155,9 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
 pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;
-    cfg.dropout = 0.2;
+    if matches!(encoder, Encoder::Gru { .. }) {
+        cfg.dropout = 0.2;
+    }
     cfg.scheduled_sampling.truth = TruthProbability::Linear {
         start: 1,
         end: 3,

@@ -1,4 +1,5 @@
-//! What ships with the program: the model that `rollout` runs when none is named.
+//! What ships with the program: the model that `rollout` runs when none is named, and the
+//! configurations that `train` knows by name.
 
 /// The weights of the shipped model, and what they are called in answers.
 pub(crate) const MODEL: (&str, &[u8]) = (
@@ -6,9 +7,35 @@ pub(crate) const MODEL: (&str, &[u8]) = (
     include_bytes!("../../../assets/models/first.safetensors"),
 );
 
-/// The shipped training configurations: names and TOML texts.
-const TRAININGS: &[(&str, &str)] =
-    &[("first", include_str!("../../../assets/training/first.toml"))];
+/// A list of pairs of names and texts of the files in a folder.
+macro_rules! trainings {
+    ($($name:literal),+ $(,)?) => {
+        &[$((
+            $name,
+            include_str!(concat!("../../../assets/training/", $name, ".toml")),
+        )),+]
+    };
+}
+
+/// The shipped training configurations, names and TOML texts: the one that the shipped model comes
+/// from, the paper's models, its ablations, and one that is trained in another way.
+pub(crate) const TRAININGS: &[(&str, &str)] = trainings![
+    "first",
+    "meshgraphnets",
+    "meshgraphnets-ss",
+    "rp-mlp",
+    "rp-gru5",
+    "rp-gru10",
+    "rp-without-external-force",
+    "rp-without-rest-vector",
+    "rp-without-elongation",
+    "rp-without-edge-vector-loss",
+    "rp-without-edge-length-loss",
+    "rp-without-kinetic-energy",
+    "rp-without-bending",
+    "rp-without-physics",
+    "rp-gru10-better",
+];
 
 /// The text of the shipped training configuration of this name, if there is one.
 pub(crate) fn training(name: &str) -> Option<&'static str> {

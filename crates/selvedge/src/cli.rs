@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_data::Split;
+use selvedge_train::Setting;
 
 pub(crate) use self::import::ImportArgs;
 use crate::output::Reader;
@@ -68,6 +69,11 @@ pub(crate) enum Command {
     Evaluate(EvaluateArgs),
     Compare(CompareArgs),
     Inspect(InspectArgs),
+    /// List the shipped training configurations: their networks, and what these cost.
+    ///
+    /// Operations per vertex, per arc and per frame of a cloth of 1024 vertices and 5898 arcs (the
+    /// paper's), counted from the spec: two for each multiplication with its addition in a product.
+    Presets,
 }
 
 /// Run a trained model on a scene, beside the physics.
@@ -263,9 +269,10 @@ pub(crate) struct DatasetInspectArgs {
 #[command(after_help = "\
 Examples:
   selvedge train first --data data/first --out runs/first --for 30m
-  selvedge train first --data data/first --out runs/first --resume")]
+  selvedge train first --data data/first --out runs/first --resume
+  selvedge train rp-gru10 --data data/first --out runs/small --set model.latent=32 --set model.blocks=4")]
 pub(crate) struct TrainArgs {
-    /// A configuration: a TOML file, or the name of a shipped one.
+    /// A configuration: a TOML file, or the name of a shipped one (`selvedge presets` lists them).
     pub(crate) config: String,
     /// The folder of the run: checkpoints, log, model.
     #[arg(long, value_name = "FOLDER")]
@@ -280,6 +287,9 @@ pub(crate) struct TrainArgs {
     /// else, from the steps to the data, is this training's own.
     #[arg(long, value_name = "FOLDER", conflicts_with = "resume")]
     pub(crate) from: Option<PathBuf>,
+    /// Change a value of the configuration, by its dotted path and as in TOML; may stand several times.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<Setting>,
     /// Optimiser steps in all [default: as the configuration says].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,

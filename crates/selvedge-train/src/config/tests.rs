@@ -55,7 +55,7 @@ fn unknown_keys_and_missing_files_are_named() {
 #[test]
 fn values_out_of_range_are_named() {
     type Edit = fn(&mut TrainConfig);
-    let cases: [(Edit, &str); 14] = [
+    let cases: [(Edit, &str); 16] = [
         (|c| c.steps = 0, "steps must be at least 1, found 0"),
         (
             |c| c.statistics_samples = 0,
@@ -73,6 +73,14 @@ fn values_out_of_range_are_named() {
         (
             |c| c.dropout = 1.0,
             "dropout must be at least 0 and below 1, found 1",
+        ),
+        (
+            |c| c.dropout = 0.2,
+            "dropout must be 0 where model.encoder is no gru: it acts between recurrent layers, found 0.2",
+        ),
+        (
+            |c| c.scheduled_sampling.longest = 0,
+            "scheduled_sampling.longest must be at least 1, found 0",
         ),
         (
             |c| c.batch.samples = 0,
@@ -112,5 +120,68 @@ fn values_out_of_range_are_named() {
         edit(&mut cfg);
         let found = cfg.validate().expect_err(expected).to_string();
         assert_eq!(found, expected);
+    }
+}
+
+fn with(settings: &[&str]) -> Result<TrainConfig, String> {
+    let text = toml::to_string(&config(Encoder::Gru { window: 3 })).expect("plain");
+    let settings: Result<Vec<Setting>, _> = settings.iter().map(|text| text.parse()).collect();
+    let settings = settings.map_err(|error: SettingError| error.to_string())?;
+    TrainConfig::parse_with(&text, &path(), &settings).map_err(|error| error.to_string())
+}
+
+#[test]
+fn settings_change_what_they_name_and_nothing_else() {
+    let mut expected = config(Encoder::Gru { window: 3 });
+    expected.model.latent = 32;
+    expected.gradient_clip = Some(2.5);
+    expected.losses.bending_angle = 0.0;
+    expected.learning_rate = LearningRate::Constant { rate: 1e-2 };
+    let found = with(&[
+        "model.latent = 16",
+        "gradient_clip=2.5",
+        "losses.bending_angle=0.0",
+        "learning_rate = { kind = \"constant\", rate = 1e-2 }",
+        "model.latent=32",
+    ]);
+    assert_eq!(found.as_ref(), Ok(&expected));
+    expected.model.encoder = Encoder::Mlp { window: 3 };
+    expected.name = "another".to_owned();
+    // A plain word is a text, as every shell leaves it.
+    let found = with(&[
+        "model.latent=32",
+        "gradient_clip=2.5",
+        "losses.bending_angle=0",
+        "learning_rate.rate=1e-2",
+        "model.encoder.kind=mlp",
+        "name=another",
+    ]);
+    assert_eq!(found, Ok(expected));
+}
+
+#[test]
+fn settings_that_do_not_fit_are_named() {
+    let cases = [
+        ("model.latnet=32", "training.toml with model.latnet = 32: "),
+        ("model.latnet=32", "unknown field `latnet`, expected one of"),
+        ("colour=3", "unknown field `colour`"),
+        ("model.latent=wide", "invalid type: string \"wide\""),
+        ("model.latent=2.5", "invalid type: floating point `2.5`"),
+        ("model.latent=2", "model.latent must be between 4 and 4096"),
+        ("model.latent.size=2", "model.latent is no table"),
+        ("model.encoder.kind=lstm", "unknown variant `lstm`"),
+        ("model.latent", "\"model.latent\" is no setting"),
+        ("=3", "\"=3\" is no setting"),
+        ("model..latent=3", "\"model..latent=3\" is no setting"),
+        ("model.latent=[3", "\"model.latent=[3\" is no setting"),
+        ("steps=3\nseed=4", "is no setting"),
+        (
+            "model.node_features=[\"velocity\", \"node-type\", \"velocity\"]",
+            "\"velocity\" stands twice in a list of features",
+        ),
+    ];
+    for (setting, expected) in cases {
+        let found = with(&[setting]).expect_err(expected);
+        assert!(found.contains(expected), "{setting}: {found}");
     }
 }

@@ -7,6 +7,7 @@ mod dataset_inspect;
 mod dataset_plan;
 mod evaluate;
 mod inspect;
+mod presets;
 mod rollout;
 mod sag;
 mod simulate;
@@ -31,6 +32,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         }
         Command::Compare(args) => compare::run(args),
         Command::Inspect(args) => inspect::run(args),
+        Command::Presets => presets::run(),
         Command::Rollout(args) => rollout::run(args),
         Command::Train(args) => train::run(args),
         Command::Evaluate(args) => evaluate::run(args),

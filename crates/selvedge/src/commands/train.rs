@@ -39,9 +39,10 @@ struct Report {
 /// # Errors
 /// What of the configuration, the data, the folder or a step went wrong.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
+    let path = args.config.as_ref();
     let mut cfg = match assets::training(&args.config) {
-        Some(text) => TrainConfig::parse(text, args.config.as_ref())?,
-        None => TrainConfig::read(args.config.as_ref())?,
+        Some(text) => TrainConfig::parse_with(text, path, &args.set)?,
+        None => TrainConfig::read_with(path, &args.set)?,
     };
     if let Some(steps) = args.steps {
         cfg.steps = steps;

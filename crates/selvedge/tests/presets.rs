@@ -1,0 +1,205 @@
+//! The shipped training configurations: each is listed, has the network that its name promises, and
+//! learns. `cargo test --release -p selvedge --test presets -- --ignored --nocapture` trains each
+//! for some hundred steps at reduced size and prints the table of docs/results.md.
+
+// A test that cannot be set up fails where it is set up.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use common::{Desk, names_in, number};
+use selvedge_data::Dataset;
+use selvedge_train::{Setting, TrainConfig, Trainer};
+
+/// The paper's models with the parameters of their networks: those of the paper, counted by hand from
+/// its layers, less or more 128 weights (384 of a recurrent layer) for each column less or more.
+const PAPERS: [(&str, usize); 13] = [
+    ("meshgraphnets", 2_333_699),
+    ("meshgraphnets-ss", 2_333_699),
+    ("rp-mlp", 2_334_595),
+    ("rp-gru5", 2_605_955),
+    ("rp-gru10", 2_605_955),
+    ("rp-without-external-force", 2_605_955 - 384 * 3),
+    ("rp-without-rest-vector", 2_605_955 - 384),
+    ("rp-without-elongation", 2_605_955 - 384),
+    ("rp-without-edge-vector-loss", 2_605_955),
+    ("rp-without-edge-length-loss", 2_605_955),
+    ("rp-without-kinetic-energy", 2_605_955 - 384),
+    ("rp-without-bending", 2_605_955 - 384),
+    ("rp-without-physics", 2_605_955 - 384 * (4 + 3)),
+];
+
+/// Those that are not in the paper.
+const OWN: [&str; 2] = ["first", "rp-gru10-better"];
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/training")
+}
+
+fn preset(name: &str, settings: &[&str]) -> TrainConfig {
+    let settings: Vec<Setting> = settings.iter().map(|s| s.parse().unwrap()).collect();
+    TrainConfig::read_with(&folder().join(format!("{name}.toml")), &settings).unwrap()
+}
+
+fn names() -> Vec<&'static str> {
+    let papers = PAPERS.iter().map(|row| row.0);
+    OWN.into_iter().chain(papers).collect()
+}
+
+#[test]
+fn every_preset_is_listed_with_the_network_that_it_promises() {
+    let report = Desk::new().json("presets");
+    let rows = report["presets"].as_array().unwrap();
+    let listed: BTreeSet<String> = rows
+        .iter()
+        .map(|row| format!("{}.toml", row["name"].as_str().unwrap()))
+        .collect();
+    let files: BTreeSet<String> = names_in(&folder()).into_iter().collect();
+    assert_eq!(listed, files);
+    let expected: BTreeSet<String> = names().iter().map(|name| format!("{name}.toml")).collect();
+    assert_eq!(listed, expected);
+    for (name, parameters) in PAPERS {
+        let row = rows.iter().find(|row| row["name"] == name).unwrap();
+        assert_eq!(number(row, "/parameters"), parameters as f64, "{name}");
+        assert_eq!(preset(name, &[]).name, name);
+        // What docs/equations.md and the paper leave to the preset: the epochs of the paper.
+        let cfg = preset(name, &[]);
+        let epoch = 6550 - 42 * (cfg.model.window() as u64 - 1);
+        assert_eq!(cfg.steps, 1200 * epoch, "{name}");
+        assert_eq!(cfg.statistics_samples as u64, epoch, "{name}");
+        let (before, after) = (
+            cfg.learning_rate.at(13 * epoch - 1),
+            cfg.learning_rate.at(13 * epoch),
+        );
+        assert_eq!((before, after), (1e-4, 1e-5), "{name}");
+        let truth = |epochs| cfg.scheduled_sampling.truth.at(epochs * epoch);
+        let scheduled = name != "meshgraphnets";
+        let expected = if scheduled { [1.0, 0.0] } else { [1.0, 1.0] };
+        assert_eq!([truth(75), truth(300)], expected, "{name}");
+    }
+    let gru10 = rows.iter().find(|row| row["name"] == "rp-gru10").unwrap();
+    let gflops = number(gru10, "/flops_per_frame_unsplit") / 1e9;
+    assert!((gflops - 37.8).abs() < 0.05, "{gflops}");
+}
+
+#[test]
+fn every_preset_takes_two_steps_with_a_finite_loss() {
+    let desk = Desk::new();
+    desk.tiny();
+    let data = Dataset::open(&desk.path("tiny")).unwrap();
+    for name in names() {
+        let cfg = preset(name, &["statistics_samples=10"]);
+        let mut trainer = Trainer::new(cfg, &data).unwrap();
+        let expected = PAPERS.iter().find(|row| row.0 == name);
+        if let Some((_, parameters)) = expected {
+            assert_eq!(trainer.parameter_count(), *parameters, "{name}");
+        }
+        for _ in 0..2 {
+            let report = trainer.step().unwrap();
+            assert!(report.terms.total.is_finite(), "{name}");
+            assert!(report.gradient_norm > 0.0, "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_preset_is_tried_at_reduced_size() {
+    let desk = Desk::new();
+    desk.tiny();
+    let small = "--set model.latent=8 --set model.blocks=1 --set statistics_samples=10";
+    let report = desk.json(&format!(
+        "train rp-gru10 --data tiny --out run --steps 1 {small}"
+    ));
+    let file = desk.json("inspect run/model.safetensors");
+    assert_eq!(number(&report, "/parameters"), number(&file, "/parameters"));
+    assert_eq!(number(&file, "/spec/latent"), 8.0);
+    assert_eq!(number(&file, "/spec/encoder/window"), 10.0);
+    desk.fails(
+        "train rp-gru10 --data tiny --out again --steps 1 --set model.latnet=8",
+        1,
+        &["rp-gru10", "model.latnet = 8", "unknown field `latnet`"],
+    );
+    let said = desk.run("train rp-gru10 --data tiny --out again --set model.latent");
+    assert_eq!(said.code, Some(2));
+    assert!(
+        said.err.contains("\"model.latent\" is no setting"),
+        "{}",
+        said.err
+    );
+    assert!(!desk.path("again").exists());
+}
+
+/// One motion of one small cloth: the section that a network is to learn by heart.
+const SECTION: &str = r#"
+name = "section"
+sections = "whole"
+train = ["push"]
+test = ["lift"]
+
+[setting]
+material = "gray-interlock"
+mesh = { generator = { kind = "square", vertices = 64, size = 1.0, seed = 1 } }
+handles = { label = "upper-corners" }
+
+[motions.push.inline]
+kind = "blocks"
+blocks = [
+    { duration = 0.1 },
+    { duration = 0.5, translations = [{ direction = [1.0, 0.0, 0.0], pace = { distance = 0.25 } }] },
+    { duration = 0.2 },
+]
+
+[motions.lift.inline]
+kind = "blocks"
+blocks = [{ duration = 0.1, translations = [{ direction = [0.0, 1.0, 0.0], pace = { distance = 0.02 } }] }]
+"#;
+
+/// The size at which presets are tried.
+const SMALL: [&str; 5] = [
+    "model.latent=24",
+    "model.blocks=4",
+    "statistics_samples=100",
+    "batch={samples=4,shard=2}",
+    "learning_rate={kind=\"constant\",rate=1e-3}",
+];
+
+/// Nothing that keeps a network from learning what it is shown.
+const BY_HEART: [&str; 5] = [
+    "noise.deviation=0.0",
+    "dropout=0.0",
+    "scheduled_sampling.truth={kind=\"always\"}",
+    "unroll={kind=\"constant\",frames=1}",
+    "learning_rate={kind=\"cosine\",warmup=20,from=3e-3,to=1e-5,end=1500}",
+];
+
+/// Mean losses of the first ten and of the last fifty steps.
+fn losses(cfg: TrainConfig, data: &Dataset, steps: usize) -> [f64; 2] {
+    let mut trainer = Trainer::new(cfg, data).unwrap();
+    let all: Vec<f64> = (0..steps)
+        .map(|_| trainer.step().unwrap().terms.total)
+        .collect();
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    [mean(&all[..10]), mean(&all[steps - 50..])]
+}
+
+#[test]
+#[ignore = "minutes: trains every preset twice"]
+fn every_preset_learns_and_learns_one_section_by_heart() {
+    let desk = Desk::new();
+    desk.tiny();
+    desk.write("section.toml", SECTION);
+    desk.json("dataset generate section.toml --out section");
+    let [tiny, section] = ["tiny", "section"].map(|name| Dataset::open(&desk.path(name)).unwrap());
+    println!("| preset | loss, 400 steps | one section, 1500 steps |\n|---|---|---|");
+    for name in names() {
+        let [first, last] = losses(preset(name, &SMALL), &tiny, 400);
+        let settings = [&SMALL[..], &BY_HEART[..]].concat();
+        let [unknown, known] = losses(preset(name, &settings), &section, 1500);
+        println!("| {name} | {first:.3} → {last:.3} | {unknown:.3} → {known:.5} |");
+        assert!(last < 0.8 * first, "{name}");
+        assert!(known < 0.05 * unknown, "{name}");
+    }
+}
