@@ -23,7 +23,7 @@ pub(crate) enum EncoderLayers {
 #[derive(Default)]
 pub(crate) struct EncoderRecord<T> {
     mlp: MlpRecord<T>,
-    gru: GruRecord<T>,
+    pub(crate) gru: GruRecord<T>,
 }
 
 /// The gradients at both ends of an encoder.

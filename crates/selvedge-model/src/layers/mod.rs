@@ -8,6 +8,8 @@ pub(crate) mod block;
 pub(crate) mod encoder;
 pub(crate) mod gru;
 pub(crate) mod mlp;
+#[cfg(test)]
+mod pytorch;
 
 /// Rows (vertices or arcs) that are taken through a layer at a time.
 pub(crate) const TILE: usize = 128;
