@@ -27,6 +27,7 @@ NODE_FEATURES = [
     "expected-move",
     "rest-offset",
 ]
+KEYS = {"node_features", "edge_features", "encoder", "latent", "blocks", "integration", "edge_limits"}
 EDGE_FEATURES = ["vector", "rest-vector", "material-vector", "elongation", "bending-angle"]
 
 
@@ -163,6 +164,31 @@ def with_length(d):
     return np.concatenate([d, np.linalg.norm(d, axis=1, keepdims=True)], axis=1)
 
 
+def limit_edges(limits, cloth, positions):
+    """Brings edges back to their bounds, one after another, in sweeps [eq:edge-limits]; changes `positions`."""
+    first, last = cloth.arcs[: cloth.edge_count].T
+    rest = np.linalg.norm(cloth.rest[first] - cloth.rest[last], axis=1)
+    weight = 1 / cloth.mass
+    weight[cloth.handles] = 0.0
+
+    def missing(a, b, rest):
+        apart = positions[a] - positions[b]
+        length = np.sqrt((apart**2).sum(-1))
+        wanted = np.clip(length, limits["least"] * rest, limits["most"] * rest)
+        off = (abs(wanted - length) > 1e-5 * rest) & (weight[a] + weight[b] > 0) & (length > 0)
+        return off, apart, length, wanted - length
+
+    for _ in range(limits["sweeps"]):
+        if not missing(first, last, rest)[0].any():
+            return
+        for a, b, at_rest in zip(first, last, rest):
+            off, apart, length, change = missing(a, b, at_rest)
+            if off:
+                move = change / (length * (weight[a] + weight[b])) * apart
+                positions[a] += weight[a] * move
+                positions[b] -= weight[b] * move
+
+
 def node_columns(spec, cloth, frames, number, yaw, next_handles):
     """Columns of every vertex in frame `number` of the window's history."""
     local = lambda d: d @ turn_of(yaw)  # noqa: E731
@@ -218,8 +244,9 @@ class Model:
         self.spec = json.loads(metadata["spec"])
         for list_name, known in [("node_features", NODE_FEATURES), ("edge_features", EDGE_FEATURES)]:
             unknown = set(self.spec[list_name]) - set(known)
+            unknown |= set(self.spec) - KEYS
             if unknown:
-                raise SystemExit(f"{path}: this script does not know the features {sorted(unknown)}")
+                raise SystemExit(f"{path}: this script does not know {sorted(unknown)} of the spec")
         self.statistics = {
             name: tuple(arrays.pop(f"normalizer.{name}.{kind}") for kind in ("mean", "deviation"))
             for name in ("nodes", "edges", "acceleration")
@@ -252,6 +279,8 @@ class Model:
         acceleration = (output * deviation + mean) @ turn_of(yaw).T
         following = acceleration + 2 * current - uniform_from(self.spec, cloth, previous, current, next_handles)
         following[cloth.handles] = next_handles
+        if self.spec.get("edge_limits"):
+            limit_edges(self.spec["edge_limits"], cloth, following)
         return following, acceleration
 
 
