@@ -3,6 +3,9 @@
 //! are relative to the largest entry of each tensor; f32 is allowed 1e-5.
 //! `cargo test -p selvedge-train --test pytorch -- --nocapture` prints the largest differences.
 
+// What is measured is there to be read.
+#![allow(clippy::print_stdout)]
+
 use glam::{DVec3, Vec2, Vec3};
 use safetensors::{Dtype, SafeTensors};
 use selvedge_cloth::{Environment, Handles, Topology};

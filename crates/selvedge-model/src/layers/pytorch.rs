@@ -3,6 +3,9 @@
 //! but for the order of sums, ours in f32 within 1e-5 of the largest entry of each tensor.
 //! `cargo test -p selvedge-model pytorch -- --nocapture` prints the largest differences.
 
+// What is measured is there to be read.
+#![allow(clippy::print_stdout)]
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use safetensors::{Dtype, SafeTensors};
