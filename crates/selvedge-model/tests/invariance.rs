@@ -106,7 +106,7 @@ fn seen(case: &Case, wind: DVec3) -> Seen {
         rest_positions: case.rest.clone(),
         environment: Environment {
             air_drag: 0.3,
-            wind: wind.into(),
+            wind,
             ..Environment::default()
         },
         frame_rate: 60.0,
