@@ -30,12 +30,14 @@ pub use isotropic::{Isotropic, IsotropicError};
 pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
 pub use mesh::{Mesh, MeshError, RestShape};
 pub use motion::{
-    Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace, Profile,
-    RecordedMotion, Rotation, Translation, TurnSense,
+    Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
+    PoseKeyframe, Profile, RecordedMotion, Rotation, SplineGroup, SplineMotion, Translation,
+    TurnSense,
 };
 pub use physics::{
     AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, HandleConstraint, Integrator,
-    LinearSolver, Newton, PhysicsError, PhysicsSettings, SagSettings, StretchLookup, Substepping,
+    LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagSettings, StretchLookup,
+    Substepping,
 };
 pub use scene::{Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};

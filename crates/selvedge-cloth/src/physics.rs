@@ -26,6 +26,18 @@ pub struct PhysicsSettings {
     pub solver: LinearSolver,
 }
 
+/// A name for all settings of the physics at once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PhysicsMode {
+    /// The defaults.
+    #[default]
+    Selvedge,
+    /// As ARCSim has them, for comparisons with it: spring handles, its bending law, its grid,
+    /// explicit air, one linear solve per substep by a complete factorisation.
+    Arcsim,
+}
+
 /// How handles hold the cloth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -212,6 +224,24 @@ impl Default for SagSettings {
 }
 
 impl PhysicsSettings {
+    /// The settings of a mode.
+    #[must_use]
+    pub fn in_mode(mode: PhysicsMode) -> Self {
+        match mode {
+            PhysicsMode::Selvedge => Self::default(),
+            PhysicsMode::Arcsim => Self {
+                substeps: 4,
+                handles: HandleConstraint::Spring,
+                bending: BendingLaw::Arcsim,
+                stretch_lookup: StretchLookup::Grid,
+                air: AirLaw::Explicit,
+                integrator: Integrator::Linearised,
+                substepping: Substepping::Fixed,
+                solver: LinearSolver::Cholesky,
+            },
+        }
+    }
+
     /// Checks the numbers of substeps and iterations, tolerances and bounds.
     ///
     /// # Errors
@@ -401,6 +431,16 @@ mod tests {
             let text = settings.validate().unwrap_err().to_string();
             assert!(text.starts_with(field), "{text}");
         }
+    }
+
+    #[test]
+    fn a_mode_is_its_settings() {
+        let arcsim = PhysicsSettings::in_mode(PhysicsMode::Arcsim);
+        assert_eq!(arcsim.handles, HandleConstraint::Spring);
+        assert_eq!(arcsim.bending, BendingLaw::Arcsim);
+        assert_eq!(arcsim.stretch_lookup, StretchLookup::Grid);
+        let own = PhysicsSettings::in_mode(PhysicsMode::default());
+        assert_eq!(own, PhysicsSettings::default());
     }
 
     #[test]

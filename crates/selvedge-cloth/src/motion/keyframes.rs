@@ -34,7 +34,7 @@ impl KeyframePath {
         let mut owner: Vec<Option<usize>> = vec![None; start.len()];
         let mut groups = Vec::with_capacity(motion.groups.len());
         for (number, group) in motion.groups.iter().enumerate() {
-            claim_handles(number, group, &mut owner)?;
+            claim_handles(number, &group.handles, &mut owner)?;
             let keyframes = check_keyframes(number, group, motion.duration)?;
             let sum: DVec3 = group.handles.iter().map(|&h| start[h]).sum();
             groups.push(Group {
@@ -88,16 +88,17 @@ impl Group {
     }
 }
 
-fn claim_handles(
+/// Makes group `number` the owner of `handles`, which nobody may own yet.
+pub(super) fn claim_handles(
     number: usize,
-    group: &KeyframeGroup,
+    handles: &[usize],
     owner: &mut [Option<usize>],
 ) -> Result<(), MotionError> {
-    if group.handles.is_empty() {
+    if handles.is_empty() {
         let field = format!("groups[{number}].handles");
         return Err(value_error(field, "at least one handle", "none".into()));
     }
-    for &handle in &group.handles {
+    for &handle in handles {
         let handle_count = owner.len();
         let Some(owner) = owner.get_mut(handle) else {
             return Err(MotionError::HandleOutOfRange {

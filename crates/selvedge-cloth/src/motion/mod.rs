@@ -1,4 +1,4 @@
-//! Handle motion: blocks, keyframes and recordings, bound to the handles' start positions as a
+//! Handle motion: blocks, keyframes, splines and recordings, bound to the handles' start positions as a
 //! [`HandlePath`] that tells where every handle is at any time.
 //!
 //! Conventions: y is up; the handles' line is through the first and the last handle; rotations turn
@@ -14,6 +14,7 @@ pub mod named;
 mod pace;
 mod random;
 mod recorded;
+mod splines;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,7 @@ use self::blocks::BlockPath;
 use self::keyframes::KeyframePath;
 pub use self::pace::{Pace, Profile};
 use self::recorded::RecordedPath;
+use self::splines::SplinePath;
 use crate::{HandleError, HandleSchedule, HandleTargets};
 
 /// Frames per second in which durations are counted and speeds are given.
@@ -43,6 +45,8 @@ pub enum Motion {
     },
     /// Keyframes for groups of handles.
     Keyframes(KeyframeMotion),
+    /// Splines of transforms for groups of handles.
+    Splines(SplineMotion),
     /// One position per handle and frame.
     Recorded(RecordedMotion),
 }
@@ -133,6 +137,59 @@ pub struct Keyframe {
     pub rotation_deg: f64,
 }
 
+/// Splines of transforms for groups of handles; a handle in no group stays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SplineMotion {
+    /// How long the motion lasts `[s]`.
+    pub duration: f64,
+    /// When the handles are where the mesh has them `[s]`: their transform at that time leaves them
+    /// there.
+    #[serde(default)]
+    pub taken: f64,
+    /// The groups.
+    pub groups: Vec<SplineGroup>,
+}
+
+/// Handles that go with one spline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SplineGroup {
+    /// Numbers in the list of handles, from 0.
+    pub handles: Vec<usize>,
+    /// Keyframes in order of time; smooth between them.
+    pub keyframes: Vec<PoseKeyframe>,
+}
+
+/// A transform of the world at a time: scaled, then turned about the origin, then moved.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseKeyframe {
+    /// Time `[s]`.
+    pub time: f64,
+    /// Factor.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Axis of the turn; need not have length one.
+    #[serde(default = "up")]
+    pub axis: DVec3,
+    /// Right-handed angle about the axis `[degrees]`. What counts is the rotation, not the turns: from
+    /// one keyframe to the next it goes the shorter way.
+    #[serde(default)]
+    pub angle_deg: f64,
+    /// Displacement `[m]`.
+    #[serde(default)]
+    pub translation: DVec3,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn up() -> DVec3 {
+    DVec3::Y
+}
+
 /// One position per handle and frame of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -208,6 +265,7 @@ pub struct HandlePath {
 enum PathForm {
     Blocks(BlockPath),
     Keyframes(KeyframePath),
+    Splines(SplinePath),
     Recorded(RecordedPath),
 }
 
@@ -248,13 +306,21 @@ impl Motion {
         let (form, frames) = match self {
             Self::Blocks { blocks } => {
                 let path = BlockPath::new(blocks, start)?;
-                let frames = scene_frames(path.frames(), frame_rate);
+                let frames = scene_frames(path.frames() as f64, frame_rate);
                 (PathForm::Blocks(path), frames)
             }
             Self::Keyframes(motion) => {
                 let path = KeyframePath::new(motion, start)?;
                 let frames = whole_frames("duration", motion.duration)?;
-                (PathForm::Keyframes(path), scene_frames(frames, frame_rate))
+                (
+                    PathForm::Keyframes(path),
+                    scene_frames(frames as f64, frame_rate),
+                )
+            }
+            Self::Splines(motion) => {
+                let path = SplinePath::new(motion, start)?;
+                let frames = scene_frames(motion.duration * MOTION_RATE, frame_rate).max(1);
+                (PathForm::Splines(path), frames)
             }
             Self::Recorded(motion) => {
                 let path = RecordedPath::new(motion, start)?;
@@ -313,6 +379,7 @@ impl HandlePath {
         match &self.form {
             PathForm::Blocks(path) => path.at(time * MOTION_RATE),
             PathForm::Keyframes(path) => path.at(time),
+            PathForm::Splines(path) => path.at(time),
             PathForm::Recorded(path) => path.at(time * self.frame_rate),
         }
     }
@@ -362,9 +429,9 @@ fn whole_frames(field: impl Into<String>, duration: f64) -> Result<usize, Motion
 }
 
 /// Frames of a scene that cover `frames` of 1/60 s.
-fn scene_frames(frames: usize, frame_rate: f64) -> usize {
+fn scene_frames(frames: f64, frame_rate: f64) -> usize {
     // 1e-6: a quotient that is whole but for rounding needs no frame more.
-    (frames as f64 / MOTION_RATE * frame_rate - 1e-6).ceil() as usize
+    (frames / MOTION_RATE * frame_rate - 1e-6).ceil() as usize
 }
 
 /// The sample before `place` (in samples, from 0) and the fraction from it to the next. A place

@@ -4,6 +4,7 @@ mod blocks;
 mod keyframes;
 mod named;
 mod recorded;
+mod splines;
 mod written;
 
 use glam::DVec3;
