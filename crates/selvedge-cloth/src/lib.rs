@@ -36,8 +36,8 @@ pub use motion::{
 };
 pub use physics::{
     AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, HandleConstraint, Integrator,
-    LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagSettings, StretchLookup,
-    Substepping,
+    LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagMethod, SagSettings,
+    StretchLookup, Substepping,
 };
 pub use scene::{Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};

@@ -153,6 +153,9 @@ pub struct ConjugateGradients {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SagSettings {
+    /// How it is looked for.
+    #[serde(skip_serializing_if = "SagMethod::is_default")]
+    pub method: SagMethod,
     /// Height of the smooth bulge that the flat start is given along its normals `[m]`. Its sign
     /// decides to which side the cloth buckles, so that all data lie on one branch.
     pub bulge: f64,
@@ -160,6 +163,25 @@ pub struct SagSettings {
     pub tolerance: f64,
     /// Give up after this many solves.
     pub max_steps: u32,
+}
+
+/// How the sagged rest pose is looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SagMethod {
+    /// Straight to an equilibrium.
+    #[default]
+    Equilibrium,
+    /// By the motion of the cloth from its start until it is slow, and from there to the equilibrium.
+    Motion,
+}
+
+impl SagMethod {
+    /// Files made before there was a choice do not name it.
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A setting of the physics that cannot be used.
@@ -216,6 +238,7 @@ impl Default for ConjugateGradients {
 impl Default for SagSettings {
     fn default() -> Self {
         Self {
+            method: SagMethod::default(),
             bulge: 0.02,
             tolerance: 1e-3,
             max_steps: 20_000,

@@ -12,12 +12,14 @@ mod distribution;
 pub mod foreign;
 mod frames;
 pub mod metrics;
+mod npz;
 mod obj;
 mod playback;
 mod preset;
 mod record;
 mod scene;
 mod sections;
+mod state_file;
 mod tensor_file;
 mod trajectory;
 mod trajectory_file;
@@ -27,6 +29,7 @@ pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry,
 pub use dataset_writer::{DatasetPlan, DatasetWriter};
 pub use distribution::{Distribution, Distributions, Histogram};
 pub use frames::{Frames, FramesError};
+pub use npz::NpzError;
 pub use obj::{
     ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj,
     write_obj,
@@ -40,10 +43,13 @@ pub use scene::{
     GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
     MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError,
-    Setting, Transform, materials, open_scene, parse_recorded_csv, parse_scene, read_scene,
-    shipped_scenes,
+    Setting, StartSpec, Transform, materials, open_scene, parse_recorded_csv, parse_scene,
+    read_scene, shipped_scenes,
 };
 pub use sections::{Sample, Section, SectionError, SectionRule};
+pub use state_file::{
+    ReadStateError, STATES_FORMAT, SavedState, StateChoice, StateError, StateRun, StateSpec,
+};
 pub use tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
 pub use trajectory_file::{ReadTrajectoryError, TrajectoryFileError};

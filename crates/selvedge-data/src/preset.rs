@@ -44,7 +44,7 @@ use crate::dataset::Split;
 use crate::dataset_writer::DatasetPlan;
 use crate::scene::{
     LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
-    SettingFile, assets, field, parse_toml, read_text,
+    SettingFile, StartSpec, assets, field, parse_toml, read_text,
 };
 use crate::sections::SectionRule;
 
@@ -297,9 +297,10 @@ impl DatasetPreset {
             name: format!("{}/{}", self.config.name, motion.name),
             setting,
             motion: motion.motion.clone(),
+            start: StartSpec::Rest,
         };
         let scene = spec.with_mesh(mesh.clone())?;
-        Ok(LoadedScene { spec, scene })
+        Ok(LoadedScene::new(spec, scene))
     }
 
     /// What [`DatasetWriter`](crate::DatasetWriter) needs to know.

@@ -4,7 +4,7 @@
 //! its writer leaves files private; here the metadata are sorted, and the file is written through
 //! [`write_atomically`]. Layout: header length as u64 (little-endian), a JSON header padded
 //! with spaces to a multiple of eight bytes, then the tensors in the order given, which must be
-//! such that each starts aligned (all of ours are 4 bytes wide). Reading is the crate's.
+//! such that each starts aligned (f64 before the rest). Reading is the crate's.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -28,6 +28,8 @@ pub struct TensorOut<'a> {
 /// Elements of a tensor.
 #[derive(Clone, Copy, Debug)]
 pub enum TensorValues<'a> {
+    /// 64-bit floating point.
+    F64(&'a [f64]),
     /// 32-bit floating point.
     F32(&'a [f32]),
     /// 32-bit unsigned integers.
@@ -37,20 +39,25 @@ pub enum TensorValues<'a> {
 impl TensorValues<'_> {
     fn dtype(self) -> &'static str {
         match self {
+            Self::F64(_) => "F64",
             Self::F32(_) => "F32",
             Self::U32(_) => "U32",
         }
     }
 
     fn byte_len(self) -> usize {
-        4 * match self {
-            Self::F32(values) => values.len(),
-            Self::U32(values) => values.len(),
+        match self {
+            Self::F64(values) => 8 * values.len(),
+            Self::F32(values) => 4 * values.len(),
+            Self::U32(values) => 4 * values.len(),
         }
     }
 
     fn write(self, writer: &mut impl Write) -> std::io::Result<()> {
         match self {
+            Self::F64(values) => values
+                .iter()
+                .try_for_each(|v| writer.write_all(&v.to_le_bytes())),
             Self::F32(values) => values
                 .iter()
                 .try_for_each(|v| writer.write_all(&v.to_le_bytes())),

@@ -13,6 +13,7 @@ mod cholesky;
 mod conjugate_gradients;
 mod elements;
 pub mod external;
+mod fall;
 mod grip;
 mod incomplete;
 mod lists;

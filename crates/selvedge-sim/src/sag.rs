@@ -7,7 +7,8 @@
 //! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
 //! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
 //! law), it begins later, steps get inertia, and h is halved. The bulge decides to which side the
-//! cloth buckles. Wind acts as on cloth that does not move, without its gusts.
+//! cloth buckles. Where there are several equilibria, [`SagMethod::Motion`] begins with the motion
+//! that a simulation makes (see [`crate::fall`]). Wind acts as on cloth that does not move, without its gusts.
 //!
 //! What holds the cloth are the handles that hold at the start of the motion. A sheet that none of
 //! them holds has no rest pose: it stays where it starts. A material with strain limits comes to rest
@@ -15,10 +16,11 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::area_vector;
-use selvedge_cloth::{Handles, LinearSolver, Scene, SceneError};
+use selvedge_cloth::{Handles, LinearSolver, SagMethod, Scene, SceneError};
 use thiserror::Error;
 
 use crate::anderson::Anderson;
+use crate::fall::fall;
 use crate::settle::settle;
 use crate::system::{SolveError, State, System};
 
@@ -91,9 +93,12 @@ pub fn sag_with_progress(
 
 /// The pose in which no free vertex is accelerated, without regard to limits.
 fn relax(scene: &Scene, progress: &mut dyn FnMut(SagProgress)) -> Result<SaggedRest, SagError> {
-    let mut relaxation = Relaxation::new(scene)?;
+    let (start, mut solves) = match scene.sag.method {
+        SagMethod::Equilibrium => (bulged(scene), 0),
+        SagMethod::Motion => fall(scene, bulged(scene), progress)?,
+    };
+    let mut relaxation = Relaxation::new(scene, start)?;
     let tolerance = scene.sag.tolerance;
-    let mut solves = 0;
     loop {
         let residual = relaxation.residual();
         progress(SagProgress {
@@ -159,7 +164,7 @@ struct Relaxation {
 }
 
 impl Relaxation {
-    fn new(scene: &Scene) -> Result<Self, SagError> {
+    fn new(scene: &Scene, start: Vec<DVec3>) -> Result<Self, SagError> {
         let system = System::with_solver(scene, LinearSolver::Cholesky).map_err(|cause| {
             SagError::Solve {
                 solves: 0,
@@ -169,7 +174,7 @@ impl Relaxation {
         Ok(Self {
             system,
             state: State {
-                positions: bulged(scene),
+                positions: start,
                 velocities: vec![DVec3::ZERO; scene.mesh.positions().len()],
             },
             targets: scene.handles.select(scene.mesh.positions()),

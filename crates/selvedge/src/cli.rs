@@ -2,7 +2,7 @@
 
 mod import;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -142,16 +142,21 @@ impl RolloutArgs {
 
 /// Run the physics on a scene.
 ///
-/// The cloth starts in its sagged rest pose, the handles follow the scene's motion. Ctrl-C writes
-/// the frames so far.
+/// The cloth starts where the scene says, by default in its sagged rest pose; the handles follow the
+/// scene's motion. Ctrl-C writes the frames so far. A scene of ARCSim (.json) is run as ARCSim runs it.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge simulate default --out truth.safetensors
   selvedge simulate my-scene.toml --out run.safetensors --frames 120
-  selvedge simulate my-scene.toml --out fall.safetensors --from-start --clip fall.gif")]
+  selvedge simulate my-scene.toml --out fall.safetensors --from-start --clip fall.gif
+  selvedge simulate arcsim-scene.json --out run.safetensors --states states.safetensors
+  selvedge simulate my-scene.toml --out on.safetensors --state states.safetensors --state-frame 60
+
+A state is read from .safetensors or .npz: the arrays positions and velocities, or ckpt_x and ckpt_v,
+[vertices, 3] or [states, vertices, 3] with the frame of each in frames or ckpt_frames.")]
 pub(crate) struct SimulateArgs {
-    /// A scene: a TOML file, or the name of a shipped one.
+    /// A scene: a TOML file, a JSON file of ARCSim, or the name of a shipped one.
     pub(crate) scene: String,
     /// The trajectory to write (.safetensors).
     #[arg(long, value_name = "FILE")]
@@ -162,30 +167,44 @@ pub(crate) struct SimulateArgs {
     /// Also draw the run as a clip (.gif), in real time.
     #[arg(long, value_name = "FILE")]
     pub(crate) clip: Option<PathBuf>,
-    /// Start in the sagged rest pose (the default).
-    #[arg(long, conflicts_with = "from_start")]
+    /// Start in the sagged rest pose.
+    #[arg(long, conflicts_with_all = ["from_start", "state"])]
     from_rest: bool,
     /// Start where the mesh's vertices stand, as a flat sheet that falls.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "state")]
     from_start: bool,
+    /// Start in a state that was saved: positions and velocities (.safetensors, .npz).
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
+    /// The frame of the state [default: 0, or the only one in the file].
+    #[arg(long, value_name = "N", requires = "state")]
+    state_frame: Option<usize>,
+    /// Also keep positions and velocities of every frame in double precision (.safetensors).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) states: Option<PathBuf>,
 }
 
 /// Where a simulation starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum From {
+pub(crate) enum From<'a> {
+    /// As the scene says.
+    Scene,
     /// From the sagged rest pose.
     Rest,
     /// From the positions of the mesh.
     Start,
+    /// From a saved state, of this frame.
+    State(&'a Path, Option<usize>),
 }
 
 impl SimulateArgs {
     /// Where to start.
-    pub(crate) fn from(&self) -> From {
-        if self.from_start && !self.from_rest {
-            From::Start
-        } else {
-            From::Rest
+    pub(crate) fn from(&self) -> From<'_> {
+        match &self.state {
+            Some(path) => From::State(path, self.state_frame),
+            None if self.from_start => From::Start,
+            None if self.from_rest => From::Rest,
+            None => From::Scene,
         }
     }
 }
@@ -195,13 +214,18 @@ impl SimulateArgs {
 #[command(after_help = "\
 Examples:
   selvedge sag default --out rest.safetensors
-  selvedge sag my-scene.toml --out rest.obj")]
+  selvedge sag my-scene.toml --out rest.obj
+  selvedge sag arcsim-scene.json --out rest.obj --by-motion")]
 pub(crate) struct SagArgs {
-    /// A scene: a TOML file, or the name of a shipped one.
+    /// A scene: a TOML file, a JSON file of ARCSim, or the name of a shipped one.
     pub(crate) scene: String,
     /// What to write: a trajectory of one frame (.safetensors) or a mesh (.obj).
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
+    /// Let the cloth move until it comes to rest, as a simulation would: slower, but where there are
+    /// several rest poses this is the one that it reaches.
+    #[arg(long)]
+    pub(crate) by_motion: bool,
 }
 
 /// Make data to learn from, or look at it.

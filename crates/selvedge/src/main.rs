@@ -10,6 +10,7 @@ mod commands;
 mod evaluation;
 mod failure;
 mod interrupt;
+mod keeping;
 mod learned;
 mod output;
 mod pictures;
@@ -17,6 +18,7 @@ mod place;
 mod progress;
 mod reference;
 mod rigid;
+mod scenes;
 mod span;
 
 use std::process::ExitCode;

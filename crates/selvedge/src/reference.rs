@@ -6,12 +6,14 @@ use std::time::Instant;
 
 use anyhow::Context;
 use glam::{DVec3, Vec3};
-use selvedge_cloth::Scene;
+use selvedge_cloth::{Scene, Stepper};
 use selvedge_data::{
-    Cloth, Drive, Provenance, Recording, RecordingEnd, SceneSpec, Trajectory, metrics, record,
+    Cloth, Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, StateRun, Trajectory,
+    metrics, record,
 };
 use selvedge_sim::{SaggedRest, Simulator, Threads, sag_with_progress};
 
+use crate::keeping::KeepingStates;
 use crate::output::End;
 use crate::progress::Progress;
 
@@ -59,18 +61,92 @@ pub(crate) fn run(
     threads: Threads,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> anyhow::Result<Run> {
+    let plan = Plan {
+        start: SavedState::at_rest(start),
+        frames,
+        keep: Keep::Positions,
+        threads,
+    };
+    Ok(run_plan(scene, plan, on_frame)?.0)
+}
+
+/// What of a run is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keep {
+    /// Its positions as a trajectory has them.
+    Positions,
+    /// Also the states, in f64.
+    States,
+}
+
+/// A run to be made.
+pub(crate) struct Plan {
+    /// Where it starts.
+    pub(crate) start: SavedState,
+    /// Steps from there.
+    pub(crate) frames: usize,
+    /// What is kept of it.
+    pub(crate) keep: Keep,
+    /// On how many threads it is made; the result is the same on any.
+    pub(crate) threads: Threads,
+}
+
+/// Simulates `scene` as `plan` says; also the states, where they are kept. `on_frame` hears of every
+/// frame and may stop.
+///
+/// # Errors
+/// As for [`run`].
+pub(crate) fn run_plan(
+    scene: &Scene,
+    plan: Plan,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> anyhow::Result<(Run, Option<StateRun>)> {
     let context = || format!("simulating scene {:?}", scene.name);
-    let still = vec![DVec3::ZERO; start.len()];
-    let mut simulator = Simulator::with_state(scene, start, still).with_context(context)?;
+    let Plan {
+        start,
+        frames,
+        keep,
+        threads,
+    } = plan;
+    let mut simulator = Simulator::with_state(scene, start.positions, start.velocities)
+        .with_context(context)?
+        .at_frame(start.frame);
     simulator.set_threads(threads);
     let path = scene.handle_path().with_context(context)?;
     let drive = Drive {
         path: &path,
         samples_per_frame: scene.physics.substeps as usize,
     };
+    let mut simulator = match keep {
+        Keep::Positions => Kept::Positions(simulator),
+        Keep::States => Kept::States(KeepingStates::new(simulator)),
+    };
     let started = Instant::now();
-    let recording = record(&mut simulator, drive, frames, &mut |_| on_frame());
-    timed(recording, scene.mesh.positions().len(), started).with_context(context)
+    let recording = record(simulator.stepper(), drive, frames, &mut |_| on_frame());
+    let run = timed(recording, scene.mesh.positions().len(), started).with_context(context)?;
+    Ok((run, simulator.into_states()))
+}
+
+#[allow(clippy::large_enum_variant, reason = "there is one at a time")]
+enum Kept {
+    Positions(Simulator),
+    States(KeepingStates),
+}
+
+impl Kept {
+    fn stepper(&mut self) -> &mut dyn Stepper {
+        match self {
+            Self::Positions(simulator) => simulator,
+            Self::States(simulator) => simulator,
+        }
+    }
+
+    fn into_states(self) -> Option<StateRun> {
+        match self {
+            Self::Positions(_) => None,
+            Self::States(simulator) => Some(simulator.into_run()),
+        }
+    }
 }
 
 /// A recording that did not fail, with what it cost since `started`.
@@ -96,6 +172,18 @@ pub(crate) fn timed(
     })
 }
 
+/// Where a run of `spec` comes from.
+///
+/// # Errors
+/// When the spec cannot be written.
+pub(crate) fn provenance(spec: &SceneSpec, scene: &Scene) -> anyhow::Result<Provenance> {
+    Ok(Provenance {
+        frame_rate: scene.frame_rate,
+        scene: spec.to_json().context("the resolved scene as JSON")?,
+        made_by: concat!("selvedge ", env!("CARGO_PKG_VERSION")).to_owned(),
+    })
+}
+
 /// The trajectory of a run of `spec`, whose cloth rests at `rest` `[m]`, `[vertices]`.
 ///
 /// # Errors
@@ -106,13 +194,8 @@ pub(crate) fn trajectory(
     rest: &[DVec3],
     positions: Vec<Vec3>,
 ) -> anyhow::Result<Trajectory> {
-    let provenance = Provenance {
-        frame_rate: scene.frame_rate,
-        scene: spec.to_json().context("the resolved scene as JSON")?,
-        made_by: concat!("selvedge ", env!("CARGO_PKG_VERSION")).to_owned(),
-    };
     let cloth = Cloth::of_scene(scene, rounded(rest));
-    Trajectory::new(cloth, positions, provenance)
+    Trajectory::new(cloth, positions, provenance(spec, scene)?)
         .with_context(|| format!("the trajectory of scene {:?}", scene.name))
 }
 

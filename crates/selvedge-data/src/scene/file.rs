@@ -9,24 +9,28 @@
 //! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv", groups
 //! ```
 //!
-//! `environment`, `physics`, `sag` and `frame_rate` (60) have defaults. A mesh may be
+//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. A mesh may be
 //! `{ obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
-//! described in docs/scenes.md.
+//! described in docs/scenes.md. A file whose name ends in `.json` is read as a scene of ARCSim.
 
 use std::path::{Path, PathBuf};
 
-use selvedge_cloth::{Environment, Mesh, PhysicsSettings, SagSettings, Scene};
+use selvedge_cloth::{Environment, Mesh, SagSettings, Scene};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+use super::arcsim::parse_arcsim;
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
 use super::mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Transform};
 use super::motion_source::MotionSource;
+use super::physics_file::PhysicsFile;
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
+use super::start::StartFile;
 use crate::obj::{ObjOptions, Seams, TextureUnit};
+use crate::state_file::SavedState;
 
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +39,22 @@ pub struct LoadedScene {
     pub spec: SceneSpec,
     /// Built: what is run.
     pub scene: Scene,
+    /// The state in which a run starts, if it starts in a saved one.
+    pub state: Option<SavedState>,
+    /// What the file asks for and cannot have.
+    pub warnings: Vec<String>,
+}
+
+impl LoadedScene {
+    /// A scene that starts as its spec says, from no saved state.
+    pub(crate) fn new(spec: SceneSpec, scene: Scene) -> Self {
+        Self {
+            spec,
+            scene,
+            state: None,
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// A scene that cannot be used.
@@ -58,6 +78,10 @@ pub enum SceneProblem {
     Unknown { what: &'static str, known: String },
     #[error("{}", .0.to_string().trim_end())]
     Toml(#[source] Box<toml::de::Error>),
+    #[error("is no JSON: {0}")]
+    Json(#[source] serde_json::Error),
+    #[error("{key}: {problem}")]
+    Key { key: String, problem: String },
     #[error("{field}: {problem}")]
     Field {
         field: &'static str,
@@ -81,9 +105,11 @@ struct SceneFile {
     #[serde(default)]
     environment: Environment,
     #[serde(default)]
-    physics: PhysicsSettings,
+    physics: PhysicsFile,
     #[serde(default)]
     sag: SagSettings,
+    #[serde(default)]
+    start: StartFile,
     #[serde(default = "sixty")]
     frame_rate: f64,
 }
@@ -98,7 +124,7 @@ pub(crate) struct SettingFile {
     #[serde(default)]
     environment: Environment,
     #[serde(default)]
-    physics: PhysicsSettings,
+    physics: PhysicsFile,
     #[serde(default)]
     sag: SagSettings,
     #[serde(default = "sixty")]
@@ -142,7 +168,7 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
     }
 }
 
-/// Reads a scene file.
+/// Reads a scene file: TOML, or ARCSim's JSON where the name ends in `.json`.
 ///
 /// # Errors
 /// [`SceneFileError`] names the file, the field and what is wrong.
@@ -153,6 +179,14 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
         problem,
     })?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "json")
+    {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        return parse_arcsim(&text, &folder, &name)
+            .map_err(|problem| SceneFileError { origin, problem });
+    }
     parse_scene(&text, &folder, &origin)
 }
 
@@ -181,13 +215,18 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     };
     let (setting, mesh, groups) = setting.resolve(folder)?;
     let motion = file.motion.resolve(folder, &groups)?;
+    let (start, state) = file.start.resolve(folder, mesh.topology().vertex_count())?;
     let spec = SceneSpec {
         name: file.name,
         setting,
         motion,
+        start,
     };
     let scene = spec.with_mesh(mesh)?;
-    Ok(LoadedScene { spec, scene })
+    Ok(LoadedScene {
+        state,
+        ..LoadedScene::new(spec, scene)
+    })
 }
 
 impl SettingFile {
@@ -206,7 +245,7 @@ impl SettingFile {
             mesh,
             material: self.material.resolve(folder)?,
             environment: self.environment,
-            physics: self.physics,
+            physics: self.physics.0,
             sag: self.sag,
             frame_rate: self.frame_rate,
         };

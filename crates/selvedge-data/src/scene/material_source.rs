@@ -90,6 +90,11 @@ impl MaterialSource {
     }
 }
 
+/// The shipped material of this name, if there is one.
+pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProblem>> {
+    material_text(name).map(parse_toml)
+}
+
 /// A shipped material by name, or one in a TOML file, `depth` files deep.
 fn named(name_or_path: &str, folder: &Path, depth: usize) -> Result<Material, String> {
     if let Some(text) = material_text(name_or_path) {

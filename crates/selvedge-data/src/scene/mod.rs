@@ -1,14 +1,17 @@
-//! Scenes in files: what a person writes ([`read_scene`], TOML), what is resolved from it and kept
+//! Scenes in files: what a person writes ([`read_scene`], TOML, or ARCSim's JSON), what is resolved from it and kept
 //! with every result ([`SceneSpec`], JSON), and what is shipped.
 
+mod arcsim;
 mod file;
 mod handle_selection;
 mod material_source;
 mod mesh_spec;
 mod motion_source;
+mod physics_file;
 mod recorded_csv;
 mod shipped;
 mod spec;
+mod start;
 
 pub use file::{LoadedScene, SceneFileError, SceneProblem, open_scene, parse_scene, read_scene};
 pub(crate) use file::{SettingFile, field, parse_toml, read_text};
@@ -20,3 +23,4 @@ pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
 pub(crate) use shipped::assets;
 pub use shipped::{materials, shipped_scenes};
 pub use spec::{SceneSpec, SceneSpecError, Setting};
+pub use start::StartSpec;

@@ -13,6 +13,7 @@ use serde_json::Value;
 use thiserror::Error;
 
 use super::mesh_spec::{MeshSpec, MeshSpecError};
+use super::start::StartSpec;
 
 /// A resolved scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,6 +25,9 @@ pub struct SceneSpec {
     pub setting: Setting,
     /// How the handles move.
     pub motion: Motion,
+    /// Where a run starts.
+    #[serde(default, skip_serializing_if = "StartSpec::is_rest")]
+    pub start: StartSpec,
 }
 
 /// A resolved scene but for its motion.

@@ -1,7 +1,7 @@
 //! The sagged rest pose.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleConstraint, Handles, Scene};
+use selvedge_cloth::{HandleConstraint, Handles, SagMethod, Scene};
 use selvedge_sim::{SagError, SagProgress, Simulator, sag, sag_with_progress};
 
 use crate::scenes::{DENIM, NAVY, hanging, material};
@@ -29,6 +29,21 @@ fn nothing_moves_in_the_rest_pose() {
         let measured = residual(&scene, &rest.positions);
         assert!((measured - rest.residual).abs() < 1e-5 * scene.sag.tolerance.max(measured));
     }
+}
+
+#[test]
+fn a_cloth_that_falls_to_rest_is_in_equilibrium() {
+    let mut scene = hanging(5);
+    scene.sag.method = SagMethod::Motion;
+    // Heavier air brings it to rest sooner.
+    scene.environment.air_density = 20.0;
+    let fallen = sag(&scene).unwrap();
+    assert!(fallen.residual <= scene.sag.tolerance);
+    let measured = residual(&scene, &fallen.positions);
+    assert!((measured - fallen.residual).abs() < 1e-5 * scene.sag.tolerance.max(measured));
+    // Not before the first moments have passed, of three seconds.
+    let least = 3.0 * scene.frame_rate * f64::from(scene.physics.substeps);
+    assert!(f64::from(fallen.solves) >= least, "{}", fallen.solves);
 }
 
 #[test]

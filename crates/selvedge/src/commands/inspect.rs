@@ -1,9 +1,9 @@
 //! `selvedge inspect`: what a file or folder is, and what is in it.
 //!
 //! What it is taken for follows from its name: a folder is a data set, `.obj` a mesh; a
-//! `.safetensors` file says itself whether it is a trajectory or a model, and a `.toml` file is a
+//! `.safetensors` file says itself whether it is a trajectory, a model or states, and a `.toml` file is a
 //! data set's preset if it has a `setting`, a training configuration if it has a `batch`, and a
-//! scene if it has neither.
+//! scene if it has neither; `.json` is a scene of ARCSim.
 
 use std::path::Path;
 
@@ -11,7 +11,8 @@ use anyhow::{Context, bail};
 use glam::Vec3;
 use selvedge_cloth::Mesh;
 use selvedge_data::{
-    LoadedScene, Trajectory, TrajectoryFileError, metrics, open_scene, read_obj, shipped_scenes,
+    LoadedScene, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics, read_obj,
+    shipped_scenes,
 };
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::TrainConfig;
@@ -20,7 +21,7 @@ use serde_json::{Value, json};
 use super::{dataset_inspect, dataset_plan};
 use crate::cli::InspectArgs;
 use crate::output::{Answer, Facts, length, percent};
-use crate::reference;
+use crate::{reference, scenes};
 
 /// Says what `path` is.
 ///
@@ -33,7 +34,7 @@ pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
         return dataset_inspect::run(path, None);
     }
     if !path.exists() && shipped_scenes().iter().any(|scene| scene.0 == name) {
-        return inspect_scene(&open_scene(&name)?, &name);
+        return inspect_scene(&scenes::open(&name)?, &name);
     }
     if !path.exists() {
         bail!("{name}: there is no such file or folder");
@@ -41,12 +42,13 @@ pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => inspect_container(path),
         Some("toml") => inspect_toml(path, &name),
+        Some("json") => inspect_scene(&scenes::open(&name)?, &name),
         Some("obj") => {
             let sheet = read_obj(path)?;
             inspect_mesh(&sheet.mesh, sheet.labels.keys(), path)
         }
         _ => bail!(
-            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, meshes in .obj, and a data set is a folder"
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, and a data set is a folder"
         ),
     }
 }
@@ -62,7 +64,7 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
     if table.contains_key("batch") {
         return inspect_training(&TrainConfig::parse(&text, path)?, name);
     }
-    inspect_scene(&open_scene(name)?, name)
+    inspect_scene(&scenes::open(name)?, name)
 }
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
@@ -91,8 +93,38 @@ fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
             let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
             inspect_model(&model, path)
         }
+        Err(TrajectoryFileError::Metadata { name, found, .. })
+            if name == "format" && found == STATES_FORMAT =>
+        {
+            inspect_states(&bytes, path)
+        }
         Err(error) => Err(error).with_context(|| path.display().to_string()),
     }
+}
+
+fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
+    let run = StateRun::from_bytes(bytes).with_context(|| path.display().to_string())?;
+    let vertices = run.positions.len() / run.frames.len().max(1);
+    let mut facts = Facts::new();
+    facts.add("kind", "states of a run");
+    facts.add("file", path.display());
+    facts.add("vertices", vertices);
+    facts.add("states", run.frames.len());
+    let span = [run.frames.first(), run.frames.last()];
+    if let [Some(first), Some(last)] = span {
+        facts.add("frames", format!("{first} to {last}"));
+    }
+    let speeds = run.velocities.iter().map(|v| v.length());
+    let fastest = speeds.fold(0.0, f64::max);
+    facts.add("largest speed", format!("{fastest:.3} m/s"));
+    let report = json!({
+        "kind": "states",
+        "file": path,
+        "vertices": vertices,
+        "frames": run.frames,
+        "largest_speed": fastest,
+    });
+    Answer::new(facts, &report)
 }
 
 fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<Answer> {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use selvedge_data::metrics::Comparison;
-use selvedge_data::{Cloth, LoadedScene, Trajectory, open_scene};
+use selvedge_data::{Cloth, LoadedScene, Trajectory};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{self, Show, write_clip_of, write_sheet};
 use crate::progress::Progress;
 use crate::reference::{self, Run};
-use crate::{interrupt, place};
+use crate::{interrupt, place, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -55,7 +55,7 @@ struct Stage {
 /// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     let model = learned::open(args.model.as_deref())?;
-    let loaded = open_scene(&args.scene)?;
+    let loaded = scenes::open(&args.scene)?;
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => loaded.scene.frame_count()?,

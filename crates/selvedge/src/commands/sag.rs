@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::Scene;
-use selvedge_data::{LoadedScene, open_scene, write_obj};
+use selvedge_cloth::{SagMethod, Scene};
+use selvedge_data::{LoadedScene, write_obj};
 use serde::Serialize;
 
 use crate::cli::SagArgs;
 use crate::output::{Answer, Facts, length};
-use crate::{place, reference};
+use crate::{place, reference, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -31,7 +31,11 @@ struct Report {
 /// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors", "obj"])?;
-    let loaded = open_scene(&args.scene)?;
+    let mut loaded = scenes::open(&args.scene)?;
+    if args.by_motion {
+        loaded.scene.sag.method = SagMethod::Motion;
+        loaded.spec.setting.sag.method = SagMethod::Motion;
+    }
     let scene = &loaded.scene;
     let rest = reference::rest_pose(scene)?;
     let largest_strain = write(&args.out, &loaded, &rest.positions)?;

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use selvedge_cloth::Scene;
-use selvedge_data::{Trajectory, metrics, open_scene};
+use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, Trajectory, metrics};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
@@ -11,13 +10,17 @@ use crate::cli::{From, SimulateArgs};
 use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
 use crate::progress::Progress;
-use crate::{interrupt, pictures, place, reference};
+use crate::reference::{Keep, Plan};
+use crate::{interrupt, pictures, place, reference, scenes};
 
 #[derive(Serialize)]
 struct Report {
     scene: String,
     out: PathBuf,
+    states: Option<PathBuf>,
     vertices: usize,
+    /// How many frames of the motion had passed at the start.
+    first_frame: usize,
     frames: usize,
     ms_per_frame: f64,
     sag_solves: Option<u32>,
@@ -38,27 +41,40 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     if let Some(clip) = &args.clip {
         place::check_file(clip, "--clip", &["gif"])?;
     }
-    let loaded = open_scene(&args.scene)?;
-    let scene = &loaded.scene;
+    if let Some(states) = &args.states {
+        place::check_file(states, "--states", &["safetensors"])?;
+    }
+    let mut loaded = scenes::open(&args.scene)?;
+    choose_start(&mut loaded, args.from())?;
+    let (rest, start) = rest_and_start(&loaded)?;
+    let (scene, passed) = (&loaded.scene, start.frame);
     let frames = match args.frames {
         Some(frames) => frames as usize,
-        None => scene.frame_count()?,
+        None => frames_left(scene.frame_count()?, passed)?,
     };
-    let rest = rest_of(scene, args.from())?;
     let sheet = scene.mesh.positions();
     let rest_positions = rest.as_ref().map_or(sheet, |rest| &rest.positions);
-    let start = match args.from() {
-        From::Rest => rest_positions.to_vec(),
-        From::Start => sheet.to_vec(),
+    let keep = match args.states {
+        Some(_) => Keep::States,
+        None => Keep::Positions,
+    };
+    let plan = Plan {
+        start,
+        frames,
+        keep,
+        threads: Threads::Pool,
     };
     let progress = Progress::new("simulating", frames, "frames");
-    let run = reference::run(scene, start, frames, Threads::Pool, &mut || {
+    let (run, states) = reference::run_plan(scene, plan, &mut || {
         progress.advance();
         interrupt::flow()
     })?;
     drop(progress);
     let trajectory = reference::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
+    if let (Some(states), Some(path)) = (states, &args.states) {
+        states.write(path, trajectory.provenance())?;
+    }
     let end = match &args.clip {
         Some(clip) if run.end == End::Complete => draw(clip, &scene.name, &trajectory)?,
         _ => run.end,
@@ -67,7 +83,9 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         scene: scene.name.clone(),
         out: args.out.clone(),
         clip: args.clip.clone().filter(|_| run.end == End::Complete),
+        states: args.states.clone(),
         vertices: trajectory.vertex_count(),
+        first_frame: passed,
         frames: trajectory.frame_count(),
         ms_per_frame: run.ms_per_frame,
         sag_solves: rest.as_ref().map(|rest| rest.solves),
@@ -90,19 +108,68 @@ fn draw(clip: &Path, title: &str, trajectory: &Trajectory) -> anyhow::Result<End
     pictures::write_clip_of(clip, &show)
 }
 
-/// The sagged rest pose. A cloth that nothing holds has none: it can only be let go where it
-/// starts, and is then at rest there.
-fn rest_of(scene: &Scene, from: From) -> anyhow::Result<Option<SaggedRest>> {
-    if scene.handles.is_empty() && from == From::Start {
-        return Ok(None);
-    }
-    if scene.handles.is_empty() {
+/// Puts what the command line says of the start in the place of what the scene says.
+fn choose_start(loaded: &mut LoadedScene, from: From<'_>) -> anyhow::Result<()> {
+    let (spec, state) = match from {
+        From::Scene => return Ok(()),
+        From::Rest => (StartSpec::Rest, None),
+        From::Start => (StartSpec::Mesh, None),
+        From::State(path, frame) => {
+            let choice = StateChoice {
+                frame,
+                ..StateChoice::default()
+            };
+            let vertices = loaded.scene.mesh.topology().vertex_count();
+            let path = path.to_string_lossy();
+            let (state, spec) = SavedState::read(Path::new(""), &path, &choice, vertices)?;
+            (StartSpec::State(spec), Some(state))
+        }
+    };
+    loaded.spec.start = spec;
+    loaded.state = state;
+    Ok(())
+}
+
+/// The sagged rest pose, and where the run starts. A cloth that nothing holds has no rest pose: it can
+/// only be let go where it starts, and is then at rest there. So is one whose rest pose is not needed
+/// for the run and not found.
+fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> {
+    let scene = &loaded.scene;
+    let from_rest = loaded.spec.start == StartSpec::Rest;
+    if scene.handles.is_empty() && from_rest {
         anyhow::bail!(
             "scene {:?} has no handles, so that nothing holds the cloth: let it fall with --from-start",
             scene.name
         );
     }
-    Ok(Some(reference::rest_pose(scene)?))
+    let rest = if scene.handles.is_empty() {
+        None
+    } else {
+        match reference::rest_pose(scene) {
+            Ok(rest) => Some(rest),
+            Err(error) if from_rest => return Err(error),
+            Err(error) => {
+                tracing::warn!("{error:#}: the file has the mesh as rest positions");
+                None
+            }
+        }
+    };
+    let start = match (&loaded.state, &rest) {
+        (Some(state), _) => state.clone(),
+        (None, Some(rest)) if from_rest => SavedState::at_rest(rest.positions.clone()),
+        (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
+    };
+    Ok((rest, start))
+}
+
+/// Frames of a motion of `all` after `passed`.
+fn frames_left(all: usize, passed: usize) -> anyhow::Result<usize> {
+    match all.checked_sub(passed) {
+        Some(left) if left > 0 => Ok(left),
+        _ => anyhow::bail!(
+            "the motion lasts {all} frames, and {passed} of them have passed: say how many with --frames"
+        ),
+    }
 }
 
 fn text(report: &Report, wanted: usize) -> Facts {
@@ -115,6 +182,9 @@ fn text(report: &Report, wanted: usize) -> Facts {
         report.frames.to_string()
     };
     facts.add("frames", frames);
+    if report.first_frame > 0 {
+        facts.add("from frame", report.first_frame);
+    }
     facts.add("time", format!("{:.2} ms per frame", report.ms_per_frame));
     if let (Some(solves), Some(residual)) = (report.sag_solves, report.sag_residual) {
         facts.add("sag", format!("{solves} solves, {residual:.1e} m/s² left"));
@@ -127,6 +197,8 @@ fn text(report: &Report, wanted: usize) -> Facts {
     facts.add("wrote", report.out.display());
     if let Some(clip) = &report.clip {
         facts.add("and", clip.display());
+    if let Some(states) = &report.states {
+        facts.add("states", states.display());
     }
     facts
 }

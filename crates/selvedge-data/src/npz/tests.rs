@@ -1,0 +1,116 @@
+//! Archives made here byte by byte, as NumPy makes them.
+
+use super::*;
+
+/// A .npy file of f64 or i64 numbers.
+pub(crate) fn npy(descr: &str, shape: &str, bytes: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend((header.len() as u16).to_le_bytes());
+    file.extend(header.as_bytes());
+    file.extend(bytes);
+    file
+}
+
+pub(crate) fn floats(shape: &str, values: &[f64]) -> Vec<u8> {
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    npy("<f8", shape, &bytes)
+}
+
+/// A ZIP archive of `files`, deflated.
+pub(crate) fn archive(files: &[(&str, Vec<u8>)]) -> Vec<u8> {
+    let mut zip = Vec::new();
+    let mut directory = Vec::new();
+    for (name, content) in files {
+        let name = format!("{name}.npy");
+        let packed = miniz_oxide::deflate::compress_to_vec(content, 6);
+        let at = zip.len() as u32;
+        let mut common = Vec::new();
+        common.extend([20, 0, 0, 0, 8, 0, 0, 0, 0, 0]);
+        common.extend(crc32fast::hash(content).to_le_bytes());
+        common.extend((packed.len() as u32).to_le_bytes());
+        common.extend((content.len() as u32).to_le_bytes());
+        common.extend((name.len() as u16).to_le_bytes());
+        zip.extend(LOCAL.to_le_bytes());
+        zip.extend(&common);
+        zip.extend([3, 0]);
+        zip.extend(name.as_bytes());
+        zip.extend([1, 2, 3]);
+        zip.extend(packed);
+        directory.extend(DIRECTORY.to_le_bytes());
+        directory.extend([20, 0]);
+        directory.extend(&common);
+        directory.extend([0; 12]);
+        directory.extend(at.to_le_bytes());
+        directory.extend(name.as_bytes());
+    }
+    let (start, length) = (zip.len() as u32, directory.len() as u32);
+    zip.extend(&directory);
+    zip.extend(END.to_le_bytes());
+    zip.extend([0; 4]);
+    zip.extend((files.len() as u16).to_le_bytes());
+    zip.extend((files.len() as u16).to_le_bytes());
+    zip.extend(length.to_le_bytes());
+    zip.extend(start.to_le_bytes());
+    zip.extend([0; 2]);
+    zip
+}
+
+#[test]
+fn arrays_come_back_with_type_and_shape() {
+    let single: Vec<u8> = [1.5_f32, -2.0]
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    let frames: Vec<u8> = [60_i32, -120]
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    let bytes = archive(&[
+        (
+            "x",
+            floats("(2, 1, 3)", &[0.1, 1e-300, -5.0, 0.2, 7.0, 1.0]),
+        ),
+        ("single", npy("<f4", "(2,)", &single)),
+        ("frames", npy("<i4", "(2,)", &frames)),
+        ("text", npy("<U4", "()", &[0; 16])),
+    ]);
+    let npz = Npz::open(&bytes).unwrap();
+    assert_eq!(npz.names(), ["x", "single", "frames", "text"]);
+    let x = npz.array("x").unwrap().unwrap();
+    assert_eq!(x.shape, [2, 1, 3]);
+    assert_eq!(x.floats().unwrap(), [0.1, 1e-300, -5.0, 0.2, 7.0, 1.0]);
+    assert!(x.integers().is_err());
+    let of = |name: &str| npz.array(name).unwrap().unwrap();
+    assert_eq!(of("single").floats().unwrap(), [1.5, -2.0]);
+    assert_eq!(of("frames").integers().unwrap(), [60, -120]);
+    let error = of("text").floats().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "expected numbers of type <f8 or <f4, found NumPy's <U4"
+    );
+    assert!(npz.array("y").unwrap().is_none());
+}
+
+#[test]
+fn damage_is_an_error_and_no_panic() {
+    let whole = archive(&[("x", floats("(3,)", &[1.0, 2.0, 3.0]))]);
+    for length in 0..whole.len() {
+        let cut = &whole[..length];
+        assert!(Npz::open(cut).is_err(), "{length} of {} bytes", whole.len());
+    }
+    for at in 0..whole.len() {
+        let mut spoilt = whole.clone();
+        spoilt[at] ^= 0xff;
+        // Bytes that tell the time or a version have no meaning here; all others show.
+        if let Ok(npz) = Npz::open(&spoilt) {
+            if let Ok(Some(array)) = npz.array("x") {
+                assert_eq!(array.floats().unwrap(), [1.0, 2.0, 3.0]);
+            }
+        }
+    }
+    let wrong = archive(&[("x", floats("(4,)", &[1.0]))]);
+    let array = Npz::open(&wrong).unwrap().array("x").unwrap().unwrap();
+    let (expected, found) = (32, 8);
+    assert_eq!(array.floats(), Err(NpyError::Length { expected, found }));
+}

@@ -1,0 +1,198 @@
+//! The cloth of an ARCSim scene: its mesh and how it is placed, and its material.
+
+use std::path::Path;
+
+use glam::DVec3;
+use selvedge_cloth::{BendTable, Material, StrainLimits, StretchTable};
+use serde_json::Value;
+
+use super::super::file::read_text;
+use super::super::material_source::shipped_material;
+use super::super::mesh_spec::{MeshSource, MeshSpec, Rotate, Transform};
+use super::object::{Object, numbers, parse_json};
+use super::{Parts, SceneProblem, find_file};
+use crate::obj::ObjOptions;
+
+/// What a scene says of its cloth.
+pub(super) struct Cloth {
+    pub(super) mesh: MeshSpec,
+    pub(super) material: Material,
+}
+
+/// Reads `cloths`, of which there must be one.
+pub(super) fn read(
+    scene: &mut Object<'_>,
+    folder: &Path,
+    parts: &Parts,
+    warnings: &mut Vec<String>,
+) -> Result<Cloth, SceneProblem> {
+    let mut cloths = scene.objects("cloths")?;
+    let (Some(mut cloth), None) = (cloths.pop(), cloths.pop()) else {
+        let count = scene.list("cloths")?.len();
+        return Err(scene.wrong("cloths", "must have one cloth", &format!("{count} cloths")));
+    };
+    let mesh = read_mesh(&mut cloth, folder, warnings)?;
+    let mut materials = cloth.objects("materials")?;
+    if materials.len() > 1 {
+        warnings.push(format!(
+            "{} after the first are not supported: all faces have the first",
+            cloth.place("materials")
+        ));
+    }
+    if materials.is_empty() {
+        return Err(cloth.missing("materials"));
+    }
+    let material = read_material(materials.swap_remove(0), folder, parts, warnings)?;
+    // Remeshing that is not disabled has its own warning.
+    cloth.pass_over(&["remeshing"]);
+    cloth.finish(warnings);
+    Ok(Cloth { mesh, material })
+}
+
+fn read_mesh(
+    cloth: &mut Object<'_>,
+    folder: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<MeshSpec, SceneProblem> {
+    let path = cloth.text("mesh")?.ok_or_else(|| cloth.missing("mesh"))?;
+    let Some(found) = find_file(path, folder) else {
+        let must = "must be an OBJ file beside the scene or in the working directory";
+        return Err(cloth.wrong("mesh", must, &path));
+    };
+    let mut transform = Transform::default();
+    if let Some(mut placed) = cloth.child("transform")? {
+        transform = Transform {
+            scale: placed.number("scale")?.unwrap_or(1.0),
+            rotation: read_rotation(&mut placed)?,
+            translation: placed.vector("translate")?.unwrap_or_default(),
+            ..transform
+        };
+        placed.finish(warnings);
+    }
+    Ok(MeshSpec {
+        source: MeshSource::obj(&found, folder, ObjOptions::default())?,
+        transform,
+    })
+}
+
+/// `rotate`: degrees and axis.
+pub(super) fn read_rotation(transform: &mut Object<'_>) -> Result<Rotate, SceneProblem> {
+    let [angle_deg, x, y, z] = transform.numbers::<4>("rotate")?.unwrap_or_default();
+    let axis = DVec3::new(x, y, z);
+    if axis == DVec3::ZERO && angle_deg != 0.0 {
+        let found = format!("{angle_deg}° about no axis");
+        return Err(transform.wrong("rotate", "must be degrees and an axis", &found));
+    }
+    let axis = if axis == DVec3::ZERO { DVec3::Y } else { axis };
+    Ok(Rotate { axis, angle_deg })
+}
+
+fn read_material(
+    mut used: Object<'_>,
+    folder: &Path,
+    parts: &Parts,
+    warnings: &mut Vec<String>,
+) -> Result<Material, SceneProblem> {
+    let path = used.text("data")?.ok_or_else(|| used.missing("data"))?;
+    let mut material = read_data(path, &used, folder, warnings)?;
+    let mut factor = |key| -> Result<f64, SceneProblem> { Ok(used.number(key)?.unwrap_or(1.0)) };
+    let [density, stretching, bending, layers] = [
+        factor("density_mult")?,
+        factor("stretching_mult")?,
+        factor("bending_mult")?,
+        factor("thicken")?,
+    ];
+    material.density *= density * layers;
+    for stiffness in material.stretch.0.as_flattened_mut() {
+        *stiffness *= stretching * layers;
+    }
+    for stiffness in material.bend.0.as_flattened_mut() {
+        *stiffness *= bending * layers;
+    }
+    if let Some(damping) = used.number("damping")? {
+        material.damping = damping;
+    }
+    let limits = used.numbers::<2>("strain_limits")?;
+    if !parts.disables("strainlimiting") {
+        material.strain_limits = limits.map(|[min, max]| StrainLimits {
+            min: min.max(0.0),
+            max,
+        });
+    }
+    if parts.disables("plasticity") {
+        used.pass_over(&["yield_curv", "weakening"]);
+    }
+    used.finish(warnings);
+    Ok(material)
+}
+
+/// The material in a file, or the shipped one of its name where there is no such file.
+fn read_data(
+    path: &str,
+    used: &Object<'_>,
+    folder: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<Material, SceneProblem> {
+    let place = used.place("data");
+    let name = Path::new(path).file_stem().unwrap_or_default();
+    let name = name.to_string_lossy();
+    let Some(found) = find_file(path, folder) else {
+        let shipped = shipped_material(&name).ok_or_else(|| SceneProblem::Key {
+            key: place.clone(),
+            problem: format!("there is no file {path}, and no shipped material is called {name}"),
+        })??;
+        warnings.push(format!(
+            "{place}: there is no file {path}: the shipped material {name} is taken"
+        ));
+        return Ok(shipped);
+    };
+    let within = |problem: SceneProblem| SceneProblem::Key {
+        key: place.clone(),
+        problem: format!("{path}: {problem}"),
+    };
+    let text = read_text(&folder.join(found)).map_err(within)?;
+    parse_material(&text, &name, warnings).map_err(within)
+}
+
+/// A material in ARCSim's own form: density `[kg/m²]`, six rows of stretching `[N/m]`, three of bending
+/// `[N·m]`.
+pub(super) fn parse_material(
+    text: &str,
+    name: &str,
+    warnings: &mut Vec<String>,
+) -> Result<Material, SceneProblem> {
+    let json = parse_json(text)?;
+    let mut data = Object::new(&json, String::new())?;
+    let material = Material {
+        name: name.to_owned(),
+        source: format!("{name}.json"),
+        density: data.needed_number("density")?,
+        damping: 0.0,
+        strain_limits: None,
+        stretch: StretchTable(rows(&mut data, "stretching")?),
+        bend: BendTable(rows(&mut data, "bending")?),
+    };
+    let mut unread = Vec::new();
+    data.finish(&mut unread);
+    warnings.extend(
+        unread
+            .into_iter()
+            .map(|text| format!("{name}.json: {text}")),
+    );
+    Ok(material)
+}
+
+fn rows<'a, const R: usize, const C: usize>(
+    data: &mut Object<'a>,
+    key: &'a str,
+) -> Result<[[f64; C]; R], SceneProblem> {
+    let value: &Value = data.value(key).ok_or_else(|| data.missing(key))?;
+    let rows = value.as_array().and_then(|rows| {
+        let rows: Option<Vec<[f64; C]>> = rows.iter().map(numbers).collect();
+        rows?.try_into().ok()
+    });
+    rows.ok_or_else(|| {
+        let must = format!("must be {R} rows of {C} numbers");
+        data.wrong(key, &must, value)
+    })
+}

@@ -1,0 +1,139 @@
+//! Scenes of ARCSim (Narain et al. 2012, 2013) as they are: its JSON, in which `//` comments are allowed.
+//!
+//! Read are one cloth (mesh, transform, material), the held nodes and their motions, gravity, wind,
+//! and the times. Such a scene is run as ARCSim runs it: from where the mesh stands, with
+//! [`PhysicsMode::Arcsim`]. A key that has no counterpart here is named in a warning, as is a part of
+//! ARCSim that the scene does not disable and that Selvedge lacks; a wrong value is an error that
+//! names its key. Files are looked for beside the scene and then in the working directory.
+
+mod cloth;
+mod drive;
+mod object;
+mod parts;
+
+use std::path::{Path, PathBuf};
+
+use selvedge_cloth::{Environment, Motion, PhysicsMode, PhysicsSettings, SagSettings};
+
+use self::object::{Object, parse_json};
+use self::parts::Parts;
+use super::file::{LoadedScene, SceneProblem};
+use super::spec::{SceneSpec, Setting};
+use super::start::StartSpec;
+
+/// Seconds that a scene lasts that does not say how long.
+const DEFAULT_SECONDS: f64 = 10.0;
+
+/// The pace of a scene.
+struct Times {
+    frame_time: f64,
+    substeps: u32,
+    /// `[s]`
+    duration: f64,
+}
+
+/// Reads a scene from the text of its file; paths in it are relative to `folder`.
+///
+/// # Errors
+/// [`SceneProblem`] names the key and what is wrong.
+pub(super) fn parse_arcsim(
+    text: &str,
+    folder: &Path,
+    name: &str,
+) -> Result<LoadedScene, SceneProblem> {
+    let json = parse_json(text)?;
+    let mut warnings = Vec::new();
+    let mut scene = Object::new(&json, String::new())?;
+    let parts = Parts::of(&mut scene, &mut warnings)?;
+    let cloth = cloth::read(&mut scene, folder, &parts, &mut warnings)?;
+    let times = read_times(&mut scene, &mut warnings)?;
+    let drive = drive::read(&mut scene, &times, &mut warnings)?;
+    let setting = Setting {
+        mesh: cloth.mesh,
+        handles: drive.vertices,
+        schedule: drive.schedule,
+        material: cloth.material,
+        environment: read_environment(&mut scene, &mut warnings)?,
+        physics: PhysicsSettings {
+            substeps: times.substeps,
+            ..PhysicsSettings::in_mode(PhysicsMode::Arcsim)
+        },
+        sag: SagSettings::default(),
+        frame_rate: 1.0 / times.frame_time,
+    };
+    Parts::finish(&mut scene, &mut warnings)?;
+    scene.finish(&mut warnings);
+    let spec = SceneSpec {
+        name: name.to_owned(),
+        setting,
+        motion: Motion::Splines(drive.motion),
+        start: StartSpec::Mesh,
+    };
+    let scene = spec.build(folder)?;
+    Ok(LoadedScene {
+        warnings,
+        ..LoadedScene::new(spec, scene)
+    })
+}
+
+fn read_times(scene: &mut Object<'_>, warnings: &mut Vec<String>) -> Result<Times, SceneProblem> {
+    let frame_time = scene.needed_number("frame_time")?;
+    if frame_time <= 0.0 {
+        return Err(scene.wrong("frame_time", "must be positive", &frame_time));
+    }
+    let steps = scene.whole("frame_steps")?.unwrap_or(1);
+    let substeps = match u32::try_from(steps) {
+        Ok(steps) if steps > 0 => steps,
+        _ => return Err(scene.wrong("frame_steps", "must be 1 or more", &steps)),
+    };
+    let end = scene.whole("end_frame")?.map(|n| n as f64 * frame_time);
+    let ends = [
+        scene.number("end_time")?,
+        end,
+        // Old scenes of ARCSim say it so.
+        scene.number("duration")?,
+    ];
+    let duration = match ends.into_iter().flatten().reduce(f64::min) {
+        Some(duration) => duration,
+        None => {
+            warnings.push(format!(
+                "neither end_time nor end_frame says how long the scene lasts: {DEFAULT_SECONDS} s are taken"
+            ));
+            DEFAULT_SECONDS
+        }
+    };
+    Ok(Times {
+        frame_time,
+        substeps,
+        duration,
+    })
+}
+
+fn read_environment(
+    scene: &mut Object<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<Environment, SceneProblem> {
+    let mut environment = Environment {
+        gravity: scene.vector("gravity")?.unwrap_or_default(),
+        ..Environment::default()
+    };
+    if let Some(mut wind) = scene.child("wind")? {
+        environment.wind = wind.vector("velocity")?.unwrap_or_default();
+        environment.air_density = wind.number("density")?.unwrap_or(1.0);
+        environment.air_drag = wind.number("drag")?.unwrap_or(0.0);
+        wind.finish(warnings);
+    }
+    Ok(environment)
+}
+
+/// The file that `path` means, as a scene in `folder` names it.
+fn find_file(path: &str, folder: &Path) -> Option<String> {
+    if folder.join(path).is_file() {
+        return Some(path.to_owned());
+    }
+    let here: PathBuf = std::path::absolute(path).ok()?;
+    here.is_file().then(|| here.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,303 @@
+//! Scenes as ARCSim writes them, and every way in which they can be wrong.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use selvedge_cloth::{HandleConstraint, PhysicsMode, PhysicsSettings, StrainLimits};
+use tempfile::TempDir;
+
+use super::super::file::{LoadedScene, read_scene};
+use super::super::start::StartSpec;
+
+/// A unit square of two faces, its upper edge held.
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+
+const SCENE: &str = r#"// A comment, as ARCSim's own scenes have them.
+{
+    "frame_time": 0.04,
+    "frame_steps": 8, /* dt = 5 ms */
+    "end_time": 2,
+    "cloths": [{
+        "mesh": "square.obj",
+        "transform": {"scale": 0.5, "rotate": [-90, 0, 1, 0], "translate": [0, 0, -0.5]},
+        "materials": [{"data": "felt.json", "thicken": 2, "density_mult": 1.5, "stretching_mult": 3,
+            "bending_mult": 5, "damping": 0.001}],
+        "remeshing": {"refine_angle": 0.3, "size": [0.01, 0.2]}
+    }],
+    "handles": [{"nodes": [3]}, {"nodes": [2], "motion": 0, "end_time": 70}],
+    "motions": [[
+        {"time": 0, "transform": {"translate": [0, 0, 0]}},
+        {"time": 1, "transform": {"translate": [1, 0, 0], "rotate": [90, 0, 1, 0]}}
+    ]],
+    "gravity": [0, -9.8, 0],
+    "wind": {"velocity": [0, 0, 1], "density": 1.2, "drag": 0.1},
+    "disable": ["proximity", "collision", "strainlimiting", "remeshing", "separation", "popfilter", "plasticity"],
+    "magic": {"handle_stiffness": 1e3, "repulsion_thickness": 1e-3},
+    "friction": 0.6
+}"#;
+
+const FELT: &str = r#"{"density": 0.2,
+    "stretching": [[1,2,3,4],[5,6,7,8],[9,10,11,12],[13,14,15,16],[17,18,19,20],[21,22,23,-24]],
+    "bending": [[1e-6,2e-6,3e-6,4e-6,5e-6],[1e-6,2e-6,3e-6,4e-6,5e-6],[1e-6,2e-6,3e-6,4e-6,6e-6]]}"#;
+
+struct Desk(TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        let desk = Self(tempfile::tempdir().unwrap());
+        desk.write("square.obj", SQUARE);
+        desk.write("felt.json", FELT);
+        desk
+    }
+
+    fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    fn read(&self, text: &str) -> Result<LoadedScene, String> {
+        read_scene(&self.write("swing.json", text)).map_err(|error| error.to_string())
+    }
+
+    fn edited(&self, from: &str, to: &str) -> Result<LoadedScene, String> {
+        let text = SCENE.replacen(from, to, 1);
+        assert_ne!(text, SCENE, "{from}");
+        self.read(&text)
+    }
+}
+
+#[test]
+fn everything_of_a_scene_is_read() {
+    let desk = Desk::new();
+    let LoadedScene {
+        spec,
+        scene,
+        warnings,
+        ..
+    } = desk.read(SCENE).unwrap();
+    assert_eq!(warnings, [""; 0]);
+    assert_eq!((scene.name.as_str(), scene.frame_rate), ("swing", 25.0));
+    assert_eq!(spec.start, StartSpec::Mesh);
+    let physics = PhysicsSettings {
+        substeps: 8,
+        ..PhysicsSettings::in_mode(PhysicsMode::Arcsim)
+    };
+    assert_eq!(scene.physics, physics);
+    assert_eq!(scene.physics.handles, HandleConstraint::Spring);
+    assert_eq!(scene.frame_count(), Ok(50));
+    // Half as large, x to z, moved; the material coordinates shrink too.
+    let corner = scene.mesh.positions()[2];
+    assert!(
+        corner.distance(DVec3::new(0.0, 0.5, 0.0)) < 1e-15,
+        "{corner}"
+    );
+    assert_eq!(scene.mesh.material_coordinates()[2].x, 0.5);
+    let (density, damping) = (scene.material.density, scene.material.damping);
+    assert!((density - 0.2 * 2.0 * 1.5).abs() < 1e-15 && damping == 0.001);
+    assert_eq!(scene.material.stretch.0[5][3], -24.0 * 6.0);
+    assert!((scene.material.bend.0[2][4] - 6e-5).abs() < 1e-19);
+    let air = scene.environment;
+    assert_eq!((air.gravity.y, air.wind.z), (-9.8, 1.0));
+    assert_eq!((air.air_density, air.air_drag), (1.2, 0.1));
+    let held: Vec<u32> = scene.handles.vertices().iter().map(|v| v.0).collect();
+    assert_eq!(held, [3, 2]);
+    assert_eq!(spec.build(desk.0.path()).unwrap(), scene);
+}
+
+#[test]
+fn handles_go_with_their_motions_from_the_first_solve() {
+    let desk = Desk::new();
+    let scene = desk.read(SCENE).unwrap().scene;
+    let path = scene.handle_path().unwrap();
+    let start = scene.handles.select(scene.mesh.positions());
+    let first = path.at(0.005);
+    assert!(first[1].distance(start[1]) < 1e-15);
+    for time in [0.3, 1.0, 2.0] {
+        assert_eq!(path.at(time)[0], start[0]);
+    }
+    // At the end T(1) T(0.005)⁻¹: what the transform of the first solve is, by the formula of the
+    // spline between level ends, s = 0.005.
+    let share = 0.005 * 0.005 * (3.0 - 2.0 * 0.005);
+    let half = std::f64::consts::FRAC_PI_4;
+    let turned = |angle: f64, p: DVec3| {
+        let (sine, cosine) = angle.sin_cos();
+        DVec3::new(p.x * cosine + p.z * sine, p.y, p.z * cosine - p.x * sine)
+    };
+    // The quaternion's parts, (1, 0) to (cos, sin) of 45°, are blended and normalised.
+    let angle = 2.0 * (share * half.sin()).atan2(1.0 - share + share * half.cos());
+    let taken_back = turned(-angle, start[1] - DVec3::X * share);
+    let expected = turned(2.0 * half, taken_back) + DVec3::X;
+    assert!(path.at(2.0)[1].distance(expected) < 1e-14);
+}
+
+#[test]
+fn handles_let_go_and_take_hold_and_strain_is_limited() {
+    let desk = Desk::new();
+    let scene = desk.edited("70", "1.2, \"start_time\": 0.4").unwrap().scene;
+    let path = scene.handle_path().unwrap();
+    for (frame, holds) in [(9, false), (10, true), (29, true), (30, false)] {
+        let targets = path.targets(frame, 8).unwrap();
+        assert_eq!(
+            [targets.holds(0), targets.holds(1)],
+            [true, holds],
+            "{frame}"
+        );
+    }
+    let limits = "\"strain_limits\": [0.95, 1.05], \"thicken\"";
+    let disabled = desk.edited("\"thicken\"", limits).unwrap().scene;
+    assert_eq!(disabled.material.strain_limits, None);
+    let text = SCENE
+        .replace("\"thicken\"", limits)
+        .replace("\"strainlimiting\", ", "");
+    let limited = desk.read(&text).unwrap().scene.material.strain_limits;
+    let (min, max) = (0.95, 1.05);
+    assert_eq!(limited, Some(StrainLimits { min, max }));
+}
+
+#[test]
+fn what_is_not_supported_is_named() {
+    let desk = Desk::new();
+    for (from, to, warning) in [
+        (
+            "\"gravity\"",
+            "\"glow\": 1, \"gravity\"",
+            "glow is not supported",
+        ),
+        (
+            "\"thicken\"",
+            "\"sheen\": 1, \"thicken\"",
+            "cloths[0].materials[0].sheen is not",
+        ),
+        (
+            "\"nodes\": [3]",
+            "\"nodes\": [3], \"colour\": 2",
+            "handles[0].colour is not",
+        ),
+        (
+            "\"time\": 1,",
+            "\"time\": 1, \"velocity\": {},",
+            "motions[0][1].velocity is not",
+        ),
+        (
+            "\"drag\"",
+            "\"turbulence\": 3, \"drag\"",
+            "wind.turbulence is not",
+        ),
+        (
+            "1e3, \"rep",
+            "1e6, \"rep",
+            "magic.handle_stiffness is not supported",
+        ),
+        ("\"remeshing\", \"sep", "\"sep", "remeshing is not disabled"),
+        ("\"proximity\", ", "", "proximity is not disabled"),
+        ("\"popfilter\", ", "", "popfilter is not disabled"),
+        (
+            "\"friction\"",
+            "\"obstacles\": [{}, {}], \"friction\"",
+            "obstacles are not supported: 2",
+        ),
+        ("\"end_time\": 2,", "", "neither end_time nor end_frame"),
+        (
+            "felt.json",
+            "materials/11oz-black-denim.json",
+            "the shipped material 11oz-black-denim",
+        ),
+    ] {
+        let warnings = desk.edited(from, to).unwrap().warnings;
+        let text = warnings.join("\n");
+        assert!(
+            warnings.len() == 1 && text.contains(warning),
+            "{from}: {text}"
+        );
+    }
+    desk.write(
+        "felt.json",
+        &FELT.replace("\"density\"", "\"lustre\": 1, \"density\""),
+    );
+    let warnings = desk.read(SCENE).unwrap().warnings;
+    assert_eq!(
+        warnings,
+        ["felt.json: lustre is not supported: it has no effect"]
+    );
+}
+
+#[test]
+fn wrong_values_are_errors_that_name_file_and_key() {
+    let desk = Desk::new();
+    for (from, to, named) in [
+        ("\"frame_time\": 0.04,", "", "frame_time: is missing"),
+        ("0.04", "-1", "frame_time: must be positive, found -1"),
+        (
+            "\"frame_steps\": 8",
+            "\"frame_steps\": 0",
+            "frame_steps: must be 1 or more",
+        ),
+        (
+            "square.obj",
+            "cube.obj",
+            "cloths[0].mesh: must be an OBJ file",
+        ),
+        (
+            "felt.json",
+            "silk.json",
+            "cloths[0].materials[0].data: there is no file silk.json",
+        ),
+        (
+            "\"thicken\": 2",
+            "\"thicken\": \"two\"",
+            "cloths[0].materials[0].thicken: must be a number",
+        ),
+        (
+            "[-90, 0, 1, 0]",
+            "[-90, 0, 1]",
+            "cloths[0].transform.rotate: must be a list of 4",
+        ),
+        (
+            "[-90, 0, 1, 0]",
+            "[-90, 0, 0, 0]",
+            "must be degrees and an axis",
+        ),
+        (
+            "\"nodes\": [2]",
+            "\"nodes\": [2.5]",
+            "handles[1].nodes: must be numbers of vertices",
+        ),
+        ("\"nodes\": [2]", "\"nodes\": [9]", "vertex 9"),
+        (
+            "\"motion\": 0",
+            "\"motion\": 1",
+            "handles[1].motion: must be one of the 1 motions",
+        ),
+        (
+            "\"nodes\": [3]",
+            "\"type\": \"circle\"",
+            "handles[0].type: must be \"node\"",
+        ),
+        (
+            "\"time\": 1,",
+            "\"time\": 0,",
+            "groups[0].keyframes[1].time must be later",
+        ),
+        (
+            "\"popfilter\"",
+            "\"poppfilter\"",
+            "disable: must name one of proximity,",
+        ),
+        (
+            "[0, -9.8, 0]",
+            "-9.8",
+            "gravity: must be a list of 3 numbers",
+        ),
+        ("\"friction\": 0.6", "\"friction\": 0.6,", "is no JSON"),
+    ] {
+        let error = desk.edited(from, to).unwrap_err();
+        assert!(error.contains("swing.json"), "{error}");
+        assert!(error.contains(named), "{from}: {error}");
+    }
+    desk.write("felt.json", &FELT.replace(",4e-6,6e-6]", "]"));
+    let error = desk.read(SCENE).unwrap_err();
+    let named = "materials[0].data: felt.json: bending: must be 3 rows of 5 numbers";
+    assert!(error.contains(named), "{error}");
+}

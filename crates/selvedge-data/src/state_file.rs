@@ -1,0 +1,477 @@
+//! States of a simulation in files: positions and velocities in f64, from which a run can go on.
+//!
+//! Read from .safetensors or NumPy's .npz: a pair of arrays `[vertices, 3]` or `[states, vertices, 3]`
+//! (f64, or f32, which is widened) and, where there are several states, the frame of each. Unless
+//! names are given, the pairs `positions` and `velocities` (with `frames`) and `ckpt_x` and `ckpt_v`
+//! (with `ckpt_frames`) are looked for. Written is .safetensors, with all frames of a run.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use safetensors::SafeTensors;
+use safetensors::tensor::Dtype;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::atomic::WriteError;
+use crate::dataset::hash;
+use crate::npz::{Npz, NpzError};
+use crate::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::trajectory::Provenance;
+
+/// A state to go on from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SavedState {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// How many frames of the motion have passed.
+    pub frame: usize,
+}
+
+/// Which state of which file, resolved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StateSpec {
+    /// Its path, as the scene names it: relative to the scene's folder.
+    pub path: String,
+    /// BLAKE3 hash of its bytes, in hexadecimal.
+    pub blake3: String,
+    /// How many frames of the motion have passed.
+    pub frame: usize,
+    /// Name of the array of positions.
+    pub positions: String,
+    /// Name of the array of velocities.
+    pub velocities: String,
+}
+
+/// Which state of a file is meant.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateChoice {
+    /// How many frames of the motion have passed; must be given where the file has several states.
+    pub frame: Option<usize>,
+    /// Name of the array of positions.
+    pub positions: Option<String>,
+    /// Name of the array of velocities.
+    pub velocities: Option<String>,
+}
+
+/// All states of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateRun {
+    /// Positions `[m]`, `[states * vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[states * vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// How many frames of the motion have passed in each, `[states]`.
+    pub frames: Vec<u32>,
+}
+
+/// Why a state could not be read from a file.
+#[derive(Debug, Error)]
+#[error("{}: {source}", path.display())]
+pub struct ReadStateError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    #[source]
+    pub source: StateError,
+}
+
+/// Why bytes hold no such state.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum StateError {
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("a state is read from .npz or .safetensors")]
+    Kind,
+    #[error("is no complete safetensors file: {0}")]
+    Container(#[source] safetensors::SafeTensorError),
+    #[error(transparent)]
+    Npz(#[from] NpzError),
+    #[error("has no array named {name} (found {found})")]
+    Missing { name: String, found: String },
+    #[error(
+        "has no velocities beside positions (found {found}): name both arrays, as positions = \"x\" and velocities = \"v\""
+    )]
+    NoPair { found: String },
+    #[error("array {name}: expected {expected}, found {found}")]
+    Array {
+        name: String,
+        expected: String,
+        found: String,
+    },
+    #[error("has the states of frames {known}: say which, as frame")]
+    Frame { known: String },
+    #[error("array {name}: vertex {vertex} is not finite in this state")]
+    NonFinite { name: String, vertex: usize },
+    #[error("has changed since the scene was resolved (hash {found}, expected {expected})")]
+    Changed { expected: String, found: String },
+}
+
+/// The format that a file of states names in its metadata.
+pub const STATES_FORMAT: &str = "selvedge-states";
+
+const PAIRS: [[&str; 3]; 2] = [
+    ["positions", "velocities", "frames"],
+    ["ckpt_x", "ckpt_v", "ckpt_frames"],
+];
+
+/// Numbers and dimensions of an array.
+struct Floats {
+    shape: Vec<usize>,
+    values: Vec<f64>,
+}
+
+/// Either container.
+enum Container<'a> {
+    Npz(Npz<'a>),
+    Safetensors(SafeTensors<'a>),
+}
+
+impl SavedState {
+    /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
+    #[must_use]
+    pub fn at_rest(positions: Vec<DVec3>) -> Self {
+        Self {
+            velocities: vec![DVec3::ZERO; positions.len()],
+            positions,
+            frame: 0,
+        }
+    }
+
+    /// Reads the state of `vertices` vertices that `choice` means from the file at `path`, which is
+    /// relative to `folder`; also how it was found.
+    ///
+    /// # Errors
+    /// [`ReadStateError`] names the file, the array and what is wrong with it.
+    pub fn read(
+        folder: &Path,
+        path: &str,
+        choice: &StateChoice,
+        vertices: usize,
+    ) -> Result<(Self, StateSpec), ReadStateError> {
+        let full = folder.join(path);
+        let within = |source| ReadStateError {
+            path: full.clone(),
+            source,
+        };
+        let bytes = std::fs::read(&full).map_err(|e| within(StateError::Read(e)))?;
+        let container = Container::open(&full, &bytes).map_err(within)?;
+        let (state, [positions, velocities]) =
+            select(&container, choice, vertices).map_err(within)?;
+        let spec = StateSpec {
+            path: path.to_owned(),
+            blake3: hash(&bytes),
+            frame: state.frame,
+            positions,
+            velocities,
+        };
+        Ok((state, spec))
+    }
+
+    /// Reads the state again that `spec` tells of.
+    ///
+    /// # Errors
+    /// As for [`Self::read`]; also [`StateError::Changed`].
+    pub fn reread(
+        folder: &Path,
+        spec: &StateSpec,
+        vertices: usize,
+    ) -> Result<Self, ReadStateError> {
+        let choice = StateChoice {
+            frame: Some(spec.frame),
+            positions: Some(spec.positions.clone()),
+            velocities: Some(spec.velocities.clone()),
+        };
+        let (state, now) = Self::read(folder, &spec.path, &choice, vertices)?;
+        if now.blake3 == spec.blake3 {
+            return Ok(state);
+        }
+        Err(ReadStateError {
+            path: folder.join(&spec.path),
+            source: StateError::Changed {
+                expected: spec.blake3.clone(),
+                found: now.blake3,
+            },
+        })
+    }
+}
+
+impl StateRun {
+    /// Reads the states that [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// [`StateError`] names the array and what is wrong with it.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, StateError> {
+        let file = SafeTensors::deserialize(bytes).map_err(StateError::Container)?;
+        let container = Container::Safetensors(file);
+        let frames = container.integers("frames")?;
+        let vectors = |name: &str| -> Result<Vec<DVec3>, StateError> {
+            let array = container.floats(name)?;
+            match array.shape[..] {
+                [states, _, 3] if states == frames.len() => Ok(array
+                    .values
+                    .chunks_exact(3)
+                    .map(DVec3::from_slice)
+                    .collect()),
+                _ => Err(StateError::Array {
+                    name: name.to_owned(),
+                    expected: format!("[{}, vertices, 3]", frames.len()),
+                    found: format!("{:?}", array.shape),
+                }),
+            }
+        };
+        Ok(Self {
+            positions: vectors("positions")?,
+            velocities: vectors("velocities")?,
+            frames: frames.into_iter().map(|frame| frame as u32).collect(),
+        })
+    }
+
+    /// Writes the states as .safetensors, all or nothing: `positions` and `velocities` f64
+    /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the format
+    /// "selvedge-states".
+    ///
+    /// # Errors
+    /// [`WriteError`] names the file and what failed.
+    pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), WriteError> {
+        let vertices = self.positions.len() / self.frames.len().max(1);
+        let flat =
+            |values: &[DVec3]| -> Vec<f64> { values.iter().flat_map(|v| v.to_array()).collect() };
+        let (positions, velocities) = (flat(&self.positions), flat(&self.velocities));
+        let shape = vec![self.frames.len(), vertices, 3];
+        let tensors = [
+            ("positions", shape.clone(), TensorValues::F64(&positions)),
+            ("velocities", shape, TensorValues::F64(&velocities)),
+            (
+                "frames",
+                vec![self.frames.len()],
+                TensorValues::U32(&self.frames),
+            ),
+        ]
+        .map(|(name, shape, values)| TensorOut {
+            name,
+            shape,
+            values,
+        });
+        let metadata = BTreeMap::from([
+            ("format", STATES_FORMAT.to_owned()),
+            ("version", "1".to_owned()),
+            ("fps", provenance.frame_rate.to_string()),
+            ("scene", provenance.scene.to_string()),
+            ("made_by", provenance.made_by.clone()),
+        ]);
+        write_tensors(path, &tensors, &metadata)
+    }
+}
+
+fn select(
+    container: &Container<'_>,
+    choice: &StateChoice,
+    vertices: usize,
+) -> Result<(SavedState, [String; 2]), StateError> {
+    let names = container.names();
+    let has = |name: &str| names.iter().any(|n| n == name);
+    let (pair, frames_name) = match (&choice.positions, &choice.velocities) {
+        (Some(positions), Some(velocities)) => {
+            let known = PAIRS.iter().find(|pair| pair[0] == positions);
+            ([positions.clone(), velocities.clone()], known.map(|p| p[2]))
+        }
+        (None, None) => PAIRS
+            .iter()
+            .find(|pair| has(pair[0]) && has(pair[1]))
+            .map(|pair| ([pair[0].to_owned(), pair[1].to_owned()], Some(pair[2])))
+            .ok_or_else(|| StateError::NoPair {
+                found: names.join(", "),
+            })?,
+        _ => {
+            let found = names.join(", ");
+            return Err(StateError::NoPair { found });
+        }
+    };
+    let arrays = [container.floats(&pair[0])?, container.floats(&pair[1])?];
+    let count = match arrays[0].shape[..] {
+        [states, _, _] => Some(states),
+        _ => None,
+    };
+    let frames = match frames_name.filter(|name| has(name) && count.is_some()) {
+        Some(name) => Some(container.integers(name)?),
+        None => None,
+    };
+    let (index, frame) = place(choice.frame, count, frames.as_deref())?;
+    let [positions, velocities] = [0, 1].map(|k| entry(&pair[k], &arrays[k], index, vertices));
+    let state = SavedState {
+        positions: positions?,
+        velocities: velocities?,
+        frame,
+    };
+    Ok((state, pair))
+}
+
+/// Which of `count` states, and how many frames have passed in it.
+fn place(
+    wanted: Option<usize>,
+    count: Option<usize>,
+    frames: Option<&[i64]>,
+) -> Result<(usize, usize), StateError> {
+    let Some(count) = count else {
+        return Ok((0, wanted.unwrap_or(0)));
+    };
+    let frames: Vec<i64> = match frames {
+        Some(frames) => frames.to_vec(),
+        None => (0..count as i64).collect(),
+    };
+    let wanted = match (wanted, frames.as_slice()) {
+        (Some(wanted), _) => Some(wanted as i64),
+        (None, &[only]) => Some(only),
+        (None, _) => None,
+    };
+    let index = frames.iter().position(|frame| Some(*frame) == wanted);
+    match index {
+        Some(index) if frames[index] >= 0 => Ok((index, frames[index] as usize)),
+        _ => {
+            let known: Vec<String> = match frames[..] {
+                [first, second, third, .., last] if frames.len() > 12 => {
+                    vec![format!("{first}, {second}, {third} … {last}")]
+                }
+                _ => frames.iter().map(i64::to_string).collect(),
+            };
+            let known = known.join(", ");
+            Err(StateError::Frame { known })
+        }
+    }
+}
+
+/// State `index` of an array.
+fn entry(
+    name: &str,
+    array: &Floats,
+    index: usize,
+    vertices: usize,
+) -> Result<Vec<DVec3>, StateError> {
+    let (count, found) = match array.shape[..] {
+        [found, 3] => (1, found),
+        [count, found, 3] => (count, found),
+        _ => (0, 0),
+    };
+    if found != vertices || index >= count {
+        return Err(StateError::Array {
+            name: name.to_owned(),
+            expected: format!("[{vertices}, 3] or [states, {vertices}, 3]"),
+            found: format!("{:?}", array.shape),
+        });
+    }
+    let start = 3 * vertices * index;
+    let state: Vec<DVec3> = array.values[start..start + 3 * vertices]
+        .chunks_exact(3)
+        .map(DVec3::from_slice)
+        .collect();
+    match state.iter().position(|value| !value.is_finite()) {
+        Some(vertex) => Err(StateError::NonFinite {
+            name: name.to_owned(),
+            vertex,
+        }),
+        None => Ok(state),
+    }
+}
+
+impl<'a> Container<'a> {
+    fn open(path: &Path, bytes: &'a [u8]) -> Result<Self, StateError> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("npz") => Ok(Self::Npz(Npz::open(bytes)?)),
+            Some("safetensors") => SafeTensors::deserialize(bytes)
+                .map(Self::Safetensors)
+                .map_err(StateError::Container),
+            _ => Err(StateError::Kind),
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = match self {
+            Self::Npz(npz) => npz.names().into_iter().map(str::to_owned).collect(),
+            Self::Safetensors(file) => file.names().into_iter().map(str::to_owned).collect(),
+        };
+        names.sort_unstable();
+        names
+    }
+
+    fn missing(&self, name: &str) -> StateError {
+        StateError::Missing {
+            name: name.to_owned(),
+            found: self.names().join(", "),
+        }
+    }
+
+    fn floats(&self, name: &str) -> Result<Floats, StateError> {
+        match self {
+            Self::Npz(npz) => {
+                let array = npz.array(name)?.ok_or_else(|| self.missing(name))?;
+                let values = array.floats().map_err(|source| NpzError::Array {
+                    name: name.to_owned(),
+                    source,
+                })?;
+                let shape = array.shape;
+                Ok(Floats { shape, values })
+            }
+            Self::Safetensors(file) => {
+                let tensor = file.tensor(name).map_err(|_| self.missing(name))?;
+                let data = tensor.data();
+                let values = match tensor.dtype() {
+                    Dtype::F64 => words::<8>(data).map(f64::from_le_bytes).collect(),
+                    Dtype::F32 => words::<4>(data)
+                        .map(|w| f64::from(f32::from_le_bytes(w)))
+                        .collect(),
+                    other => return Err(wrong_type(name, "F64 or F32", other)),
+                };
+                let shape = tensor.shape().to_vec();
+                Ok(Floats { shape, values })
+            }
+        }
+    }
+
+    fn integers(&self, name: &str) -> Result<Vec<i64>, StateError> {
+        match self {
+            Self::Npz(npz) => {
+                let array = npz.array(name)?.ok_or_else(|| self.missing(name))?;
+                let source = array.integers();
+                Ok(source.map_err(|source| NpzError::Array {
+                    name: name.to_owned(),
+                    source,
+                })?)
+            }
+            Self::Safetensors(file) => {
+                let tensor = file.tensor(name).map_err(|_| self.missing(name))?;
+                let data = tensor.data();
+                match tensor.dtype() {
+                    Dtype::U32 => Ok(words::<4>(data)
+                        .map(|w| i64::from(u32::from_le_bytes(w)))
+                        .collect()),
+                    Dtype::I32 => Ok(words::<4>(data)
+                        .map(|w| i64::from(i32::from_le_bytes(w)))
+                        .collect()),
+                    Dtype::I64 => Ok(words::<8>(data).map(i64::from_le_bytes).collect()),
+                    other => Err(wrong_type(name, "U32, I32 or I64", other)),
+                }
+            }
+        }
+    }
+}
+
+fn wrong_type(name: &str, expected: &str, found: Dtype) -> StateError {
+    StateError::Array {
+        name: name.to_owned(),
+        expected: expected.to_owned(),
+        found: found.to_string(),
+    }
+}
+
+fn words<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> {
+    bytes.as_chunks::<N>().0.iter().copied()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,139 @@
+//! States are read as they were written, by any of the ways to name them.
+
+use serde_json::Value;
+
+use super::*;
+use crate::npz::tests::{archive, floats, npy};
+
+fn provenance() -> Provenance {
+    Provenance {
+        frame_rate: 60.0,
+        scene: Value::Null,
+        made_by: "a test".into(),
+    }
+}
+
+fn run() -> StateRun {
+    let vector = |k: u32| DVec3::new(f64::from(k) / 3.0, 1e-17, -f64::from(k).sqrt());
+    StateRun {
+        positions: (0..6).map(vector).collect(),
+        velocities: (10..16).map(vector).collect(),
+        frames: vec![4, 5, 6],
+    }
+}
+
+fn at(frame: usize) -> StateChoice {
+    StateChoice {
+        frame: Some(frame),
+        ..StateChoice::default()
+    }
+}
+
+fn error(folder: &Path, path: &str, choice: &StateChoice, vertices: usize) -> String {
+    let error = SavedState::read(folder, path, choice, vertices).unwrap_err();
+    let text = error.to_string();
+    assert!(text.contains(path), "{text}");
+    text
+}
+
+#[test]
+fn every_bit_of_a_run_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run();
+    let path = folder.path().join("states.safetensors");
+    run.write(&path, &provenance()).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(StateRun::from_bytes(&bytes).unwrap(), run);
+    let read = |choice| SavedState::read(folder.path(), "states.safetensors", &choice, 2);
+    for (index, frame) in [4, 5, 6].into_iter().enumerate() {
+        let (state, spec) = read(at(frame)).unwrap();
+        assert_eq!(state.frame, frame);
+        assert_eq!(state.positions, run.positions[2 * index..2 * index + 2]);
+        assert_eq!(state.velocities, run.velocities[2 * index..2 * index + 2]);
+        assert_eq!(SavedState::reread(folder.path(), &spec, 2).unwrap(), state);
+    }
+    let (_, spec) = read(at(4)).unwrap();
+    let mut other = run.clone();
+    other.positions[0].x += 1e-16;
+    other.positions[5].x += 1.0;
+    other.write(&path, &provenance()).unwrap();
+    let changed = SavedState::reread(folder.path(), &spec, 2).unwrap_err();
+    assert!(changed.to_string().contains("has changed"), "{changed}");
+    let text = error(folder.path(), "states.safetensors", &at(7), 2);
+    assert!(text.contains("frames 4, 5, 6"), "{text}");
+    let text = error(folder.path(), "states.safetensors", &at(4), 3);
+    assert!(text.contains("positions: expected [3, 3]"), "{text}");
+}
+
+#[test]
+fn checkpoints_of_an_archive_are_found_by_their_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames: Vec<u8> = [60_i32, 120].iter().flat_map(|f| f.to_le_bytes()).collect();
+    let x: Vec<f64> = (0..12).map(|k| f64::from(k) * 0.1).collect();
+    let v: Vec<f64> = x.iter().map(|x| -x).collect();
+    let zip = archive(&[
+        ("positions", floats("(1, 2, 3)", &x[..6])),
+        ("ckpt_x", floats("(2, 2, 3)", &x)),
+        ("ckpt_v", floats("(2, 2, 3)", &v)),
+        ("ckpt_frames", npy("<i4", "(2,)", &frames)),
+        ("rest_x", floats("(2, 3)", &x[6..])),
+        ("rest_v", floats("(2, 3)", &v[6..])),
+    ]);
+    std::fs::write(folder.path().join("run.npz"), zip).unwrap();
+    let read = |choice: &StateChoice| SavedState::read(folder.path(), "run.npz", choice, 2);
+    let (state, spec) = read(&at(120)).unwrap();
+    assert_eq!((state.frame, spec.positions.as_str()), (120, "ckpt_x"));
+    assert_eq!(state.positions[1], DVec3::from_slice(&x[9..]));
+    let named = StateChoice {
+        frame: None,
+        positions: Some("rest_x".into()),
+        velocities: Some("rest_v".into()),
+    };
+    let (rest, _) = read(&named).unwrap();
+    assert_eq!(rest.frame, 0);
+    assert_eq!(rest.velocities, state.velocities);
+    let which = error(folder.path(), "run.npz", &StateChoice::default(), 2);
+    assert!(which.contains("frames 60, 120: say which"), "{which}");
+    let none = StateChoice {
+        positions: Some("ckpt_y".into()),
+        velocities: Some("ckpt_v".into()),
+        ..at(60)
+    };
+    let text = error(folder.path(), "run.npz", &none, 2);
+    assert!(
+        text.contains("no array named ckpt_y (found ckpt_frames"),
+        "{text}"
+    );
+}
+
+#[test]
+fn what_is_no_state_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    write("x.txt", b"");
+    write("cut.npz", b"PK");
+    write("cut.safetensors", b"12");
+    let nan = floats("(1, 3)", &[0.0, f64::NAN, 0.0]);
+    write(
+        "nan.npz",
+        &archive(&[("positions", nan.clone()), ("velocities", nan)]),
+    );
+    write(
+        "alone.npz",
+        &archive(&[("positions", floats("(1, 3)", &[0.0; 3]))]),
+    );
+    for (path, named) in [
+        ("x.txt", "read from .npz or .safetensors"),
+        ("cut.npz", "no complete .npz archive"),
+        ("cut.safetensors", "no complete safetensors"),
+        ("nan.npz", "array positions: vertex 0 is not finite"),
+        (
+            "alone.npz",
+            "no velocities beside positions (found positions)",
+        ),
+        ("none.npz", "could not be read"),
+    ] {
+        let text = error(folder.path(), path, &StateChoice::default(), 1);
+        assert!(text.contains(named), "{text}");
+    }
+}

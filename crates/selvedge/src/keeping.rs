@@ -1,0 +1,61 @@
+//! A simulator that keeps its states: positions and velocities of every frame in f64, which a
+//! trajectory has in f32 or not at all.
+
+use glam::Vec3;
+use selvedge_cloth::{HandleTargets, Handles, StepError, Stepper, Topology};
+use selvedge_data::StateRun;
+use selvedge_sim::Simulator;
+
+/// A simulator and the states that it has been in.
+pub(crate) struct KeepingStates {
+    simulator: Simulator,
+    run: StateRun,
+}
+
+impl KeepingStates {
+    /// Keeps the state now and that after every step.
+    pub(crate) fn new(simulator: Simulator) -> Self {
+        let mut keeping = Self {
+            simulator,
+            run: StateRun::default(),
+        };
+        keeping.keep();
+        keeping
+    }
+
+    /// The states so far.
+    pub(crate) fn into_run(self) -> StateRun {
+        self.run
+    }
+
+    fn keep(&mut self) {
+        let run = &mut self.run;
+        run.positions.extend(self.simulator.positions_f64());
+        run.velocities.extend(self.simulator.velocities_f64());
+        run.frames.push(self.simulator.frame() as u32);
+    }
+}
+
+impl Stepper for KeepingStates {
+    fn topology(&self) -> &Topology {
+        self.simulator.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.simulator.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        self.simulator.positions()
+    }
+
+    fn frame(&self) -> usize {
+        self.simulator.frame()
+    }
+
+    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+        self.simulator.step(handles)?;
+        self.keep();
+        Ok(())
+    }
+}
