@@ -50,7 +50,7 @@ fn sixty_frames_of_a_turning_sheet_are_arcsims() {
     }
     let found = simulator.positions_f64().iter().zip(&end.positions);
     let error = found.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-    // 240 solves that each agree to 4.5e-9 m; measured: 9e-9 m.
+    // 240 solves that each agree to 4.5e-9 m and forget; over the whole run it was 9e-9 m.
     assert!(error < 1e-7, "{error:e} m");
 }
 
@@ -88,11 +88,10 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
     let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
     assert_eq!(run.frame_count(), 13);
     assert_eq!(run.frame(0)[4].to_array(), [0.05, 0.05, 0.0]);
-    // Spring handles lag behind their targets and carry the sheet: m g / (2 k), 2.3e-6 m; more while
-    // they move.
+    // Spring handles lag behind their targets: by the force on them over 1000 N/m, for a sheet of 2 g
+    // that is accelerated by up to 60 m/s² at most 0.12 mm.
     let [before, after] = [run.frame(0)[6], run.frame(12)[6]];
-    assert!((after.z - before.z - 0.1).abs() < 1e-3);
-    assert!(after.y < before.y);
+    assert!((after.z - before.z - 0.1).abs() < 1.2e-4);
     let report = desk.json("inspect swing.json");
     assert_eq!(number(&report, "/frames"), 12.0);
     desk.json("sag swing.json --out rest.safetensors");
