@@ -129,18 +129,14 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
     }
     let report = desk.json("inspect whole-s.safetensors");
     assert_eq!(report["kind"], "states");
-    let late = "simulate swing.json --out on.safetensors --state whole-s.safetensors --state-frame";
-    desk.fails(&format!("{late} 12"), 1, &["12 of them have passed"]);
-    desk.fails(
-        &format!("{late} 13"),
-        1,
-        &["whole-s.safetensors", "frames 0, 1, 2"],
-    );
-    desk.fails(
-        "simulate push.toml --out on.safetensors --state whole-s.safetensors --state-frame 1",
-        1,
-        &["array positions: expected [36, 3]"],
-    );
+    let wrong =
+        "simulate push.toml --out on.safetensors --state whole-s.safetensors --state-frame 1";
+    desk.fails(wrong, 1, &["array positions: expected [36, 3]"]);
+    desk.json("simulate push.toml --out on.safetensors --states own-s.safetensors");
+    let late = "simulate push.toml --out on.safetensors --state own-s.safetensors --state-frame";
+    desk.fails(&format!("{late} 30"), 1, &["30 of them have passed"]);
+    let words = ["own-s.safetensors", "frames 0, 1, 2"];
+    desk.fails(&format!("{late} 31"), 1, &words);
 }
 
 #[test]
