@@ -197,6 +197,7 @@ fn text(report: &Report, wanted: usize) -> Facts {
     facts.add("wrote", report.out.display());
     if let Some(clip) = &report.clip {
         facts.add("and", clip.display());
+    }
     if let Some(states) = &report.states {
         facts.add("states", states.display());
     }
