@@ -103,10 +103,10 @@ fn damage_is_an_error_and_no_panic() {
         let mut spoilt = whole.clone();
         spoilt[at] ^= 0xff;
         // Bytes that tell the time or a version have no meaning here; all others show.
-        if let Ok(npz) = Npz::open(&spoilt) {
-            if let Ok(Some(array)) = npz.array("x") {
-                assert_eq!(array.floats().unwrap(), [1.0, 2.0, 3.0]);
-            }
+        if let Ok(npz) = Npz::open(&spoilt)
+            && let Ok(Some(array)) = npz.array("x")
+        {
+            assert_eq!(array.floats().unwrap(), [1.0, 2.0, 3.0]);
         }
     }
     let wrong = archive(&[("x", floats("(4,)", &[1.0]))]);
