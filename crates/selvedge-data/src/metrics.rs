@@ -11,6 +11,10 @@ use thiserror::Error;
 
 use crate::Frames;
 
+mod over_time;
+
+pub use over_time::{first_strained_frame, per_frame_edge_length_rmse, relative_error};
+
 /// The measures of run `b` against run `a`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {

@@ -6,8 +6,9 @@ use glam::{Vec2, Vec3};
 use selvedge_cloth::Topology;
 use selvedge_data::Frames;
 use selvedge_data::metrics::{
-    MetricError, compare, edge_length_rmse, final_speed, largest_strain, material_edge_lengths,
-    mean_edge_length, mean_vertex_error, per_frame_rmse, position_rmse, speeds,
+    MetricError, compare, edge_length_rmse, final_speed, first_strained_frame, largest_strain,
+    material_edge_lengths, mean_edge_length, mean_vertex_error, per_frame_edge_length_rmse,
+    per_frame_rmse, position_rmse, relative_error, speeds,
 };
 
 /// A unit square of two triangles; four edges of length 1 and a diagonal.
@@ -139,4 +140,105 @@ fn what_does_not_fit_is_an_error() {
         found: 1,
     };
     assert_eq!(largest_strain(four, &topology, &[1.0]), Err(short));
+}
+
+#[test]
+fn the_relative_error_of_a_run_that_is_scaled_by_s_is_s_minus_1() {
+    let (_, positions, _) = square();
+    // Frame f is 1 + f/4 times too large: f/4 of each frame's own norm, 3/8 in the mean of four.
+    let truth = repeated(&positions, 4, |_| Vec3::new(0.5, -2.0, 1.0));
+    let run: Vec<Vec3> = (0..16)
+        .map(|i| truth[i] * (1.0 + (i / 4) as f32 / 4.0))
+        .collect();
+    let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
+    assert!((relative_error(a, b).unwrap() - 0.375).abs() < ROUNDING);
+    assert_eq!(relative_error(a, a).unwrap(), 0.0);
+    // A truth at the origin: nothing to be relative to.
+    let zero = [Vec3::ZERO; 4];
+    let origin = Frames::new(&zero, 4).unwrap();
+    assert_eq!(relative_error(origin, origin).unwrap(), 0.0);
+    assert_eq!(relative_error(origin, a.first(1)).unwrap(), f64::INFINITY);
+}
+
+#[test]
+fn the_squares_of_the_frames_edge_errors_have_the_square_of_the_whole_as_their_mean() {
+    let (topology, positions, _) = square();
+    let truth = repeated(&positions, 3, |_| Vec3::ZERO);
+    let run: Vec<Vec3> = (0..12).map(|i| truth[i] * (1.0 + (i / 4) as f32)).collect();
+    let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
+    let frames = per_frame_edge_length_rmse(a, b, &topology).unwrap();
+    // Frame f is f + 1 times too large: every edge is too long by f times its length.
+    let once = (6.0 / 5.0_f64).sqrt();
+    for (frame, rmse) in frames.iter().enumerate() {
+        assert!((rmse - frame as f64 * once).abs() < 4.0 * ROUNDING);
+    }
+    let whole = edge_length_rmse(a, b, &topology).unwrap();
+    let mean = frames.iter().map(|rmse| rmse * rmse).sum::<f64>() / 3.0;
+    assert!((whole * whole - mean).abs() < 4.0 * ROUNDING);
+}
+
+#[test]
+fn a_strain_above_the_limit_is_found_and_so_is_one_that_is_no_number() {
+    assert_eq!(first_strained_frame(&[0.0, 0.2, 0.21, 0.1], 0.2), Some(2));
+    assert_eq!(first_strained_frame(&[-0.5, 0.2], 0.2), None);
+    assert_eq!(first_strained_frame(&[0.1, f64::NAN], 0.2), Some(1));
+    assert_eq!(first_strained_frame(&[], 0.2), None);
+}
+
+/// The measures as their definitions are read aloud, one number after another.
+#[test]
+fn a_slow_second_route_agrees() {
+    let (topology, positions, coordinates) = square();
+    let mut state = 1_u64;
+    let mut next = || {
+        // A linear congruential generator (Knuth): any numbers will do.
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 40) as f32 / 16_777_216.0 - 0.5
+    };
+    let mut noisy = || {
+        let all = positions.iter().cycle().take(28);
+        let moved = all.map(|&p| p + Vec3::new(next(), next(), next()));
+        moved.collect::<Vec<Vec3>>()
+    };
+    let (truth, run) = (noisy(), noisy());
+    let (mut squares, mut distance, mut edge_squares, mut relative, mut strain) =
+        (0.0, 0.0, 0.0, 0.0, f64::MIN);
+    for frame in 0..7 {
+        let (mut error, mut size) = (0.0, 0.0);
+        for vertex in 4 * frame..4 * frame + 4 {
+            for axis in 0..3 {
+                let [p, q] = [&truth, &run].map(|run| f64::from(run[vertex][axis]));
+                error += (p - q) * (p - q);
+                size += p * p;
+            }
+            distance += (truth[vertex].as_dvec3() - run[vertex].as_dvec3()).length();
+        }
+        squares += error;
+        relative += (error / size).sqrt();
+        for [i, j] in [[0, 1], [1, 2], [2, 3], [0, 3], [0, 2]] {
+            let length = |run: &[Vec3]| {
+                (run[4 * frame + i].as_dvec3() - run[4 * frame + j].as_dvec3()).length()
+            };
+            edge_squares += (length(&truth) - length(&run)).powi(2);
+            let rest = (coordinates[i] - coordinates[j]).as_dvec2().length();
+            strain = strain.max(length(&run) / rest - 1.0);
+        }
+    }
+    let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
+    let measures = compare(a, b, &topology).unwrap();
+    let rest = material_edge_lengths(&topology, &coordinates);
+    let strains = largest_strain(b, &topology, &rest).unwrap();
+    let pairs = [
+        (measures.position_rmse, (squares / 28.0).sqrt()),
+        (measures.mean_vertex_error, distance / 28.0),
+        (measures.edge_length_rmse, (edge_squares / 35.0).sqrt()),
+        (relative_error(a, b).unwrap(), relative / 7.0),
+        (strains.into_iter().fold(f64::MIN, f64::max), strain),
+    ];
+    for (found, expected) in pairs {
+        // Sums of at most 84 terms of order 1 in another order.
+        assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+    }
 }

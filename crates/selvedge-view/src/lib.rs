@@ -3,7 +3,8 @@
 //!
 //! A [`Run`] borrows the frames of a motion and checks them once; a [`Panel`] is a run with a label
 //! and a colouring. [`still`] and [`contact_sheet`] make an [`Image`], [`write_clip`] an animated
-//! GIF whose clock is real. All of them look through one camera that holds the whole run.
+//! GIF whose clock is real. All of them look through one camera that holds the whole run. [`plot`]
+//! draws numbers.
 //!
 //! Conventions: metres and seconds, y up; pixels count from the top left corner, x to the right and
 //! y down; colours are sRGB outside and linear light inside. This crate opens no files: images are
@@ -36,6 +37,7 @@ mod histogram;
 mod image;
 mod page;
 mod palette;
+pub mod plot;
 mod raster;
 mod run;
 mod shade;

@@ -1,14 +1,15 @@
 //! What can be asked, and the help that teaches it.
 
+mod evaluate;
 mod import;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
-use selvedge_data::Split;
+use clap::{ArgAction, Args, Parser, Subcommand};
 use selvedge_train::Setting;
 
+pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::import::ImportArgs;
 use crate::output::Reader;
 use crate::span;
@@ -67,6 +68,7 @@ pub(crate) enum Command {
     Dataset(DatasetCommand),
     Train(TrainArgs),
     Evaluate(EvaluateArgs),
+    Study(StudyArgs),
     Compare(CompareArgs),
     Inspect(InspectArgs),
     /// List the shipped training configurations: their networks, and what these cost.
@@ -320,61 +322,6 @@ pub(crate) struct TrainArgs {
     /// Stop after this long, as 90s, 30m or 2h.
     #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
     pub(crate) span: Option<Duration>,
-}
-
-/// Measure a model on a data set, beside two naive rivals.
-///
-/// For every trajectory the model runs from its start to its end, fed with its own output, while
-/// the handles move as they did. The rivals: the rest pose moved rigidly with the handles, and the
-/// physics itself from the other branch of the buckling.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge evaluate --model runs/first/model.safetensors --data data/first
-  selvedge evaluate --model m.safetensors --data data/first --motions test-x-minus-z --curves e.csv")]
-pub(crate) struct EvaluateArgs {
-    /// The model's weights.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) model: PathBuf,
-    /// The folder of the data set.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) data: PathBuf,
-    /// Which trajectories.
-    #[arg(long, value_enum, default_value_t = SplitName::Test)]
-    pub(crate) split: SplitName,
-    /// Only these motions, separated by commas.
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
-    pub(crate) motions: Vec<String>,
-    /// Write the error of every frame to this file (.csv).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) curves: Option<PathBuf>,
-}
-
-/// Part of a data set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SplitName {
-    /// What models learn from.
-    Train,
-    /// What they never see.
-    Test,
-}
-
-impl SplitName {
-    /// As people call it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Test => "test",
-        }
-    }
-
-    /// As the data set has it.
-    pub(crate) fn split(self) -> Split {
-        match self {
-            Self::Train => Split::Train,
-            Self::Test => Split::Test,
-        }
-    }
 }
 
 /// Measure how far two trajectories of one mesh are apart.

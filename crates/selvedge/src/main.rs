@@ -17,9 +17,11 @@ mod pictures;
 mod place;
 mod progress;
 mod reference;
+mod report;
 mod rigid;
 mod scenes;
 mod span;
+mod study;
 
 use std::process::ExitCode;
 

@@ -66,7 +66,7 @@ fn a_model_is_measured_beside_its_rivals() {
     );
     assert_eq!(report["rows"].as_array().unwrap().len(), 4);
     let truth = row(&report, "truth");
-    assert_eq!(number(truth, "/position_rmse"), 0.0);
+    assert_eq!(number(truth, "/measures/position_rmse"), 0.0);
     // The rigid rival keeps the rest pose's strain and edges, and stands still at the end.
     let rest = Trajectory::read(&desk.path("tiny/test/lift.safetensors")).unwrap();
     let rest = Trajectory::new(
@@ -77,24 +77,30 @@ fn a_model_is_measured_beside_its_rivals() {
     .unwrap();
     rest.write(&desk.path("rest.safetensors")).unwrap();
     let still = desk.json("inspect rest.safetensors");
-    let strain = number(row(&report, "rigid"), "/largest_strain");
+    let strain = number(row(&report, "rigid"), "/measures/largest_strain");
     // f32 positions: a relative error of 1e-7 of positions over edges five times shorter.
     assert!((strain - number(&still, "/largest_strain")).abs() < 3e-6);
     // The mirror branch is as good a cloth as the truth, but another one.
     let mirror = row(&report, "mirror");
-    assert!(number(mirror, "/position_rmse") > 1e-3);
-    assert!(number(mirror, "/ms_per_frame") > 0.0);
+    assert!(number(mirror, "/measures/position_rmse") > 1e-3);
+    let timings = report["timings"].as_array().unwrap();
+    let names: Vec<&str> = timings
+        .iter()
+        .map(|t| t["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["run", "rigid", "mirror"]);
+    assert!(timings.iter().all(|t| number(t, "/ms_per_frame") > 0.0));
     let curves = String::from_utf8(desk.read("curves.csv")).unwrap();
     let per_frame: Vec<f64> = curves
         .lines()
-        .filter(|line| line.starts_with("lift,model,"))
-        .map(|line| line.rsplit(',').next().unwrap().parse().unwrap())
+        .filter(|line| line.starts_with("run,tiny,lift,"))
+        .map(|line| line.split(',').nth(5).unwrap().parse().unwrap())
         .collect();
     assert_eq!(per_frame.len(), 61);
     // All frames have as many vertices: the square of the whole is the mean of the squares.
     let squares: f64 = per_frame.iter().map(|rmse| rmse * rmse).sum();
     let whole = (squares / 61.0).sqrt();
-    let told = number(row(&report, "model"), "/position_rmse");
+    let told = number(row(&report, "model"), "/measures/position_rmse");
     assert!((whole - told).abs() <= 1e-12 * told);
     desk.fails(
         "evaluate --model run/model.safetensors --data tiny --motions lift,drop",

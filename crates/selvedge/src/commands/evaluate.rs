@@ -1,288 +1,347 @@
-//! `selvedge evaluate`: a model and its naive rivals on the trajectories of a data set.
-//!
-//! The model runs alone, so that its time is its own; the rivals that need the physics then run
-//! side by side. A run that fails is a row that says so, and its rival's mean is not given.
+//! `selvedge evaluate`: models and their naive rivals on the trajectories of data sets, as a table,
+//! as JSON, and as a report with plots.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-use selvedge_data::{Dataset, Entry, Trajectory, write_atomically};
+use selvedge_data::write_atomically;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::dataset;
 use crate::cli::EvaluateArgs;
-use crate::evaluation::{Measures, Mirrors, Who, measure, measure_truth, run_model, run_rigid};
-use crate::failure::{self, WrongUsage};
-use crate::learned::{self, NamedModel};
+use crate::evaluation::{
+    Contestant, Evaluation, Measures, Plan, Racer, Row, Summary, TestData, Timing, Who, evaluate,
+    summary,
+};
+use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts, Table, length, percent};
-use crate::progress::Progress;
-use crate::{interrupt, place};
+use crate::report::{self, Contest, Heading, Report};
+use crate::{learned, place};
 
 #[derive(Serialize)]
-struct Report {
-    model: String,
-    data: PathBuf,
+struct Answered<'a> {
+    models: &'a [Named],
+    data: &'a [PathBuf],
     split: &'static str,
-    rows: Vec<Row>,
+    rows: Vec<Value>,
     means: Vec<Mean>,
-    curves: Option<PathBuf>,
+    meshes: Vec<Mean>,
+    timings: &'a [Timing],
+    wrote: Vec<PathBuf>,
     interrupted: bool,
 }
 
-/// One motion, one run.
-#[derive(Serialize)]
-struct Row {
-    motion: String,
-    who: Who,
-    #[serde(flatten)]
-    measures: Option<Measures>,
-    /// Why there are no measures.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    failure: Option<String>,
+/// A model that is measured.
+#[derive(Clone, Debug, Serialize)]
+struct Named {
+    name: String,
+    file: PathBuf,
+    parameters: usize,
 }
 
-/// The means over all motions of one who did not fail.
+/// One contestant over all motions of a mesh, or of all meshes.
 #[derive(Serialize)]
 struct Mean {
+    name: String,
     who: Who,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh: Option<String>,
     #[serde(flatten)]
-    measures: Measures,
+    summary: Summary,
 }
 
-/// Evaluates a model.
+/// Evaluates models.
 ///
 /// # Errors
-/// What of the model, the data set or a file went wrong.
+/// What of a model, a data set or a file went wrong.
 pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     if let Some(curves) = &args.curves {
         place::check_file(curves, "--curves", &["csv"])?;
     }
-    let model = learned::open(Some(&args.model))?;
-    let data = dataset::open(&args.data)?;
-    let chosen = choose(&data, args)?;
-    let mut rows = Vec::new();
-    let complete = run_models(&model, &data, &chosen, &mut rows)?;
-    let mirrors = match complete {
-        true => run_mirrors(&data, &chosen)?,
-        false => Vec::new(),
-    };
-    let end = if interrupt::requested() {
-        End::Interrupted
-    } else {
-        End::Complete
-    };
-    rows.extend(mirrors);
-    let place_of = |row: &Row| chosen.iter().position(|entry| entry.motion == row.motion);
-    rows.sort_by_key(|row| (place_of(row), row.who as u8));
-    if let Some(curves) = &args.curves {
-        write_curves(curves, &rows)?;
+    if let Some(folder) = &args.report {
+        place::make_folder(folder)?;
     }
-    let report = Report {
-        model: model.name,
-        data: args.data.clone(),
+    let (models, mut contestants) = open_models(&args.models)?;
+    let rivals = Contestant::rivals().into_iter();
+    contestants.extend(rivals.filter(|rival| !(args.no_mirror && rival.who() == Who::Mirror)));
+    let data = open_data(args)?;
+    let plan = Plan {
+        data: &data,
+        contestants: &contestants,
+        horizons: &args.horizons(),
+        threads: args.threads.map(usize::from),
+    };
+    let (evaluation, end) = evaluate(&plan)?;
+    let contest = Contest::of(&evaluation.rows);
+    let wrote = write_files(args, &models, &evaluation, end)?;
+    let answered = Answered {
+        models: &models,
+        data: &args.data,
         split: args.split.name(),
-        means: Who::ALL
+        rows: evaluation
+            .rows
+            .iter()
+            .map(without_curves)
+            .collect::<Result<_, _>>()?,
+        means: means(&contest, None),
+        meshes: contest
+            .values(|row| &row.mesh)
             .into_iter()
-            .filter_map(|who| mean(&rows, who))
+            .flat_map(|mesh| means(&contest, Some(mesh)))
             .collect(),
-        rows,
-        curves: args.curves.clone(),
+        timings: &evaluation.timings,
+        wrote,
         interrupted: end == End::Interrupted,
     };
-    Ok(Answer::new(text(&report), &report)?.ended(end))
+    let text = text(&answered, &evaluation, &contest);
+    Ok(Answer::new(text, &answered)?.ended(end))
 }
 
-/// The trajectories that are asked for, in the order of the data set.
-fn choose(data: &Dataset, args: &EvaluateArgs) -> anyhow::Result<Vec<Entry>> {
-    let entries = data.entries(args.split.split());
-    for motion in &args.motions {
-        if !entries.iter().any(|entry| entry.motion == *motion) {
-            let known: Vec<&str> = entries.iter().map(|e| e.motion.as_str()).collect();
-            let problem = format!(
-                "--motions {motion}: the {} split has {}",
-                args.split.name(),
-                known.join(", ")
-            );
+/// Writes what is asked for and says where it is.
+fn write_files(
+    args: &EvaluateArgs,
+    models: &[Named],
+    evaluation: &Evaluation,
+    end: End,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let mut wrote = Vec::new();
+    if let Some(curves) = &args.curves {
+        let text = report::curves_csv(&Contest::of(&evaluation.rows));
+        write_atomically(curves, |out| out.write_all(text.as_bytes()))?;
+        wrote.push(curves.clone());
+    }
+    if let Some(folder) = &args.report {
+        wrote.extend(paper(args, models, evaluation, end)?.write(folder)?);
+    }
+    Ok(wrote)
+}
+
+/// The models that are named, each with a name of its own.
+fn open_models(named: &[String]) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
+    let parted: Vec<(Option<&str>, &Path)> = named.iter().map(|text| part(text)).collect();
+    let short: Vec<String> = parted
+        .iter()
+        .map(|(name, file)| name.map_or_else(|| short_name(file), str::to_owned))
+        .collect();
+    let mut models: Vec<Named> = Vec::with_capacity(named.len());
+    let mut contestants = Vec::with_capacity(named.len());
+    for ((given, file), name) in parted.into_iter().zip(&short) {
+        let is_double = short.iter().filter(|other| *other == name).count() > 1;
+        let name = match is_double && given.is_none() {
+            true => file.display().to_string(),
+            false => name.clone(),
+        };
+        let is_rival = Contestant::rivals().iter().any(|rival| rival.name == name);
+        if is_rival || models.iter().any(|model| model.name == name) {
+            let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
             return Err(WrongUsage::new(problem).into());
         }
+        let model = learned::open(Some(file))?.model;
+        models.push(Named {
+            name: name.clone(),
+            file: file.to_owned(),
+            parameters: model.weights().len(),
+        });
+        contestants.push(Contestant {
+            name,
+            racer: Racer::Model(model),
+        });
     }
-    let is_chosen =
-        |entry: &&Entry| args.motions.is_empty() || args.motions.contains(&entry.motion);
-    let chosen: Vec<Entry> = entries.iter().filter(is_chosen).cloned().collect();
-    if chosen.is_empty() {
-        let problem = format!("{}: the split has no trajectories", args.data.display());
-        return Err(WrongUsage::new(problem).into());
-    }
-    Ok(chosen)
+    Ok((models, contestants))
 }
 
-/// Runs the model and the rigid rival on every motion, and measures the truth. False where an end
-/// was asked for; the rows are those of the motions until then.
-fn run_models(
-    model: &NamedModel,
-    data: &Dataset,
-    chosen: &[Entry],
-    rows: &mut Vec<Row>,
-) -> anyhow::Result<bool> {
-    let progress = Progress::new("predicting", steps_in(chosen), "frames");
-    for entry in chosen {
-        progress.note(&entry.motion);
-        let truth = data.read(entry)?;
-        let run = run_model(model, &entry.motion, &truth, &mut || {
-            progress.advance();
-            interrupt::flow()
-        });
-        if interrupt::requested() {
-            return Ok(false);
+/// Name and file of `NAME=FILE`; no name where all of it is a file.
+fn part(text: &str) -> (Option<&str>, &Path) {
+    match text.split_once('=') {
+        Some((name, file)) if !name.is_empty() && !Path::new(text).exists() => {
+            (Some(name), Path::new(file))
         }
-        let measured = run.and_then(|run| measure(&truth, &run));
-        rows.push(Row::new(entry, Who::Model, measured));
-        let rigid = run_rigid(&truth).and_then(|run| measure(&truth, &run));
-        rows.push(Row::new(entry, Who::Rigid, rigid));
-        rows.push(Row::new(entry, Who::Truth, measure_truth(&truth)));
+        _ => (None, Path::new(text)),
     }
-    Ok(true)
 }
 
-/// Runs the physics on the other branch, motions side by side.
-fn run_mirrors(data: &Dataset, chosen: &[Entry]) -> anyhow::Result<Vec<Row>> {
-    let mut mirrors = Mirrors::default();
-    let mut jobs = Vec::with_capacity(chosen.len());
-    for entry in chosen {
-        // Read here for its scene, and again where it is compared: all at once may not fit.
-        let mirror = mirrors.of(&data.read(entry)?);
-        jobs.push((entry, mirror));
+/// The name of the file, or of its folder where the file is called as all models of trainings are.
+fn short_name(file: &Path) -> String {
+    let of = |name: Option<&std::ffi::OsStr>| name.map(|name| name.to_string_lossy().into_owned());
+    let stem = of(file.file_stem());
+    let folder = of(file.parent().and_then(Path::file_name));
+    match (stem, folder) {
+        (Some(stem), Some(folder)) if stem == "model" => folder,
+        (Some(stem), _) => stem,
+        (None, _) => file.display().to_string(),
     }
-    let progress = Progress::new("simulating the mirror branch", steps_in(chosen), "frames");
-    let rows = jobs.into_par_iter().with_max_len(1).map(|(entry, mirror)| {
-        let truth: Trajectory = data.read(entry)?;
-        let run = mirror.and_then(|mirror| {
-            mirror.run(&truth, &mut || {
-                progress.advance();
-                interrupt::flow()
-            })
-        });
-        Ok(match run {
-            Ok(Some(run)) => Some(Row::new(entry, Who::Mirror, measure(&truth, &run))),
-            Ok(None) => None,
-            Err(error) => Some(Row::new(entry, Who::Mirror, Err(error))),
-        })
-    });
-    let rows: anyhow::Result<Vec<Option<Row>>> = rows.collect();
-    Ok(rows?.into_iter().flatten().collect())
 }
 
-fn steps_in(entries: &[Entry]) -> usize {
-    entries
-        .iter()
-        .map(|entry| entry.frames.saturating_sub(1))
-        .sum()
-}
-
-impl Row {
-    fn new(entry: &Entry, who: Who, result: anyhow::Result<Measures>) -> Self {
-        let (measures, failure) = match result {
-            Ok(measures) => (Some(measures), None),
-            Err(error) => (None, Some(failure::chain(&error))),
+fn open_data(args: &EvaluateArgs) -> anyhow::Result<Vec<TestData>> {
+    let mut all: Vec<TestData> = Vec::with_capacity(args.data.len());
+    for folder in &args.data {
+        let data = dataset::open(folder)?;
+        let name = data.index().name.clone();
+        let name = match all.iter().any(|other| other.name == name) {
+            true => folder.display().to_string(),
+            false => name,
         };
-        Self {
-            motion: entry.motion.clone(),
-            who,
-            measures,
-            failure,
-        }
+        all.push(TestData::new(
+            name,
+            data,
+            args.split.split(),
+            &args.motions,
+        )?);
     }
+    Ok(all)
 }
 
-fn mean(rows: &[Row], who: Who) -> Option<Mean> {
-    let of_who = rows.iter().filter(|row| row.who == who);
-    let measures: Option<Vec<&Measures>> = of_who.map(|row| row.measures.as_ref()).collect();
-    let measures = measures.filter(|measures| !measures.is_empty())?;
-    let count = measures.len() as f64;
-    let mean = |of: fn(&Measures) -> f64| measures.iter().map(|m| of(m)).sum::<f64>() / count;
-    let time: Option<f64> = measures.iter().map(|m| m.ms_per_frame).sum();
-    Some(Mean {
-        who,
-        measures: Measures {
-            position_rmse: mean(|m| m.position_rmse),
-            edge_length_rmse: mean(|m| m.edge_length_rmse),
-            largest_strain: mean(|m| m.largest_strain),
-            final_speed: mean(|m| m.final_speed),
-            ms_per_frame: time.map(|sum| sum / count),
-            per_frame: Vec::new(),
+fn means(contest: &Contest<'_>, mesh: Option<String>) -> Vec<Mean> {
+    let of_subject = |subject: &report::Subject<'_>| {
+        let is_here = |row: &&&Row| mesh.as_ref().is_none_or(|mesh| row.mesh == *mesh);
+        let rows: Vec<&Row> = subject.rows.iter().filter(is_here).copied().collect();
+        Mean {
+            name: subject.label.clone(),
+            who: subject.who,
+            mesh: mesh.clone(),
+            summary: summary(&rows),
+        }
+    };
+    contest.subjects().map(of_subject).collect()
+}
+
+fn without_curves(row: &Row) -> Result<Value, serde_json::Error> {
+    let mut value = serde_json::to_value(row)?;
+    if let Some(fields) = value.as_object_mut() {
+        fields.remove("curves");
+    }
+    Ok(value)
+}
+
+/// The report of an evaluation.
+fn paper(
+    args: &EvaluateArgs,
+    models: &[Named],
+    evaluation: &Evaluation,
+    end: End,
+) -> anyhow::Result<Report> {
+    let contest = Contest::of(&evaluation.rows);
+    let cells = |m: &Named| {
+        let file = m.file.display().to_string();
+        vec![m.name.clone(), file, m.parameters.to_string()]
+    };
+    let heading = Heading {
+        title: &format!("Evaluation, {} split", args.split.name()),
+        note: match end {
+            End::Interrupted => "**Interrupted: only the runs until then are here.**",
+            End::Complete => "",
         },
-    })
+        models: models.iter().map(cells).collect(),
+    };
+    let page = report::evaluation_page(heading, &contest)?;
+    Ok(page.finish(&contest, &evaluation.timings))
 }
 
-/// One line per motion, run and frame.
-fn write_curves(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
-    write_atomically(path, |out| {
-        writeln!(out, "motion,who,frame,position_rmse")?;
-        for row in rows {
-            let Some(measures) = &row.measures else {
-                continue;
-            };
-            for (frame, rmse) in measures.per_frame.iter().enumerate() {
-                writeln!(out, "{},{},{frame},{rmse:e}", row.motion, row.who.name())?;
-            }
-        }
-        Ok(())
-    })?;
-    Ok(())
-}
-
-fn text(report: &Report) -> String {
+fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>) -> String {
     let mut facts = Facts::new();
-    facts.add("model", &report.model);
-    facts.add(
-        "data",
-        format!("{}, {} split", report.data.display(), report.split),
-    );
-    if report.interrupted {
-        facts.add("interrupted", "only the motions until then are here");
+    for model in answered.models {
+        facts.add(
+            "model",
+            format!("{} ({})", model.name, model.file.display()),
+        );
     }
-    if let Some(curves) = &report.curves {
-        facts.add("wrote", curves.display());
+    for folder in answered.data {
+        facts.add(
+            "data",
+            format!("{}, {} split", folder.display(), answered.split),
+        );
     }
+    if answered.interrupted {
+        facts.add("interrupted", "only the runs until then are here");
+    }
+    for path in &answered.wrote {
+        facts.add("wrote", path.display());
+    }
+    let runs = runs_table(&evaluation.rows, &answered.means);
+    let steps = steps_table(&answered.means);
+    let mut times = Table::new(["mesh", "who", "time per frame"]);
+    for timing in &evaluation.timings {
+        let ms = format!("{:.2} ms", timing.ms_per_frame);
+        times.row([timing.mesh.clone(), timing.name.clone(), ms]);
+    }
+    let notes = "rigid: the rest pose moved with the handles; mirror: the physics from the other branch of the buckling";
+    let failures = report::failures(contest);
+    format!("{facts}\n{runs}\n{notes}\n\n{steps}\n{times}\n{failures}")
+}
+
+/// A line for each run, and the means of everyone.
+fn runs_table(rows: &[Row], means: &[Mean]) -> Table {
     let mut table = Table::new([
         "motion",
         "who",
         "position RMSE",
+        "mean error",
+        "e3D",
         "edge-length RMSE",
         "largest strain",
+        "over 20 % from",
         "last second",
-        "per frame",
     ]);
-    for row in &report.rows {
-        table.row(cells(&row.motion, row.who, row.measures.as_ref()));
+    for row in rows {
+        table.row(cells(
+            &row.motion,
+            &row.name,
+            row.measures.as_ref(),
+            row.unstable_frame,
+        ));
     }
     table.rule();
-    for mean in &report.means {
-        table.row(cells("mean", mean.who, Some(&mean.measures)));
+    for mean in means {
+        let of = &mean.summary;
+        table.row(cells(
+            "mean",
+            &mean.name,
+            of.measures.as_ref(),
+            of.unstable_frame,
+        ));
     }
-    let failures = report.rows.iter().filter_map(|row| {
-        let failure = row.failure.as_ref()?;
-        Some(format!("{}, {}: {failure}\n", row.motion, row.who.name()))
-    });
-    let failures: String = failures.collect();
-    let notes = "rigid: the rest pose moved with the handles; mirror: the physics from the other branch of the buckling";
-    format!("{facts}\n{table}\n{notes}\n{failures}")
+    table
 }
 
-fn cells(motion: &str, who: Who, measures: Option<&Measures>) -> Vec<String> {
-    let mut cells = vec![motion.to_owned(), who.name().to_owned()];
-    let Some(m) = measures else {
-        cells.push("failed".to_owned());
+/// Position errors over k steps, a column for each k.
+fn steps_table(means: &[Mean]) -> Table {
+    let all = means.iter().flat_map(|mean| &mean.summary.horizons);
+    let mut steps: Vec<usize> = all.map(|h| h.steps).collect();
+    steps.sort_unstable();
+    steps.dedup();
+    let heads: Vec<String> = steps.iter().map(usize::to_string).collect();
+    let heads = heads.iter().map(String::as_str);
+    let mut table = Table::new(std::iter::once("position RMSE over k steps, k =").chain(heads));
+    for mean in means
+        .iter()
+        .filter(|mean| !mean.summary.horizons.is_empty())
+    {
+        let cell = |k: &usize| {
+            let found = mean.summary.horizons.iter().find(|h| h.steps == *k);
+            found.map_or_else(|| "-".to_owned(), |h| length(h.position_rmse))
+        };
+        table.row(std::iter::once(mean.name.clone()).chain(steps.iter().map(cell)));
+    }
+    table
+}
+
+fn cells(motion: &str, who: &str, of: Option<&Measures>, unstable: Option<usize>) -> Vec<String> {
+    let mut cells = vec![motion.to_owned(), who.to_owned()];
+    let unstable = unstable.map_or_else(|| "-".to_owned(), |frame| format!("frame {frame}"));
+    let Some(m) = of else {
+        cells.extend(["failed", "", "", "", ""].map(str::to_owned));
+        cells.push(unstable);
         return cells;
     };
     cells.extend([
         length(m.position_rmse),
+        length(m.mean_vertex_error),
+        percent(m.relative_error),
         length(m.edge_length_rmse),
         percent(m.largest_strain),
+        unstable,
         format!("{:.3} m/s", m.final_speed),
-        m.ms_per_frame
-            .map_or_else(|| "-".to_owned(), |ms| format!("{ms:.2} ms")),
     ]);
     cells
 }

@@ -1,7 +1,7 @@
 //! One file per command: each takes its arguments and gives its [`Answer`].
 
 mod compare;
-mod dataset;
+pub(crate) mod dataset;
 mod dataset_import;
 mod dataset_inspect;
 mod dataset_plan;
@@ -11,6 +11,7 @@ mod presets;
 mod rollout;
 mod sag;
 mod simulate;
+mod study;
 mod train;
 
 use crate::cli::{Command, DatasetCommand};
@@ -36,5 +37,6 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Rollout(args) => rollout::run(args),
         Command::Train(args) => train::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Study(args) => study::run(args),
     }
 }

@@ -1,0 +1,205 @@
+//! What both charts draw with: a picture in pixels from the top left corner, with its colours and
+//! texts.
+//!
+//! `plotters` counts in whole units, which would make curves jagged: everything is drawn [`UNIT`]
+//! times too large and the picture is shown so much smaller.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::PlotError;
+
+/// Units of the drawing in one pixel of the picture.
+const UNIT: f64 = 8.0;
+
+/// `plotters` draws a font of this size as one of size 1.
+const FONT_UNIT: f64 = 1.24;
+
+/// Told apart by most of the colour-blind too (Okabe and Ito 2008), without the yellow, which is
+/// too light for lines.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(112, 72, 152),
+];
+
+/// What the others are compared with.
+pub(super) const GREY: RGBColor = RGBColor(125, 125, 125);
+/// Texts and axes.
+pub(super) const INK: RGBColor = RGBColor(51, 51, 51);
+/// Lines across the picture.
+pub(super) const FAINT: RGBColor = RGBColor(228, 228, 228);
+
+/// Height of most texts [pixels].
+pub(super) const TEXT: f64 = 13.0;
+/// Height of the title [pixels].
+pub(super) const TITLE: f64 = 15.0;
+/// From one line of text to the next [pixels].
+pub(super) const LEADING: f64 = 17.0;
+
+/// The colour of the `number`-th name.
+pub(super) fn colour(number: usize) -> RGBColor {
+    COLOURS[number % COLOURS.len()]
+}
+
+/// About how wide `text` is [pixels], for a font that nobody here knows.
+pub(super) fn text_width(text: &str) -> f64 {
+    0.56 * TEXT * text.chars().count() as f64
+}
+
+/// How a text stands at its point.
+#[derive(Clone, Copy)]
+pub(super) struct TextStyle {
+    pub(super) size: f64,
+    pub(super) colour: RGBColor,
+    pub(super) weight: Weight,
+    pub(super) anchor: Anchor,
+}
+
+/// How thick letters are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Weight {
+    Normal,
+    Bold,
+}
+
+/// Where the point of a text is: halfway up, unless it is turned.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Anchor {
+    Left,
+    Middle,
+    Right,
+    /// In the middle of a text that is read from below.
+    Upwards,
+}
+
+impl TextStyle {
+    /// An ordinary text.
+    pub(super) fn plain(anchor: Anchor) -> Self {
+        Self {
+            size: TEXT,
+            colour: INK,
+            weight: Weight::Normal,
+            anchor,
+        }
+    }
+}
+
+/// A point of the picture [pixels].
+pub(super) type Point = [f64; 2];
+
+/// A picture under way.
+pub(super) struct Canvas<'a> {
+    area: DrawingArea<SVGBackend<'a>, Shift>,
+    title: &'a str,
+}
+
+/// Draws a picture of `size` [pixels] and gives its SVG.
+pub(super) fn picture(
+    title: &str,
+    size: Point,
+    draw: impl FnOnce(&Canvas<'_>) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
+    let units = size.map(|pixels| (pixels * UNIT).round() as u32);
+    let mut svg = String::new();
+    let canvas = Canvas {
+        area: SVGBackend::with_string(&mut svg, units.into()).into_drawing_area(),
+        title,
+    };
+    canvas.check(canvas.area.fill(&WHITE))?;
+    let style = TextStyle {
+        size: TITLE,
+        weight: Weight::Bold,
+        ..TextStyle::plain(Anchor::Left)
+    };
+    canvas.text(title, [12.0, 20.0], style)?;
+    draw(&canvas)?;
+    canvas.check(canvas.area.present())?;
+    drop(canvas);
+    let drawn = format!("width=\"{}\" height=\"{}\"", units[0], units[1]);
+    let shown = format!("width=\"{}\" height=\"{}\"", size[0], size[1]);
+    Ok(svg.replacen(&drawn, &shown, 1))
+}
+
+impl Canvas<'_> {
+    /// Writes `text` at `at`.
+    pub(super) fn text(&self, text: &str, at: Point, style: TextStyle) -> Result<(), PlotError> {
+        let weight = match style.weight {
+            Weight::Normal => FontStyle::Normal,
+            Weight::Bold => FontStyle::Bold,
+        };
+        let size = style.size * UNIT * FONT_UNIT;
+        let font = FontDesc::new(FontFamily::SansSerif, size, weight);
+        let (font, across) = match style.anchor {
+            Anchor::Left => (font, HPos::Left),
+            Anchor::Middle => (font, HPos::Center),
+            Anchor::Right => (font, HPos::Right),
+            Anchor::Upwards => (font.transform(FontTransform::Rotate270), HPos::Center),
+        };
+        let style = plotters::style::TextStyle::from(font)
+            .color(&style.colour)
+            .pos(Pos::new(across, VPos::Center));
+        self.check(self.area.draw_text(text, &style, units(at)))
+    }
+
+    /// Draws a line through `points`.
+    pub(super) fn path(
+        &self,
+        points: impl IntoIterator<Item = Point>,
+        colour: RGBColor,
+        width: f64,
+    ) -> Result<(), PlotError> {
+        let style = colour.stroke_width((width * UNIT).round() as u32);
+        let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
+        self.check(self.area.draw(&PathElement::new(points, style)))
+    }
+
+    /// Draws a line of dashes through `points`, each dash and gap so long.
+    pub(super) fn dashes(
+        &self,
+        points: impl IntoIterator<Item = Point>,
+        colour: RGBColor,
+        [dash, gap]: [f64; 2],
+    ) -> Result<(), PlotError> {
+        let style = colour.stroke_width((1.5 * UNIT).round() as u32);
+        let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
+        let [dash, gap] = [dash, gap].map(|pixels| (pixels * UNIT).round() as u32);
+        let series = DashedLineSeries::new(points, dash, gap, style);
+        for piece in series {
+            self.check(self.area.draw(&piece))?;
+        }
+        Ok(())
+    }
+
+    /// Marks a point.
+    pub(super) fn dot(&self, at: Point, colour: RGBColor) -> Result<(), PlotError> {
+        let shape = Circle::new(units(at), (3.0 * UNIT).round() as i32, colour.filled());
+        self.check(self.area.draw(&shape))
+    }
+
+    /// Fills the rectangle between two corners.
+    pub(super) fn rectangle(&self, corners: [Point; 2], colour: RGBColor) -> Result<(), PlotError> {
+        let shape = Rectangle::new(corners.map(units), colour.filled());
+        self.check(self.area.draw(&shape))
+    }
+
+    fn check<E: std::error::Error + Send + Sync>(
+        &self,
+        result: Result<(), DrawingAreaErrorKind<E>>,
+    ) -> Result<(), PlotError> {
+        result.map_err(|error| PlotError::Drawing {
+            title: self.title.to_owned(),
+            problem: error.to_string(),
+        })
+    }
+}
+
+fn units(point: Point) -> (i32, i32) {
+    let [x, y] = point.map(|pixels| (pixels * UNIT).round() as i32);
+    (x, y)
+}

@@ -1,0 +1,35 @@
+//! Plots of numbers as SVG: lines over an axis, and bars beside each other, in the manner of figures
+//! 3 and 5 of Libao et al. 2023. Drawn by `plotters` without a font: the reader's browser has one.
+//!
+//! Every line and bar has its name beside it in its own colour, so that no legend has to be looked
+//! up; the same names in the same order have the same colours. A chart is a pure function of its
+//! values: same values, same bytes.
+
+mod bars;
+mod canvas;
+mod lines;
+mod ticks;
+
+pub use bars::{Bar, BarChart, BarGroup};
+pub use lines::{Axis, Line, LineChart, Role, Scale};
+
+use thiserror::Error;
+
+/// Why there is no plot.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum PlotError {
+    #[error("plot {title:?} has nothing to show")]
+    Empty { title: String },
+    #[error("plot {title:?}: a value of {name:?} is {value}: values must be finite")]
+    NonFinite {
+        title: String,
+        name: String,
+        value: f64,
+    },
+    #[error("plot {title:?} could not be drawn: {problem}")]
+    Drawing { title: String, problem: String },
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,115 @@
+//! The calls of `selvedge evaluate` and `selvedge study`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use selvedge_data::Split;
+
+use crate::evaluation::Horizons;
+
+/// Threads at most: more than any machine has, few enough to be started.
+const MOST_THREADS: i64 = 1024;
+
+/// Measure models on data sets, beside two naive rivals.
+///
+/// For every trajectory each model runs from its start to its end, fed with its own output, while
+/// the handles move as they did; and from true frames, for k steps. The rivals: the rest pose moved
+/// rigidly with the handles, and the physics itself from the other branch of the buckling. The
+/// numbers are the same for any number of threads, but for the time of a frame.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge evaluate --model runs/first/model.safetensors --data data/first
+  selvedge evaluate --model ours=a.safetensors --model theirs=b.safetensors --data data/first --report report
+  selvedge evaluate --model a.safetensors --data data/wide --data data/long --steps 1,20 --no-mirror
+
+With --report the folder gets report.md, its plots (.svg) and all numbers (.csv).")]
+pub(crate) struct EvaluateArgs {
+    /// A model's weights; the name is for tables. May stand several times.
+    #[arg(long = "model", value_name = "[NAME=]FILE", required = true)]
+    pub(crate) models: Vec<String>,
+    /// The folder of a data set. May stand several times.
+    #[arg(long, value_name = "FOLDER", required = true)]
+    pub(crate) data: Vec<PathBuf>,
+    /// Which trajectories.
+    #[arg(long, value_enum, default_value_t = SplitName::Test)]
+    pub(crate) split: SplitName,
+    /// Only these motions, separated by commas.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) motions: Vec<String>,
+    /// Errors over so many steps from the truth, separated by commas.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,5,10,20,50,100,200", value_parser = clap::value_parser!(u32).range(1..))]
+    steps: Vec<u32>,
+    /// True frames per trajectory from which these steps start.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    starts: u32,
+    /// Leave out the physics from the other branch of the buckling, the dearest of all.
+    #[arg(long)]
+    pub(crate) no_mirror: bool,
+    /// Write tables and plots into this folder; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) report: Option<PathBuf>,
+    /// Write the errors of every frame to this file (.csv).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) curves: Option<PathBuf>,
+    /// Runs that are made at once [default: as many as there are processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub(crate) threads: Option<u16>,
+}
+
+impl EvaluateArgs {
+    /// The runs of k steps that are asked for.
+    pub(crate) fn horizons(&self) -> Horizons {
+        Horizons::new(self.steps.iter().map(|&k| k as usize), self.starts as usize)
+    }
+}
+
+/// Train models, measure them and write what came out, as a file says.
+///
+/// A study that was interrupted goes on where it stopped when it is started again: trainings from
+/// their last checkpoint, and what was measured is kept. The report is written when all is there.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge study small --out studies/small
+  selvedge study my-study.toml --out studies/mine
+
+The folder gets report/ (report.md, plots, numbers), trainings/ (a model each), evaluations/ and
+data/ (the data sets that the study makes). docs/studies.md says how a study is written.")]
+pub(crate) struct StudyArgs {
+    /// A study: a TOML file, or the name of a shipped one.
+    pub(crate) study: String,
+    /// The folder of the study; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Runs that are measured at once [default: as many as there are processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub(crate) threads: Option<u16>,
+}
+
+/// Part of a data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SplitName {
+    /// What models learn from.
+    Train,
+    /// What they never see.
+    Test,
+}
+
+impl SplitName {
+    /// As people call it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+        }
+    }
+
+    /// As the data set has it.
+    pub(crate) fn split(self) -> Split {
+        match self {
+            Self::Train => Split::Train,
+            Self::Test => Split::Test,
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! `selvedge study`: trainings, evaluations and their report, as a file says.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::cli::StudyArgs;
+use crate::output::{Answer, End, Facts};
+use crate::{place, study};
+
+#[derive(Serialize)]
+struct Answered {
+    title: String,
+    out: PathBuf,
+    trained: usize,
+    measured: usize,
+    wrote: Vec<PathBuf>,
+    interrupted: bool,
+}
+
+/// Makes a study, or goes on with one.
+///
+/// # Errors
+/// What of the study, a training, a model, a data set or a file went wrong.
+pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
+    let study = study::open(&args.study)?;
+    place::make_folder(&args.out)?;
+    let outcome = study::run(&study, &args.out, args.threads)?;
+    let answered = Answered {
+        title: study.title,
+        out: args.out.clone(),
+        trained: outcome.trained,
+        measured: outcome.measured,
+        wrote: outcome.wrote,
+        interrupted: outcome.end == End::Interrupted,
+    };
+    Ok(Answer::new(text(&answered), &answered)?.ended(outcome.end))
+}
+
+fn text(answered: &Answered) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("study", &answered.title);
+    facts.add("trained", answered.trained);
+    facts.add("measured", answered.measured);
+    if answered.interrupted {
+        facts.add("to go on", "the same command again");
+    }
+    for path in &answered.wrote {
+        facts.add("wrote", path.display());
+    }
+    facts
+}

@@ -1,0 +1,304 @@
+//! How well models predict recorded trajectories, and how well their naive rivals do: whole runs,
+//! and runs of k steps from the truth.
+//!
+//! Everyone is a `Stepper`, starts from the trajectory's first frame or from a rest pose of its own,
+//! and runs with the handles where they were recorded. Every run is the work of one thread from its
+//! start to its end, so that the numbers are the same for any number of threads; only the time of a
+//! frame depends on the machine and is taken afterwards, from runs that have it for themselves.
+//!
+//! What is measured stands in `measures`, errors over k steps in `horizons`, who runs in
+//! `contestant`, means over motions in `summary`.
+
+mod contestant;
+mod horizons;
+mod measures;
+mod summary;
+mod timing;
+mod workers;
+
+use selvedge_data::{Dataset, Entry, RecordingEnd, Split, Trajectory, metrics};
+use serde::{Deserialize, Serialize};
+
+pub(crate) use self::contestant::{Contestant, Racer, Who};
+pub(crate) use self::horizons::{Horizon, Horizons};
+pub(crate) use self::measures::{Curves, Measures, STRAIN_LIMIT};
+pub(crate) use self::summary::{Summary, summary};
+pub(crate) use self::timing::Timing;
+
+use self::contestant::{Mirror, Mirrors};
+use crate::failure::{self, WrongUsage};
+use crate::interrupt;
+use crate::output::End;
+use crate::progress::Progress;
+
+/// Trajectories of a data set to run along.
+pub(crate) struct TestData {
+    /// What people call it.
+    pub(crate) name: String,
+    data: Dataset,
+    entries: Vec<Entry>,
+}
+
+/// Who runs along what.
+pub(crate) struct Plan<'a> {
+    /// One after another.
+    pub(crate) data: &'a [TestData],
+    /// In the order of a table.
+    pub(crate) contestants: &'a [Contestant],
+    /// Runs of k steps.
+    pub(crate) horizons: &'a Horizons,
+    /// How many threads; as many as there are processors where none is said.
+    pub(crate) threads: Option<usize>,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Evaluation {
+    /// By data set, motion and contestant.
+    pub(crate) rows: Vec<Row>,
+    /// By mesh and contestant.
+    pub(crate) timings: Vec<Timing>,
+}
+
+/// One contestant along one trajectory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Row {
+    /// The data set.
+    pub(crate) data: String,
+    /// The mesh, in words.
+    pub(crate) mesh: String,
+    /// The motion.
+    pub(crate) motion: String,
+    /// The contestant's name.
+    pub(crate) name: String,
+    /// What it is.
+    pub(crate) who: Who,
+    /// Frames per second.
+    pub(crate) frame_rate: f64,
+    /// Of the whole run; none where it failed.
+    pub(crate) measures: Option<Measures>,
+    /// The first frame in which an edge strains over [`STRAIN_LIMIT`], or that was not reached.
+    pub(crate) unstable_frame: Option<usize>,
+    /// Errors over k steps from the truth.
+    pub(crate) horizons: Vec<Horizon>,
+    /// Why there are no measures.
+    pub(crate) failure: Option<String>,
+    /// Frame by frame, as far as the run went.
+    pub(crate) curves: Curves,
+}
+
+/// A trajectory to run along, and the mirror of its scene where somebody runs there.
+struct Trial<'a> {
+    data: &'a TestData,
+    entry: &'a Entry,
+    mirror: Option<Result<Mirror, String>>,
+}
+
+impl TestData {
+    /// The trajectories of `split`, or those of `motions` where there are any.
+    ///
+    /// # Errors
+    /// Wrong usage where there is no such motion, or none at all.
+    pub(crate) fn new(
+        name: String,
+        data: Dataset,
+        split: Split,
+        motions: &[String],
+    ) -> anyhow::Result<Self> {
+        let entries = data.entries(split);
+        for motion in motions {
+            if !entries.iter().any(|entry| entry.motion == *motion) {
+                let known: Vec<&str> = entries.iter().map(|e| e.motion.as_str()).collect();
+                let known = known.join(", ");
+                let problem = format!("motion {motion}: the split of data set {name} has {known}");
+                return Err(WrongUsage::new(problem).into());
+            }
+        }
+        let is_chosen = |entry: &&Entry| motions.is_empty() || motions.contains(&entry.motion);
+        let entries: Vec<Entry> = entries.iter().filter(is_chosen).cloned().collect();
+        if entries.is_empty() {
+            let problem = format!("data set {name}: the split has no trajectories");
+            return Err(WrongUsage::new(problem).into());
+        }
+        Ok(Self {
+            name,
+            data,
+            entries,
+        })
+    }
+}
+
+/// Runs everyone along everything. Where an end is asked for, the rows are those that were done.
+///
+/// # Errors
+/// A trajectory that cannot be read. A run that fails is a row that says so.
+pub(crate) fn evaluate(plan: &Plan<'_>) -> anyhow::Result<(Evaluation, End)> {
+    let trials = trials(plan)?;
+    let jobs: Vec<(&Trial<'_>, &Contestant)> = trials
+        .iter()
+        .flat_map(|trial| plan.contestants.iter().map(move |who| (trial, who)))
+        .collect();
+    let steps = jobs.iter().map(|(trial, contestant)| {
+        let runs_from_truth = contestant.who() == Who::Model;
+        let more = if runs_from_truth {
+            plan.horizons.steps_in(trial.entry.frames)
+        } else {
+            0
+        };
+        trial.entry.frames.saturating_sub(1) + more
+    });
+    let progress = Progress::new("evaluating", steps.sum(), "frames");
+    let rows = workers::share(plan.threads, &jobs, |(trial, contestant)| {
+        progress.note(format!("{}, {}", contestant.name, trial.entry.motion));
+        run(trial, contestant, plan.horizons, &progress)
+    })?;
+    drop(progress);
+    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    if interrupt::requested() {
+        let timings = Vec::new();
+        return Ok((Evaluation { rows, timings }, End::Interrupted));
+    }
+    let timings = timings(plan, &trials)?;
+    Ok((Evaluation { rows, timings }, End::Complete))
+}
+
+fn trials<'a>(plan: &Plan<'a>) -> anyhow::Result<Vec<Trial<'a>>> {
+    let is_mirror = |contestant: &Contestant| contestant.who() == Who::Mirror;
+    let with_mirror = plan.contestants.iter().any(is_mirror);
+    let mut mirrors = Mirrors::default();
+    let mut trials = Vec::new();
+    for data in plan.data {
+        for entry in &data.entries {
+            let mirror = match with_mirror {
+                true => {
+                    // Read here for its scene, and again where it is run along: all may not fit.
+                    let mirror = mirrors.of(&data.data.read(entry)?);
+                    Some(mirror.map_err(|error| failure::chain(&error)))
+                }
+                false => None,
+            };
+            trials.push(Trial {
+                data,
+                entry,
+                mirror,
+            });
+        }
+    }
+    Ok(trials)
+}
+
+/// One contestant along one trajectory; none where an end was asked for.
+fn run(
+    trial: &Trial<'_>,
+    contestant: &Contestant,
+    horizons: &Horizons,
+    progress: &Progress,
+) -> anyhow::Result<Option<Row>> {
+    let truth = trial.data.data.read(trial.entry)?;
+    let on_frame = &mut || {
+        progress.advance();
+        interrupt::flow()
+    };
+    let mut row = Row {
+        data: trial.data.name.clone(),
+        mesh: mesh_name(&truth),
+        motion: trial.entry.motion.clone(),
+        name: contestant.name.clone(),
+        who: contestant.who(),
+        frame_rate: truth.frame_rate(),
+        measures: None,
+        unstable_frame: None,
+        horizons: Vec::new(),
+        failure: None,
+        curves: Curves::default(),
+    };
+    let told = fill(&mut row, trial, contestant, &truth, horizons, on_frame);
+    if let Err(error) = told {
+        row.failure = Some(failure::chain(&error));
+    }
+    Ok((!interrupt::requested()).then_some(row))
+}
+
+fn fill(
+    row: &mut Row,
+    trial: &Trial<'_>,
+    contestant: &Contestant,
+    truth: &Trajectory,
+    horizons: &Horizons,
+    on_frame: &mut dyn FnMut() -> std::ops::ControlFlow<()>,
+) -> anyhow::Result<()> {
+    let mirror = trial.mirror.as_ref();
+    let mut runner = contestant.runner(&trial.entry.motion, truth, mirror, 0)?;
+    let recording = runner.run(truth.frame_count() - 1, on_frame);
+    row.curves = Curves::of(truth, &recording.positions)?;
+    let reached = row.curves.position_rmse.len();
+    let strained = metrics::first_strained_frame(&row.curves.largest_strain, STRAIN_LIMIT);
+    match recording.end {
+        RecordingEnd::Failed(error) => {
+            row.unstable_frame = Some(strained.unwrap_or(reached));
+            row.failure = Some(format!(
+                "frame {reached}: {}",
+                failure::chain(&error.into())
+            ));
+        }
+        RecordingEnd::Complete | RecordingEnd::Stopped => {
+            row.unstable_frame = strained;
+            row.measures = Some(Measures::of(truth, &recording.positions)?);
+        }
+    }
+    row.horizons = match contestant.who() {
+        Who::Truth => Vec::new(),
+        Who::Rigid | Who::Mirror => horizons.of_whole_run(&row.curves, truth.frame_count()),
+        Who::Model => horizons.over_true_starts(truth, |start, steps| {
+            let mut runner = contestant.runner(&trial.entry.motion, truth, mirror, start)?;
+            Ok(runner.run(steps, on_frame).positions)
+        })?,
+    };
+    Ok(())
+}
+
+/// The time of a frame, of each contestant on the first trajectory of each mesh.
+fn timings(plan: &Plan<'_>, trials: &[Trial<'_>]) -> anyhow::Result<Vec<Timing>> {
+    let mut found: Vec<Timing> = Vec::new();
+    for trial in trials {
+        let truth = trial.data.data.read(trial.entry)?;
+        let mesh = mesh_name(&truth);
+        if found.iter().any(|timing| timing.mesh == mesh) {
+            continue;
+        }
+        for contestant in plan.contestants.iter().filter(|c| c.who() != Who::Truth) {
+            let time = || {
+                let mirror = trial.mirror.as_ref();
+                let runner = contestant.runner(&trial.entry.motion, &truth, mirror, 0);
+                let mut runner = runner.ok()?;
+                Some(timing::milliseconds(&mut runner, truth.frame_count() - 1))
+            };
+            // Who cannot run has a row that says why.
+            if let Some(ms_per_frame) = workers::alone(plan.threads, time)? {
+                found.push(Timing {
+                    mesh: mesh.clone(),
+                    name: contestant.name.clone(),
+                    who: contestant.who(),
+                    ms_per_frame,
+                });
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// A mesh in words: what makes it and how many vertices it has.
+fn mesh_name(truth: &Trajectory) -> String {
+    let source = truth.provenance().scene.pointer("/setting/mesh/source");
+    let text = |pointer| Some(source?.pointer(pointer)?.as_str()?.to_owned());
+    let vertices = truth.vertex_count();
+    match text("/generator/kind").or_else(|| text("/obj/path")) {
+        Some(kind) => format!("{kind}, {vertices} vertices"),
+        None => format!("{vertices} vertices"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,61 @@
+//! One contestant over several motions: means of its measures, how many runs stayed whole.
+
+use serde::Serialize;
+
+use super::{Horizon, Measures, Row};
+
+/// One contestant over several motions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Summary {
+    /// How many motions.
+    pub(crate) motions: usize,
+    /// Runs in which no edge strained over the limit.
+    pub(crate) stable: usize,
+    /// The earliest frame in which one did.
+    pub(crate) unstable_frame: Option<usize>,
+    /// Means over the motions; none where one run failed: a mean over the others would flatter.
+    pub(crate) measures: Option<Measures>,
+    /// Means over the motions, for those k that every motion has.
+    pub(crate) horizons: Vec<Horizon>,
+}
+
+/// The rows of one contestant, summed up.
+pub(crate) fn summary(rows: &[&Row]) -> Summary {
+    let measured = || rows.iter().filter_map(|row| row.measures.as_ref());
+    let all_measured = measured().count() == rows.len();
+    let unstable = || rows.iter().filter_map(|row| row.unstable_frame);
+    Summary {
+        motions: rows.len(),
+        stable: rows.len() - unstable().count(),
+        unstable_frame: unstable().min(),
+        measures: if all_measured {
+            Measures::mean(measured())
+        } else {
+            None
+        },
+        horizons: horizons(rows),
+    }
+}
+
+fn horizons(rows: &[&Row]) -> Vec<Horizon> {
+    let Some(first) = rows.first() else {
+        return Vec::new();
+    };
+    let mean = |steps: usize| -> Option<Horizon> {
+        let of_row = |row: &&Row| row.horizons.iter().find(|h| h.steps == steps).copied();
+        let all: Option<Vec<Horizon>> = rows.iter().map(of_row).collect();
+        let all = all?;
+        let mean = |of: fn(&Horizon) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+        Some(Horizon {
+            steps,
+            position_rmse: mean(|h| h.position_rmse),
+            last_position_rmse: mean(|h| h.last_position_rmse),
+            edge_length_rmse: mean(|h| h.edge_length_rmse),
+        })
+    };
+    first
+        .horizons
+        .iter()
+        .filter_map(|h| mean(h.steps))
+        .collect()
+}

@@ -1,0 +1,34 @@
+//! Rows of contestants whose errors are known.
+
+use selvedge_data::DatasetPreset;
+
+use super::*;
+
+#[test]
+fn the_truth_has_no_error_and_meshes_are_told_in_words() {
+    let preset = DatasetPreset::open("tiny").unwrap();
+    let motion = &preset.motions(Split::Test)[0];
+    let loaded = preset.scene(motion).unwrap();
+    let rest: Vec<_> = loaded.scene.mesh.positions().to_vec();
+    let still = crate::reference::rounded(&rest);
+    let frames = 4;
+    let positions = still.repeat(frames);
+    let truth =
+        crate::reference::trajectory(&loaded.spec, &loaded.scene, &rest, positions).unwrap();
+    assert_eq!(mesh_name(&truth), "square, 36 vertices");
+    // The truth plays itself, the rigid rest pose stands still with it: both are exact.
+    for contestant in Contestant::rivals() {
+        if contestant.who() == Who::Mirror {
+            assert!(contestant.runner("m", &truth, None, 0).is_err());
+            continue;
+        }
+        let mut runner = contestant.runner("m", &truth, None, 0).unwrap();
+        let recording = runner.run(frames - 1, &mut || std::ops::ControlFlow::Continue(()));
+        let measures = Measures::of(&truth, &recording.positions).unwrap();
+        // Positions of at most 1 m in f32, turned by a yaw of a few roundings.
+        assert!(measures.largest_vertex_error < 1e-6, "{}", contestant.name);
+        assert!(measures.final_speed < 1e-4);
+        let curves = Curves::of(&truth, &recording.positions).unwrap();
+        assert_eq!(curves.position_rmse.len(), frames);
+    }
+}

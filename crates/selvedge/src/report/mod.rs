@@ -1,0 +1,144 @@
+//! What an evaluation looks like on paper: tables in Markdown, all numbers in CSV, plots in SVG.
+//!
+//! Everything but the times is a pure function of the rows: the same rows, the same bytes. Times
+//! depend on the machine and stand in files of their own.
+
+mod csv;
+mod evaluated;
+mod markdown;
+mod page;
+mod plots;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use selvedge_data::write_atomically;
+
+pub(crate) use self::csv::curves_csv;
+pub(crate) use self::evaluated::{Heading, evaluation_page};
+pub(crate) use self::markdown::{
+    Cells, ablation_table, failures, horizon_table, mesh_table, motion_table, summary_table, table,
+};
+pub(crate) use self::page::Page;
+pub(crate) use self::plots::{Measure, bars, horizons_plot, over_time};
+
+use crate::evaluation::{Row, Who};
+use crate::place;
+
+/// Those who are compared, in groups.
+pub(crate) struct Contest<'a> {
+    /// From top to bottom.
+    pub(crate) groups: Vec<Group<'a>>,
+}
+
+/// Those who belong together.
+pub(crate) struct Group<'a> {
+    /// What they have in common; empty where there is nothing to say.
+    pub(crate) heading: String,
+    /// From top to bottom.
+    pub(crate) subjects: Vec<Subject<'a>>,
+}
+
+/// One who is compared, with its runs.
+pub(crate) struct Subject<'a> {
+    /// What stands beside its numbers.
+    pub(crate) label: String,
+    /// What it is.
+    pub(crate) who: Who,
+    /// One per motion.
+    pub(crate) rows: Vec<&'a Row>,
+}
+
+/// The files of a report, in the order in which they are written.
+#[derive(Default)]
+pub(crate) struct Report {
+    files: Vec<(String, String)>,
+}
+
+impl<'a> Contest<'a> {
+    /// All of `rows` in one group, by name in the order in which names appear.
+    pub(crate) fn of(rows: &'a [Row]) -> Self {
+        let mut subjects: Vec<Subject<'a>> = Vec::new();
+        for row in rows {
+            let is_same =
+                |subject: &&mut Subject<'a>| subject.label == row.name && subject.who == row.who;
+            match subjects.iter_mut().find(is_same) {
+                Some(subject) => subject.rows.push(row),
+                None => subjects.push(Subject {
+                    label: row.name.clone(),
+                    who: row.who,
+                    rows: vec![row],
+                }),
+            }
+        }
+        let heading = String::new();
+        Self {
+            groups: vec![Group { heading, subjects }],
+        }
+    }
+
+    /// Everyone, group after group.
+    pub(crate) fn subjects(&self) -> impl Iterator<Item = &Subject<'a>> {
+        self.groups.iter().flat_map(|group| &group.subjects)
+    }
+
+    /// Labels that say the group too, where there are several, in the order of [`Self::subjects`].
+    pub(crate) fn names(&self) -> Vec<String> {
+        let name = |group: &Group<'a>, subject: &Subject<'a>| match group.heading.as_str() {
+            "" => subject.label.clone(),
+            heading => format!("{}, {heading}", subject.label),
+        };
+        let groups = self.groups.iter();
+        groups
+            .flat_map(|group| {
+                group
+                    .subjects
+                    .iter()
+                    .map(|s| name(group, s))
+                    .collect::<Vec<_>>()
+            })
+            .collect()
+    }
+
+    /// The different values of `of` in the order in which they appear.
+    pub(crate) fn values(&self, of: impl Fn(&Row) -> &str) -> Vec<String> {
+        let mut values: Vec<String> = Vec::new();
+        for row in self.subjects().flat_map(|subject| &subject.rows) {
+            if !values.iter().any(|value| value == of(row)) {
+                values.push(of(row).to_owned());
+            }
+        }
+        values
+    }
+}
+
+impl Report {
+    /// Adds a file.
+    pub(crate) fn add(&mut self, name: impl Into<String>, text: String) {
+        self.files.push((name.into(), text));
+    }
+
+    /// Writes every file into `folder`, each whole or not at all, and says where they are.
+    ///
+    /// # Errors
+    /// A folder or a file that cannot be written.
+    pub(crate) fn write(&self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+        place::make_folder(folder)?;
+        let mut wrote = Vec::with_capacity(self.files.len());
+        for (name, text) in &self.files {
+            let path = folder.join(name);
+            write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+            wrote.push(path);
+        }
+        Ok(wrote)
+    }
+}
+
+/// A name that a file may have everywhere.
+pub(crate) fn slug(text: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() { c } else { '-' };
+    text.chars().map(plain).collect()
+}
+
+#[cfg(test)]
+mod tests;

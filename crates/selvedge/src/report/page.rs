@@ -1,0 +1,92 @@
+//! A report under way: a page of Markdown and the files that it shows.
+
+use super::{Contest, Report, csv, markdown};
+use crate::evaluation::Timing;
+
+/// The name of the page.
+const PAGE: &str = "report.md";
+
+/// A report under way.
+pub(crate) struct Page {
+    text: String,
+    times: String,
+    report: Report,
+}
+
+impl Page {
+    /// A page with this title.
+    pub(crate) fn new(title: &str) -> Self {
+        Self {
+            text: format!("# {title}\n"),
+            times: TIMES.to_owned(),
+            report: Report::default(),
+        }
+    }
+
+    /// Begins a section.
+    pub(crate) fn section(&mut self, heading: &str) {
+        self.say(&format!("## {heading}"));
+    }
+
+    /// Adds a paragraph or a table; nothing where there is none.
+    pub(crate) fn say(&mut self, text: &str) {
+        if !text.trim().is_empty() {
+            self.text.push('\n');
+            self.text.push_str(text.trim());
+            self.text.push('\n');
+        }
+    }
+
+    /// Adds to the page of times.
+    pub(crate) fn say_of_times(&mut self, text: &str) {
+        self.times.push_str(&format!("\n{}\n", text.trim()));
+    }
+
+    /// Shows a plot, where there is one, which goes to `file`.
+    pub(crate) fn plot(&mut self, file: &str, alternative: &str, svg: Option<String>) {
+        if let Some(svg) = svg {
+            self.say(&format!("![{alternative}]({file})"));
+            self.report.add(file, svg);
+        }
+    }
+
+    /// The report with all numbers of `contest` and `timings`. The page is written last, when all
+    /// that it shows is there.
+    pub(crate) fn finish(mut self, contest: &Contest<'_>, timings: &[Timing]) -> Report {
+        self.say(NOTES);
+        let table = markdown::times_table(timings);
+        self.say_of_times(&format!("{PER_FRAME}\n{table}"));
+        let mut report = self.report;
+        report.add("means.csv", csv::means_csv(contest));
+        report.add("motions.csv", csv::motions_csv(contest));
+        report.add("steps.csv", csv::steps_csv(contest));
+        report.add("curves.csv", csv::curves_csv(contest));
+        report.add("times.csv", csv::times_csv(timings));
+        report.add("times.md", self.times);
+        report.add(PAGE, self.text);
+        report
+    }
+}
+
+/// Above all times.
+const TIMES: &str = "# Times
+
+They depend on the machine and on what else that was doing.
+";
+
+/// Above the table of times.
+const PER_FRAME: &str = "## Time per frame
+
+Median over up to 120 frames, each run alone, with all threads.
+";
+
+/// What the names and the columns mean.
+const NOTES: &str = "## What was measured
+
+Rigid: the rest pose moved with the handles. Mirror: the physics from the other branch of the
+buckling. Whole runs start at the first frame and are fed with their own output; their measures are
+means over motions, and none is given where a run failed. Runs of k steps start at true frames, and
+their error is over all k frames; the rivals, who know no truth, are measured on the same frames of
+their whole runs. Errors by time over all motions are roots of mean squares. The numbers behind the
+tables and plots are in the .csv files, in SI units; the time of a frame, which depends on the
+machine, is in [times.md](times.md).";

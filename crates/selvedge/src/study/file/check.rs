@@ -1,0 +1,106 @@
+//! What of a study makes no sense is found before anything is done.
+
+use anyhow::{Context, bail};
+
+use super::{Question, Study, Training};
+use crate::evaluation::{Contestant, Who};
+
+impl Study {
+    /// Checks everything that can be known before anything is done.
+    ///
+    /// # Errors
+    /// Names the entry and the remedy.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        self.check_names()?;
+        if self.data.is_empty() {
+            bail!(
+                "data: there is no data set: write [data] and a line such as small = {{ preset = \"small\" }}"
+            );
+        }
+        for name in &self.evaluation.data {
+            self.check_data(name).context("evaluation.data")?;
+        }
+        for (field, bad) in [
+            ("steps", self.evaluation.steps.contains(&0)),
+            ("starts", self.evaluation.starts == 0),
+        ] {
+            if bad {
+                bail!("evaluation.{field} must be at least 1, found 0");
+            }
+        }
+        if self.evaluation.rivals.contains(&Who::Model) {
+            bail!(
+                "evaluation.rivals: known are \"rigid\", \"mirror\" and \"truth\", found \"model\""
+            );
+        }
+        for (number, entry) in self.train.iter().enumerate() {
+            self.check_training(entry, &self.train[..number])
+                .with_context(|| format!("training {:?}", entry.name))?;
+        }
+        for question in &self.question {
+            self.check_question(question)
+                .with_context(|| format!("question {:?}", question.title))?;
+        }
+        Ok(())
+    }
+
+    fn check_training(&self, entry: &Training, before: &[Training]) -> anyhow::Result<()> {
+        self.check_data(self.data_of(entry)?)?;
+        self.config(entry)?;
+        let is_before = |after: &String| before.iter().any(|entry| entry.name == *after);
+        match &entry.after {
+            Some(after) if !is_before(after) => {
+                bail!("after: no training before this one is called {after:?}")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_names(&self) -> anyhow::Result<()> {
+        let mut seen: Vec<&str> = Vec::new();
+        let rivals = Contestant::rivals().map(|rival| rival.name);
+        let trained = self.train.iter().map(|entry| &entry.name);
+        let models = trained.chain(self.model.iter().map(|entry| &entry.name));
+        for name in models {
+            let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+            if name.is_empty() || !name.chars().all(plain) {
+                bail!(
+                    "name {name:?}: use letters, digits, - and _, since it is the name of a folder"
+                );
+            }
+            if rivals.contains(name) {
+                bail!("name {name:?}: a rival has this name: take another");
+            }
+            if seen.contains(&name.as_str()) {
+                bail!("two entries are called {name:?}: rename one");
+            }
+            seen.push(name);
+        }
+        Ok(())
+    }
+
+    fn check_data(&self, name: &str) -> anyhow::Result<()> {
+        if self.data.contains_key(name) {
+            return Ok(());
+        }
+        let known: Vec<&str> = self.data.keys().map(String::as_str).collect();
+        bail!(
+            "there is no data set {name:?}: the study has {}",
+            known.join(", ")
+        )
+    }
+
+    fn check_question(&self, question: &Question) -> anyhow::Result<()> {
+        if question.models.is_empty() == question.groups.is_empty() {
+            bail!("write either models or groups");
+        }
+        for name in question.groups().iter().flat_map(|group| &group.models) {
+            if self.label(name).is_none() {
+                bail!(
+                    "there is nobody called {name:?}: name trainings, models or rivals of the study"
+                );
+            }
+        }
+        Ok(())
+    }
+}

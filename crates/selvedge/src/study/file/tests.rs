@@ -1,0 +1,135 @@
+//! Studies that are shipped are whole; those that make no sense are refused with what is wrong.
+
+use super::*;
+
+const STUDY: &str = r#"
+title = "Two"
+budget = { steps = 3 }
+
+[data]
+tiny = { preset = "tiny" }
+
+[evaluation]
+rivals = ["rigid"]
+
+[[train]]
+name = "a"
+config = "first"
+set = ["model.latent=8", "model.blocks=1"]
+
+[[train]]
+name = "b"
+label = "without"
+config = "first"
+budget = { time = "2s" }
+after = "a"
+
+[[question]]
+title = "Which?"
+models = ["a", "b", "rigid"]
+show = ["table"]
+"#;
+
+fn read(from: &str, to: &str) -> Result<Study, String> {
+    assert!(STUDY.contains(from), "{from}");
+    let text = STUDY.replace(from, to);
+    parse(&text, Path::new(""), "two.toml").map_err(|error| format!("{error:#}"))
+}
+
+#[test]
+fn every_shipped_study_can_be_opened() {
+    for (name, _) in STUDIES {
+        let study = open(name).unwrap();
+        assert!(
+            !study.train.is_empty() && !study.question.is_empty(),
+            "{name}"
+        );
+    }
+}
+
+/// The changes of table 1 lead to the configurations that ship under a name of their own.
+#[test]
+fn the_rows_of_table_1_are_the_ablations_that_ship() {
+    let study = open("table1").unwrap();
+    assert_eq!(study.train.len(), 9);
+    for entry in &study.train {
+        let name = match entry.name.as_str() {
+            "full" => "rp-gru10".to_owned(),
+            name => format!("rp-{name}"),
+        };
+        let text = assets::training(&name).unwrap();
+        let shipped = TrainConfig::parse(text, Path::new(&name)).unwrap();
+        let mut cfg = study.config(entry).unwrap();
+        cfg.name = name;
+        assert_eq!(cfg, shipped);
+    }
+}
+
+#[test]
+fn a_study_says_what_is_trained_for_how_long_and_how_it_is_called() {
+    let study = read("Two", "Two").unwrap();
+    let [a, b] = &study.train[..] else {
+        panic!("two trainings");
+    };
+    let cfg = study.config(a).unwrap();
+    assert_eq!((cfg.steps, cfg.model.latent, cfg.model.blocks), (3, 8, 1));
+    // Limited in time: the steps are those of the configuration.
+    let first = assets::training("first").unwrap();
+    let first = TrainConfig::parse(first, Path::new("first")).unwrap();
+    assert_eq!(study.config(b).unwrap().steps, first.steps);
+    let seconds = Duration::from_secs(2);
+    assert_eq!(study.budget(b).unwrap(), Budget::Time(seconds));
+    assert_eq!(study.data_of(b).unwrap(), "tiny");
+    assert_eq!(study.label("b"), Some("without"));
+    assert_eq!(study.label("rigid"), Some("rigid"));
+    assert_eq!(study.label("mirror"), None);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let cases = [
+        ("title =", "titel =", "titel"),
+        (
+            "name = \"b\"",
+            "name = \"a\"",
+            "two entries are called \"a\"",
+        ),
+        ("name = \"b\"", "name = \"rigid\"", "a rival has this name"),
+        ("name = \"b\"", "name = \"../b\"", "letters, digits"),
+        ("{ steps = 3 }", "{ steps = 0 }", "budget: 0 steps"),
+        ("\"2s\"", "\"0s\"", "no span of time"),
+        ("budget = { steps = 3 }", "", "there is no budget"),
+        (
+            "after = \"a\"",
+            "after = \"c\"",
+            "no training before this one is called \"c\"",
+        ),
+        ("config = \"first\"\nset", "config = \"none\"\nset", "none"),
+        ("latent=8", "latents=8", "latents"),
+        ("latent=8", "latent", "equals sign"),
+        ("latent=8", "latent=2", "between 4 and 4096"),
+        (
+            "\"a\", \"b\", \"rigid\"",
+            "\"a\", \"c\"",
+            "nobody called \"c\"",
+        ),
+        ("\"a\", \"b\", \"rigid\"", "", "either models or groups"),
+        ("\"table\"", "\"tabel\"", "tabel"),
+        ("rivals = [\"rigid\"]", "starts = 0", "evaluation.starts"),
+        ("rivals = [\"rigid\"]", "steps = [0]", "evaluation.steps"),
+        ("rivals = [\"rigid\"]", "data = [\"big\"]", "\"big\""),
+        ("tiny = { preset = \"tiny\" }", "", "no data set"),
+        (
+            "tiny = { preset = \"tiny\" }",
+            "t = { preset = \"tiny\" }\nu = { folder = \"u\" }",
+            "say which one",
+        ),
+        ("{ preset = \"tiny\" }", "{ presets = \"tiny\" }", "presets"),
+    ];
+    for (from, to, word) in cases {
+        let error = read(from, to).err();
+        let error = error.unwrap_or_else(|| panic!("{to} was accepted"));
+        assert!(error.starts_with("two.toml"), "{error}");
+        assert!(error.contains(word), "{to}: {error}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Studies: what is trained, what is measured, and what is asked of the outcome, in one file.
+//!
+//! `file` is what a study says, checked; `training` and `evaluation` do the work and keep what is done in the study's folder, so that a
+//! study that was interrupted goes on; `page` answers the questions. What is kept says what it was
+//! made from, and is only taken for that.
+
+mod evaluation;
+mod file;
+mod kept;
+mod page;
+mod training;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use selvedge_data::{Dataset, shipped_presets};
+
+use self::file::{DataSource, Study};
+use crate::cli::GenerateArgs;
+use crate::commands::dataset;
+use crate::output::End;
+
+pub(crate) use self::file::open;
+
+/// A study at work.
+struct Desk<'a> {
+    study: &'a Study,
+    out: &'a Path,
+    threads: Option<u16>,
+    data: Vec<StudyData>,
+}
+
+/// A data set of a study.
+struct StudyData {
+    name: String,
+    set: Dataset,
+    /// Of its index.
+    hash: String,
+}
+
+/// What a study came to.
+pub(crate) struct Outcome {
+    /// How many trainings are finished.
+    pub(crate) trained: usize,
+    /// How many contestants are measured.
+    pub(crate) measured: usize,
+    /// The files of the report; none where it was interrupted.
+    pub(crate) wrote: Vec<PathBuf>,
+    /// How it ended.
+    pub(crate) end: End,
+}
+
+/// Does what of `study` is not done yet, in `out`.
+///
+/// # Errors
+/// What of a data set, a training, a model or a file went wrong, and what to do.
+pub(crate) fn run(study: &Study, out: &Path, threads: Option<u16>) -> anyhow::Result<Outcome> {
+    let mut outcome = Outcome {
+        trained: 0,
+        measured: 0,
+        wrote: Vec::new(),
+        end: End::Interrupted,
+    };
+    let Some(data) = prepare(study, out, threads)? else {
+        return Ok(outcome);
+    };
+    let desk = Desk {
+        study,
+        out,
+        threads,
+        data,
+    };
+    training::check_kept(&desk)?;
+    let mut trained = Vec::with_capacity(study.train.len());
+    for entry in &study.train {
+        let Some(training) = training::train(&desk, entry)
+            .with_context(|| format!("training {:?} of the study", entry.name))?
+        else {
+            outcome.trained = trained.len();
+            return Ok(outcome);
+        };
+        trained.push(training);
+    }
+    outcome.trained = trained.len();
+    let Some(measured) = evaluation::measure_all(&desk)? else {
+        return Ok(outcome);
+    };
+    outcome.measured = study.train.len() + study.model.len() + study.evaluation.rivals.len();
+    let report = page::report(study, &trained, &measured)?;
+    outcome.wrote = report.write(&out.join("report"))?;
+    outcome.end = End::Complete;
+    Ok(outcome)
+}
+
+/// Opens the data sets, and makes those that are to be made. None where an end was asked for.
+fn prepare(
+    study: &Study,
+    out: &Path,
+    threads: Option<u16>,
+) -> anyhow::Result<Option<Vec<StudyData>>> {
+    let mut all = Vec::with_capacity(study.data.len());
+    for (name, source) in &study.data {
+        let folder = match source {
+            DataSource::Folder(folder) => study.folder.join(folder),
+            DataSource::Preset(preset) => {
+                let folder = out.join("data").join(name);
+                if !folder.join("index.json").is_file() {
+                    let is_shipped = shipped_presets().iter().any(|shipped| shipped.0 == *preset);
+                    let preset = match is_shipped {
+                        true => preset.clone(),
+                        false => study.folder.join(preset).display().to_string(),
+                    };
+                    let out = folder.clone();
+                    let made = dataset::generate(&GenerateArgs {
+                        preset,
+                        out,
+                        threads,
+                    });
+                    let made = made.with_context(|| format!("data set {name:?} of the study"))?;
+                    if made.end() == End::Interrupted {
+                        return Ok(None);
+                    }
+                }
+                folder
+            }
+        };
+        let context = || format!("data set {name:?} of the study");
+        let set = dataset::open(&folder).with_context(context)?;
+        let hash = kept::hash_of(&folder.join("index.json"))?;
+        all.push(StudyData {
+            name: name.clone(),
+            set,
+            hash,
+        });
+    }
+    Ok(Some(all))
+}
+
+impl Desk<'_> {
+    /// The data set of this name, which `file` has checked to be there.
+    fn data(&self, name: &str) -> anyhow::Result<&StudyData> {
+        let found = self.data.iter().find(|data| data.name == name);
+        found.with_context(|| format!("the study has no data set {name:?}"))
+    }
+}
