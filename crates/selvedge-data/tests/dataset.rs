@@ -101,7 +101,10 @@ fn the_order_of_writing_and_an_interruption_do_not_change_the_index() {
     drop(writer);
     assert!(Dataset::open(second.path()).is_err());
     let mut writer = DatasetWriter::open(second.path(), plan()).unwrap();
-    assert!(writer.written(Split::Train, "a").is_some());
+    for name in ["a", "b"] {
+        assert!(writer.written(Split::Train, name).is_some(), "{name}");
+    }
+    assert!(writer.written(Split::Test, "a").is_none());
     assert_eq!(writer.missing(), [(Split::Test, "a".to_owned())]);
     writer.add(Split::Test, "a", &trajectory(4, 1.0)).unwrap();
     writer.finish().unwrap();
