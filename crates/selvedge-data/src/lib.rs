@@ -12,6 +12,7 @@ mod distribution;
 pub mod foreign;
 mod frames;
 pub mod metrics;
+mod npy;
 mod npz;
 mod obj;
 mod playback;
@@ -29,6 +30,7 @@ pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry,
 pub use dataset_writer::{DatasetPlan, DatasetWriter};
 pub use distribution::{Distribution, Distributions, Histogram};
 pub use frames::{Frames, FramesError};
+pub use npy::NpyError;
 pub use npz::NpzError;
 pub use obj::{
     ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use selvedge_cloth::{HandleError, MeshError};
 use thiserror::Error;
 
+use crate::npy::NpyError;
 use crate::obj::ReadObjError;
 use crate::trajectory::TrajectoryError;
 
@@ -52,7 +53,13 @@ pub enum ForeignProblem {
         problem: RecordProblem,
     },
     #[error("{0}")]
-    Npy(#[from] NpyProblem),
+    Npy(#[from] NpyError),
+    #[error("element {element} is {found}: {why}")]
+    Element {
+        element: usize,
+        found: String,
+        why: &'static str,
+    },
     #[error("{what} is for {found} {unit}, but there are {expected}")]
     Count {
         what: String,
@@ -100,38 +107,5 @@ pub enum RecordProblem {
     Feature {
         feature: &'static str,
         problem: String,
-    },
-}
-
-/// What is wrong with a .npy file.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum NpyProblem {
-    #[error("is no .npy file: it does not begin with \\x93NUMPY")]
-    Magic,
-    #[error("is .npy of version {found}, known are 1, 2 and 3")]
-    Version { found: u8 },
-    #[error("ends at byte {found}, within its header, which needs {expected}")]
-    Header { expected: usize, found: usize },
-    #[error("its header cannot be understood: {0}")]
-    Dictionary(String),
-    #[error("is in Fortran order: save it as numpy.ascontiguousarray(array)")]
-    Fortran,
-    #[error("has elements of type {found:?}, expected {expected}")]
-    Type {
-        expected: &'static str,
-        found: String,
-    },
-    #[error("has the shape {found}, expected {expected}")]
-    Shape { expected: String, found: String },
-    #[error(
-        "has {found} bytes of data, but its shape needs {expected}: it was cut short or changed"
-    )]
-    Length { expected: String, found: usize },
-    #[error("element {element} is {found}: {why}")]
-    Value {
-        element: usize,
-        found: String,
-        why: &'static str,
     },
 }

@@ -7,17 +7,17 @@
 //! data set's configuration. Positions are turned to y up, all faces counter-clockwise in material
 //! space.
 
+mod array;
 mod assemble;
 mod crc32c;
 mod error;
 mod example;
 mod flag_simple;
-mod npy;
 mod options;
 mod released;
 mod source;
 mod tfrecord;
 
-pub use error::{ForeignError, ForeignProblem, NpyProblem, RecordProblem};
+pub use error::{ForeignError, ForeignProblem, RecordProblem};
 pub use options::{ForeignFormat, ImportOptions, RestSource, UpAxis};
 pub use source::{ForeignRun, ForeignSource};

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 
+use super::array::{read_floats, read_indices};
 use super::assemble::{Parts, Weight};
 use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::META;
-use super::npy::{read_floats, read_indices};
 use super::options::{ForeignFormat, ImportOptions, UpAxis, positive, refuse};
 use crate::obj::{read_obj, read_obj_positions};
 

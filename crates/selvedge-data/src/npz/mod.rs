@@ -4,11 +4,9 @@
 //! checksum when it is asked for. Archives over 4 GB, encrypted entries and other methods are
 //! errors. Nothing is written here: safetensors is our own container.
 
-mod npy;
-
 use thiserror::Error;
 
-pub(crate) use npy::{Array, NpyError};
+use crate::npy::{Array, NpyError};
 
 /// An archive of arrays.
 #[derive(Clone, Debug)]
