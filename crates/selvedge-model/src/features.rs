@@ -230,6 +230,36 @@ fn acceleration(pose: Pose<'_>, mut out: Columns<'_>) {
     }
 }
 
+/// What the external force has to do with the air.
+struct Air {
+    /// `[kg/m³]`.
+    density: f32,
+    drag: f32,
+    /// `[m/s]`.
+    wind: Vec3,
+    /// From the way of three corners `[m/frame]` to their mean velocity `[m/s]`.
+    corner_rate: f32,
+}
+
+impl Air {
+    /// The air around a cloth, if there is any that acts on it.
+    fn around(graph: &ClothGraph) -> Option<Self> {
+        let environment = graph.environment();
+        (environment.air_density != 0.0 || environment.air_drag != 0.0).then(|| Self {
+            density: environment.air_density as f32,
+            drag: environment.air_drag as f32,
+            wind: environment.wind.as_vec3(),
+            corner_rate: graph.frame_rate() as f32 / 3.0,
+        })
+    }
+
+    /// Its velocity relative to a face `[m/s]`.
+    fn relative(&self, corners: [usize; 3], pose: Pose<'_>) -> Vec3 {
+        let moves = corners.map(|v| pose.current[v] - pose.previous[v]);
+        self.wind - self.corner_rate * moves.iter().sum::<Vec3>()
+    }
+}
+
 /// Gravity on each vertex and, of each face, a third of the drag of the air on each corner
 /// `[eq:external-force]`: f = m g + ⅓ Σ A (ρ |vₙ| vₙ n + c v_t) over the faces of a vertex, with
 /// the air's velocity relative to the face v = wind - mean corner velocity `[m/s]`, vₙ = n·v,
@@ -240,24 +270,17 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
     for (v, &mass) in graph.vertex_mass().iter().enumerate() {
         out.put(v, (mass * gravity).to_array());
     }
-    if environment.air_density == 0.0 && environment.air_drag == 0.0 {
+    let Some(air) = Air::around(graph) else {
         return;
-    }
-    let (density, drag) = (environment.air_density as f32, environment.air_drag as f32);
-    let wind = environment.wind.as_vec3();
-    let corner_rate = graph.frame_rate() as f32 / 3.0;
+    };
     for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
         let corners = face.map(|v| v.index());
         let [a, b, c] = corners.map(|v| pose.current[v]);
-        let moved: Vec3 = corners
-            .iter()
-            .map(|&v| pose.current[v] - pose.previous[v])
-            .sum();
-        let relative = wind - corner_rate * moved;
+        let relative = air.relative(corners, pose);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let along = normal.dot(relative);
         let tangential = relative - along * normal;
-        let force = density * along.abs() * along * normal + drag * tangential;
+        let force = air.density * along.abs() * along * normal + air.drag * tangential;
         let third = pose.yaw.to_local(area / 3.0 * force);
         for v in corners {
             out.add(v, third);

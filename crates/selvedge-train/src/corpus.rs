@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::Environment;
-use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
+use selvedge_data::{Cloth, Dataset, DatasetError, Sample, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, ClothParts, Connectivity, GraphError};
 use thiserror::Error;
 
@@ -47,6 +47,27 @@ pub enum CorpusError {
     NoSamples,
 }
 
+/// The graph of `cloth` in `environment`, moving by `frame_rate` frames per second.
+///
+/// # Errors
+/// When the parts do not fit.
+pub fn cloth_graph(
+    cloth: &Cloth,
+    environment: Environment,
+    frame_rate: f64,
+) -> Result<ClothGraph, GraphError> {
+    ClothGraph::new(ClothParts {
+        topology: cloth.topology.clone(),
+        handles: cloth.handles.clone(),
+        vertex_mass: cloth.vertex_mass.clone(),
+        face_area: cloth.face_area.clone(),
+        material_coordinates: cloth.material_coordinates.clone(),
+        rest_positions: cloth.rest_positions.clone(),
+        environment,
+        frame_rate,
+    })
+}
+
 /// The graph of a trajectory's cloth in the environment of its scene (the default one where it
 /// has no scene).
 ///
@@ -61,18 +82,7 @@ pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, Cor
         })?,
         None => Environment::default(),
     };
-    let cloth = trajectory.cloth();
-    ClothGraph::new(ClothParts {
-        topology: cloth.topology.clone(),
-        handles: cloth.handles.clone(),
-        vertex_mass: cloth.vertex_mass.clone(),
-        face_area: cloth.face_area.clone(),
-        material_coordinates: cloth.material_coordinates.clone(),
-        rest_positions: cloth.rest_positions.clone(),
-        environment,
-        frame_rate: trajectory.frame_rate(),
-    })
-    .map_err(|source| {
+    cloth_graph(trajectory.cloth(), environment, trajectory.frame_rate()).map_err(|source| {
         let motion = motion.to_owned();
         CorpusError::Graph { motion, source }
     })

@@ -20,7 +20,7 @@ pub use config::{
     BatchConfig, ConfigError, InvalidConfig, NoiseConfig, ScheduledSampling, Setting, SettingError,
     TrainConfig,
 };
-pub use corpus::{CorpusError, graph_of};
+pub use corpus::{CorpusError, cloth_graph, graph_of};
 pub use losses::{
     LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError, Report,
     RunningLossStatistics, Triplet,

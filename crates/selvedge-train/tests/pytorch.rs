@@ -7,13 +7,15 @@
 #![allow(clippy::print_stdout)]
 
 use glam::{DVec3, Vec2, Vec3};
-use safetensors::{Dtype, SafeTensors};
 use selvedge_cloth::{Environment, Handles, Topology};
 use selvedge_model::{ClothGraph, ClothParts, Real};
 use selvedge_train::{
     Adam, AdamSettings, LossEvaluator, LossStatistics, LossTerms, LossWeights, Report,
     RunningLossStatistics, Triplet, clip_norm,
 };
+
+#[path = "../../selvedge-model/tests/pytorch/fixture.rs"]
+mod fixture;
 
 const FIXTURE: &[u8] = include_bytes!("pytorch/learning.safetensors");
 
@@ -22,24 +24,8 @@ const WIDE: f64 = 1e-12;
 /// f32 against f64.
 const NARROW: f64 = 1e-5;
 
-/// A tensor of the fixture in f64, row by row.
 fn tensor(name: &str) -> Vec<f64> {
-    let file = SafeTensors::deserialize(FIXTURE).expect("a fixture");
-    let view = file.tensor(name).unwrap_or_else(|_| panic!("no {name}"));
-    let data = view.data();
-    let (wide, narrow) = (data.as_chunks::<8>().0, data.as_chunks::<4>().0);
-    match view.dtype() {
-        Dtype::F64 => wide.iter().map(|b| f64::from_le_bytes(*b)).collect(),
-        Dtype::F32 => {
-            let numbers = narrow.iter().map(|b| f32::from_le_bytes(*b));
-            numbers.map(f64::from).collect()
-        }
-        Dtype::I32 => {
-            let numbers = narrow.iter().map(|b| i32::from_le_bytes(*b));
-            numbers.map(f64::from).collect()
-        }
-        other => panic!("{name} is {other:?}"),
-    }
+    fixture::tensor(FIXTURE, name)
 }
 
 fn narrow(values: &[f64]) -> Vec<f32> {

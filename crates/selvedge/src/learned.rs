@@ -10,7 +10,8 @@ use anyhow::Context;
 use glam::Vec3;
 use selvedge_cloth::{HandlePath, Scene, Stepper};
 use selvedge_data::{Cloth, Drive, record};
-use selvedge_model::{ClothGraph, ClothParts, LearnedStepper, Model};
+use selvedge_model::{ClothGraph, LearnedStepper, Model};
+use selvedge_train::cloth_graph;
 
 use crate::assets;
 use crate::reference::{self, Run};
@@ -52,17 +53,8 @@ pub(crate) fn open(file: Option<&Path>) -> anyhow::Result<NamedModel> {
 /// # Errors
 /// When the parts do not fit.
 pub(crate) fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<ClothGraph> {
-    ClothGraph::new(ClothParts {
-        topology: cloth.topology.clone(),
-        handles: cloth.handles.clone(),
-        vertex_mass: cloth.vertex_mass.clone(),
-        face_area: cloth.face_area.clone(),
-        material_coordinates: cloth.material_coordinates.clone(),
-        rest_positions: cloth.rest_positions.clone(),
-        environment: scene.environment,
-        frame_rate: scene.frame_rate,
-    })
-    .with_context(|| format!("the graph of scene {:?}", scene.name))
+    cloth_graph(cloth, scene.environment, scene.frame_rate)
+        .with_context(|| format!("the graph of scene {:?}", scene.name))
 }
 
 /// Runs `model` for `frames` from `start` `[m]`, `[vertices]`, at rest, while the handles follow

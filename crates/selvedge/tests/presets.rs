@@ -1,6 +1,6 @@
 //! The shipped training configurations: each is listed, has the network that its name promises, and
-//! learns. `SELVEDGE_LEARN=1 cargo test -p selvedge --test presets -- --nocapture learns` trains each
-//! for some hundred steps at reduced size and prints the table of docs/results.md.
+//! learns. `SELVEDGE_LEARN=1 cargo test --release -p selvedge --test presets -- --nocapture learns` trains
+//! each for some hundred steps at reduced size and prints the table of docs/results.md.
 
 // A test that cannot be set up fails where it is set up.
 #![allow(clippy::unwrap_used)]
@@ -134,7 +134,7 @@ fn a_preset_is_tried_at_reduced_size() {
     assert!(!desk.path("again").exists());
 }
 
-/// One motion of one small cloth: the section that a network is to learn by heart.
+/// One motion of the cloth of `small`: the section that a network is to learn by heart.
 const SECTION: &str = r#"
 name = "section"
 sections = "whole"
@@ -143,7 +143,7 @@ test = ["lift"]
 
 [setting]
 material = "gray-interlock"
-mesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }
+mesh = { generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }
 handles = { label = "upper-corners" }
 
 [motions.push.inline]
@@ -195,13 +195,14 @@ fn every_preset_learns_and_learns_one_section_by_heart() {
         return;
     }
     let desk = Desk::new();
-    desk.tiny();
     desk.write("section.toml", SECTION);
+    desk.json("dataset generate small --out small");
     desk.json("dataset generate section.toml --out section");
-    let [tiny, section] = ["tiny", "section"].map(|name| Dataset::open(&desk.path(name)).unwrap());
+    let [small, section] =
+        ["small", "section"].map(|name| Dataset::open(&desk.path(name)).unwrap());
     println!("| preset | loss, 300 steps | one section, 1800 steps |\n|---|---|---|");
     for name in names() {
-        let [first, last] = losses(preset(name, &SMALL), &tiny, 300);
+        let [first, last] = losses(preset(name, &SMALL), &small, 300);
         let settings = [&SMALL[..], &BY_HEART[..]].concat();
         let [unknown, known] = losses(preset(name, &settings), &section, 1800);
         println!("| {name} | {first:.3} → {last:.3} | {unknown:.3} → {known:.5} |");

@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use super::{Pose, edge_ends};
+use super::{Air, Pose, edge_ends};
 use crate::geometry::bending_angle_with_gradient;
 use crate::graph::ClothGraph;
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
@@ -131,21 +131,13 @@ fn difference(pose: Pose<'_>, rows: Rows<'_>, plus: &mut [Vec3], minus: &mut [Ve
 /// ∂φ/∂v = (2ρ |vₙ| - c) (u·n) n + c u, ∂φ/∂n = (2ρ |vₙ| - c) (u·n) v + (ρ |vₙ| - c) vₙ u,
 /// ∂φ/∂N = (1 - n nᵀ) ∂φ/∂n / |N| `[eq:external-force-gradient]`.
 fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
-    let environment = graph.environment();
-    if environment.air_density == 0.0 && environment.air_drag == 0.0 {
+    let Some(air) = Air::around(graph) else {
         return;
-    }
-    let (density, drag) = (environment.air_density as f32, environment.air_drag as f32);
-    let wind = environment.wind.as_vec3();
-    let corner_rate = graph.frame_rate() as f32 / 3.0;
+    };
     for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
         let corners = face.map(|v| v.index());
         let [a, b, c] = corners.map(|v| pose.current[v]);
-        let moved: Vec3 = corners
-            .iter()
-            .map(|&v| pose.current[v] - pose.previous[v])
-            .sum();
-        let relative = wind - corner_rate * moved;
+        let relative = air.relative(corners, pose);
         let (by_b, by_c) = (b - a, c - a);
         let across = by_b.cross(by_c);
         let size = across.length();
@@ -156,12 +148,12 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
         let along = normal.dot(relative);
         let sum: Vec3 = corners.iter().map(|&v| rows.vector(v)).sum();
         let force = pose.yaw.to_world(area / 3.0 * sum);
-        let slope = (2.0 * density * along.abs() - drag) * force.dot(normal);
-        let by_relative = slope * normal + drag * force;
-        let by_normal = slope * relative + (density * along.abs() - drag) * along * force;
+        let slope = (2.0 * air.density * along.abs() - air.drag) * force.dot(normal);
+        let by_relative = slope * normal + air.drag * force;
+        let by_normal = slope * relative + (air.density * along.abs() - air.drag) * along * force;
         let by_across = (by_normal - normal.dot(by_normal) * normal) / size;
         let (to_b, to_c) = (by_c.cross(by_across), by_across.cross(by_b));
-        let by_move = -corner_rate * by_relative;
+        let by_move = -air.corner_rate * by_relative;
         for (v, by_corner) in corners.into_iter().zip([-to_b - to_c, to_b, to_c]) {
             to.current[v] += by_corner + by_move;
             to.previous[v] -= by_move;

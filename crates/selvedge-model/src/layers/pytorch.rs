@@ -8,7 +8,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use safetensors::{Dtype, SafeTensors};
 use selvedge_cloth::Topology;
 
 use super::block::{Block, BlockRecord, BlockScratch, Latents};
@@ -22,26 +21,13 @@ use crate::product::Store;
 use crate::real::Real;
 use crate::spec::{Encoder, ModelSpec};
 
+#[path = "../../tests/pytorch/fixture.rs"]
+mod fixture;
+
 const FIXTURE: &[u8] = include_bytes!("../../tests/pytorch/layers.safetensors");
 
-/// A tensor of the fixture in f64, row by row.
 fn tensor(name: &str) -> Vec<f64> {
-    let file = SafeTensors::deserialize(FIXTURE).expect("a fixture");
-    let view = file.tensor(name).unwrap_or_else(|_| panic!("no {name}"));
-    let data = view.data();
-    let (wide, narrow) = (data.as_chunks::<8>().0, data.as_chunks::<4>().0);
-    match view.dtype() {
-        Dtype::F64 => wide.iter().map(|b| f64::from_le_bytes(*b)).collect(),
-        Dtype::F32 => {
-            let numbers = narrow.iter().map(|b| f32::from_le_bytes(*b));
-            numbers.map(f64::from).collect()
-        }
-        Dtype::I32 => {
-            let numbers = narrow.iter().map(|b| i32::from_le_bytes(*b));
-            numbers.map(f64::from).collect()
-        }
-        other => panic!("{name} is {other:?}"),
-    }
+    fixture::tensor(FIXTURE, name)
 }
 
 fn real<T: Real>(values: &[f64]) -> Vec<T> {
