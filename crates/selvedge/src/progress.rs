@@ -21,9 +21,19 @@ const DRAWS_PER_SECOND: u8 = 8;
 pub(crate) struct Progress {
     what: String,
     unit: &'static str,
-    total: Option<u64>,
+    goal: Goal,
     started: Instant,
     form: Form,
+}
+
+/// Where a count ends.
+#[derive(Clone, Copy)]
+enum Goal {
+    /// Nobody knows.
+    Open,
+    Count(u64),
+    /// After so long, however far it is by then.
+    Time(Duration),
 }
 
 enum Form {
@@ -39,18 +49,23 @@ struct Plain {
 impl Progress {
     /// Starts counting to `total` of `unit` (in the plural).
     pub(crate) fn new(what: impl Into<String>, total: usize, unit: &'static str) -> Self {
-        Self::start(what.into(), Some(total as u64), unit)
+        Self::start(what.into(), Goal::Count(total as u64), unit)
     }
 
     /// Starts counting `unit` (in the plural) where nobody knows how many there will be.
     pub(crate) fn open_ended(what: impl Into<String>, unit: &'static str) -> Self {
-        Self::start(what.into(), None, unit)
+        Self::start(what.into(), Goal::Open, unit)
     }
 
-    fn start(what: String, total: Option<u64>, unit: &'static str) -> Self {
+    /// Starts counting as many of `unit` (in the plural) as there will be in `time`.
+    pub(crate) fn for_time(what: impl Into<String>, time: Duration, unit: &'static str) -> Self {
+        Self::start(what.into(), Goal::Time(time), unit)
+    }
+
+    fn start(what: String, goal: Goal, unit: &'static str) -> Self {
         let started = Instant::now();
         let form = if std::io::stderr().is_terminal() {
-            Form::Bar(hidden_bar(&what, total, unit))
+            Form::Bar(hidden_bar(&what, goal, unit))
         } else {
             Form::Plain(Mutex::new(Plain {
                 done: 0,
@@ -60,7 +75,7 @@ impl Progress {
         Self {
             what,
             unit,
-            total,
+            goal,
             started,
             form,
         }
@@ -97,10 +112,18 @@ impl Progress {
     fn say(&self, done: u64) {
         let elapsed = self.started.elapsed().as_secs_f64();
         let rate = done as f64 / elapsed.max(1e-9);
-        let (of, left) = self.total.map_or_else(Default::default, |total| {
-            let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
-            (format!(" of {total}"), format!(", about {left:.0} s to go"))
-        });
+        let to_go = |seconds: f64| format!(", about {seconds:.0} s to go");
+        let (of, left) = match self.goal {
+            Goal::Open => Default::default(),
+            Goal::Count(total) => {
+                let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
+                (format!(" of {total}"), to_go(left))
+            }
+            Goal::Time(time) => {
+                let left = (time.as_secs_f64() - elapsed).max(0.0);
+                (String::new(), to_go(left))
+            }
+        };
         // Standard error may be closed; that is no reason to stop.
         let _ = writeln!(
             std::io::stderr(),
@@ -119,19 +142,35 @@ impl Drop for Progress {
     }
 }
 
-fn hidden_bar(what: &str, total: Option<u64>, unit: &str) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
-    let template = match total {
-        Some(_) => format!(
-            "{{prefix}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{rate}}, {{eta}} to go  {{wide_msg}}"
+fn hidden_bar(what: &str, goal: Goal, unit: &str) -> ProgressBar {
+    let (total, template) = match goal {
+        Goal::Count(total) => (
+            Some(total),
+            format!(
+                "{{prefix}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{rate}}, {{eta}} to go  {{wide_msg}}"
+            ),
         ),
-        None => format!("{{prefix}} {{pos}} {unit}, {{rate}}  {{wide_msg}}"),
+        Goal::Open => (
+            None,
+            format!("{{prefix}} {{pos}} {unit}, {{rate}}  {{wide_msg}}"),
+        ),
+        Goal::Time(_) => (
+            None,
+            format!("{{prefix}} {{pos}} {unit}, {{rate}}, {{left}} to go  {{wide_msg}}"),
+        ),
     };
+    let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::hidden());
+    // A bar that cannot be written is no reason to stop.
     let style = ProgressStyle::with_template(&template)
         .unwrap_or_else(|_| ProgressStyle::default_bar())
         .with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
-            // A bar that cannot be written is no reason to stop.
             let _ = write!(out, "{:.1}/s", state.per_sec());
+        })
+        .with_key("left", move |state: &ProgressState, out: &mut dyn fmt::Write| {
+            if let Goal::Time(time) = goal {
+                let left = time.saturating_sub(state.elapsed());
+                let _ = write!(out, "{}s", left.as_secs());
+            }
         })
         .progress_chars("=> ");
     bar.with_style(style).with_prefix(what.to_owned())

@@ -123,8 +123,9 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     let mut trainer = trainer(desk, entry, cfg, data)?;
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
+    let progress = progress(&entry.name, &trainer, &record)?;
     loop {
-        let end = slice(&mut trainer, data, &folder, &mut record)?;
+        let end = slice(&mut trainer, data, &folder, &mut record, &progress)?;
         let is_last = match (end, record.budget) {
             (RunEnd::Stopped, _) => false,
             (RunEnd::Finished, _) => true,
@@ -221,24 +222,11 @@ fn slice(
     data: &StudyData,
     folder: &Path,
     record: &mut Record,
+    progress: &Progress,
 ) -> anyhow::Result<RunEnd> {
-    let (time, total, unit) = match record.budget {
-        Budget::Time(time) => {
-            let left = time.saturating_sub(Duration::from_secs_f64(record.seconds));
-            (Some(left.min(CHECKPOINT_EVERY)), None, "steps")
-        }
-        Budget::Steps(_) => {
-            let left = trainer.config().steps.saturating_sub(trainer.steps_done());
-            (None, Some(usize::try_from(left)?), "steps")
-        }
-    };
-    let what = format!(
-        "training {}",
-        folder.file_name().unwrap_or_default().to_string_lossy()
-    );
-    let progress = match total {
-        Some(total) => Progress::new(what, total, unit),
-        None => Progress::open_ended(what, unit),
+    let time = match record.budget {
+        Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
+        Budget::Steps(_) => None,
     };
     let limits = Limits {
         time,
@@ -253,4 +241,20 @@ fn slice(
     record.seconds += started.elapsed().as_secs_f64();
     record.steps_done = trainer.steps_done();
     Ok(end)
+}
+
+fn time_left(budget: Duration, record: &Record) -> Duration {
+    budget.saturating_sub(Duration::from_secs_f64(record.seconds))
+}
+
+/// Counts the steps of what is left of a training.
+fn progress(name: &str, trainer: &Trainer, record: &Record) -> anyhow::Result<Progress> {
+    let what = format!("training {name}");
+    Ok(match record.budget {
+        Budget::Time(time) => Progress::for_time(what, time_left(time, record), "steps"),
+        Budget::Steps(_) => {
+            let left = trainer.config().steps.saturating_sub(trainer.steps_done());
+            Progress::new(what, usize::try_from(left)?, "steps")
+        }
+    })
 }
