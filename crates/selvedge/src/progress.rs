@@ -166,12 +166,15 @@ fn hidden_bar(what: &str, goal: Goal, unit: &str) -> ProgressBar {
         .with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
             let _ = write!(out, "{:.1}/s", state.per_sec());
         })
-        .with_key("left", move |state: &ProgressState, out: &mut dyn fmt::Write| {
-            if let Goal::Time(time) = goal {
-                let left = time.saturating_sub(state.elapsed());
-                let _ = write!(out, "{}s", left.as_secs());
-            }
-        })
+        .with_key(
+            "left",
+            move |state: &ProgressState, out: &mut dyn fmt::Write| {
+                if let Goal::Time(time) = goal {
+                    let left = time.saturating_sub(state.elapsed());
+                    let _ = write!(out, "{}s", left.as_secs());
+                }
+            },
+        )
         .progress_chars("=> ");
     bar.with_style(style).with_prefix(what.to_owned())
 }
