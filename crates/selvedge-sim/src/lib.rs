@@ -16,6 +16,7 @@ pub mod external;
 mod fall;
 mod grip;
 mod incomplete;
+mod inertia;
 mod lists;
 mod newton;
 mod ordering;

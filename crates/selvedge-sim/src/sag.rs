@@ -6,7 +6,7 @@
 //! that K lacks what would make it indefinite, so that the cloth leaves an unstable equilibrium
 //! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
 //! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
-//! law), it begins later, steps get inertia, and h is halved. The bulge decides to which side the
+//! law), it begins later, the last step has a say in the next ([`crate::inertia`]), and h is halved. The bulge decides to which side the
 //! cloth buckles. Where there are several equilibria, [`SagMethod::Motion`] begins with the motion
 //! that a simulation makes (see [`crate::fall`]). Wind acts as on cloth that does not move, without its gusts.
 //!
@@ -21,6 +21,7 @@ use thiserror::Error;
 
 use crate::anderson::Anderson;
 use crate::fall::fall;
+use crate::inertia::Inertia;
 use crate::settle::settle;
 use crate::system::{SolveError, State, System};
 
@@ -141,8 +142,7 @@ const DEPTH: usize = 8;
 /// Solves without a residual a tenth smaller than ever before after which something is changed; a
 /// quarter of it while accelerating.
 const PATIENCE: u32 = 200;
-/// Inertia of the steps once patience has been lost, and the residual `[m/s²]` below which it helps.
-const INERTIA: f64 = 0.95;
+/// Residual `[m/s²]` below which inertia helps, once patience has been lost.
 const INERTIA_BELOW: f64 = 1.0;
 
 /// The iteration.
@@ -151,9 +151,8 @@ struct Relaxation {
     state: State,
     targets: Vec<DVec3>,
     anderson: Anderson,
-    last_step: Vec<DVec3>,
-    /// Part of the last step that is added to the next one.
-    inertia: f64,
+    inertia: Inertia,
+    patience_was_lost: bool,
     longest_step: f64,
     time_step: f64,
     /// Size of the last correction `[m]`.
@@ -179,8 +178,8 @@ impl Relaxation {
             },
             targets: scene.handles.select(scene.mesh.positions()),
             anderson: Anderson::new(DEPTH),
-            last_step: vec![DVec3::ZERO; scene.mesh.positions().len()],
-            inertia: 0.0,
+            inertia: Inertia::new(scene.mesh.positions().len()),
+            patience_was_lost: false,
             longest_step: LONGEST_STEP * sheet_size(scene),
             time_step: TIME_STEP,
             last_size: f64::INFINITY,
@@ -222,33 +221,19 @@ impl Relaxation {
         }
         self.last_size = size;
         let mut step = self.anderson.step(&correction);
-        if self.inertia > 0.0 && (self.accelerate_below..INERTIA_BELOW).contains(&residual) {
-            self.keep_going(&correction, &mut step);
+        let is_slow = (self.accelerate_below..INERTIA_BELOW).contains(&residual);
+        if self.patience_was_lost && is_slow {
+            self.inertia.apply(&correction, &mut step);
         }
         let scale = (self.longest_step / longest(&step)).min(1.0);
         for (position, entry) in self.state.positions.iter_mut().zip(&mut step) {
             *entry *= scale;
             *position += *entry;
         }
-        self.last_step.copy_from_slice(&step);
+        self.inertia.taken(&step);
         self.anderson.taken(step, correction);
         self.lose_patience(residual);
         Ok(())
-    }
-
-    /// Adds inertia, unless the correction has turned against the last step.
-    fn keep_going(&self, correction: &[DVec3], step: &mut [DVec3]) {
-        let forward: f64 = self
-            .last_step
-            .iter()
-            .zip(correction)
-            .map(|(last, next)| last.dot(*next))
-            .sum();
-        if forward > 0.0 {
-            for (entry, last) in step.iter_mut().zip(&self.last_step) {
-                *entry += *last * self.inertia;
-            }
-        }
     }
 
     fn lose_patience(&mut self, residual: f64) {
@@ -263,7 +248,7 @@ impl Relaxation {
         if self.solves_since_best < patience {
             return;
         }
-        self.inertia = INERTIA;
+        self.patience_was_lost = true;
         if accelerating {
             self.accelerate_below = 0.1 * residual;
         } else {

@@ -99,7 +99,7 @@ fn sag_hangs_like_arcsim() {
         let mut scene = scene(&run, fabric);
         let expected = vectors(&run.join(format!("{name}_x.npy")));
         let distance = |scene: &Scene, start: &str| {
-            let rest = sag(scene).unwrap();
+            let rest = sag(scene).unwrap_or_else(|error| panic!("{name} from {start}: {error}"));
             let error = largest_distance(&rest.positions, &expected);
             println!(
                 "{name} from {start}: {} solves, residual {:.1e} m/s², top {:.5}, largest distance {error:.2e} m",
