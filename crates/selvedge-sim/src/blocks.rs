@@ -119,6 +119,14 @@ impl Singles {
         }
     }
 
+    /// How stiff bending is beside the mean mass of a vertex: what a hinge adds to the diagonal block
+    /// of an opposite vertex, its trace, on average over all hinges; 0 without any.
+    pub(crate) fn bending(&self) -> f64 {
+        let trace = |hinge: &[Vec3A; 4]| hinge[2].length_squared() + hinge[3].length_squared();
+        let sum: f64 = self.hinges.iter().map(|h| f64::from(trace(h))).sum();
+        sum / (2 * self.hinges.len()).max(1) as f64
+    }
+
     fn take(&mut self, threads: Threads, elements: &Elements, scale: f64) {
         let jacobian = elements.jacobian_scale() * scale;
         let ninth = elements.time_step() * scale / 9.0;
@@ -211,4 +219,25 @@ fn contributions<const N: usize>(
         }
     }
     pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bending_is_the_mean_of_what_opposite_vertices_get() {
+        let hinge = |left: Vec3A, right: Vec3A| [Vec3A::splat(9.0), Vec3A::splat(9.0), left, right];
+        let singles = |hinges: Vec<[Vec3A; 4]>| Singles {
+            faces: Vec::new(),
+            hinges,
+        };
+        let two = vec![
+            hinge(Vec3A::X * 2.0, Vec3A::Y * 3.0),
+            hinge(Vec3A::Z, Vec3A::ZERO),
+        ];
+        // Traces of g gᵀ: 4, 9, 1, 0.
+        assert_eq!(singles(two).bending(), 3.5);
+        assert_eq!(singles(Vec::new()).bending(), 0.0);
+    }
 }

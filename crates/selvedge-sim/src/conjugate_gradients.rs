@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use crate::blocks::{Contributions, Singles};
 use crate::elements::Elements;
-use crate::incomplete::{Incomplete, tile_of};
+use crate::incomplete::{Incomplete, part_taken, tile_of};
 use crate::pattern::Pattern;
 use crate::threads::Threads;
 
@@ -118,7 +118,8 @@ impl ConjugateGradients {
             let added = Mat3A::from_diagonal(glam::Vec3::splat((stiffness * self.scale) as f32));
             self.blocks[pattern.unknown(vertex) as usize] += added;
         }
-        self.incomplete.factorise(threads, &self.blocks);
+        let taken = part_taken(self.singles.bending());
+        self.incomplete.factorise(threads, &self.blocks, taken);
     }
 
     /// Makes `changes` `[m/s]`, `[vertices]`, from a first guess the solution of A Δv = b: it is good
