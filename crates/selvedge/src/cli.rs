@@ -2,6 +2,7 @@
 
 mod evaluate;
 mod import;
+mod view;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,6 +12,7 @@ use selvedge_train::Setting;
 
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::import::ImportArgs;
+pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
 use crate::span;
 
@@ -50,6 +52,8 @@ const OVERVIEW: &str = "\
 Start here:
   selvedge rollout
       run the shipped model on the shipped scene; pictures and a clip go to out/
+  selvedge view --open
+      take hold of the cloth in the browser
   selvedge simulate default --out truth.safetensors
       the same scene by the physics
   selvedge inspect truth.safetensors
@@ -62,6 +66,7 @@ Ctrl-C finishes the files that can be finished; a second one stops at once.";
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Rollout(RolloutArgs),
+    View(ViewArgs),
     Simulate(SimulateArgs),
     Sag(SagArgs),
     #[command(subcommand)]

@@ -22,6 +22,7 @@ mod rigid;
 mod scenes;
 mod span;
 mod study;
+mod view;
 
 use std::process::ExitCode;
 

@@ -7,7 +7,7 @@ use super::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 9] = [
+const FORBIDDEN: [(&str, &str); 12] = [
     ("selvedge-sim", "selvedge-model"),
     ("selvedge-model", "selvedge-sim"),
     ("selvedge-sim", "selvedge-data"),
@@ -17,6 +17,9 @@ const FORBIDDEN: [(&str, &str); 9] = [
     ("selvedge-view", "selvedge-sim"),
     ("selvedge-view", "selvedge-model"),
     ("selvedge-view", "selvedge-train"),
+    ("selvedge-live", "selvedge-sim"),
+    ("selvedge-live", "selvedge-model"),
+    ("selvedge-live", "selvedge-train"),
 ];
 
 /// Pairs that not even a test may join.

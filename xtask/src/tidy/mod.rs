@@ -10,6 +10,7 @@ mod equations;
 mod manifests;
 mod map;
 mod marks;
+mod page;
 mod sizes;
 
 use std::fmt;
@@ -89,6 +90,7 @@ fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     all.extend(equations::check(tree));
     all.extend(marks::check(tree));
     all.extend(cards::check(tree));
+    all.extend(page::check(tree));
     all.extend(map::check(tree, &graph.members));
     all.sort();
     all

@@ -13,6 +13,7 @@ mod sag;
 mod simulate;
 mod study;
 mod train;
+mod view;
 
 use crate::cli::{Command, DatasetCommand};
 use crate::output::Answer;
@@ -35,6 +36,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Inspect(args) => inspect::run(args),
         Command::Presets => presets::run(),
         Command::Rollout(args) => rollout::run(args),
+        Command::View(args) => view::run(args),
         Command::Train(args) => train::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Study(args) => study::run(args),

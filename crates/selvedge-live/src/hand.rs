@@ -1,0 +1,323 @@
+//! Hands: how handles get from where they are to where they are wanted, never faster than a limit
+//! nor with more acceleration than another.
+//!
+//! Each handle has a goal, and speeds up and brakes so that it comes to rest there; keys move all
+//! handles together as one rigid body, goals and all. The default limits are those of the motions
+//! that the paper trains on: 1 m in 1 s, eased, has a peak speed of π/2 m/s and a peak acceleration
+//! of π²/2 m/s². What turns counts by the speed of the outermost handle; the acceleration towards the
+//! axis of a turn is not limited.
+
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+use crate::protocol::Push;
+
+/// What a hand may do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// The greatest speed `[m/s]`.
+    pub speed: f64,
+    /// The greatest acceleration `[m/s²]`.
+    pub acceleration: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            speed: PI / 2.0,
+            acceleration: PI * PI / 2.0,
+        }
+    }
+}
+
+impl Limits {
+    /// The limits nearest to these that a hand can have: 0.05 to 10 m/s and 0.5 to 100 m/s².
+    #[must_use]
+    pub fn clamped(speed: f64, acceleration: f64) -> Self {
+        let within = |value: f64, low: f64, high: f64, other: f64| {
+            if value.is_nan() {
+                other
+            } else {
+                value.clamp(low, high)
+            }
+        };
+        let default = Self::default();
+        Self {
+            speed: within(speed, 0.05, 10.0, default.speed),
+            acceleration: within(acceleration, 0.5, 100.0, default.acceleration),
+        }
+    }
+}
+
+/// One handle on its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Hand {
+    position: DVec3,
+    velocity: DVec3,
+    goal: DVec3,
+}
+
+/// All handles on their ways.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hands {
+    hands: Vec<Hand>,
+    push: Push,
+    /// Velocity of all together `[m/s]`, and how fast they turn about the vertical `[rad/s]`.
+    drift: DVec3,
+    spin: f64,
+}
+
+impl Hands {
+    /// Handles that stand still at `positions` `[m]`, and are wanted there.
+    #[must_use]
+    pub fn at(positions: &[DVec3]) -> Self {
+        let still = |&position| Hand {
+            position,
+            velocity: DVec3::ZERO,
+            goal: position,
+        };
+        Self {
+            hands: positions.iter().map(still).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Where they are `[m]`, `[handles]`.
+    #[must_use]
+    pub fn positions(&self) -> Vec<DVec3> {
+        self.hands.iter().map(|hand| hand.position).collect()
+    }
+
+    /// Where they are wanted `[m]`, `[handles]`.
+    #[must_use]
+    pub fn goals(&self) -> Vec<DVec3> {
+        self.hands.iter().map(|hand| hand.goal).collect()
+    }
+
+    /// Wants `handle` at `goal` `[m]`.
+    pub fn want(&mut self, handle: usize, goal: DVec3) {
+        if let Some(hand) = self.hands.get_mut(handle) {
+            hand.goal = goal;
+        }
+    }
+
+    /// Pushes all of them from now on.
+    pub fn push(&mut self, push: Push) {
+        self.push = push;
+    }
+
+    /// Whether none of them moves or is about to.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        let still = |hand: &Hand| hand.velocity == DVec3::ZERO && hand.goal == hand.position;
+        self.push == Push::default()
+            && self.drift == DVec3::ZERO
+            && self.spin == 0.0
+            && self.hands.iter().all(still)
+    }
+
+    /// Wants every handle where it will have come to rest if it brakes now.
+    pub fn brake(&mut self, limits: &Limits) {
+        self.push = Push::default();
+        for hand in &mut self.hands {
+            let speed = hand.velocity.length();
+            hand.goal = hand.position + hand.velocity * (speed / (2.0 * limits.acceleration));
+        }
+    }
+
+    /// Hands at `positions` `[m]`, each `kept` from before by its number, where it was one.
+    #[must_use]
+    pub fn rearranged(&self, positions: &[DVec3], kept: &[Option<usize>]) -> Self {
+        let mut changed = Self::at(positions);
+        for (hand, before) in changed.hands.iter_mut().zip(kept) {
+            if let Some(before) = before.and_then(|number| self.hands.get(number)) {
+                *hand = *before;
+            }
+        }
+        (changed.push, changed.drift, changed.spin) = (self.push, self.drift, self.spin);
+        changed
+    }
+
+    /// Goes on by `dt` `[s]`.
+    pub fn advance(&mut self, limits: &Limits, dt: f64) {
+        let together = self.drive_together(limits, dt);
+        // What the keys use up is not left for the way to the goals.
+        let left = Limits {
+            speed: (limits.speed - together).max(0.0),
+            ..*limits
+        };
+        let center = self.center();
+        let turn = DQuat::from_rotation_y(self.spin * dt);
+        let carry = |p: DVec3| center + turn * (p - center) + self.drift * dt;
+        for hand in &mut self.hands {
+            hand.goal = carry(hand.goal);
+            hand.velocity = follow(hand, &left, dt);
+            let own = hand.velocity * dt;
+            hand.position = carry(hand.position) + own;
+            if hand.position.distance_squared(hand.goal) < 1e-18 {
+                hand.position = hand.goal;
+            }
+        }
+    }
+
+    /// Speeds all of them up as the keys say; the speed of the fastest `[m/s]`.
+    fn drive_together(&mut self, limits: &Limits, dt: f64) -> f64 {
+        let reach = self.reach();
+        let push = self.push;
+        let turning = if reach > 0.0 { push.turn } else { 0.0 };
+        // Both at once share the limits.
+        let asked = push.direction.length().min(1.0) + turning.abs();
+        let share = limits.speed / asked.max(1.0);
+        let drift = push.direction.clamp_length_max(1.0) * share;
+        let spin = if reach > 0.0 {
+            turning * share / reach
+        } else {
+            0.0
+        };
+        let most = limits.acceleration * dt;
+        let change = (drift - self.drift, spin - self.spin);
+        let wanted = change.0.length() + change.1.abs() * reach;
+        let part = if wanted > most { most / wanted } else { 1.0 };
+        self.drift += change.0 * part;
+        self.spin += change.1 * part;
+        self.drift.length() + self.spin.abs() * reach
+    }
+
+    fn center(&self) -> DVec3 {
+        let sum: DVec3 = self.hands.iter().map(|hand| hand.position).sum();
+        sum / self.hands.len().max(1) as f64
+    }
+
+    /// Horizontal distance of the outermost handle from the middle of all `[m]`.
+    fn reach(&self) -> f64 {
+        let center = self.center();
+        let distance = |hand: &Hand| (hand.position - center).with_y(0.0).length();
+        let reach = self.hands.iter().map(distance).fold(0.0, f64::max);
+        if reach > 1e-3 { reach } else { 0.0 }
+    }
+}
+
+/// The velocity of a handle over the next `dt` `[s]`: towards its goal as fast as the limits let it,
+/// and as it can still brake, s = -a dt/2 + √((a dt/2)² + 2 a d) at a distance d. `[eq:hand-speed]`
+fn follow(hand: &Hand, limits: &Limits, dt: f64) -> DVec3 {
+    let way = hand.goal - hand.position;
+    let distance = way.length();
+    let half = 0.5 * limits.acceleration * dt;
+    let braking = (half * half + 2.0 * limits.acceleration * distance).sqrt() - half;
+    let speed = braking.min(limits.speed).min(distance / dt);
+    let wanted = way.normalize_or_zero() * speed;
+    let change = (wanted - hand.velocity).clamp_length_max(limits.acceleration * dt);
+    hand.velocity + change
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const DT: f64 = 1.0 / 60.0;
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-2.0..2.0_f64).prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn a_hand_keeps_its_limits_and_arrives(
+            goals in prop::collection::vec((vector(), 1_usize..40), 1..5),
+            speed in 0.1..4.0_f64,
+            acceleration in 1.0..20.0_f64,
+        ) {
+            let limits = Limits::clamped(speed, acceleration);
+            let mut hands = Hands::at(&[DVec3::ZERO]);
+            let mut before = (DVec3::ZERO, DVec3::ZERO);
+            let mut last = DVec3::ZERO;
+            let mut check = |hands: &Hands| {
+                let position = hands.positions()[0];
+                let velocity = (position - before.0) / DT;
+                let change = (velocity - before.1).length();
+                before = (position, velocity);
+                // Rounding of positions of metres over dt, and the last nanometre.
+                velocity.length() <= limits.speed + 1e-6 && change <= limits.acceleration * DT + 1e-6
+            };
+            for (goal, frames) in goals {
+                last = goal;
+                hands.want(0, goal);
+                for _ in 0..frames {
+                    hands.advance(&limits, DT);
+                    prop_assert!(check(&hands));
+                }
+            }
+            // At most 7 m at a tenth of a metre per second, and some for turning round.
+            for _ in 0..6000 {
+                hands.advance(&limits, DT);
+                prop_assert!(check(&hands));
+            }
+            prop_assert!(hands.positions()[0].distance(last) < 1e-6, "{:?}", hands);
+        }
+
+        #[test]
+        fn keys_move_handles_as_one_body_within_the_limits(
+            direction in vector(), turn in -1.0..1.0_f64, frames in 1_usize..120,
+        ) {
+            let limits = Limits::default();
+            let start = [DVec3::new(0.0, 0.0, -0.5), DVec3::new(0.0, 0.2, 0.5), DVec3::X];
+            let mut hands = Hands::at(&start);
+            hands.push(Push { direction, turn });
+            let mut before = hands.positions();
+            for frame in 0..frames + 200 {
+                if frame == frames {
+                    hands.push(Push::default());
+                }
+                hands.advance(&limits, DT);
+                let now = hands.positions();
+                for (p, q) in before.iter().zip(&now) {
+                    // A chord is shorter than its arc.
+                    prop_assert!(p.distance(*q) <= limits.speed * DT + 1e-9);
+                }
+                before = now;
+            }
+            // Rigid: distances stay. And at rest long after the keys are let go.
+            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+                let change = before[i].distance(before[j]) - start[i].distance(start[j]);
+                prop_assert!(change.abs() < 1e-9);
+            }
+            prop_assert!(hands.is_at_rest());
+        }
+    }
+
+    #[test]
+    fn the_default_limits_are_those_of_an_eased_metre_in_a_second() {
+        // p(t) = (1 - cos(π t))/2: p' peaks at t = 1/2, p'' at t = 0.
+        let limits = Limits::default();
+        let p = |t: f64| (1.0 - (PI * t).cos()) / 2.0;
+        let h = 1e-4;
+        assert!(((p(0.5 + h) - p(0.5 - h)) / (2.0 * h) - limits.speed).abs() < 1e-6);
+        let second = (p(h) - 2.0 * p(0.0) + p(-h)) / (h * h);
+        assert!((second - limits.acceleration).abs() < 1e-5);
+    }
+
+    #[test]
+    fn braking_ends_at_rest() {
+        let limits = Limits::default();
+        let mut hands = Hands::at(&[DVec3::ZERO]);
+        hands.want(0, DVec3::X * 3.0);
+        (0..40).for_each(|_| hands.advance(&limits, DT));
+        hands.brake(&limits);
+        (0..200).for_each(|_| hands.advance(&limits, DT));
+        assert!(hands.is_at_rest(), "{hands:?}");
+    }
+
+    #[test]
+    fn hands_that_stay_keep_their_way() {
+        let limits = Limits::default();
+        let mut hands = Hands::at(&[DVec3::ZERO, DVec3::Z]);
+        hands.want(1, DVec3::X);
+        hands.advance(&limits, DT);
+        let changed = hands.rearranged(&[DVec3::Y, DVec3::Z], &[None, Some(1)]);
+        assert_eq!(changed.positions(), [DVec3::Y, hands.positions()[1]]);
+        assert_eq!(changed.goals(), [DVec3::Y, DVec3::X]);
+    }
+}

@@ -1,0 +1,105 @@
+//! A listener with room for so many connections: who comes when it is full waits in the system's queue
+//! until another has gone. One that does not ask for anything, or over which nothing goes for long, is
+//! closed, so that the room is not taken up by the silent.
+
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use axum::serve::Listener;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Instant, Sleep, sleep};
+
+/// A first request comes within this time.
+const FIRST: Duration = Duration::from_secs(5);
+/// Something is sent over a connection within this time of the last.
+const NEXT: Duration = Duration::from_secs(60);
+
+/// A listener with a bound.
+pub(crate) struct BoundedListener {
+    listener: TcpListener,
+    room: Arc<Semaphore>,
+}
+
+/// A connection that takes up room until it is dropped.
+pub(crate) struct Connection {
+    stream: TcpStream,
+    /// When it is closed, if nothing is sent until then.
+    deadline: Pin<Box<Sleep>>,
+    _room: Option<OwnedSemaphorePermit>,
+}
+
+impl BoundedListener {
+    pub(crate) fn new(listener: TcpListener, most: usize) -> Self {
+        Self {
+            listener,
+            room: Arc::new(Semaphore::new(most)),
+        }
+    }
+}
+
+impl Listener for BoundedListener {
+    type Io = Connection;
+    type Addr = SocketAddr;
+
+    async fn accept(&mut self) -> (Connection, SocketAddr) {
+        // The semaphore is never closed, so that there is always a permit in the end.
+        let room = Arc::clone(&self.room).acquire_owned().await.ok();
+        let (stream, address) = Listener::accept(&mut self.listener).await;
+        // Frames are whole messages: waiting to fill a packet only delays them. A connection that
+        // refuses the setting works without.
+        let _ = stream.set_nodelay(true);
+        let connection = Connection {
+            stream,
+            deadline: Box::pin(sleep(FIRST)),
+            _room: room,
+        };
+        (connection, address)
+    }
+
+    fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        match Pin::new(&mut self.stream).poll_read(context, buffer) {
+            Poll::Pending if self.deadline.as_mut().poll(context).is_ready() => {
+                Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
+            }
+            other => other,
+        }
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.stream).poll_write(context, bytes);
+        if written.is_ready() {
+            self.deadline.as_mut().reset(Instant::now() + NEXT);
+        }
+        written
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}

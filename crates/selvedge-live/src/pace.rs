@@ -1,0 +1,121 @@
+//! The clock of a session: one frame per 1/rate seconds, and slower time where a frame takes longer.
+//!
+//! A frame that is late is not made up for by a burst of others: time itself slows, evenly, and
+//! [`Pace::kept`] says by how much.
+
+use std::time::{Duration, Instant};
+
+/// When the next frame is due, and how many came on time.
+#[derive(Clone, Debug)]
+pub(crate) struct Pace {
+    period: Duration,
+    due: Instant,
+    /// The frames of the second before, and since when they are counted.
+    since: Instant,
+    frames: u32,
+    kept: f64,
+}
+
+/// A frame may be so late and the next still comes on time.
+const GRACE: Duration = Duration::from_millis(25);
+
+impl Pace {
+    pub(crate) fn new(frames_per_second: f64, now: Instant) -> Self {
+        let mut pace = Self {
+            period: Duration::ZERO,
+            due: now,
+            since: now,
+            frames: 0,
+            kept: 1.0,
+        };
+        pace.set_rate(frames_per_second, now);
+        pace
+    }
+
+    /// From now on so many frames per second.
+    pub(crate) fn set_rate(&mut self, frames_per_second: f64, now: Instant) {
+        let period = Duration::from_secs_f64(1.0 / frames_per_second.clamp(0.1, 1e5));
+        if period != self.period {
+            self.period = period;
+            self.restart(now);
+        }
+    }
+
+    /// Time begins anew, as after a pause.
+    pub(crate) fn restart(&mut self, now: Instant) {
+        (self.due, self.since, self.frames, self.kept) = (now, now, 0, 1.0);
+    }
+
+    /// How long until the next frame is due; nothing, if it is.
+    pub(crate) fn wait(&self, now: Instant) -> Duration {
+        self.due.saturating_duration_since(now)
+    }
+
+    /// A frame that was due has been made.
+    pub(crate) fn made(&mut self, now: Instant) {
+        self.due += self.period;
+        if now > self.due + GRACE {
+            self.due = now;
+        }
+        self.frames += 1;
+        let over = now.saturating_duration_since(self.since);
+        if over >= Duration::from_secs(1) {
+            let expected = over.as_secs_f64() / self.period.as_secs_f64();
+            self.kept = (f64::from(self.frames) / expected).min(1.0);
+            (self.since, self.frames) = (now, 0);
+        }
+    }
+
+    /// Frames of the last second in parts of those that it should have had, at most 1.
+    pub(crate) fn kept(&self) -> f64 {
+        self.kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames in five seconds of simulated time, each taking `cost_ms`.
+    fn run(cost_ms: u64) -> (u32, f64, u32) {
+        let start = Instant::now();
+        let mut now = start;
+        let mut pace = Pace::new(60.0, now);
+        let (mut frames, mut most_in_a_row, mut row) = (0, 0, 0);
+        while now.duration_since(start) < Duration::from_secs(5) {
+            let wait = pace.wait(now);
+            row = if wait.is_zero() { row + 1 } else { 0 };
+            most_in_a_row = most_in_a_row.max(row);
+            now += wait + Duration::from_millis(cost_ms);
+            pace.made(now);
+            frames += 1;
+        }
+        (frames, pace.kept(), most_in_a_row)
+    }
+
+    #[test]
+    fn quick_steps_keep_the_rate() {
+        let (frames, kept, _) = run(4);
+        // 300, and the one at the start.
+        assert!((300..=301).contains(&frames), "{frames}");
+        assert!(kept > 0.98, "{kept}");
+    }
+
+    #[test]
+    fn slow_steps_slow_time_and_say_so() {
+        let (frames, kept, _) = run(40);
+        assert!((124..=126).contains(&frames), "{frames}");
+        // 25 of 60 frames per second.
+        assert!((kept - 25.0 / 60.0).abs() < 0.02, "{kept}");
+    }
+
+    #[test]
+    fn a_hitch_is_not_made_up_for() {
+        let start = Instant::now();
+        let mut pace = Pace::new(60.0, start);
+        let late = start + Duration::from_secs(3);
+        pace.made(late);
+        pace.made(late);
+        assert!(!pace.wait(late).is_zero());
+    }
+}

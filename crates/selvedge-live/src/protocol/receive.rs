@@ -1,0 +1,237 @@
+//! Messages from a page, read without trusting them.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{LONGEST, MOST_DRAGGED, VERSION, kind};
+use crate::order::{Mover, Order};
+
+/// What a page asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ClientMessage {
+    /// It has taken up the frame of this number.
+    Ready(u32),
+    /// Handles are to go somewhere.
+    Drag(Drag),
+    /// Keys are held down, or let go where all is zero.
+    Keys(Push),
+    /// Anything else.
+    Command(Command),
+}
+
+/// Goals of handles, as a pointer moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drag {
+    /// Counts the drags of this page; comes back with the first frame that follows it.
+    pub number: u32,
+    /// Vertices, and where they are to be `[m]`.
+    pub goals: Vec<(u32, DVec3)>,
+}
+
+/// How all handles are pushed together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Push {
+    /// Direction in the world, each part in [-1, 1].
+    pub direction: DVec3,
+    /// Turn about the vertical, counter-clockwise from above, in [-1, 1].
+    pub turn: f64,
+}
+
+/// What is asked by a button or a choice.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Command {
+    /// Time stops.
+    Pause,
+    /// Time goes on.
+    Resume,
+    /// One frame, and time stops.
+    Step,
+    /// Back to the start: the rest pose, the handles of the scene.
+    Reset,
+    /// Another cloth.
+    Order {
+        /// Which.
+        order: Order,
+    },
+    /// Who moves it from now on.
+    Mover {
+        /// Who.
+        mover: Mover,
+    },
+    /// Another wind.
+    Wind {
+        /// Its velocity `[m/s]`.
+        wind: [f64; 3],
+    },
+    /// What hands may do.
+    Limits {
+        /// The greatest speed of a handle `[m/s]`.
+        speed: f64,
+        /// The greatest acceleration `[m/s²]`.
+        acceleration: f64,
+    },
+    /// These vertices are held from now on.
+    Hold {
+        /// Their numbers.
+        vertices: Vec<u32>,
+    },
+    /// These handles are no longer held.
+    LetGo {
+        /// The numbers of their vertices.
+        vertices: Vec<u32>,
+    },
+    /// The handles follow a named motion, or `scene`, that of the scene, from its start.
+    Motion {
+        /// Its name.
+        name: String,
+    },
+    /// The motion ends where it is.
+    StopMotion,
+    /// Every frame from now on is kept.
+    Record,
+    /// What was kept is written.
+    StopRecording,
+    /// The last recording is played.
+    Replay,
+    /// Back from a recording to the cloth that moves.
+    Live,
+    /// The recording goes on from this frame.
+    Seek {
+        /// From 0.
+        frame: usize,
+    },
+    /// How fast time goes.
+    Rate {
+        /// 1 is real time.
+        rate: f64,
+    },
+}
+
+/// Why a message is refused.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum WireError {
+    #[error("the message has {found} bytes, {most} are the most")]
+    Long { found: usize, most: usize },
+    #[error("the message has {found} bytes, its header alone has 4")]
+    Short { found: usize },
+    #[error(
+        "the message is of version {found}, this program speaks version {VERSION}: reload the page"
+    )]
+    Version { found: u8 },
+    #[error("there is no message of kind {found} from a page")]
+    Kind { found: u8 },
+    #[error("the bytes 2 and 3 of a message are 0")]
+    Reserved,
+    #[error("a message of kind {kind} has {expected} bytes, found {found}")]
+    Length {
+        kind: u8,
+        expected: usize,
+        found: usize,
+    },
+    #[error("a drag moves 1 to {MOST_DRAGGED} handles, found {found}")]
+    Dragged { found: u32 },
+    #[error(
+        "a number in a message of kind {kind} is {found}, it must be finite and within {bound}"
+    )]
+    Number { kind: u8, found: f32, bound: f32 },
+    #[error("the command cannot be understood: {0}")]
+    Command(#[from] serde_json::Error),
+}
+
+/// Nobody pulls a cloth farther from the origin `[m]`.
+const FARTHEST: f32 = 1e3;
+
+/// Reads a message from a page.
+///
+/// # Errors
+/// [`WireError`] says what is wrong with it.
+pub fn decode(bytes: &[u8]) -> Result<ClientMessage, WireError> {
+    let found = bytes.len();
+    if found > LONGEST {
+        return Err(WireError::Long {
+            found,
+            most: LONGEST,
+        });
+    }
+    let Some((&[version, kind, a, b], body)) = bytes.split_first_chunk::<4>() else {
+        return Err(WireError::Short { found });
+    };
+    if version != VERSION {
+        return Err(WireError::Version { found: version });
+    }
+    if [a, b] != [0, 0] {
+        return Err(WireError::Reserved);
+    }
+    match kind {
+        kind::READY => {
+            let [number] = words(kind, body)?;
+            Ok(ClientMessage::Ready(number))
+        }
+        kind::DRAG => Ok(ClientMessage::Drag(drag(body)?)),
+        kind::KEYS => {
+            let [x, y, z, turn] = words(kind, body)?;
+            let part = |word| number(kind, word, 1.0);
+            Ok(ClientMessage::Keys(Push {
+                direction: DVec3::new(part(x)?, part(y)?, part(z)?),
+                turn: part(turn)?,
+            }))
+        }
+        kind::COMMAND => Ok(ClientMessage::Command(serde_json::from_slice(body)?)),
+        found => Err(WireError::Kind { found }),
+    }
+}
+
+fn drag(body: &[u8]) -> Result<Drag, WireError> {
+    let kind = kind::DRAG;
+    let length = |expected| WireError::Length {
+        kind,
+        expected,
+        found: body.len() + 4,
+    };
+    let (words, rest) = body.as_chunks::<4>();
+    let [drag, count, goals @ ..] = words else {
+        return Err(length(12));
+    };
+    let found = u32::from_le_bytes(*count);
+    if !(1..=MOST_DRAGGED as u32).contains(&found) {
+        return Err(WireError::Dragged { found });
+    }
+    if !rest.is_empty() || goals.len() != 4 * found as usize {
+        return Err(length(12 + 16 * found as usize));
+    }
+    let goals = goals.as_chunks::<4>().0.iter().map(|[vertex, x, y, z]| {
+        let part = |word: &[u8; 4]| number(kind, u32::from_le_bytes(*word), FARTHEST);
+        let goal = DVec3::new(part(x)?, part(y)?, part(z)?);
+        Ok((u32::from_le_bytes(*vertex), goal))
+    });
+    Ok(Drag {
+        number: u32::from_le_bytes(*drag),
+        goals: goals.collect::<Result<_, WireError>>()?,
+    })
+}
+
+/// A body of exactly `N` words.
+fn words<const N: usize>(kind: u8, body: &[u8]) -> Result<[u32; N], WireError> {
+    let (words, rest) = body.as_chunks::<4>();
+    match <&[[u8; 4]; N]>::try_from(words) {
+        Ok(words) if rest.is_empty() => Ok(words.map(u32::from_le_bytes)),
+        _ => Err(WireError::Length {
+            kind,
+            expected: 4 + 4 * N,
+            found: body.len() + 4,
+        }),
+    }
+}
+
+/// The f32 in a word, finite and at most `bound` in size.
+fn number(kind: u8, word: u32, bound: f32) -> Result<f64, WireError> {
+    let found = f32::from_bits(word);
+    if found.abs() <= bound {
+        Ok(f64::from(found))
+    } else {
+        Err(WireError::Number { kind, found, bound })
+    }
+}

@@ -1,0 +1,109 @@
+//! Messages to a page.
+
+use glam::{DVec3, Vec3};
+use selvedge_data::Cloth;
+use serde::Serialize;
+
+use super::{VERSION, kind};
+use crate::order::Catalogue;
+
+/// The first message that a page gets.
+#[derive(Clone, Debug, Serialize)]
+pub struct Hello<'a> {
+    /// The number of the page, as frames name it.
+    pub client: u32,
+    /// Program and version.
+    pub program: &'a str,
+    /// What can be chosen.
+    pub catalogue: &'a Catalogue,
+}
+
+/// What a frame is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameParts<'a> {
+    /// Of the cloth that it shows.
+    pub generation: u32,
+    /// Counts frames, from 1.
+    pub number: u32,
+    /// Since the start `[s]`.
+    pub time: f64,
+    /// The last drag that this frame follows: the page, and its number.
+    pub drag: [u32; 2],
+    /// The handles and where they are to be `[m]`.
+    pub goals: &'a [(u32, DVec3)],
+    /// Positions `[m]`, `[tracks][vertices]`.
+    pub tracks: &'a [&'a [Vec3]],
+}
+
+/// A message of `kind` with `value` as JSON; nothing that is sent so cannot be written.
+#[must_use]
+pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
+    let mut bytes = header(kind, 1024);
+    // Our own structures have no maps with keys that are not strings: this writes always.
+    if serde_json::to_writer(&mut bytes, value).is_err() {
+        bytes.truncate(4);
+        bytes.extend_from_slice(b"null");
+    }
+    bytes
+}
+
+/// The cloth of a generation.
+#[must_use]
+pub fn cloth(generation: u32, cloth: &Cloth) -> Vec<u8> {
+    let faces = cloth.topology.face_indices();
+    let coordinates = &cloth.material_coordinates;
+    let size = 16 + 12 * faces.len() + 8 * coordinates.len();
+    let mut bytes = header(kind::CLOTH, size);
+    for word in [generation, coordinates.len() as u32, faces.len() as u32] {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    for word in faces.as_flattened() {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    for point in coordinates {
+        bytes.extend_from_slice(&point.x.to_le_bytes());
+        bytes.extend_from_slice(&point.y.to_le_bytes());
+    }
+    bytes
+}
+
+/// A frame.
+#[must_use]
+pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
+    let vertices = parts.tracks.first().map_or(0, |track| track.len());
+    let size = 36 + 16 * parts.goals.len() + 12 * vertices * parts.tracks.len();
+    let mut bytes = header(kind::FRAME, size);
+    let [client, drag] = parts.drag;
+    for word in [
+        parts.generation,
+        parts.number,
+        (parts.time as f32).to_bits(),
+        client,
+        drag,
+        parts.goals.len() as u32,
+        parts.tracks.len() as u32,
+        vertices as u32,
+    ] {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    for (vertex, goal) in parts.goals {
+        bytes.extend_from_slice(&vertex.to_le_bytes());
+        push(&mut bytes, goal.as_vec3());
+    }
+    for position in parts.tracks.iter().flat_map(|track| track.iter()) {
+        push(&mut bytes, *position);
+    }
+    bytes
+}
+
+fn header(kind: u8, size: usize) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(size);
+    bytes.extend_from_slice(&[VERSION, kind, 0, 0]);
+    bytes
+}
+
+fn push(bytes: &mut Vec<u8>, position: Vec3) {
+    for part in position.to_array() {
+        bytes.extend_from_slice(&part.to_le_bytes());
+    }
+}

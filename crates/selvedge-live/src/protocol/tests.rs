@@ -1,0 +1,134 @@
+//! The wire against garbage: whatever comes is either a message or a reason, and what we write has
+//! the layout that is documented.
+
+use glam::{DVec3, Vec2, Vec3};
+use proptest::prelude::*;
+use selvedge_cloth::{Handles, Topology};
+use selvedge_data::Cloth;
+
+use super::*;
+
+fn message(kind: u8, words: &[u32]) -> Vec<u8> {
+    let mut bytes = vec![VERSION, kind, 0, 0];
+    for word in words {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    bytes
+}
+
+fn word(bytes: &[u8], place: usize) -> u32 {
+    u32::from_le_bytes(bytes[4 * place..4 * place + 4].try_into().unwrap())
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_a_message_or_a_reason(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = decode(&bytes);
+    }
+
+    #[test]
+    fn any_body_of_a_known_kind_is_a_message_or_a_reason(
+        kind in 15_u8..21,
+        body in prop::collection::vec(any::<u8>(), 0..100),
+    ) {
+        let mut bytes = vec![VERSION, kind, 0, 0];
+        bytes.extend(body);
+        match decode(&bytes) {
+            Ok(ClientMessage::Drag(drag)) => {
+                prop_assert!((1..=MOST_DRAGGED).contains(&drag.goals.len()));
+                prop_assert!(drag.goals.iter().all(|(_, goal)| goal.abs().max_element() <= 1e3));
+            }
+            Ok(ClientMessage::Keys(push)) => {
+                prop_assert!(push.direction.abs().max_element() <= 1.0 && push.turn.abs() <= 1.0);
+            }
+            Ok(_) => {}
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+    }
+
+    #[test]
+    fn a_drag_comes_through(
+        number in any::<u32>(),
+        goals in prop::collection::vec((any::<u32>(), prop::array::uniform3(-1e3_f32..1e3)), 1..20),
+    ) {
+        let mut words = vec![number, goals.len() as u32];
+        for (vertex, goal) in &goals {
+            words.push(*vertex);
+            words.extend(goal.map(f32::to_bits));
+        }
+        let expected = Drag {
+            number,
+            goals: goals.iter().map(|(v, g)| (*v, Vec3::from_array(*g).as_dvec3())).collect(),
+        };
+        let bytes = message(kind::DRAG, &words);
+        prop_assert_eq!(decode(&bytes).unwrap(), ClientMessage::Drag(expected));
+        // One byte less or more is no drag.
+        prop_assert!(decode(&bytes[..bytes.len() - 1]).is_err());
+        prop_assert!(decode(&[&bytes[..], &[0]].concat()).is_err());
+    }
+}
+
+#[test]
+fn each_defect_has_its_reason() {
+    let text = |bytes: &[u8]| decode(bytes).unwrap_err().to_string();
+    assert_eq!(text(&[]), "the message has 0 bytes, its header alone has 4");
+    assert!(text(&[2, 16, 0, 0, 0, 0, 0, 0]).contains("version 2"));
+    assert!(text(&message(99, &[])).contains("kind 99"));
+    assert!(text(&[VERSION, 16, 1, 0, 0, 0, 0, 0]).contains("are 0"));
+    assert!(text(&message(kind::READY, &[])).contains("has 8 bytes, found 4"));
+    assert!(text(&message(kind::DRAG, &[1, u32::MAX])).contains("found 4294967295"));
+    let nan = f32::NAN.to_bits();
+    assert!(text(&message(kind::DRAG, &[1, 1, 0, nan, 0, 0])).contains("NaN"));
+    assert!(text(&message(kind::KEYS, &[2.0_f32.to_bits(), 0, 0, 0])).contains("within 1"));
+    assert!(text(&vec![0; LONGEST + 1]).contains("are the most"));
+    let unknown = [&message(kind::COMMAND, &[])[..], br#"{"do":"fly"}"#].concat();
+    assert!(text(&unknown).contains("fly"));
+    let extra = [
+        &message(kind::COMMAND, &[])[..],
+        br#"{"do":"seek","frame":1,"x":2}"#,
+    ]
+    .concat();
+    assert!(text(&extra).contains("`x`"), "{}", text(&extra));
+}
+
+#[test]
+fn a_command_is_json() {
+    let bytes = [
+        &message(kind::COMMAND, &[])[..],
+        br#"{"do":"let-go","vertices":[3]}"#,
+    ]
+    .concat();
+    let expected = Command::LetGo { vertices: vec![3] };
+    assert_eq!(decode(&bytes).unwrap(), ClientMessage::Command(expected));
+}
+
+#[test]
+fn cloths_and_frames_have_the_documented_layout() {
+    let of = Cloth {
+        topology: Topology::new(3, &[[0, 1, 2]]).unwrap(),
+        rest_positions: vec![Vec3::ZERO; 3],
+        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::new(0.0, 2.0)],
+        vertex_mass: vec![1.0; 3],
+        face_area: vec![1.0],
+        handles: Handles::new(&[1], 3).unwrap(),
+    };
+    let bytes = cloth(7, &of);
+    assert_eq!(bytes.len(), 16 + 12 + 24);
+    assert_eq!([0, 1, 2, 3].map(|k| word(&bytes, 1 + k)), [7, 3, 1, 0]);
+    assert_eq!(f32::from_bits(word(&bytes, 12)), 2.0);
+
+    let track = [Vec3::X, Vec3::Y, Vec3::Z];
+    let bytes = frame(&FrameParts {
+        generation: 7,
+        number: 9,
+        time: 0.5,
+        drag: [2, 11],
+        goals: &[(1, DVec3::new(0.0, -1.0, 0.0))],
+        tracks: &[&track, &track],
+    });
+    assert_eq!(bytes.len(), 36 + 16 + 2 * 36);
+    let header = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| word(&bytes, 1 + k));
+    assert_eq!(header, [7, 9, 0.5_f32.to_bits(), 2, 11, 1, 2, 3]);
+    assert_eq!(f32::from_bits(word(&bytes, 11)), -1.0);
+    assert_eq!(f32::from_bits(word(&bytes, 13)), 1.0);
+}

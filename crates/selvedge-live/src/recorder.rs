@@ -1,0 +1,119 @@
+//! Recording what is shown: frames are kept in memory, up to a bound, and written as trajectories.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use selvedge_data::{Cloth, Trajectory};
+
+use crate::order::{Hold, MoverKind};
+use crate::player::{NamedTrack, Tape};
+use crate::stage::Stage;
+use crate::state::RecordingState;
+
+/// A recording ends by itself here `[bytes]`.
+const MOST_BYTES: usize = 512 << 20;
+
+/// A recording under way.
+pub(crate) struct Recorder {
+    hold: Hold,
+    tracks: Vec<(MoverKind, String, Vec<Vec3>)>,
+    frames: usize,
+    most: usize,
+}
+
+impl Recorder {
+    /// Begins with the frame that is shown.
+    pub(crate) fn new(stage: &Stage) -> Self {
+        let positions = stage.positions();
+        let of_frame: usize = positions.iter().map(|track| size_of_val(*track)).sum();
+        let tracks = stage.tracks().into_iter().zip(stage.mover().kinds());
+        let mut recorder = Self {
+            hold: stage.hold().clone(),
+            tracks: tracks
+                .map(|(track, kind)| (*kind, track.name, Vec::new()))
+                .collect(),
+            frames: 0,
+            most: (MOST_BYTES / of_frame.max(1)).max(1),
+        };
+        recorder.keep(stage);
+        recorder
+    }
+
+    /// Keeps the frame that is shown.
+    pub(crate) fn keep(&mut self, stage: &Stage) {
+        for ((_, _, kept), now) in self.tracks.iter_mut().zip(stage.positions()) {
+            kept.extend_from_slice(now);
+        }
+        self.frames += 1;
+    }
+
+    pub(crate) fn is_full(&self) -> bool {
+        self.frames >= self.most
+    }
+
+    pub(crate) fn state(&self) -> RecordingState {
+        RecordingState {
+            frames: self.frames,
+            most: self.most,
+        }
+    }
+
+    /// What was kept, as trajectories of the cloth of `stage`.
+    pub(crate) fn finish(self, stage: &Stage) -> Result<Vec<(MoverKind, NamedTrack)>, String> {
+        let bench = stage.bench();
+        let cloth = Cloth {
+            handles: self.hold.handles.clone(),
+            ..bench.cloth().clone()
+        };
+        let vertices = cloth.topology.vertex_count();
+        let mut finished = Vec::new();
+        for (kind, name, positions) in self.tracks {
+            let handles = positions.chunks_exact(vertices);
+            let handles = handles.map(|frame| selected(&self.hold, frame)).collect();
+            let provenance = bench.provenance(&self.hold, handles)?;
+            let trajectory = Trajectory::new(cloth.clone(), positions, provenance)
+                .map_err(|error| format!("the recording: {error}"))?;
+            let trajectory = Arc::new(trajectory);
+            finished.push((kind, NamedTrack { name, trajectory }));
+        }
+        Ok(finished)
+    }
+}
+
+fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
+    let positions = hold.handles.select(frame);
+    positions.iter().map(|p| p.as_dvec3()).collect()
+}
+
+/// Writes the tracks of a recording into `folder`, under the first number that is free. Gives the tape
+/// and the files.
+pub(crate) fn write(
+    tracks: Vec<(MoverKind, NamedTrack)>,
+    folder: &Path,
+) -> Result<(Tape, Vec<PathBuf>), String> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| format!("{}: the folder cannot be made: {error}", folder.display()))?;
+    let path = |number: u32, kind: &MoverKind| {
+        let kind = match kind {
+            MoverKind::Model => "model",
+            MoverKind::Physics => "physics",
+        };
+        folder.join(format!("recording-{number}-{kind}.safetensors"))
+    };
+    let is_free = |number: &u32| {
+        let kinds = [MoverKind::Model, MoverKind::Physics];
+        kinds.iter().all(|kind| !path(*number, kind).exists())
+    };
+    let number = (1..=u32::MAX).find(is_free).unwrap_or(u32::MAX);
+    let mut files = Vec::new();
+    for (kind, track) in &tracks {
+        let file = path(number, kind);
+        let written = track.trajectory.write(&file);
+        written.map_err(|error| format!("{}: {error}", file.display()))?;
+        files.push(file);
+    }
+    let tracks = tracks.into_iter().map(|(_, track)| track).collect();
+    let tape = Tape::new(format!("recording {number}"), tracks);
+    Ok((tape.map_err(|error| error.to_string())?, files))
+}

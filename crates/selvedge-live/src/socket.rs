@@ -1,0 +1,214 @@
+//! One page: what it sends is checked and passed on, and it gets the latest of everything, as fast as it
+//! takes it up.
+//!
+//! A page says of each frame when it has taken it up; while [`AHEAD`] frames are on their way no other is
+//! sent, so that a slow page skips frames and never falls behind. A page that sends what it must not, or more than
+//! it may, is told why and closed; one that takes nothing for [`PATIENCE`] is dropped.
+
+use std::sync::mpsc::TrySendError;
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::ws::{CloseCode, CloseFrame, Message, WebSocket, close_code};
+use tokio::time::{Instant, timeout};
+
+use crate::protocol::{self, ClientMessage, Hello, kind};
+use crate::server::Shared;
+use crate::session::Request;
+
+/// Frames on their way to a page at most.
+const AHEAD: u32 = 3;
+/// How long a page may take to read a message.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Messages per second that a page may send for long, and at once.
+const MESSAGES_PER_SECOND: f64 = 300.0;
+const MESSAGES_AT_ONCE: f64 = 600.0;
+
+/// Why a page is closed.
+struct Closing {
+    code: CloseCode,
+    reason: String,
+}
+
+impl Closing {
+    fn new(code: CloseCode, reason: impl Into<String>) -> Self {
+        let mut reason = reason.into();
+        // A close frame has room for 123 bytes.
+        while reason.len() > 120 {
+            reason.pop();
+        }
+        Self { code, reason }
+    }
+
+    /// Nobody is there to be told.
+    fn gone() -> Self {
+        Self::new(close_code::NORMAL, "")
+    }
+}
+
+/// Serves one page until it goes.
+pub(crate) async fn watch(mut socket: WebSocket, client: u32, shared: Shared) {
+    count(&shared, 1);
+    let closing = match talk(&mut socket, client, &shared).await {
+        Ok(never) => match never {},
+        Err(closing) => closing,
+    };
+    let frame = CloseFrame {
+        code: closing.code,
+        reason: closing.reason.into(),
+    };
+    // Who has gone hears it no more.
+    let _ = timeout(
+        Duration::from_secs(1),
+        socket.send(Message::Close(Some(frame))),
+    )
+    .await;
+    count(&shared, -1);
+}
+
+/// Tells the session how many pages watch.
+fn count(shared: &Shared, change: isize) {
+    shared.viewers.send_modify(|viewers| {
+        *viewers = viewers.saturating_add_signed(change);
+        let request = Request::Viewers(*viewers);
+        // A full queue is emptied within a frame; the next page that comes or goes corrects the count.
+        let _ = shared.session.requests.try_send(request);
+    });
+}
+
+enum Never {}
+
+async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Never, Closing> {
+    let hello = Hello {
+        client,
+        program: concat!("selvedge ", env!("CARGO_PKG_VERSION")),
+        catalogue: &shared.session.catalogue,
+    };
+    send(socket, protocol::json(kind::HELLO, &hello).into()).await?;
+    let mut cloth = shared.session.cloth.clone();
+    let mut state = shared.session.state.clone();
+    let mut frame = shared.session.frame.clone();
+    let mut stop = shared.stop.clone();
+    state.mark_changed();
+    frame.mark_changed();
+    let mut shown = 0;
+    let mut on_the_way = 0_u32;
+    let mut allowance = Allowance::new();
+    loop {
+        tokio::select! {
+            biased;
+            () = told(&mut stop) => {
+                return Err(Closing::new(close_code::AWAY, "the program has ended"));
+            }
+            message = socket.recv() => {
+                let Some(Ok(message)) = message else {
+                    return Err(Closing::gone());
+                };
+                match take(message, &mut allowance)? {
+                    Some(ClientMessage::Ready(_)) => on_the_way = on_the_way.saturating_sub(1),
+                    Some(message) => pass_on(shared, client, message)?,
+                    None => {}
+                }
+            }
+            changed = state.changed() => {
+                changed.map_err(|_| over())?;
+                let bytes = state.borrow_and_update().bytes.clone();
+                send(socket, bytes).await?;
+            }
+            changed = frame.changed(), if on_the_way < AHEAD => {
+                changed.map_err(|_| over())?;
+                let latest = frame.borrow_and_update().clone();
+                if latest.number == 0 {
+                    continue;
+                }
+                if latest.generation != shown {
+                    let of = cloth.borrow_and_update().clone();
+                    send(socket, of.bytes).await?;
+                    shown = of.generation;
+                }
+                // The cloth may have changed once more since: the frame of that one is to come.
+                if latest.generation == shown {
+                    send(socket, latest.bytes).await?;
+                    on_the_way += 1;
+                }
+            }
+        }
+    }
+}
+
+/// Waits until the program is to end.
+async fn told(stop: &mut tokio::sync::watch::Receiver<bool>) {
+    // Who could tell has gone: that is the end, too.
+    let _ = stop.wait_for(|stop| *stop).await;
+}
+
+fn over() -> Closing {
+    Closing::new(close_code::AWAY, "the session has ended")
+}
+
+async fn send(socket: &mut WebSocket, bytes: Bytes) -> Result<(), Closing> {
+    match timeout(PATIENCE, socket.send(Message::Binary(bytes))).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) => Err(Closing::gone()),
+        Err(_) => Err(Closing::new(close_code::POLICY, "the page does not read")),
+    }
+}
+
+/// Reads what a page sent.
+fn take(message: Message, allowance: &mut Allowance) -> Result<Option<ClientMessage>, Closing> {
+    allowance.spend()?;
+    match message {
+        Message::Binary(bytes) => match protocol::decode(&bytes) {
+            Ok(message) => Ok(Some(message)),
+            Err(error) => Err(Closing::new(close_code::PROTOCOL, error.to_string())),
+        },
+        Message::Text(_) => Err(Closing::new(
+            close_code::UNSUPPORTED,
+            "messages are binary, not text",
+        )),
+        Message::Ping(_) | Message::Pong(_) => Ok(None),
+        Message::Close(_) => Err(Closing::gone()),
+    }
+}
+
+fn pass_on(shared: &Shared, client: u32, message: ClientMessage) -> Result<(), Closing> {
+    match shared
+        .session
+        .requests
+        .try_send(Request::Page(client, message))
+    {
+        Ok(()) => Ok(()),
+        Err(TrySendError::Full(_)) => Err(Closing::new(close_code::AGAIN, "too much is asked")),
+        Err(TrySendError::Disconnected(_)) => Err(over()),
+    }
+}
+
+/// How many messages a page may still send: a bucket that fills at a steady rate.
+struct Allowance {
+    left: f64,
+    filled: Instant,
+}
+
+impl Allowance {
+    fn new() -> Self {
+        Self {
+            left: MESSAGES_AT_ONCE,
+            filled: Instant::now(),
+        }
+    }
+
+    fn spend(&mut self) -> Result<(), Closing> {
+        let now = Instant::now();
+        let gained = MESSAGES_PER_SECOND * (now - self.filled).as_secs_f64();
+        self.filled = now;
+        self.left = (self.left + gained).min(MESSAGES_AT_ONCE) - 1.0;
+        if self.left >= 0.0 {
+            Ok(())
+        } else {
+            Err(Closing::new(
+                close_code::POLICY,
+                format!("more than {MESSAGES_PER_SECOND} messages per second"),
+            ))
+        }
+    }
+}

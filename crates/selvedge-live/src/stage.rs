@@ -1,0 +1,321 @@
+//! The cloth that moves: one or two steppers under the same hands, and what is measured of them.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{Environment, HandleTargets, Handles};
+use selvedge_data::Cloth;
+use selvedge_data::metrics::material_edge_lengths;
+
+use crate::order::{Bench, Hold, LiveStepper, Mover, MoverKind, Start};
+use crate::state::Track;
+
+/// Frames that are remembered, so that another stepper can take over in mid-motion.
+const REMEMBERED: usize = 16;
+
+/// What of an offset is left after a frame, and when it counts for nothing `[m]`.
+const FADING: f64 = 0.94;
+const NEAR: f64 = 1e-4;
+
+/// How much of the mean a new time of a step makes up.
+const SMOOTHING: f64 = 0.1;
+
+/// The cloth that moves.
+pub(crate) struct Stage {
+    bench: Box<dyn Bench>,
+    mover: Mover,
+    hold: Hold,
+    lanes: Vec<Lane>,
+    gauge: StrainGauge,
+    frame: usize,
+}
+
+/// One stepper.
+struct Lane {
+    kind: MoverKind,
+    stepper: Box<dyn LiveStepper>,
+    /// The last frames, oldest first.
+    recent: VecDeque<Vec<Vec3>>,
+    /// How far its handles are from where the first cloth was taken hold of `[m]`, `[handles]`; fades.
+    offsets: Vec<DVec3>,
+    step_ms: Option<f64>,
+    strain: f64,
+    stopped: Option<String>,
+}
+
+impl Stage {
+    /// A cloth at its beginning. Where `mover` cannot move it the physics does, and the reason is given too.
+    pub(crate) fn new(
+        bench: Box<dyn Bench>,
+        mover: Mover,
+    ) -> Result<(Self, Option<String>), String> {
+        let hold = Hold {
+            handles: bench.cloth().handles.clone(),
+            environment: bench.environment(),
+        };
+        let gauge = StrainGauge::new(bench.cloth());
+        let mut stage = Self {
+            bench,
+            mover,
+            hold,
+            lanes: Vec::new(),
+            gauge,
+            frame: 0,
+        };
+        match stage.restart(mover) {
+            Ok(()) => Ok((stage, None)),
+            Err(problem) if mover == Mover::Physics => Err(problem),
+            Err(problem) => {
+                stage.restart(Mover::Physics)?;
+                Ok((stage, Some(problem)))
+            }
+        }
+    }
+
+    /// Back to the beginning, with the handles of the scene; the wind stays.
+    pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), String> {
+        let hold = Hold {
+            handles: self.bench.cloth().handles.clone(),
+            environment: self.hold.environment,
+        };
+        let lane = |&kind: &MoverKind| {
+            let stepper = self.bench.start(kind, Start::Beginning, &hold)?;
+            Ok(Lane::new(kind, stepper, VecDeque::new(), &self.gauge))
+        };
+        let lanes: Result<Vec<Lane>, String> = mover.kinds().iter().map(lane).collect();
+        (self.lanes, self.hold, self.mover, self.frame) = (lanes?, hold, mover, 0);
+        Ok(())
+    }
+
+    /// Lets `mover` go on from here. Who moves the cloth already stays; who joins takes up the motion of
+    /// the first.
+    pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), String> {
+        let first = self.lanes.iter().find(|lane| lane.stopped.is_none());
+        let frames: Vec<Vec<Vec3>> = match first {
+            Some(lane) => lane.recent.iter().cloned().collect(),
+            None => return self.restart(mover),
+        };
+        let mut joining = Vec::new();
+        for &kind in mover.kinds() {
+            if !self.lanes.iter().any(|lane| lane.is_usable(kind)) {
+                let stepper = self.bench.start(kind, Start::Frames(&frames), &self.hold)?;
+                let recent = frames.iter().cloned().collect();
+                joining.push(Lane::new(kind, stepper, recent, &self.gauge));
+            }
+        }
+        joining.extend(std::mem::take(&mut self.lanes));
+        for &kind in mover.kinds() {
+            if let Some(at) = joining.iter().position(|lane| lane.is_usable(kind)) {
+                self.lanes.push(joining.swap_remove(at));
+            }
+        }
+        self.mover = mover;
+        Ok(())
+    }
+
+    /// Goes on with other handles.
+    pub(crate) fn set_handles(&mut self, handles: Handles) -> Result<(), String> {
+        self.change(Hold {
+            handles,
+            ..self.hold
+        })
+    }
+
+    /// Goes on in another wind `[m/s]`.
+    pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), String> {
+        self.change(Hold {
+            environment: Environment {
+                wind,
+                ..self.hold.environment
+            },
+            handles: self.hold.handles.clone(),
+        })
+    }
+
+    fn change(&mut self, hold: Hold) -> Result<(), String> {
+        let changed: Result<Vec<_>, String> = self
+            .lanes
+            .iter()
+            .map(|lane| lane.stepper.changed(&hold))
+            .collect();
+        for (lane, stepper) in self.lanes.iter_mut().zip(changed?) {
+            lane.stepper = stepper;
+        }
+        self.hold = hold;
+        self.take_hold();
+        Ok(())
+    }
+
+    /// A vertex is taken hold of where it is in each cloth, though all follow one hand.
+    fn take_hold(&mut self) {
+        let places = self.places(&self.hold.handles);
+        for lane in &mut self.lanes {
+            let own = self.hold.handles.select(lane.stepper.positions());
+            let offset = |(own, place): (&Vec3, &DVec3)| own.as_dvec3() - *place;
+            lane.offsets = own.iter().zip(&places).map(offset).collect();
+        }
+    }
+
+    /// One frame on, the handles to `targets`. A stepper that fails stops where it is; the other goes on.
+    pub(crate) fn step(&mut self, targets: &HandleTargets) {
+        for lane in &mut self.lanes {
+            lane.step(targets, &self.gauge);
+        }
+        self.frame += 1;
+    }
+
+    /// Whether anyone still moves.
+    pub(crate) fn is_moving(&self) -> bool {
+        self.lanes.iter().any(|lane| lane.stopped.is_none())
+    }
+
+    pub(crate) fn bench(&self) -> &dyn Bench {
+        &*self.bench
+    }
+
+    pub(crate) fn mover(&self) -> Mover {
+        self.mover
+    }
+
+    pub(crate) fn hold(&self) -> &Hold {
+        &self.hold
+    }
+
+    /// Frames since the beginning.
+    pub(crate) fn frame(&self) -> usize {
+        self.frame
+    }
+
+    /// Positions now `[m]`, `[tracks][vertices]`.
+    pub(crate) fn positions(&self) -> Vec<&[Vec3]> {
+        self.lanes
+            .iter()
+            .map(|lane| lane.stepper.positions())
+            .collect()
+    }
+
+    /// Where vertices are now in the first cloth `[m]`.
+    pub(crate) fn places(&self, handles: &Handles) -> Vec<DVec3> {
+        match self.lanes.first() {
+            Some(lane) => {
+                let selected = handles.select(lane.stepper.positions());
+                selected.iter().map(|p| p.as_dvec3()).collect()
+            }
+            None => Vec::new(),
+        }
+    }
+
+    pub(crate) fn tracks(&self) -> Vec<Track> {
+        self.lanes.iter().map(Lane::track).collect()
+    }
+}
+
+impl Lane {
+    fn new(
+        kind: MoverKind,
+        stepper: Box<dyn LiveStepper>,
+        mut recent: VecDeque<Vec<Vec3>>,
+        gauge: &StrainGauge,
+    ) -> Self {
+        if recent.is_empty() {
+            recent.push_back(stepper.positions().to_vec());
+        }
+        Self {
+            kind,
+            strain: gauge.largest(stepper.positions()),
+            stepper,
+            recent,
+            offsets: Vec::new(),
+            step_ms: None,
+            stopped: None,
+        }
+    }
+
+    fn is_usable(&self, kind: MoverKind) -> bool {
+        self.kind == kind && self.stopped.is_none()
+    }
+
+    fn step(&mut self, targets: &HandleTargets, gauge: &StrainGauge) {
+        if self.stopped.is_some() {
+            return;
+        }
+        let shifted = self.shifted(targets);
+        let started = Instant::now();
+        if let Err(error) = self.stepper.step(shifted.as_ref().unwrap_or(targets)) {
+            self.stopped = Some(error.to_string());
+            return;
+        }
+        let now = 1e3 * started.elapsed().as_secs_f64();
+        let before = self.step_ms.unwrap_or(now);
+        self.step_ms = Some(before + SMOOTHING * (now - before));
+        let positions = self.stepper.positions();
+        self.strain = gauge.largest(positions);
+        let mut oldest = match self.recent.len() {
+            REMEMBERED.. => self.recent.pop_front().unwrap_or_default(),
+            _ => Vec::new(),
+        };
+        oldest.clear();
+        oldest.extend_from_slice(positions);
+        self.recent.push_back(oldest);
+    }
+
+    /// The targets for this cloth, where they differ from those of the first.
+    fn shifted(&mut self, targets: &HandleTargets) -> Option<HandleTargets> {
+        let far = self.offsets.iter().any(|offset| offset.length() > NEAR);
+        if !far || self.offsets.len() != targets.handle_count() {
+            return None;
+        }
+        let end = targets.end().iter().zip(&mut self.offsets);
+        let positions = end.map(|(target, offset)| {
+            *offset *= FADING;
+            *target + *offset
+        });
+        HandleTargets::at_frame_end(positions.collect()).ok()
+    }
+
+    fn track(&self) -> Track {
+        let name = match self.kind {
+            MoverKind::Model => "Learned model",
+            MoverKind::Physics => "Physics",
+        };
+        Track {
+            name: name.to_owned(),
+            kind: Some(self.kind),
+            step_ms: self.step_ms.unwrap_or(0.0),
+            strain: self.strain,
+            stopped: self.stopped.clone(),
+        }
+    }
+}
+
+/// Measures the largest strain of an edge against the material.
+pub(crate) struct StrainGauge {
+    edges: Vec<[u32; 2]>,
+    /// One over the material length of each edge.
+    inverse: Vec<f32>,
+}
+
+impl StrainGauge {
+    pub(crate) fn new(cloth: &Cloth) -> Self {
+        let edges = cloth.topology.edges().iter();
+        let lengths = material_edge_lengths(&cloth.topology, &cloth.material_coordinates);
+        Self {
+            edges: edges.map(|edge| edge.vertices.map(|v| v.0)).collect(),
+            inverse: lengths
+                .iter()
+                .map(|&length| (1.0 / length) as f32)
+                .collect(),
+        }
+    }
+
+    /// max (l - l₀)/l₀ at `positions` `[m]`, `[vertices]`; as `selvedge_data::metrics::largest_strain`
+    /// of one frame, but in f32, sixty times a second.
+    pub(crate) fn largest(&self, positions: &[Vec3]) -> f64 {
+        let stretch = |(&[a, b], inverse): (&[u32; 2], &f32)| {
+            positions[a as usize].distance(positions[b as usize]) * inverse
+        };
+        let most = self.edges.iter().zip(&self.inverse).map(stretch);
+        f64::from(most.fold(0.0, f32::max)) - 1.0
+    }
+}

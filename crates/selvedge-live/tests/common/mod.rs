@@ -1,0 +1,371 @@
+//! A session of a cloth that anyone can predict, served to a client that speaks the wire by hand.
+//!
+//! The cloth is two triangles; each step its free vertices go where the mean of the handles has gone.
+
+#![allow(dead_code, reason = "each test uses its part")]
+
+use std::net::{SocketAddr, TcpStream};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use glam::{DVec3, Vec2, Vec3};
+use selvedge_cloth::{
+    Environment, HandlePath, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
+};
+use selvedge_data::{Cloth, Provenance};
+use selvedge_live::{
+    Bench, Catalogue, Hold, LiveStepper, Mover, MoverKind, Opening, Order, RunningServer,
+    RunningSession, ServerSettings, Start, Workshop, serve, start,
+};
+use serde_json::Value;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::http::Request;
+use tungstenite::{Message, WebSocket};
+
+pub const CORNERS: [Vec3; 4] = [
+    Vec3::ZERO,
+    Vec3::new(0.0, 0.0, 1.0),
+    Vec3::new(0.0, -1.0, 0.0),
+    Vec3::new(0.0, -1.0, 1.0),
+];
+
+fn cloth() -> Cloth {
+    Cloth {
+        topology: Topology::new(4, &[[0, 2, 1], [1, 2, 3]]).unwrap(),
+        rest_positions: CORNERS.to_vec(),
+        material_coordinates: CORNERS.map(|p| Vec2::new(p.z, p.y)).to_vec(),
+        vertex_mass: vec![0.1; 4],
+        face_area: vec![0.5; 2],
+        handles: Handles::new(&[0, 1], 4).unwrap(),
+    }
+}
+
+/// Free vertices follow the mean of the handles.
+struct Follower {
+    cloth: Cloth,
+    positions: Vec<Vec3>,
+    frame: usize,
+    cost: Duration,
+}
+
+impl Stepper for Follower {
+    fn topology(&self) -> &Topology {
+        &self.cloth.topology
+    }
+
+    fn handles(&self) -> &Handles {
+        &self.cloth.handles
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        std::thread::sleep(self.cost);
+        let before = self.cloth.handles.select(&self.positions);
+        let moves = targets
+            .end()
+            .iter()
+            .zip(&before)
+            .map(|(t, p)| t.as_vec3() - *p);
+        let mean = moves.sum::<Vec3>() / before.len().max(1) as f32;
+        self.positions.iter_mut().for_each(|p| *p += mean);
+        for (vertex, target) in self.cloth.handles.vertices().iter().zip(targets.end()) {
+            self.positions[vertex.index()] = target.as_vec3();
+        }
+        self.frame += 1;
+        Ok(())
+    }
+}
+
+impl LiveStepper for Follower {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
+        let cloth = Cloth {
+            handles: hold.handles.clone(),
+            ..self.cloth.clone()
+        };
+        Ok(Box::new(Self {
+            cloth,
+            positions: self.positions.clone(),
+            ..*self
+        }))
+    }
+}
+
+struct FollowerBench {
+    cloth: Cloth,
+    cost: Duration,
+}
+
+impl Bench for FollowerBench {
+    fn cloth(&self) -> &Cloth {
+        &self.cloth
+    }
+
+    fn frame_rate(&self) -> f64 {
+        60.0
+    }
+
+    fn environment(&self) -> Environment {
+        Environment::default()
+    }
+
+    fn scene_path(&self) -> Result<HandlePath, String> {
+        let start = CORNERS[..2].iter().map(|p| p.as_dvec3());
+        let path = Motion::still(1.0).bind(&start.collect::<Vec<_>>(), 60.0);
+        path.map_err(|error| error.to_string())
+    }
+
+    fn remarks(&self) -> &[String] {
+        &[]
+    }
+
+    fn start(
+        &self,
+        _: MoverKind,
+        start: Start<'_>,
+        hold: &Hold,
+    ) -> Result<Box<dyn LiveStepper>, String> {
+        let positions = match start {
+            Start::Beginning => CORNERS.to_vec(),
+            Start::Frames(frames) => frames.last().unwrap().clone(),
+        };
+        let cloth = Cloth {
+            handles: hold.handles.clone(),
+            ..self.cloth.clone()
+        };
+        Ok(Box::new(Follower {
+            cloth,
+            positions,
+            frame: 0,
+            cost: self.cost,
+        }))
+    }
+
+    fn provenance(&self, _: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, String> {
+        Ok(Provenance {
+            frame_rate: 60.0,
+            scene: Value::from(handles.len()),
+            made_by: "test".to_owned(),
+        })
+    }
+}
+
+struct FollowerWorkshop(Duration);
+
+impl Workshop for FollowerWorkshop {
+    fn catalogue(&self) -> Catalogue {
+        Catalogue::default()
+    }
+
+    fn prepare(
+        &mut self,
+        order: &Order,
+        progress: &mut dyn FnMut(String),
+    ) -> Result<Box<dyn Bench>, String> {
+        progress("half way".to_owned());
+        if order.scene == "none" {
+            return Err("there is no scene \"none\"".to_owned());
+        }
+        Ok(Box::new(FollowerBench {
+            cloth: cloth(),
+            cost: self.0,
+        }))
+    }
+}
+
+/// A session that is served.
+pub struct Served {
+    pub session: RunningSession,
+    pub server: RunningServer,
+}
+
+/// Serves a session of which a step takes `cost`, recording to `folder`.
+pub fn served(cost: Duration, folder: PathBuf) -> Served {
+    let opening = Opening {
+        order: Order {
+            scene: "corners".to_owned(),
+            mesh: None,
+            material: None,
+            model: String::new(),
+        },
+        mover: Mover::Physics,
+        tape: None,
+        folder,
+    };
+    let session = start(Box::new(FollowerWorkshop(cost)), opening).unwrap();
+    let settings = ServerSettings {
+        address: SocketAddr::from(([127, 0, 0, 1], 0)),
+        names: Vec::new(),
+    };
+    let server = serve(settings, &session).unwrap();
+    Served { session, server }
+}
+
+impl Served {
+    pub fn close(self) {
+        self.server.close();
+        self.session.close();
+    }
+
+    pub fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.server.address()).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        stream
+            .set_write_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        stream
+    }
+
+    pub fn request(&self) -> Request<()> {
+        let uri = format!("ws://{}/socket", self.server.address());
+        let mut request = uri.into_client_request().unwrap();
+        let headers = request.headers_mut();
+        headers.insert("Sec-WebSocket-Protocol", "selvedge.v1".parse().unwrap());
+        request
+    }
+
+    /// A page that has come in.
+    pub fn page(&self) -> Page {
+        let (socket, _) = tungstenite::client(self.request(), self.connect()).unwrap();
+        Page { socket }
+    }
+
+    /// The status with which a request for a socket is answered.
+    pub fn status(&self, change: impl FnOnce(&mut Request<()>)) -> u16 {
+        let mut request = self.request();
+        change(&mut request);
+        match tungstenite::client(request, self.connect()) {
+            Ok(_) => 101,
+            Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(response))) => {
+                response.status().as_u16()
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
+/// The client's side of the wire.
+pub struct Page {
+    pub socket: WebSocket<TcpStream>,
+}
+
+/// A frame as it came.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    pub number: u32,
+    pub drag: [u32; 2],
+    pub handles: Vec<u32>,
+    pub tracks: Vec<Vec<Vec3>>,
+}
+
+impl Page {
+    pub fn send(&mut self, kind: u8, body: &[u8]) {
+        let bytes = [&[1, kind, 0, 0], body].concat();
+        self.socket.send(Message::Binary(bytes.into())).unwrap();
+    }
+
+    pub fn command(&mut self, json: &str) {
+        self.send(19, json.as_bytes());
+    }
+
+    pub fn drag(&mut self, number: u32, vertex: u32, goal: Vec3) {
+        let mut body = Vec::new();
+        for word in [number, 1, vertex] {
+            body.extend(word.to_le_bytes());
+        }
+        for part in goal.to_array() {
+            body.extend(part.to_le_bytes());
+        }
+        self.send(17, &body);
+    }
+
+    /// The next binary message; frames are acknowledged.
+    pub fn next(&mut self) -> Result<Vec<u8>, tungstenite::Error> {
+        loop {
+            match self.socket.read()? {
+                Message::Binary(bytes) => {
+                    if bytes[1] == 4 {
+                        let number = bytes[8..12].to_vec();
+                        self.send(16, &number);
+                    }
+                    return Ok(bytes.to_vec());
+                }
+                Message::Close(Some(frame)) => panic!("closed: {} {}", frame.code, frame.reason),
+                _ => {}
+            }
+        }
+    }
+
+    /// The next frame for which `wanted`.
+    pub fn frame(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
+        let until = Instant::now() + Duration::from_secs(10);
+        while Instant::now() < until {
+            let bytes = self.next().unwrap();
+            if bytes[1] == 4 {
+                let frame = read_frame(&bytes);
+                if wanted(&frame) {
+                    return frame;
+                }
+            }
+        }
+        panic!("no such frame came");
+    }
+
+    /// The next state for which `wanted`.
+    pub fn state(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let until = Instant::now() + Duration::from_secs(10);
+        while Instant::now() < until {
+            let bytes = self.next().unwrap();
+            if bytes[1] == 3 {
+                let state: Value = serde_json::from_slice(&bytes[4..]).unwrap();
+                if wanted(&state) {
+                    return state;
+                }
+            }
+        }
+        panic!("no such state came");
+    }
+
+    /// Code and reason with which the server closes.
+    pub fn closed(mut self) -> (u16, String) {
+        let until = Instant::now() + Duration::from_secs(10);
+        while Instant::now() < until {
+            match self.socket.read() {
+                Ok(Message::Close(Some(frame))) => {
+                    return (frame.code.into(), frame.reason.to_string());
+                }
+                Ok(_) => {}
+                // What was still being sent was cut off.
+                Err(error) => return (0, error.to_string()),
+            }
+        }
+        panic!("the server did not close");
+    }
+}
+
+fn read_frame(bytes: &[u8]) -> Frame {
+    let word =
+        |place: usize| u32::from_le_bytes(bytes[4 * place..4 * place + 4].try_into().unwrap());
+    let [handles, tracks, vertices] = [6, 7, 8].map(|place| word(place) as usize);
+    let point = |place: usize| Vec3::from_array([0, 1, 2].map(|k| f32::from_bits(word(place + k))));
+    let first = 9 + 4 * handles;
+    let track = |t: usize| {
+        (0..vertices)
+            .map(|v| point(first + 3 * (t * vertices + v)))
+            .collect()
+    };
+    Frame {
+        number: word(2),
+        drag: [word(4), word(5)],
+        handles: (0..handles).map(|h| word(9 + 4 * h)).collect(),
+        tracks: (0..tracks).map(track).collect(),
+    }
+}

@@ -1,0 +1,273 @@
+//! The server under attack: whatever comes in, it refuses it with a reason, keeps its memory within bounds, and
+//! serves those who behave as if nothing had happened.
+
+mod common;
+
+use std::io::{Read, Write};
+use std::time::{Duration, Instant};
+
+use common::{Served, served};
+use selvedge_live::MOST_PAGES;
+use tungstenite::Message;
+
+fn quick() -> Served {
+    served(Duration::ZERO, std::env::temp_dir())
+}
+
+#[test]
+fn what_is_no_message_is_refused_with_a_reason() {
+    let served = quick();
+    let mut friend = served.page();
+    let refused = |bytes: &[u8]| {
+        let mut page = served.page();
+        page.socket
+            .send(Message::Binary(bytes.to_vec().into()))
+            .unwrap();
+        page.closed()
+    };
+    for (bytes, reason) in [
+        (&b""[..], "its header alone has 4"),
+        (&[9, 16, 0, 0, 0, 0, 0, 0], "version 9"),
+        (&[1, 77, 0, 0], "kind 77"),
+        (
+            &[1, 17, 0, 0, 1, 0, 0, 0, 255, 255, 255, 255],
+            "found 4294967295",
+        ),
+        (
+            &[
+                1, 18, 0, 0, 0, 0, 192, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+            ],
+            "NaN",
+        ),
+        (&[1, 19, 0, 0, b'{'], "cannot be understood"),
+    ] {
+        let (code, text) = refused(bytes);
+        assert_eq!(code, 1002, "{text}");
+        assert!(text.contains(reason), "{text}");
+    }
+    let mut page = served.page();
+    page.socket.send(Message::Text("hello".into())).unwrap();
+    assert_eq!(page.closed().0, 1003);
+    // Longer than any message: the connection is cut while it is being sent, or after.
+    let mut page = served.page();
+    let _ = page.socket.send(Message::Binary(vec![0; 1 << 20].into()));
+    assert_ne!(page.closed().0, 1000);
+    let first = friend.frame(|_| true).number;
+    friend.frame(|frame| frame.number > first + 10);
+    served.close();
+}
+
+#[test]
+fn what_cannot_be_done_is_told_and_nothing_ends() {
+    let served = quick();
+    let mut page = served.page();
+    page.frame(|_| true);
+    for (command, said) in [
+        (r#"{"do":"hold","vertices":[4]}"#, "vertex 4"),
+        (r#"{"do":"motion","name":"backflip"}"#, "backflip"),
+        (r#"{"do":"wind","wind":[1e30,0,0]}"#, "at most 30"),
+        (r#"{"do":"rate","rate":1e9}"#, "1000000000"),
+        (r#"{"do":"replay"}"#, "nothing has been recorded"),
+        (
+            r#"{"do":"order","order":{"scene":"none","mesh":null,"material":null,"model":""}}"#,
+            "none",
+        ),
+    ] {
+        page.command(command);
+        page.state(|state| {
+            let text = state["notice"]["text"].as_str();
+            text.is_some_and(|text| text.contains(said))
+        });
+    }
+    page.command(r#"{"do":"limits","speed":-1e300,"acceleration":1e300}"#);
+    page.state(|s| s["limits"]["speed"] == 0.05 && s["limits"]["acceleration"] == 100.0);
+    let number = page.frame(|_| true).number;
+    page.frame(|frame| frame.number > number);
+    served.close();
+}
+
+#[test]
+fn a_flood_is_cut_off_and_others_hardly_notice() {
+    let served = quick();
+    let mut friend = served.page();
+    let before = friend.frame(|_| true).number;
+    let memory = resident();
+    for _ in 0..4 {
+        let mut page = served.page();
+        let mut body = Vec::new();
+        for word in [1_u32, 1, 0, 0, 0, 0] {
+            body.extend(word.to_le_bytes());
+        }
+        let bytes = [&[1, 17, 0, 0][..], &body].concat();
+        let started = Instant::now();
+        // 10,000 at once, far more than so many in a second.
+        let sent = (0..10_000)
+            .take_while(|_| {
+                page.socket
+                    .send(Message::Binary(bytes.clone().into()))
+                    .is_ok()
+            })
+            .count();
+        let (code, reason) = page.closed();
+        assert!(code == 1008 || code == 0, "{code} {reason}");
+        assert!(sent < 10_000 || started.elapsed() < Duration::from_secs(10));
+    }
+    friend.frame(|frame| frame.number > before + 20);
+    assert_bounded(memory);
+    served.close();
+}
+
+#[test]
+fn who_does_not_read_holds_nobody_up() {
+    let served = quick();
+    let memory = resident();
+    let silent: Vec<_> = (0..8).map(|_| served.page()).collect();
+    let mut friend = served.page();
+    let first = friend.frame(|_| true).number;
+    let started = Instant::now();
+    let last = friend.frame(|frame| frame.number >= first + 60).number;
+    // A second of frames takes about a second, however many do not read.
+    assert!(
+        started.elapsed() < Duration::from_secs(8),
+        "{:?}",
+        started.elapsed()
+    );
+    // Those who say nothing get three frames and no more, whatever happens meanwhile.
+    for mut page in silent.into_iter().take(2) {
+        page.socket
+            .get_ref()
+            .set_read_timeout(Some(Duration::from_millis(500)))
+            .unwrap();
+        let mut frames = 0;
+        for _ in 0..200 {
+            match page.socket.read() {
+                Ok(Message::Binary(bytes)) if bytes[1] == 4 => frames += 1,
+                Ok(_) => {}
+                Err(_) => break,
+            }
+        }
+        assert_eq!(frames, 3, "of {}", last - first);
+    }
+    assert_bounded(memory);
+    served.close();
+}
+
+#[test]
+fn two_hundred_sockets_are_too_many_and_come_in_when_there_is_room() {
+    let served = quick();
+    let memory = resident();
+    let mut pages = Vec::new();
+    let mut refused = 0;
+    for _ in 0..200 {
+        match tungstenite::client(served.request(), served.connect()) {
+            Ok((socket, _)) => pages.push(common::Page { socket }),
+            Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(response))) => {
+                assert_eq!(response.status().as_u16(), 503);
+                refused += 1;
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+    assert_eq!((pages.len(), refused), (MOST_PAGES, 200 - MOST_PAGES));
+    pages[0].state(|state| state["viewers"] == MOST_PAGES);
+    drop(pages);
+    // The server hears of it within a moment.
+    let until = Instant::now() + Duration::from_secs(5);
+    while served.status(|_| ()) != 101 {
+        assert!(Instant::now() < until);
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_bounded(memory);
+    served.close();
+}
+
+#[test]
+fn silent_connections_make_room_again() {
+    let served = quick();
+    let silent: Vec<_> = (0..200).map(|_| served.connect()).collect();
+    // 5 s, and some where the machine is busy; each connection has a time-out of 10 s of its own.
+    let mut page = served.page();
+    page.frame(|_| true);
+    drop(silent);
+    served.close();
+}
+
+#[test]
+fn foreign_pages_and_names_are_turned_away() {
+    let served = quick();
+    let own = format!("http://{}", served.server.address());
+    let with = |name: &'static str, value: &str| {
+        let value = value.parse().unwrap();
+        served.status(|request| {
+            request.headers_mut().insert(name, value);
+        })
+    };
+    assert_eq!(with("Origin", &own), 101);
+    assert_eq!(with("Origin", "http://evil.example"), 403);
+    assert_eq!(with("Origin", "http://localhost:1"), 403);
+    assert_eq!(with("Origin", "null"), 403);
+    assert_eq!(with("Host", "evil.example"), 403);
+    assert_eq!(with("Sec-WebSocket-Protocol", "selvedge.v2"), 400);
+    served.close();
+}
+
+#[test]
+fn nothing_but_the_page_is_served() {
+    let served = quick();
+    let ask = |line: &str| {
+        let mut stream = served.connect();
+        let request = format!("{line} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    };
+    let page = ask("GET /");
+    assert!(page.starts_with("HTTP/1.1 200"), "{page}");
+    assert!(
+        page.to_lowercase()
+            .contains("content-security-policy: default-src 'self'")
+    );
+    for path in [
+        "/../Cargo.toml",
+        "/../../../../etc/passwd",
+        "/%2e%2e/%2e%2e/etc/passwd",
+        "/..%2f..%2fetc%2fpasswd",
+        "/viewer.js/../../Cargo.toml",
+        "/.git/config",
+        "//etc/passwd",
+        "/viewer.js%00.html",
+        "/sources.txt",
+    ] {
+        let answer = ask(&format!("GET {path}"));
+        assert!(answer.starts_with("HTTP/1.1 4"), "{path}: {answer}");
+        assert!(
+            !answer.contains("root:") && !answer.contains("[package]"),
+            "{path}"
+        );
+    }
+    assert!(ask("POST /").starts_with("HTTP/1.1 405"));
+    assert!(ask("GET /socket").starts_with("HTTP/1.1 4"));
+    served.close();
+}
+
+/// Memory of this process that is in use `[bytes]`, where the system tells.
+fn resident() -> Option<usize> {
+    let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
+    pages
+        .split_whitespace()
+        .nth(1)?
+        .parse::<usize>()
+        .ok()
+        .map(|pages| pages * 4096)
+}
+
+/// The tests of this file run beside each other in one process: what all of them hold at once, buffers of
+/// some hundred sockets on both sides, stays far below this. A queue that grew with 40,000 messages or with
+/// unread frames would not.
+fn assert_bounded(before: Option<usize>) {
+    if let (Some(before), Some(now)) = (before, resident()) {
+        let grown = now.saturating_sub(before);
+        assert!(grown < 96 << 20, "memory grew by {} MB", grown >> 20);
+    }
+}

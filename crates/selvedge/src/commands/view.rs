@@ -1,0 +1,133 @@
+//! `selvedge view`: the live viewer.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context;
+use selvedge_data::Trajectory;
+use selvedge_live::{
+    Mover, NamedTrack, Opening, RunningServer, ServerSettings, Tape, serve, start,
+};
+use serde::Serialize;
+
+use crate::cli::{Shown, ViewArgs};
+use crate::failure::WrongUsage;
+use crate::interrupt;
+use crate::output::{Answer, Facts};
+use crate::view::ViewWorkshop;
+
+/// The scene to go live with from a recording.
+const FALLBACK_SCENE: &str = "default";
+
+#[derive(Serialize)]
+struct Report {
+    address: String,
+    recordings: PathBuf,
+}
+
+/// Serves the viewer until Ctrl-C.
+///
+/// # Errors
+/// What of the scene, a model, a trajectory or the address cannot be used.
+pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
+    let tape = tape(args)?;
+    let scene = match tape {
+        Some(_) => FALLBACK_SCENE,
+        None => &args.subject,
+    };
+    let workshop = ViewWorkshop::new(scene, &args.model)?;
+    if tape.is_none() {
+        // What is wrong with the scene is said here and now, not in the page.
+        crate::scenes::open(scene)?;
+    }
+    let opening = Opening {
+        order: workshop.first_order(),
+        mover: match args.show {
+            Shown::Model => Mover::Model,
+            Shown::Physics => Mover::Physics,
+            Shown::Both => Mover::Both,
+        },
+        tape,
+        folder: args.recordings.clone(),
+    };
+    let session = start(Box::new(workshop), opening).context("starting the session")?;
+    let settings = ServerSettings {
+        address: args.address,
+        names: args.allow_host.clone(),
+    };
+    let server = serve(settings, &session).with_context(|| {
+        format!(
+            "{}: cannot be listened at (another address with --address)",
+            args.address
+        )
+    })?;
+    let address = announce(&server, args);
+    while !interrupt::requested() {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    server.close();
+    session.close();
+    let report = Report {
+        address,
+        recordings: args.recordings.clone(),
+    };
+    let mut facts = Facts::new();
+    facts.add("served", &report.address);
+    Ok(Answer::new(facts, &report)?)
+}
+
+/// Says where the page is, and opens it if that is wanted.
+fn announce(server: &RunningServer, args: &ViewArgs) -> String {
+    let address = format!("http://{}/", server.address());
+    // Where standard error is closed nobody can be told.
+    let _ = writeln!(std::io::stderr(), "the cloth is at {address} (Ctrl-C ends)");
+    if args.open && !open_browser(&address) {
+        let _ = writeln!(std::io::stderr(), "no browser was found: open it yourself");
+    }
+    address
+}
+
+/// Hands the address to the system's way of opening pages.
+fn open_browser(address: &str) -> bool {
+    let (program, arguments): (&str, &[&str]) = if cfg!(target_os = "macos") {
+        ("open", &[])
+    } else if cfg!(windows) {
+        ("cmd", &["/C", "start", ""])
+    } else {
+        ("xdg-open", &[])
+    };
+    let mut command = std::process::Command::new(program);
+    command.args(arguments).arg(address);
+    let silent = std::process::Stdio::null;
+    command.stdout(silent()).stderr(silent()).spawn().is_ok()
+}
+
+/// The recordings to play, if it is recordings.
+fn tape(args: &ViewArgs) -> anyhow::Result<Option<Tape>> {
+    let is_recording = Path::new(&args.subject)
+        .extension()
+        .is_some_and(|extension| extension == "safetensors");
+    if !is_recording {
+        return match args.beside {
+            Some(_) => Err(WrongUsage::new("--beside needs a trajectory to stand beside").into()),
+            None => Ok(None),
+        };
+    }
+    let mut tracks = vec![track(Path::new(&args.subject))?];
+    if let Some(beside) = &args.beside {
+        tracks.push(track(beside)?);
+    }
+    Ok(Some(Tape::new(args.subject.clone(), tracks)?))
+}
+
+fn track(path: &Path) -> anyhow::Result<NamedTrack> {
+    let trajectory = Arc::new(Trajectory::read(path)?);
+    let name = path
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    Ok(NamedTrack { name, trajectory })
+}

@@ -1,0 +1,265 @@
+//! Makes cloths ready for the viewer: a scene, perhaps with another mesh or material, its rest pose, and a
+//! model. Rest poses that were found are kept.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow, bail};
+use glam::DVec3;
+use selvedge_cloth::generate::{NamedSheet, Shape, named_sheets};
+use selvedge_cloth::motion::named;
+use selvedge_cloth::{HandleSchedule, Motion, Scene};
+use selvedge_data::{
+    Cloth, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, StartSpec,
+    Transform, materials, shipped_scenes,
+};
+use selvedge_live::{Bench, Catalogue, MeshOrder, Order, Workshop};
+use selvedge_sim::sag_with_progress;
+
+use super::bench::SceneBench;
+use crate::learned::{self, NamedModel};
+use crate::{assets, reference, scenes};
+
+/// Numbers of vertices to choose from; the shipped model's is among them.
+const VERTICES: [usize; 5] = [150, 289, 400, 600, 1024];
+/// What may be asked for in all.
+const VERTICES_ALLOWED: std::ops::RangeInclusive<usize> = 20..=4096;
+/// Rest poses that are kept.
+const MOST_KEPT: usize = 32;
+
+/// Knows the scenes and models that may be shown.
+pub(crate) struct ViewWorkshop {
+    scenes: Vec<String>,
+    models: Vec<NamedModel>,
+    /// Settings with their rest poses `[m]`, the last used last.
+    rests: Vec<(Setting, Vec<DVec3>)>,
+}
+
+impl ViewWorkshop {
+    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped one.
+    ///
+    /// # Errors
+    /// When a model cannot be read.
+    pub(crate) fn new(scene: &str, models: &[PathBuf]) -> anyhow::Result<Self> {
+        let mut scenes = vec![scene.to_owned()];
+        let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());
+        scenes.extend(shipped.filter(|name| name != scene));
+        let mut opened: Vec<NamedModel> = Vec::new();
+        for file in models {
+            opened.push(learned::open(Some(file))?);
+        }
+        opened.push(learned::open(None)?);
+        Ok(Self {
+            scenes,
+            models: opened,
+            rests: Vec::new(),
+        })
+    }
+
+    /// What is shown at first.
+    pub(crate) fn first_order(&self) -> Order {
+        Order {
+            scene: self.scenes[0].clone(),
+            mesh: None,
+            material: None,
+            model: self.models[0].name.clone(),
+        }
+    }
+
+    fn bench(
+        &mut self,
+        order: &Order,
+        progress: &mut dyn FnMut(String),
+    ) -> anyhow::Result<SceneBench> {
+        // Only what was named at the start may be opened, whatever a page asks for.
+        if !self.scenes.contains(&order.scene) {
+            bail!("there is no scene {:?} here", order.scene);
+        }
+        let model = self.models.iter().find(|model| model.name == order.model);
+        let model = model.ok_or_else(|| anyhow!("there is no model {:?} here", order.model))?;
+        let (name, model) = (model.name.clone(), Arc::clone(&model.model));
+        let mut loaded = scenes::open(&order.scene)?;
+        let mut remarks = std::mem::take(&mut loaded.warnings);
+        change(&mut loaded, order, &mut remarks)?;
+        let (rest, start) = self.rest_and_start(&loaded, progress, &mut remarks)?;
+        if let Some(remark) = beyond_training(&name, &loaded) {
+            remarks.push(remark);
+        }
+        let LoadedScene { spec, scene, .. } = loaded;
+        let led = Scene {
+            motion: Motion::still(1.0),
+            schedule: HandleSchedule::default(),
+            ..scene.clone()
+        };
+        Ok(SceneBench {
+            cloth: Arc::new(Cloth::of_scene(&scene, reference::rounded(&rest))),
+            spec,
+            scene,
+            led: Arc::new(led),
+            start,
+            model,
+            remarks,
+        })
+    }
+
+    /// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest pose: its mesh
+    /// takes the place.
+    fn rest_and_start(
+        &mut self,
+        loaded: &LoadedScene,
+        progress: &mut dyn FnMut(String),
+        remarks: &mut Vec<String>,
+    ) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
+        let scene = &loaded.scene;
+        let rest = if scene.handles.is_empty() {
+            remarks.push("nothing holds this cloth: it falls".to_owned());
+            scene.mesh.positions().to_vec()
+        } else {
+            self.rest(loaded, progress)?
+        };
+        let start = match (&loaded.state, &loaded.spec.start) {
+            (Some(state), _) => state.clone(),
+            (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
+            (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
+        };
+        Ok((rest, start))
+    }
+
+    fn rest(
+        &mut self,
+        loaded: &LoadedScene,
+        progress: &mut dyn FnMut(String),
+    ) -> anyhow::Result<Vec<DVec3>> {
+        let setting = &loaded.spec.setting;
+        let known = self.rests.iter().position(|(known, _)| known == setting);
+        let kept = match known {
+            Some(at) => self.rests.remove(at),
+            None => {
+                let vertices = loaded.scene.mesh.positions().len();
+                let sagged = sag_with_progress(&loaded.scene, &mut |now| {
+                    progress(format!(
+                        "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
+                        now.residual, now.tolerance
+                    ));
+                });
+                let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
+                (setting.clone(), sagged.with_context(context)?.positions)
+            }
+        };
+        if self.rests.len() >= MOST_KEPT {
+            self.rests.remove(0);
+        }
+        self.rests.push(kept.clone());
+        Ok(kept.1)
+    }
+}
+
+impl Workshop for ViewWorkshop {
+    fn catalogue(&self) -> Catalogue {
+        let names = |of: &[&str]| of.iter().map(|name| (*name).to_owned()).collect();
+        Catalogue {
+            scenes: self.scenes.clone(),
+            meshes: named_sheets().iter().map(|s| s.name.to_owned()).collect(),
+            vertices: VERTICES.to_vec(),
+            materials: materials()
+                .iter()
+                .map(|(name, _)| (*name).to_owned())
+                .collect(),
+            models: self.models.iter().map(|model| model.name.clone()).collect(),
+            motions: names(&named::names()),
+        }
+    }
+
+    fn prepare(
+        &mut self,
+        order: &Order,
+        progress: &mut dyn FnMut(String),
+    ) -> Result<Box<dyn Bench>, String> {
+        match self.bench(order, progress) {
+            Ok(bench) => Ok(Box::new(bench)),
+            Err(error) => Err(crate::failure::chain(&error)),
+        }
+    }
+}
+
+/// Puts the mesh and the material that are ordered into the scene.
+fn change(
+    loaded: &mut LoadedScene,
+    order: &Order,
+    remarks: &mut Vec<String>,
+) -> anyhow::Result<()> {
+    if order.mesh.is_none() && order.material.is_none() {
+        return Ok(());
+    }
+    if let Some(name) = &order.material {
+        let known = materials().iter().find(|(known, _)| known == name);
+        let (_, text) = known.ok_or_else(|| anyhow!("there is no material {name:?} here"))?;
+        loaded.spec.setting.material =
+            toml::from_str(text).with_context(|| format!("material {name}"))?;
+    }
+    if let Some(mesh) = &order.mesh {
+        put_mesh(loaded, mesh)?;
+    }
+    // A mesh file stands beside the scene's own file.
+    let folder = Path::new(&order.scene).parent().unwrap_or(Path::new(""));
+    loaded.scene = match loaded.spec.build(folder) {
+        Ok(scene) => scene,
+        Err(_) if order.mesh.is_some() => {
+            loaded.spec.motion = Motion::still(10.0);
+            remarks.push("the scene's own motion does not fit this mesh".to_owned());
+            loaded.spec.build(folder)?
+        }
+        Err(error) => return Err(error.into()),
+    };
+    Ok(())
+}
+
+fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
+    let (name, vertices) = (&order.name, order.vertices);
+    let sheet = NamedSheet::by_name(name);
+    let sheet = sheet.ok_or_else(|| anyhow!("there is no mesh {name:?} here"))?;
+    if !VERTICES_ALLOWED.contains(&vertices) {
+        bail!(
+            "a mesh has {} to {} vertices here, not {vertices}",
+            VERTICES_ALLOWED.start(),
+            VERTICES_ALLOWED.end()
+        );
+    }
+    let spec = MeshSpec {
+        source: MeshSource::Generator(GeneratorSpec {
+            kind: sheet.shape,
+            vertices,
+            size: sheet.size,
+            seed: 1,
+        }),
+        transform: Transform::default(),
+    };
+    let made = spec.build(Path::new(""))?;
+    let handles = made.labels.get(sheet.handles);
+    let handles = handles.ok_or_else(|| anyhow!("mesh {name} has no {}", sheet.handles))?;
+    let setting = &mut loaded.spec.setting;
+    setting.handles.clone_from(handles);
+    setting.mesh = spec;
+    setting.schedule = HandleSchedule::default();
+    loaded.spec.start = StartSpec::Rest;
+    loaded.state = None;
+    Ok(())
+}
+
+/// What people should know where the shipped model meets a cloth that it was not trained on.
+fn beyond_training(model: &str, loaded: &LoadedScene) -> Option<String> {
+    let trained = GeneratorSpec {
+        kind: Shape::Square,
+        vertices: 289,
+        size: 1.0,
+        seed: 1,
+    };
+    let setting = &loaded.spec.setting;
+    let known = setting.mesh.source == MeshSource::Generator(trained)
+        && setting.material.name == "gray-interlock";
+    (model == assets::MODEL.0 && !known).then(|| {
+        "the shipped model was trained on one cloth, a square of 289 vertices of gray-interlock: what \
+         it makes of this one is a guess"
+            .to_owned()
+    })
+}

@@ -1,0 +1,180 @@
+// The person's hands: pointers that drag handles, or take hold of any vertex, and keys that move all handles.
+
+import * as three from "three";
+import type { Link } from "./link";
+import * as protocol from "./protocol";
+import type { Hit, Stage } from "./stage";
+
+interface Grip {
+  hit: Hit;
+  plane: three.Plane;
+  /** From the point that was hit to each vertex that goes with it. */
+  moved: { vertex: number; away: three.Vector3 }[];
+  /** Whether the vertex was taken hold of just now. */
+  isNew: boolean;
+  hasMoved: boolean;
+}
+
+export class Hands {
+  /** Whether a vertex that was taken hold of is let go with the pointer. */
+  letsGo = false;
+  /** The last drag that was sent, and when its event happened. */
+  readonly sent: { number: number; at: number }[] = [];
+  private readonly grips = new Map<number, Grip>();
+  private readonly held = new Set<string>();
+  private number = 0;
+  private push = "";
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly stage: Stage,
+    private readonly link: Link,
+    private readonly canDrag: () => boolean,
+  ) {
+    const target = canvas.parentElement!;
+    // Before the camera's controls hear of it.
+    target.addEventListener("pointerdown", (event) => this.down(event), { capture: true });
+    target.addEventListener("pointermove", (event) => this.move(event), { capture: true });
+    for (const name of ["pointerup", "pointercancel"] as const) {
+      target.addEventListener(name, (event) => this.up(event), { capture: true });
+    }
+    canvas.addEventListener("dblclick", (event) => this.release(event));
+    window.addEventListener("keydown", (event) => this.key(event, true));
+    window.addEventListener("keyup", (event) => this.key(event, false));
+    window.addEventListener("blur", () => {
+      this.held.clear();
+      this.sendPush();
+    });
+  }
+
+  private at(event: PointerEvent | MouseEvent): { x: number; y: number } {
+    const size = this.canvas.getBoundingClientRect();
+    return { x: event.clientX - size.left, y: event.clientY - size.top };
+  }
+
+  private down(event: PointerEvent): void {
+    if (event.target !== this.canvas || event.button !== 0 || !this.canDrag()) return;
+    const { x, y } = this.at(event);
+    const hit = this.stage.pick(x, y, event.pointerType === "touch" ? 28 : 16);
+    if (!hit) return;
+    event.stopPropagation();
+    this.canvas.setPointerCapture(event.pointerId);
+    this.stage.controls.enabled = false;
+    const selected = this.stage.selected;
+    if (hit.isHandle && event.shiftKey) {
+      if (!selected.delete(hit.vertex)) selected.add(hit.vertex);
+    } else if (!selected.has(hit.vertex)) {
+      selected.clear();
+    }
+    const together = selected.has(hit.vertex) ? [...selected] : [hit.vertex];
+    const normal = this.stage.camera.getWorldDirection(new three.Vector3());
+    this.grips.set(event.pointerId, {
+      hit,
+      plane: new three.Plane().setFromNormalAndCoplanarPoint(normal, hit.point),
+      moved: together.map((vertex) => ({
+        vertex,
+        away: this.stage.point(hit.track, vertex).sub(hit.point),
+      })),
+      isNew: !hit.isHandle,
+      hasMoved: false,
+    });
+    this.canvas.style.cursor = "grabbing";
+  }
+
+  private move(event: PointerEvent): void {
+    const grip = this.grips.get(event.pointerId);
+    if (!grip) {
+      if (event.target === this.canvas && event.buttons === 0 && event.pointerType === "mouse") this.hover(event);
+      return;
+    }
+    event.stopPropagation();
+    const { x, y } = this.at(event);
+    const size = this.canvas.getBoundingClientRect();
+    const ray = new three.Raycaster();
+    ray.setFromCamera(new three.Vector2((x / size.width) * 2 - 1, 1 - (y / size.height) * 2), this.stage.camera);
+    const point = ray.ray.intersectPlane(grip.plane, new three.Vector3());
+    if (!point) return;
+    grip.hasMoved = true;
+    const offset = this.stage.offset(grip.hit.track);
+    const goals = grip.moved.map(({ vertex, away }) => ({
+      vertex,
+      x: point.x + away.x,
+      y: point.y + away.y,
+      z: point.z + away.z - offset,
+    }));
+    this.number += 1;
+    this.sent.push({ number: this.number, at: event.timeStamp });
+    if (this.sent.length > 600) this.sent.splice(0, 300);
+    this.link.send(protocol.drag(this.number, goals));
+  }
+
+  private hover(event: PointerEvent): void {
+    const { x, y } = this.at(event);
+    const hit = this.canDrag() ? this.stage.pick(x, y, 16) : null;
+    this.canvas.style.cursor = hit ? "grab" : "";
+  }
+
+  private up(event: PointerEvent): void {
+    const grip = this.grips.get(event.pointerId);
+    if (!grip) return;
+    event.stopPropagation();
+    this.grips.delete(event.pointerId);
+    if (this.grips.size === 0) {
+      this.stage.controls.enabled = true;
+      this.canvas.style.cursor = "";
+    }
+    if (grip.isNew && grip.hasMoved && this.letsGo) {
+      this.link.command({ do: "let-go", vertices: [grip.hit.vertex] });
+    }
+  }
+
+  private release(event: MouseEvent): void {
+    const { x, y } = this.at(event);
+    const hit = this.canDrag() ? this.stage.pick(x, y, 16) : null;
+    if (hit?.isHandle) {
+      this.stage.selected.delete(hit.vertex);
+      this.link.command({ do: "let-go", vertices: [hit.vertex] });
+    }
+  }
+
+  private key(event: KeyboardEvent, down: boolean): void {
+    const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (!MOVES.has(name)) return;
+    if (down && (isTyping(event.target, name) || event.ctrlKey || event.metaKey || event.altKey)) return;
+    if (down) {
+      event.preventDefault();
+      this.held.add(name);
+    } else if (!this.held.delete(name)) {
+      return;
+    }
+    this.sendPush();
+  }
+
+  private sendPush(): void {
+    const towards = (one: string, other: string) => Number(this.held.has(one)) - Number(this.held.has(other));
+    const ahead = this.stage.camera.getWorldDirection(new three.Vector3()).setY(0).normalize();
+    const right = new three.Vector3(-ahead.z, 0, ahead.x);
+    const direction = ahead
+      .multiplyScalar(towards("ArrowUp", "ArrowDown"))
+      .addScaledVector(right, towards("ArrowRight", "ArrowLeft"))
+      .add(new three.Vector3(0, towards("PageUp", "PageDown"), 0))
+      .clampLength(0, 1);
+    const turn = towards("q", "e");
+    const push = [direction.x, direction.y, direction.z, turn] as const;
+    if (push.join() !== this.push) {
+      this.push = push.join();
+      this.link.send(protocol.keys(...push));
+    }
+  }
+}
+
+const MOVES = new Set(["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "q", "e"]);
+
+/** Whether a key belongs to the control that has the focus. */
+export function isTyping(target: EventTarget | null, key: string): boolean {
+  if (target instanceof HTMLSelectElement || target instanceof HTMLTextAreaElement) return true;
+  if (target instanceof HTMLInputElement) {
+    return target.type === "range" ? key.startsWith("Arrow") || key.startsWith("Page") : target.type !== "checkbox";
+  }
+  return false;
+}

@@ -1,0 +1,73 @@
+// How fast things go: drawings and frames per second, and the time from a hand's move to its picture.
+
+import type { Frame, State } from "./protocol";
+import type { Hands } from "./hands";
+import { element } from "./panel";
+
+/** What cloth of these materials shows when it moves; above, a prediction is doubtful, then wrong. */
+const USUAL_STRAIN = 0.35;
+const WRONG_STRAIN = 0.6;
+
+export class Meters {
+  /** From the event of a drag to after the picture that follows it, ms; the latest last. */
+  readonly latencies: number[] = [];
+  fps = 0;
+  framesPerSecond = 0;
+  private drawn = 0;
+  private numbers: [first: number, last: number] = [0, 0];
+  private since = performance.now();
+  private awaited: { at: number } | null = null;
+
+  constructor(private readonly hands: Hands) {}
+
+  frame(frame: Frame, client: number): void {
+    if (this.numbers[0] === 0) this.numbers[0] = frame.number;
+    this.numbers[1] = frame.number;
+    if (frame.client !== client) return;
+    const sent = this.hands.sent;
+    const index = sent.findIndex((drag) => drag.number > frame.drag);
+    const done = sent.splice(0, index < 0 ? sent.length : index);
+    // The oldest move that this frame is the first to follow.
+    if (done[0] && !this.awaited) this.awaited = { at: done[0].at };
+  }
+
+  /** A picture was drawn; it is painted when the browser has come round to other work. */
+  picture(): void {
+    this.drawn += 1;
+    const awaited = this.awaited;
+    if (!awaited) return;
+    this.awaited = null;
+    const channel = new MessageChannel();
+    channel.port1.onmessage = () => {
+      this.latencies.push(performance.now() - awaited.at);
+      if (this.latencies.length > 2000) this.latencies.shift();
+    };
+    channel.port2.postMessage(null);
+  }
+
+  show(state: State): void {
+    const now = performance.now();
+    const seconds = (now - this.since) / 1000;
+    if (seconds >= 0.95) {
+      this.fps = this.drawn / seconds;
+      this.framesPerSecond = (this.numbers[1] - this.numbers[0]) / seconds;
+      this.drawn = 0;
+      this.numbers[0] = this.numbers[1];
+      this.since = now;
+    }
+    element("fps").textContent = `${Math.round(this.fps)} fps`;
+    element("steps").textContent = `${Math.round(this.framesPerSecond)} /s`;
+    const times = state.tracks.filter((track) => track.kind !== null).map((track) => track.step_ms.toFixed(1));
+    element("step-ms").textContent = times.length > 0 ? `${times.join(" + ")} ms` : "–";
+    this.trust(state);
+  }
+
+  private trust(state: State): void {
+    const strain = Math.max(0, ...state.tracks.map((track) => track.strain));
+    element("strain").textContent = state.tracks.length > 0 ? `${(100 * strain).toFixed(0)} %` : "–";
+    const stopped = state.tracks.some((track) => track.stopped !== null);
+    const level = stopped || strain > WRONG_STRAIN ? "bad" : strain > USUAL_STRAIN ? "doubt" : "good";
+    element("trust").className = `dot ${level}`;
+    element("trust").title = { good: "as cloth does", doubt: "more than cloth usually does", bad: "not to be trusted" }[level];
+  }
+}

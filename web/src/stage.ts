@@ -1,0 +1,388 @@
+// The room: light, floor, camera, the cloths in it and their handles.
+
+import * as three from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { ClothObject, weave, type Look, type Shared } from "./cloth";
+import { Edges, colourMap, difference, speed, type Colouring } from "./colours";
+import type { Cloth, Frame, Goal } from "./protocol";
+
+export interface Theme {
+  background: string;
+  floor: string;
+  lines: string;
+  handle: string;
+  looks: [Look, Look];
+  /** How dark shadows on the floor are. */
+  shadow: number;
+  exposure: number;
+}
+
+const colour = (text: string) => new three.Color(text);
+
+export const THEMES: Record<"light" | "dark", Theme> = {
+  light: {
+    background: "#ece8e1",
+    floor: "#ece8e1",
+    lines: "#1c2733",
+    handle: "#d1495b",
+    looks: [
+      { front: colour("#3f6f9f"), back: colour("#d9a25f") },
+      { front: colour("#4e8368"), back: colour("#d9a25f") },
+    ],
+    shadow: 0.3,
+    exposure: 1.05,
+  },
+  dark: {
+    background: "#15181d",
+    floor: "#15181d",
+    lines: "#e6edf5",
+    handle: "#ff6b7d",
+    looks: [
+      { front: colour("#5b93c9"), back: colour("#e0ac68") },
+      { front: colour("#63a585"), back: colour("#e0ac68") },
+    ],
+    shadow: 0.55,
+    exposure: 0.95,
+  },
+};
+
+export interface Hit {
+  vertex: number;
+  track: number;
+  /** Where it is, in the room. */
+  point: three.Vector3;
+  isHandle: boolean;
+}
+
+export class Stage {
+  readonly camera = new three.PerspectiveCamera(36, 1, 0.02, 100);
+  readonly renderer: three.WebGLRenderer;
+  readonly controls: OrbitControls;
+  readonly selected = new Set<number>();
+  edgesShown = false;
+  handlesShown = true;
+  colouring: Colouring = "plain";
+  together = false;
+  /** The last frame that was put in place. */
+  frame: Frame | null = null;
+  /** What full colour stands for, in SI; only the difference finds its own. */
+  most = 1;
+
+  private readonly scene = new three.Scene();
+  private readonly sun = new three.DirectionalLight(0xfff4e6, 2.6);
+  private readonly sky = new three.HemisphereLight(0xf3f6ff, 0xb5a794, 1.5);
+  private readonly floor: three.Mesh;
+  private readonly shared: Shared = { map: colourMap(), weave: weave() };
+  private readonly knobs: three.InstancedMesh;
+  private readonly leads: three.LineSegments;
+  private cloth: Cloth | null = null;
+  private edges: Edges | null = null;
+  private objects: ClothObject[] = [];
+  private before: Frame | null = null;
+  private theme: Theme = THEMES.light;
+  private width = 1;
+  private fitted = false;
+
+  constructor(private readonly canvas: HTMLCanvasElement) {
+    this.renderer = new three.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: false });
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = three.VSMShadowMap;
+    this.renderer.toneMapping = three.ACESFilmicToneMapping;
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = true;
+    this.controls.dampingFactor = 0.12;
+    this.controls.minDistance = 0.3;
+    this.controls.maxDistance = 20;
+    this.controls.maxPolarAngle = Math.PI * 0.62;
+    // Arrows move the handles, not the camera.
+    this.controls.keys = { LEFT: "", UP: "", RIGHT: "", BOTTOM: "" };
+    this.floor = new three.Mesh(new three.CircleGeometry(40, 64), new three.ShadowMaterial({ opacity: 0.3 }));
+    this.floor.rotation.x = -Math.PI / 2;
+    this.floor.receiveShadow = true;
+    this.light();
+    this.knobs = this.makeKnobs();
+    this.leads = new three.LineSegments(
+      new three.BufferGeometry(),
+      new three.LineBasicMaterial({ transparent: true, opacity: 0.7 }),
+    );
+    this.leads.frustumCulled = false;
+    this.scene.add(this.sun, this.sun.target, this.sky, this.floor, this.knobs, this.leads);
+    this.setTheme("light");
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
+    this.resize();
+  }
+
+  setTheme(name: "light" | "dark"): void {
+    this.theme = THEMES[name];
+    this.scene.background = colour(this.theme.background);
+    this.scene.fog = new three.Fog(this.theme.background, 8, 26);
+    (this.floor.material as three.ShadowMaterial).opacity = this.theme.shadow;
+    this.renderer.toneMappingExposure = this.theme.exposure;
+    this.knobs.material = new three.MeshStandardMaterial({ color: this.theme.handle, roughness: 0.35 });
+    (this.leads.material as three.LineBasicMaterial).color.set(this.theme.handle);
+  }
+
+  /** Another cloth; its frames are to come. */
+  setCloth(cloth: Cloth): void {
+    this.objects.forEach((object) => {
+      this.scene.remove(object.group);
+      object.dispose();
+    });
+    this.objects = [];
+    this.selected.clear();
+    this.cloth = cloth;
+    this.edges = new Edges(cloth);
+    this.frame = this.before = null;
+    this.fitted = false;
+  }
+
+  /** The latest frame. */
+  take(frame: Frame): void {
+    if (!this.cloth || frame.generation !== this.cloth.generation) return;
+    this.before = this.frame && this.frame.number !== frame.number ? this.frame : this.before;
+    this.frame = frame;
+  }
+
+  /** Puts everything where the latest frame has it, and draws. */
+  draw(): void {
+    this.controls.update();
+    if (this.frame && this.cloth) {
+      this.arrange(this.frame);
+      if (!this.fitted) this.fit();
+    }
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  get trackCount(): number {
+    return this.objects.length;
+  }
+
+  /** Where a track stands beside the others, m along z. */
+  offset(track: number): number {
+    if (this.together || this.objects.length < 2) return 0;
+    return (track - (this.objects.length - 1) / 2) * -this.width;
+  }
+
+  /** What is under a point of the screen, in pixels of the canvas; handles reach farther than cloth. */
+  pick(x: number, y: number, reach: number): Hit | null {
+    if (!this.frame) return null;
+    const handle = this.pickHandle(x, y, reach);
+    if (handle) return handle;
+    const ray = new three.Raycaster();
+    const size = this.canvas.getBoundingClientRect();
+    ray.setFromCamera(new three.Vector2((x / size.width) * 2 - 1, 1 - (y / size.height) * 2), this.camera);
+    let best: Hit | null = null;
+    let nearest = Infinity;
+    this.objects.forEach((object, track) => {
+      const surface = object.surface;
+      surface.geometry.boundingSphere = null;
+      const hit = ray.intersectObject(surface, false)[0];
+      if (!hit?.face || hit.distance >= nearest) return;
+      nearest = hit.distance;
+      const corners = [hit.face.a, hit.face.b, hit.face.c];
+      const distances = corners.map((vertex) => this.point(track, vertex).distanceTo(hit.point));
+      const vertex = corners[distances.indexOf(Math.min(...distances))]!;
+      best = { vertex, track, point: this.point(track, vertex), isHandle: false };
+    });
+    return best;
+  }
+
+  /** Where a vertex of a track is in the room. */
+  point(track: number, vertex: number): three.Vector3 {
+    const positions = this.frame!.tracks[track]!;
+    return new three.Vector3(
+      positions[3 * vertex],
+      positions[3 * vertex + 1],
+      positions[3 * vertex + 2]! + this.offset(track),
+    );
+  }
+
+  /** Where a point of the room is on the screen, in pixels of the canvas. */
+  onScreen(point: three.Vector3): { x: number; y: number } {
+    const at = point.clone().project(this.camera);
+    const size = this.canvas.getBoundingClientRect();
+    return { x: ((at.x + 1) / 2) * size.width, y: ((1 - at.y) / 2) * size.height };
+  }
+
+  /** Looks at all of the cloth from in front and a little above. */
+  fit(): void {
+    const box = new three.Box3();
+    this.objects.forEach((object, track) => {
+      const positions = this.frame!.tracks[track]!;
+      for (let k = 0; k < positions.length; k += 3) {
+        box.expandByPoint(new three.Vector3(positions[k], positions[k + 1], positions[k + 2]! + this.offset(track)));
+      }
+      object.group.visible = true;
+    });
+    if (box.isEmpty()) return;
+    const center = box.getCenter(new three.Vector3());
+    const size = box.getSize(new three.Vector3());
+    const vertical = Math.tan((this.camera.fov * Math.PI) / 360);
+    const horizontal = vertical * this.camera.aspect;
+    const distance = 1.45 * Math.max((size.y / 2 + 0.08) / vertical, (size.z / 2 + 0.1) / horizontal) + size.x / 2;
+    const direction = new three.Vector3(1, 0.16, this.objects.length > 1 ? 0.12 : 0.42).normalize();
+    this.controls.target.copy(center).add(new three.Vector3(0, -0.04 * size.y, 0));
+    this.camera.position.copy(center).addScaledVector(direction, distance);
+    this.floor.position.y = box.min.y - 0.35 * Math.max(size.y, 0.5);
+    this.sun.position.copy(center).add(new three.Vector3(1.6, 3.4, 1.3));
+    this.sun.target.position.copy(center);
+    const reach = Math.max(size.z, size.y, 1) * 1.5 + 0.8;
+    Object.assign(this.sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
+    this.sun.shadow.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.fitted = true;
+  }
+
+  private light(): void {
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    this.sun.shadow.radius = 7;
+    this.sun.shadow.blurSamples = 16;
+    this.sun.shadow.bias = -0.0006;
+    this.sun.shadow.camera.near = 0.1;
+    this.sun.shadow.camera.far = 14;
+    const rim = new three.DirectionalLight(0xcfe0ff, 0.7);
+    rim.position.set(-3, 1.5, -2);
+    this.scene.add(rim);
+  }
+
+  private makeKnobs(): three.InstancedMesh {
+    const knobs = new three.InstancedMesh(
+      new three.SphereGeometry(1, 24, 16),
+      new three.MeshStandardMaterial(),
+      512,
+    );
+    knobs.count = 0;
+    knobs.castShadow = true;
+    knobs.frustumCulled = false;
+    return knobs;
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / Math.max(height, 1);
+    this.camera.updateProjectionMatrix();
+    if (this.frame && this.objects.length > 0) this.fit();
+  }
+
+  private arrange(frame: Frame): void {
+    if (this.objects.length !== frame.tracks.length) {
+      this.objects.forEach((object) => {
+        this.scene.remove(object.group);
+        object.dispose();
+      });
+      this.objects = frame.tracks.map(() => new ClothObject(this.cloth!, this.edges!, this.shared));
+      this.objects.forEach((object) => this.scene.add(object.group));
+      this.width = spread(frame.tracks) * 1.18 + 0.1;
+      this.fitted = false;
+    }
+    const looks = this.theme.looks;
+    const lines = colour(this.theme.lines);
+    this.objects.forEach((object, track) => {
+      object.group.position.z = this.offset(track);
+      object.place(frame.tracks[track]!);
+      this.colour(object, frame, track);
+      object.look(looks[track % looks.length]!, this.edgesShown, lines);
+    });
+    this.arrangeHandles(frame);
+  }
+
+  private colour(object: ClothObject, frame: Frame, track: number): void {
+    const positions = frame.tracks[track]!;
+    switch (this.colouring) {
+      case "plain":
+        return object.colour(null);
+      case "strain":
+        this.edges!.strain(positions, object.field);
+        break;
+      case "bending":
+        this.edges!.bending(positions, object.field);
+        break;
+      case "speed": {
+        const before = this.before?.tracks[track];
+        const seconds = this.before ? frame.time - this.before.time : 0;
+        if (before && seconds > 0) speed(positions, before, seconds, object.field);
+        break;
+      }
+      case "difference": {
+        const other = frame.tracks[1 - track];
+        if (!other) return object.colour(null);
+        difference(positions, other, object.field);
+        this.widen(object.field);
+        break;
+      }
+    }
+    object.colour(this.most);
+  }
+
+  /** Lets the scale of the difference follow what there is to see. */
+  private widen(field: Float32Array): void {
+    const largest = field.reduce((a, b) => Math.max(a, b), 0);
+    const steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
+    const fitting = steps.find((step) => step >= largest) ?? 10;
+    if (fitting > this.most || largest < 0.2 * this.most) this.most = fitting;
+  }
+
+  private arrangeHandles(frame: Frame): void {
+    const matrix = new three.Matrix4();
+    const ends: number[] = [];
+    let count = 0;
+    for (let track = 0; track < frame.tracks.length && this.handlesShown; track++) {
+      for (const goal of frame.goals) {
+        if (count >= 512) break;
+        const point = this.point(track, goal.vertex);
+        const radius = this.selected.has(goal.vertex) ? 0.024 : 0.016;
+        matrix.makeScale(radius, radius, radius).setPosition(point);
+        this.knobs.setMatrixAt(count++, matrix);
+        if (away(point, goal, this.offset(track)) > 0.01) {
+          ends.push(point.x, point.y, point.z, goal.x, goal.y, goal.z + this.offset(track));
+          if (count < 512) {
+            matrix.makeScale(0.008, 0.008, 0.008).setPosition(goal.x, goal.y, goal.z + this.offset(track));
+            this.knobs.setMatrixAt(count++, matrix);
+          }
+        }
+      }
+    }
+    this.knobs.count = count;
+    this.knobs.instanceMatrix.needsUpdate = true;
+    this.leads.geometry.setAttribute("position", new three.Float32BufferAttribute(ends, 3));
+    this.leads.visible = ends.length > 0;
+  }
+
+  private pickHandle(x: number, y: number, reach: number): Hit | null {
+    let best: Hit | null = null;
+    let nearest = reach;
+    for (let track = 0; track < this.objects.length; track++) {
+      for (const { vertex } of this.frame!.goals) {
+        const point = this.point(track, vertex);
+        const at = this.onScreen(point);
+        const distance = Math.hypot(at.x - x, at.y - y);
+        if (distance < nearest) {
+          nearest = distance;
+          best = { vertex, track, point, isHandle: true };
+        }
+      }
+    }
+    return best;
+  }
+}
+
+function away(point: three.Vector3, goal: Goal, offset: number): number {
+  return Math.hypot(point.x - goal.x, point.y - goal.y, point.z - offset - goal.z);
+}
+
+/** How wide the widest of the tracks is along z, m. */
+function spread(tracks: Float32Array[]): number {
+  const widths = tracks.map((positions) => {
+    let low = Infinity;
+    let high = -Infinity;
+    for (let k = 2; k < positions.length; k += 3) {
+      low = Math.min(low, positions[k]!);
+      high = Math.max(high, positions[k]!);
+    }
+    return high - low;
+  });
+  return Math.max(...widths);
+}

@@ -1,0 +1,92 @@
+// What tests and measurements share: the program, started on a free port, and a page of it in Debian's
+// Chromium, headless, with software GL.
+import { spawn } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+
+/** The program to try: SELVEDGE, or the release build. */
+export const program = process.env.SELVEDGE ?? "../target/release/selvedge";
+
+/** Starts `selvedge view` with `args`; gives its address and a way to end it. */
+export async function start(args = [], address = "127.0.0.1:0") {
+  const began = performance.now();
+  const child = spawn(program, ["view", ...args, "--address", address], { stdio: ["ignore", "pipe", "pipe"] });
+  let said = "";
+  const url = await new Promise((resolve, reject) => {
+    child.stderr.on("data", (data) => {
+      said += data;
+      const found = /http:\/\/\S+/.exec(said);
+      if (found) resolve(found[0]);
+    });
+    child.on("exit", (code) => reject(new Error(`the program ended with ${code}: ${said}`)));
+    child.on("error", reject);
+  });
+  const stop = () =>
+    new Promise((resolve) => {
+      child.removeAllListeners("exit");
+      child.on("exit", resolve);
+      child.kill("SIGINT");
+    });
+  return { url, stop, began, pid: child.pid };
+}
+
+/** A browser of its own, with an empty profile. */
+export async function browser(size = { width: 1360, height: 850 }, more = {}) {
+  const profile = mkdtempSync(join(tmpdir(), "selvedge-browser-"));
+  const context = await chromium.launchPersistentContext(profile, {
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    headless: true,
+    viewport: size,
+    args: [
+      "--no-sandbox",
+      "--disable-quic",
+      "--no-first-run",
+      "--disable-background-networking",
+      "--disable-component-update",
+      "--disable-sync",
+      "--use-gl=angle",
+      "--use-angle=swiftshader",
+      "--enable-unsafe-swiftshader",
+      "--ignore-gpu-blocklist",
+    ],
+    ...more,
+  });
+  const close = async () => {
+    await context.close();
+    rmSync(profile, { recursive: true, force: true });
+  };
+  return { context, close };
+}
+
+/** Opens the page and waits until a cloth is drawn. Errors of the page go to `errors`. */
+export async function open(context, url, errors = []) {
+  const page = await context.newPage();
+  page.on("console", (message) => message.type() === "error" && errors.push(message.text()));
+  page.on("pageerror", (error) => errors.push(String(error)));
+  await page.goto(url);
+  await page.waitForFunction(() => window.selvedge?.stage.trackCount > 0, null, { timeout: 60_000 });
+  return page;
+}
+
+/** Where vertex `vertex` of track `track` is on the page, in pixels. */
+export function place(page, vertex, track = 0) {
+  return page.evaluate(
+    ([v, t]) => {
+      const { stage } = window.selvedge;
+      const at = stage.onScreen(stage.point(t, v));
+      const size = document.getElementById("canvas").getBoundingClientRect();
+      return { x: at.x + size.left, y: at.y + size.top };
+    },
+    [vertex, track],
+  );
+}
+
+/** The positions of a vertex now. */
+export function position(page, vertex, track = 0) {
+  return page.evaluate(([v, t]) => [...window.selvedge.stage.frame.tracks[t].slice(3 * v, 3 * v + 3)], [vertex, track]);
+}
+
+/** Waits until `check`, evaluated in the page with `argument`, holds. */
+export const until = (page, check, argument = null) => page.waitForFunction(check, argument, { timeout: 60_000 });

@@ -1,0 +1,101 @@
+// Measures what docs/viewer.md says of the live viewer: node tests/measure.mjs [start|drag|playback]
+// Needs the release build (or SELVEDGE=PATH) and Debian's Chromium; draws with software GL.
+import { spawnSync } from "node:child_process";
+import { browser, open, place, program, start, until } from "./browser.mjs";
+
+const what = process.argv.slice(2);
+const wanted = (name) => what.length === 0 || what.includes(name);
+const median = (numbers) => numbers.toSorted((a, b) => a - b)[Math.floor(numbers.length / 2)];
+const small = { width: 640, height: 480 };
+
+/** From the start of the program to the first frame of a cloth in a browser that is open already. */
+async function startTime() {
+  const { context, close } = await browser(small);
+  const times = [];
+  for (let k = 0; k < 5; k++) {
+    const served = await start();
+    const page = await open(context, served.url);
+    const number = await page.evaluate(() => window.selvedge.stage.frame.number);
+    await until(page, (n) => window.selvedge.stage.frame.number > n, number);
+    times.push((performance.now() - served.began) / 1000);
+    await page.close();
+    await served.stop();
+  }
+  await close();
+  return { runs: times.length, median_s: median(times), most_s: Math.max(...times) };
+}
+
+/** Frames per second of the session, and of the page, over `seconds`. */
+async function pace(page, seconds) {
+  const read = () =>
+    page.evaluate(() => ({ number: window.selvedge.stage.frame.number, at: performance.now(), fps: window.selvedge.meters.fps }));
+  const before = await read();
+  await page.waitForTimeout(1000 * seconds);
+  const after = await read();
+  return { steps_per_second: (1000 * (after.number - before.number)) / (after.at - before.at), drawn_per_second: after.fps };
+}
+
+/** The shipped model on 400 vertices: from a pointer's move to the picture that follows it. */
+async function dragTime() {
+  const { context, close } = await browser(small);
+  const served = await start();
+  const page = await open(context, served.url);
+  await page.selectOption("#mesh", "square");
+  await page.selectOption("#vertices", "400");
+  await until(page, () => window.selvedge.state.order.mesh?.vertices === 400 && !window.selvedge.state.busy);
+  await page.waitForTimeout(2000);
+  const vertex = await page.evaluate(() => window.selvedge.stage.frame.goals[0].vertex);
+  const from = await place(page, vertex);
+  await page.mouse.move(from.x, from.y);
+  await page.mouse.down();
+  const began = performance.now();
+  const kept = pace(page, 10);
+  for (let k = 0; performance.now() - began < 10_000; k++) {
+    await page.mouse.move(from.x + 40 * Math.sin(k / 10), from.y - 30 + 30 * Math.cos(k / 10));
+    await page.waitForTimeout(16);
+  }
+  await page.mouse.up();
+  const latencies = await page.evaluate(() => window.selvedge.meters.latencies);
+  const step_ms = await page.evaluate(() => window.selvedge.state.tracks[0].step_ms);
+  const vertices = await page.evaluate(() => window.selvedge.stage.frame.tracks[0].length / 3);
+  const answer = { vertices, drags: latencies.length, median_ms: median(latencies), step_ms, ...(await kept) };
+  await close();
+  await served.stop();
+  return answer;
+}
+
+/** A recording of 10,000 vertices over the socket. */
+async function playback() {
+  const file = process.env.RECORDING;
+  if (!file) return "RECORDING=FILE names a trajectory to play";
+  const served = await start([file]);
+  const { context, close } = await browser(small);
+  const page = await open(context, served.url);
+  await page.waitForTimeout(2000);
+  const vertices = await page.evaluate(() => window.selvedge.stage.frame.tracks[0].length / 3);
+  const answer = { vertices, ...(await pace(page, 10)), taken_up: await taken(page, 5) };
+  await close();
+  await served.stop();
+  return answer;
+}
+
+/** Frames per second that arrive in the page, drawn or not. */
+async function taken(page, seconds) {
+  await page.evaluate(() => {
+    const { meters } = window.selvedge;
+    const frame = meters.frame.bind(meters);
+    window.arrived = 0;
+    meters.frame = (...rest) => {
+      window.arrived += 1;
+      frame(...rest);
+    };
+  });
+  await page.waitForTimeout(1000 * seconds);
+  return (await page.evaluate(() => window.arrived)) / seconds;
+}
+
+console.log(spawnSync(program, ["--version"]).stdout?.toString().trim());
+console.log("load before:", spawnSync("cut", ["-d", " ", "-f1-3", "/proc/loadavg"]).stdout.toString().trim());
+if (wanted("start")) console.log("start", await startTime());
+if (wanted("drag")) console.log("drag", await dragTime());
+if (wanted("playback")) console.log("playback", await playback());

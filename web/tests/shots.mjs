@@ -1,0 +1,79 @@
+// Pictures of the page for people to look at: light, dark, phone, colours, side by side.
+// node tests/shots.mjs FOLDER [NAME...]
+import { mkdirSync } from "node:fs";
+import { browser, open, place, start } from "./browser.mjs";
+
+const [folder = "shots", ...names] = process.argv.slice(2);
+mkdirSync(folder, { recursive: true });
+const wait = (seconds) => new Promise((done) => setTimeout(done, 1000 * seconds));
+const wanted = (name) => names.length === 0 || names.includes(name);
+
+async function shot(name, { size, scheme = "light", args = [], touch = false }, act) {
+  if (!wanted(name)) return;
+  const served = await start(args);
+  const { context, close } = await browser(size, { colorScheme: scheme, hasTouch: touch, deviceScaleFactor: touch ? 2 : 1 });
+  const errors = [];
+  const page = await open(context, served.url, errors);
+  await act(page);
+  await page.screenshot({ path: `${folder}/${name}.png` });
+  console.log(name, errors);
+  await close();
+  await served.stop();
+}
+
+/** Pulls a vertex across the page, and keeps hold of it. */
+async function pull(page, vertex, [dx, dy]) {
+  const from = await place(page, vertex);
+  await page.mouse.move(from.x, from.y);
+  await page.mouse.down();
+  for (let k = 1; k <= 15; k++) {
+    await page.mouse.move(from.x + (dx * k) / 15, from.y + (dy * k) / 15);
+    await wait(0.04);
+  }
+}
+
+const handle = (page, number) => page.evaluate((n) => window.selvedge.stage.frame.goals[n].vertex, number);
+const choose = (page, id, value) => page.selectOption(`#${id}`, value);
+const desk = { width: 1360, height: 850 };
+
+await shot("light", { size: desk }, async (page) => {
+  await wait(1.5);
+  await pull(page, await handle(page, 1), [60, -130]);
+  await wait(1);
+});
+await shot("dark", { size: desk, scheme: "dark" }, async (page) => {
+  await choose(page, "motion", "snake");
+  await page.click("#play-motion");
+  await wait(5);
+});
+await shot("strain", { size: desk }, async (page) => {
+  await choose(page, "colouring", "strain");
+  await page.check("#edges");
+  await wait(1);
+  await pull(page, await handle(page, 0), [-90, -190]);
+  await wait(0.6);
+});
+await shot("both", { size: desk, args: ["--show", "both"] }, async (page) => {
+  await choose(page, "motion", "test-x-minus-z");
+  await page.click("#play-motion");
+  await wait(6);
+});
+await shot("difference", { size: desk, scheme: "dark", args: ["--show", "both"] }, async (page) => {
+  await choose(page, "colouring", "difference");
+  await choose(page, "motion", "snake");
+  await page.click("#play-motion");
+  await wait(6);
+});
+await shot("phone", { size: { width: 390, height: 844 }, touch: true }, async (page) => {
+  await wait(2);
+});
+await shot("phone-panel", { size: { width: 390, height: 844 }, scheme: "dark", touch: true }, async (page) => {
+  await wait(1);
+  await page.click("#settings");
+  await wait(1);
+});
+await shot("laptop", { size: { width: 1280, height: 720 } }, async (page) => {
+  await choose(page, "mesh", "l-shape");
+  await page.waitForFunction(() => window.selvedge.state.generation === 2, null, { timeout: 60_000 });
+  await wait(2);
+});
