@@ -119,6 +119,14 @@ export class ClothObject {
     (this.lines.material as three.LineBasicMaterial).color.copy(lines);
   }
 
+  /** Leaves out what costs most, the higher the level. */
+  simplify(level: number): void {
+    this.material.sheen = level >= 1 ? 0 : 0.5;
+    this.material.normalMap = level >= 2 ? null : this.material.normalMap;
+    this.surface.receiveShadow = level < 2;
+    this.material.needsUpdate = true;
+  }
+
   private normals(positions: Float32Array): void {
     const attribute = this.geometry.getAttribute("normal") as three.BufferAttribute;
     const normals = attribute.array as Float32Array;

@@ -60,6 +60,7 @@ export class Hands {
     event.stopPropagation();
     this.canvas.setPointerCapture(event.pointerId);
     this.stage.controls.enabled = false;
+    this.stage.dragging = true;
     const selected = this.stage.selected;
     if (hit.isHandle && event.shiftKey) {
       if (!selected.delete(hit.vertex)) selected.add(hit.vertex);
@@ -121,6 +122,7 @@ export class Hands {
     this.grips.delete(event.pointerId);
     if (this.grips.size === 0) {
       this.stage.controls.enabled = true;
+      this.stage.dragging = false;
       this.canvas.style.cursor = "";
     }
     if (grip.isNew && grip.hasMoved && this.letsGo) {

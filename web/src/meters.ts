@@ -55,7 +55,7 @@ export class Meters {
       this.numbers[0] = this.numbers[1];
       this.since = now;
     }
-    element("fps").textContent = `${Math.round(this.fps)} fps`;
+    element("fps").textContent = `${this.fps < 9.5 ? this.fps.toFixed(1) : Math.round(this.fps)} fps`;
     element("steps").textContent = `${Math.round(this.framesPerSecond)} /s`;
     const times = state.tracks.filter((track) => track.kind !== null).map((track) => track.step_ms.toFixed(1));
     element("step-ms").textContent = times.length > 0 ? `${times.join(" + ")} ms` : "–";

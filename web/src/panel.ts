@@ -35,8 +35,8 @@ export class Panel {
     this.shortcuts();
     element("legend-bar").style.background = gradient();
     const narrow = matchMedia("(max-width: 760px)");
-    document.body.classList.toggle("wide", narrow.matches);
-    element("settings").setAttribute("aria-expanded", String(!narrow.matches));
+    this.fold(narrow.matches);
+    narrow.addEventListener("change", () => this.fold(narrow.matches));
   }
 
   get isLive(): boolean {
@@ -112,9 +112,16 @@ export class Panel {
     input("time").addEventListener("input", () => this.command({ do: "seek", frame: Number(input("time").value) }));
     select("rate").addEventListener("change", () => this.command({ do: "rate", rate: Number(select("rate").value) }));
     onClick("settings", () => {
-      const closed = document.body.classList.toggle("wide");
-      element("settings").setAttribute("aria-expanded", String(!closed));
+      this.fold(!document.body.classList.contains("wide"));
     });
+  }
+
+  /** Puts the settings away, or brings them back. */
+  private fold(away: boolean): void {
+    document.body.classList.toggle("wide", away);
+    element("settings").setAttribute("aria-expanded", String(!away));
+    const beside = !away && !matchMedia("(max-width: 760px)").matches;
+    this.stage.cover(beside ? 316 : 0);
   }
 
   private choices(): void {
@@ -178,6 +185,7 @@ export class Panel {
     });
     input("edges").addEventListener("change", () => (this.stage.edgesShown = input("edges").checked));
     input("handles").addEventListener("change", () => (this.stage.handlesShown = input("handles").checked));
+    input("follows").addEventListener("change", () => (this.stage.follows = input("follows").checked));
     input("together").addEventListener("change", () => {
       this.stage.together = input("together").checked;
       this.stage.fit();
@@ -229,7 +237,9 @@ export class Panel {
     const lagging = state.running && state.kept < 0.93 && show.kind === "live" && state.tracks.some((track) => !track.stopped);
     slow.hidden = !lagging;
     if (lagging) {
-      slow.textContent = `A step takes longer than a frame: time runs at ${(state.kept * state.rate).toFixed(2)}× so that nothing stutters`;
+      const step = state.tracks.reduce((sum, track) => sum + track.step_ms, 0);
+      const why = step > 1000 / (state.frame_rate * state.rate) ? "A step takes longer than a frame" : "This machine is busy";
+      slow.textContent = `${why}: time runs at ${(state.kept * state.rate).toFixed(2)}×`;
     }
   }
 

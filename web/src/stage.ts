@@ -3,12 +3,16 @@
 import * as three from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { ClothObject, weave, type Look, type Shared } from "./cloth";
+import { Floor } from "./floor";
+import { Quality } from "./quality";
 import { Edges, colourMap, difference, speed, type Colouring } from "./colours";
 import type { Cloth, Frame, Goal } from "./protocol";
 
 export interface Theme {
   background: string;
+  /** The floor where the light falls, and its lines. */
   floor: string;
+  grid: string;
   lines: string;
   handle: string;
   looks: [Look, Look];
@@ -21,27 +25,29 @@ const colour = (text: string) => new three.Color(text);
 
 export const THEMES: Record<"light" | "dark", Theme> = {
   light: {
-    background: "#ece8e1",
-    floor: "#ece8e1",
+    background: "#e6e2db",
+    floor: "#f6f3ee",
+    grid: "#b9b1a4",
     lines: "#1c2733",
     handle: "#d1495b",
     looks: [
-      { front: colour("#3f6f9f"), back: colour("#d9a25f") },
-      { front: colour("#4e8368"), back: colour("#d9a25f") },
+      { front: colour("#d9a25f"), back: colour("#3f6f9f") },
+      { front: colour("#d9a25f"), back: colour("#4e8368") },
     ],
-    shadow: 0.3,
+    shadow: 0.26,
     exposure: 1.05,
   },
   dark: {
-    background: "#15181d",
-    floor: "#15181d",
+    background: "#14171c",
+    floor: "#272c35",
+    grid: "#4a5361",
     lines: "#e6edf5",
     handle: "#ff6b7d",
     looks: [
-      { front: colour("#5b93c9"), back: colour("#e0ac68") },
-      { front: colour("#63a585"), back: colour("#e0ac68") },
+      { front: colour("#e0ac68"), back: colour("#5b93c9") },
+      { front: colour("#e0ac68"), back: colour("#63a585") },
     ],
-    shadow: 0.55,
+    shadow: 0.6,
     exposure: 0.95,
   },
 };
@@ -63,6 +69,10 @@ export class Stage {
   handlesShown = true;
   colouring: Colouring = "plain";
   together = false;
+  /** Whether the view goes where the cloth goes. */
+  follows = true;
+  /** Whether a hand drags: the view then stays, or it would run away from the hand. */
+  dragging = false;
   /** The last frame that was put in place. */
   frame: Frame | null = null;
   /** What full colour stands for, in SI; only the difference finds its own. */
@@ -71,7 +81,8 @@ export class Stage {
   private readonly scene = new three.Scene();
   private readonly sun = new three.DirectionalLight(0xfff4e6, 2.6);
   private readonly sky = new three.HemisphereLight(0xf3f6ff, 0xb5a794, 1.5);
-  private readonly floor: three.Mesh;
+  private readonly floor = new Floor();
+  private readonly quality = new Quality();
   private readonly shared: Shared = { map: colourMap(), weave: weave() };
   private readonly knobs: three.InstancedMesh;
   private readonly leads: three.LineSegments;
@@ -81,6 +92,9 @@ export class Stage {
   private before: Frame | null = null;
   private theme: Theme = THEMES.light;
   private width = 1;
+  private covered = 0;
+  private readonly center = new three.Vector3();
+  private followed = performance.now();
   private fitted = false;
 
   constructor(private readonly canvas: HTMLCanvasElement) {
@@ -96,9 +110,6 @@ export class Stage {
     this.controls.maxPolarAngle = Math.PI * 0.62;
     // Arrows move the handles, not the camera.
     this.controls.keys = { LEFT: "", UP: "", RIGHT: "", BOTTOM: "" };
-    this.floor = new three.Mesh(new three.CircleGeometry(40, 64), new three.ShadowMaterial({ opacity: 0.3 }));
-    this.floor.rotation.x = -Math.PI / 2;
-    this.floor.receiveShadow = true;
     this.light();
     this.knobs = this.makeKnobs();
     this.leads = new three.LineSegments(
@@ -106,7 +117,7 @@ export class Stage {
       new three.LineBasicMaterial({ transparent: true, opacity: 0.7 }),
     );
     this.leads.frustumCulled = false;
-    this.scene.add(this.sun, this.sun.target, this.sky, this.floor, this.knobs, this.leads);
+    this.scene.add(this.sun, this.sun.target, this.sky, this.floor.group, this.knobs, this.leads);
     this.setTheme("light");
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
     this.resize();
@@ -115,8 +126,7 @@ export class Stage {
   setTheme(name: "light" | "dark"): void {
     this.theme = THEMES[name];
     this.scene.background = colour(this.theme.background);
-    this.scene.fog = new three.Fog(this.theme.background, 8, 26);
-    (this.floor.material as three.ShadowMaterial).opacity = this.theme.shadow;
+    this.floor.look(this.theme);
     this.renderer.toneMappingExposure = this.theme.exposure;
     this.knobs.material = new three.MeshStandardMaterial({ color: this.theme.handle, roughness: 0.35 });
     (this.leads.material as three.LineBasicMaterial).color.set(this.theme.handle);
@@ -149,8 +159,15 @@ export class Stage {
     if (this.frame && this.cloth) {
       this.arrange(this.frame);
       if (!this.fitted) this.fit();
+      else this.follow();
     }
     this.renderer.render(this.scene, this.camera);
+    if (this.quality.drawn()) this.lower();
+  }
+
+  /** How much is left out of the picture so that it keeps up, from 0. */
+  get level(): number {
+    return this.quality.level;
   }
 
   get trackCount(): number {
@@ -219,13 +236,13 @@ export class Stage {
     const size = box.getSize(new three.Vector3());
     const vertical = Math.tan((this.camera.fov * Math.PI) / 360);
     const horizontal = vertical * this.camera.aspect;
-    const distance = 1.45 * Math.max((size.y / 2 + 0.08) / vertical, (size.z / 2 + 0.1) / horizontal) + size.x / 2;
+    const distance = 1.62 * Math.max((size.y / 2 + 0.08) / vertical, (size.z / 2 + 0.1) / horizontal) + size.x / 2;
     const direction = new three.Vector3(1, 0.16, this.objects.length > 1 ? 0.12 : 0.42).normalize();
-    this.controls.target.copy(center).add(new three.Vector3(0, -0.04 * size.y, 0));
-    this.camera.position.copy(center).addScaledVector(direction, distance);
-    this.floor.position.y = box.min.y - 0.35 * Math.max(size.y, 0.5);
-    this.sun.position.copy(center).add(new three.Vector3(1.6, 3.4, 1.3));
-    this.sun.target.position.copy(center);
+    this.controls.target.copy(center).add(new three.Vector3(0, -0.02 * size.y, 0));
+    this.camera.position.copy(this.controls.target).addScaledVector(direction, distance);
+    this.floor.group.position.set(center.x, box.min.y - 0.3 * Math.max(size.y, 0.5), center.z);
+    this.center.copy(this.handleCenter());
+    this.shine(center);
     const reach = Math.max(size.z, size.y, 1) * 1.5 + 0.8;
     Object.assign(this.sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
     this.sun.shadow.camera.updateProjectionMatrix();
@@ -233,11 +250,60 @@ export class Stage {
     this.fitted = true;
   }
 
+  /** Has the light fall on `center`. */
+  private shine(center: three.Vector3): void {
+    this.sun.position.copy(center).add(new three.Vector3(2.5, 3.4, 1.5));
+    this.sun.target.position.copy(center);
+  }
+
+  /** Takes the view along with the handles, gently. */
+  private follow(): void {
+    const now = performance.now();
+    const seconds = Math.min((now - this.followed) / 1000, 0.5);
+    this.followed = now;
+    if (!this.follows || this.dragging) return;
+    const away = this.handleCenter().sub(this.center);
+    // Cloth that falls, or was thrown, is let go.
+    if (away.length() > 50) return;
+    const step = away.multiplyScalar(1 - Math.exp(-3 * seconds));
+    this.center.add(step);
+    this.controls.target.add(step);
+    this.camera.position.add(step);
+    this.shine(this.sun.target.position.clone().add(step));
+    this.floor.group.position.x = this.center.x;
+    this.floor.group.position.z = this.center.z;
+    this.floor.at(this.center);
+  }
+
+  private handleCenter(): three.Vector3 {
+    const center = new three.Vector3();
+    const goals = this.frame?.goals ?? [];
+    for (const { vertex } of goals) center.add(this.point(0, vertex));
+    if (goals.length === 0) return this.center.clone();
+    center.divideScalar(goals.length);
+    center.z -= this.offset(0);
+    return center;
+  }
+
+  /** Leaves something out, so that drawing keeps up on this machine. */
+  private lower(): void {
+    const level = this.quality.level;
+    const size = level >= 2 ? 256 : 512;
+    this.sun.shadow.mapSize.set(size, size);
+    this.sun.shadow.blurSamples = level >= 2 ? 6 : 10;
+    this.sun.shadow.radius = level >= 2 ? 3 : 6;
+    this.sun.shadow.map?.dispose();
+    this.sun.shadow.map = null;
+    this.sun.castShadow = level < 3;
+    this.objects.forEach((object) => object.simplify(level));
+    this.resize(false);
+  }
+
   private light(): void {
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(1024, 1024);
-    this.sun.shadow.radius = 7;
-    this.sun.shadow.blurSamples = 16;
+    this.sun.shadow.radius = 12;
+    this.sun.shadow.blurSamples = 20;
     this.sun.shadow.bias = -0.0006;
     this.sun.shadow.camera.near = 0.1;
     this.sun.shadow.camera.far = 14;
@@ -258,13 +324,22 @@ export class Stage {
     return knobs;
   }
 
-  private resize(): void {
+  /** How much of the room the panel covers on the right, in pixels. */
+  cover(pixels: number): void {
+    this.covered = pixels;
+    this.resize();
+  }
+
+  private resize(anew = true): void {
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    const most = [2, 1, 0.75, 0.5][this.quality.level]!;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, most));
     this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / Math.max(height, 1);
-    this.camera.updateProjectionMatrix();
-    if (this.frame && this.objects.length > 0) this.fit();
+    // What the panel covers is not looked at: the middle of the view is that of the rest.
+    const covered = Math.min(this.covered, width / 2);
+    this.camera.aspect = (width - covered) / Math.max(height, 1);
+    this.camera.setViewOffset(width - covered, height, 0, 0, width, height);
+    if (anew && this.frame && this.objects.length > 0) this.fit();
   }
 
   private arrange(frame: Frame): void {
@@ -274,7 +349,10 @@ export class Stage {
         object.dispose();
       });
       this.objects = frame.tracks.map(() => new ClothObject(this.cloth!, this.edges!, this.shared));
-      this.objects.forEach((object) => this.scene.add(object.group));
+      this.objects.forEach((object) => {
+        object.simplify(this.quality.level);
+        this.scene.add(object.group);
+      });
       this.width = spread(frame.tracks) * 1.18 + 0.1;
       this.fitted = false;
     }

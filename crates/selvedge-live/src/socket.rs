@@ -101,8 +101,13 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
                 return Err(Closing::new(close_code::AWAY, "the program has ended"));
             }
             message = socket.recv() => {
-                let Some(Ok(message)) = message else {
-                    return Err(Closing::gone());
+                let message = match message {
+                    Some(Ok(message)) => message,
+                    // Longer than allowed, or no WebSocket at all.
+                    Some(Err(error)) => {
+                        return Err(Closing::new(close_code::SIZE, error.to_string()));
+                    }
+                    None => return Err(Closing::gone()),
                 };
                 match take(message, &mut allowance)? {
                     Some(ClientMessage::Ready(_)) => on_the_way = on_the_way.saturating_sub(1),

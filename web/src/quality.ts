@@ -1,0 +1,36 @@
+// Whether drawing keeps up: where it does not, something is left out of the picture, step by step, until it does.
+
+/** A picture may take this long on average, ms. */
+const SLOW = 42;
+/** So many pictures are looked at before something is left out, and so much time at least, ms. */
+const PICTURES = 4;
+const TIME = 800;
+const LEAST = 3;
+
+export class Quality {
+  level = 0;
+  private since = 0;
+  private last = 0;
+  private pictures = 0;
+
+  /** A picture was drawn; says whether something more is to be left out. */
+  drawn(): boolean {
+    const now = performance.now();
+    // A page that was hidden draws nothing, and is not slow.
+    if (now - this.last > 3000 || document.hidden) {
+      this.since = now;
+      this.pictures = 0;
+    } else {
+      this.pictures += 1;
+    }
+    this.last = now;
+    const over = now - this.since;
+    if (this.pictures < PICTURES || over < TIME) return false;
+    const each = over / this.pictures;
+    this.since = now;
+    this.pictures = 0;
+    if (each < SLOW || this.level >= LEAST) return false;
+    this.level = Math.min(this.level + (each > 4 * SLOW ? 2 : 1), LEAST);
+    return true;
+  }
+}
