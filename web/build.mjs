@@ -23,6 +23,10 @@ await build({
   legalComments: "eof",
   outfile: `${out}/viewer.js`,
 });
+// Shaders are text, and some of their lines end in spaces.
+const script = readFileSync(`${out}/viewer.js`, "utf8");
+writeFileSync(`${out}/viewer.js`, script.replace(/[ \t]+$/gm, ""));
+copyFileSync("node_modules/three/LICENSE", `${out}/LICENSE-three.txt`);
 await build({ entryPoints: ["src/viewer.css"], minify: true, outfile: `${out}/viewer.css` });
 for (const name of ["index.html", "icon.svg"]) {
   copyFileSync(`src/${name}`, `${out}/${name}`);

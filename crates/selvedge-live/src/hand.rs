@@ -153,9 +153,9 @@ impl Hands {
         let carry = |p: DVec3| center + turn * (p - center) + self.drift * dt;
         for hand in &mut self.hands {
             hand.goal = carry(hand.goal);
+            hand.position = carry(hand.position);
             hand.velocity = follow(hand, &left, dt);
-            let own = hand.velocity * dt;
-            hand.position = carry(hand.position) + own;
+            hand.position += hand.velocity * dt;
             if hand.position.distance_squared(hand.goal) < 1e-18 {
                 hand.position = hand.goal;
             }

@@ -134,16 +134,11 @@ fn who_does_not_read_holds_nobody_up() {
     );
     // Those who say nothing get three frames and no more, whatever happens meanwhile.
     for mut page in silent.into_iter().take(2) {
-        page.socket
-            .get_ref()
-            .set_read_timeout(Some(Duration::from_millis(500)))
-            .unwrap();
         let mut frames = 0;
-        for _ in 0..200 {
-            match page.socket.read() {
-                Ok(Message::Binary(bytes)) if bytes[1] == 4 => frames += 1,
-                Ok(_) => {}
-                Err(_) => break,
+        // States come all the time: after these, every frame that was sent has been read.
+        for _ in 0..20 {
+            if let Ok(Message::Binary(bytes)) = page.socket.read() {
+                frames += usize::from(bytes[1] == 4);
             }
         }
         assert_eq!(frames, 3, "of {}", last - first);

@@ -3,6 +3,7 @@
 //! The cloth is two triangles; each step its free vertices go where the mean of the handles has gone.
 
 #![allow(dead_code, reason = "each test uses its part")]
+#![allow(clippy::unwrap_used, reason = "of tests only")]
 
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
@@ -22,7 +23,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::http::Request;
 use tungstenite::{Message, WebSocket};
 
-pub const CORNERS: [Vec3; 4] = [
+pub(crate) const CORNERS: [Vec3; 4] = [
     Vec3::ZERO,
     Vec3::new(0.0, 0.0, 1.0),
     Vec3::new(0.0, -1.0, 0.0),
@@ -180,13 +181,13 @@ impl Workshop for FollowerWorkshop {
 }
 
 /// A session that is served.
-pub struct Served {
-    pub session: RunningSession,
-    pub server: RunningServer,
+pub(crate) struct Served {
+    pub(crate) session: RunningSession,
+    pub(crate) server: RunningServer,
 }
 
 /// Serves a session of which a step takes `cost`, recording to `folder`.
-pub fn served(cost: Duration, folder: PathBuf) -> Served {
+pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
     let opening = Opening {
         order: Order {
             scene: "corners".to_owned(),
@@ -208,12 +209,12 @@ pub fn served(cost: Duration, folder: PathBuf) -> Served {
 }
 
 impl Served {
-    pub fn close(self) {
+    pub(crate) fn close(self) {
         self.server.close();
         self.session.close();
     }
 
-    pub fn connect(&self) -> TcpStream {
+    pub(crate) fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.server.address()).unwrap();
         stream
             .set_read_timeout(Some(Duration::from_secs(10)))
@@ -224,7 +225,7 @@ impl Served {
         stream
     }
 
-    pub fn request(&self) -> Request<()> {
+    pub(crate) fn request(&self) -> Request<()> {
         let uri = format!("ws://{}/socket", self.server.address());
         let mut request = uri.into_client_request().unwrap();
         let headers = request.headers_mut();
@@ -233,13 +234,13 @@ impl Served {
     }
 
     /// A page that has come in.
-    pub fn page(&self) -> Page {
+    pub(crate) fn page(&self) -> Page {
         let (socket, _) = tungstenite::client(self.request(), self.connect()).unwrap();
         Page { socket }
     }
 
     /// The status with which a request for a socket is answered.
-    pub fn status(&self, change: impl FnOnce(&mut Request<()>)) -> u16 {
+    pub(crate) fn status(&self, change: impl FnOnce(&mut Request<()>)) -> u16 {
         let mut request = self.request();
         change(&mut request);
         match tungstenite::client(request, self.connect()) {
@@ -253,30 +254,30 @@ impl Served {
 }
 
 /// The client's side of the wire.
-pub struct Page {
-    pub socket: WebSocket<TcpStream>,
+pub(crate) struct Page {
+    pub(crate) socket: WebSocket<TcpStream>,
 }
 
 /// A frame as it came.
 #[derive(Clone, Debug)]
-pub struct Frame {
-    pub number: u32,
-    pub drag: [u32; 2],
-    pub handles: Vec<u32>,
-    pub tracks: Vec<Vec<Vec3>>,
+pub(crate) struct Frame {
+    pub(crate) number: u32,
+    pub(crate) drag: [u32; 2],
+    pub(crate) handles: Vec<u32>,
+    pub(crate) tracks: Vec<Vec<Vec3>>,
 }
 
 impl Page {
-    pub fn send(&mut self, kind: u8, body: &[u8]) {
+    pub(crate) fn send(&mut self, kind: u8, body: &[u8]) {
         let bytes = [&[1, kind, 0, 0], body].concat();
         self.socket.send(Message::Binary(bytes.into())).unwrap();
     }
 
-    pub fn command(&mut self, json: &str) {
+    pub(crate) fn command(&mut self, json: &str) {
         self.send(19, json.as_bytes());
     }
 
-    pub fn drag(&mut self, number: u32, vertex: u32, goal: Vec3) {
+    pub(crate) fn drag(&mut self, number: u32, vertex: u32, goal: Vec3) {
         let mut body = Vec::new();
         for word in [number, 1, vertex] {
             body.extend(word.to_le_bytes());
@@ -288,7 +289,7 @@ impl Page {
     }
 
     /// The next binary message; frames are acknowledged.
-    pub fn next(&mut self) -> Result<Vec<u8>, tungstenite::Error> {
+    pub(crate) fn next(&mut self) -> Result<Vec<u8>, tungstenite::Error> {
         loop {
             match self.socket.read()? {
                 Message::Binary(bytes) => {
@@ -305,7 +306,7 @@ impl Page {
     }
 
     /// The next frame for which `wanted`.
-    pub fn frame(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
+    pub(crate) fn frame(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
         let until = Instant::now() + Duration::from_secs(10);
         while Instant::now() < until {
             let bytes = self.next().unwrap();
@@ -320,7 +321,7 @@ impl Page {
     }
 
     /// The next state for which `wanted`.
-    pub fn state(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub(crate) fn state(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
         let until = Instant::now() + Duration::from_secs(10);
         while Instant::now() < until {
             let bytes = self.next().unwrap();
@@ -335,7 +336,7 @@ impl Page {
     }
 
     /// Code and reason with which the server closes.
-    pub fn closed(mut self) -> (u16, String) {
+    pub(crate) fn closed(mut self) -> (u16, String) {
         let until = Instant::now() + Duration::from_secs(10);
         while Instant::now() < until {
             match self.socket.read() {

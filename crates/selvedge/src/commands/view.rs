@@ -75,7 +75,7 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
     };
     let mut facts = Facts::new();
     facts.add("served", &report.address);
-    Ok(Answer::new(facts, &report)?)
+    Answer::new(facts, &report)
 }
 
 /// Says where the page is, and opens it if that is wanted.
