@@ -85,7 +85,7 @@ fn two_models_stand_side_by_side_as_each_stands_alone() {
     assert_eq!(one, number(&rows[0], "/horizons/0/last_position_rmse"));
     assert!(one < number(&rows[0], "/horizons/1/position_rmse"));
     assert_eq!(both["means"][0]["motions"], 1);
-    assert_eq!(both["meshes"][0]["mesh"], "square, 36 vertices");
+    assert_eq!(both["meshes"][0]["mesh"], "square, 36 vertices, 2 handles");
 }
 
 #[test]
@@ -101,6 +101,16 @@ fn calls_that_make_no_sense_are_refused() {
         "evaluate --model rigid=run/model.safetensors --data tiny",
         2,
         &["rigid"],
+    );
+    desk.fails(
+        &format!("evaluate {model} --data tiny --steps 1,61"),
+        2,
+        &["steps: 61 fit into no trajectory", "60 steps"],
+    );
+    desk.fails(
+        &format!("evaluate {model} --data tiny --data ./tiny"),
+        2,
+        &["--data ./tiny: stands twice"],
     );
     desk.fails(
         &format!("evaluate {model} --data tiny --steps 0"),

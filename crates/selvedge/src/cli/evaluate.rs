@@ -37,9 +37,10 @@ pub(crate) struct EvaluateArgs {
     /// Only these motions, separated by commas.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) motions: Vec<String>,
-    /// Errors over so many steps from the truth, separated by commas.
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,5,10,20,50,100,200", value_parser = clap::value_parser!(u32).range(1..))]
-    steps: Vec<u32>,
+    /// Errors over so many steps from the truth, separated by commas [default: those of
+    /// 1,5,10,20,50,100,200 that fit].
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) steps: Option<Vec<u32>>,
     /// True frames per trajectory from which these steps start.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     starts: u32,
@@ -60,7 +61,10 @@ pub(crate) struct EvaluateArgs {
 impl EvaluateArgs {
     /// The runs of k steps that are asked for.
     pub(crate) fn horizons(&self) -> Horizons {
-        Horizons::new(self.steps.iter().map(|&k| k as usize), self.starts as usize)
+        let asked = self.steps.as_ref();
+        let asked = asked.map(|steps| steps.iter().map(|&k| k as usize).collect());
+        let steps: Vec<usize> = asked.unwrap_or_else(|| Horizons::USUAL.to_vec());
+        Horizons::new(steps.into_iter(), self.starts as usize)
     }
 }
 

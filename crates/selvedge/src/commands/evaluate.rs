@@ -4,6 +4,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use selvedge_data::write_atomically;
 use serde::Serialize;
 use serde_json::Value;
@@ -11,8 +12,8 @@ use serde_json::Value;
 use super::dataset;
 use crate::cli::EvaluateArgs;
 use crate::evaluation::{
-    Contestant, Evaluation, Measures, Plan, Racer, Row, Summary, TestData, Timing, Who, evaluate,
-    summary,
+    Contestant, Evaluation, Measures, Plan, Racer, Row, Summary, TestData, Timing, Who,
+    check_horizons, evaluate, summary,
 };
 use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts, Table, length, percent};
@@ -66,10 +67,14 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     let rivals = Contestant::rivals().into_iter();
     contestants.extend(rivals.filter(|rival| !(args.no_mirror && rival.who() == Who::Mirror)));
     let data = open_data(args)?;
+    let horizons = args.horizons();
+    if args.steps.is_some() {
+        check_horizons(&data, &horizons)?;
+    }
     let plan = Plan {
         data: &data,
         contestants: &contestants,
-        horizons: &args.horizons(),
+        horizons: &horizons,
         threads: args.threads.map(usize::from),
     };
     let (evaluation, end) = evaluate(&plan)?;
@@ -175,8 +180,16 @@ fn short_name(file: &Path) -> String {
 
 fn open_data(args: &EvaluateArgs) -> anyhow::Result<Vec<TestData>> {
     let mut all: Vec<TestData> = Vec::with_capacity(args.data.len());
+    let mut seen = Vec::with_capacity(args.data.len());
     for folder in &args.data {
         let data = dataset::open(folder)?;
+        let place = std::fs::canonicalize(folder)
+            .with_context(|| format!("{}: could not be found", folder.display()))?;
+        if seen.contains(&place) {
+            let problem = format!("--data {}: stands twice", folder.display());
+            return Err(WrongUsage::new(problem).into());
+        }
+        seen.push(place);
         let name = data.index().name.clone();
         let name = match all.iter().any(|other| other.name == name) {
             true => folder.display().to_string(),
@@ -272,6 +285,8 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
 
 /// A line for each run, and the means of everyone.
 fn runs_table(rows: &[Row], means: &[Mean]) -> Table {
+    let first = rows.first().map(|row| &row.data);
+    let is_one = rows.iter().all(|row| Some(&row.data) == first);
     let mut table = Table::new([
         "motion",
         "who",
@@ -284,8 +299,12 @@ fn runs_table(rows: &[Row], means: &[Mean]) -> Table {
         "last second",
     ]);
     for row in rows {
+        let motion = match is_one {
+            true => row.motion.clone(),
+            false => format!("{}: {}", row.data, row.motion),
+        };
         table.row(cells(
-            &row.motion,
+            &motion,
             &row.name,
             row.measures.as_ref(),
             row.unstable_frame,

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use serde::Serialize;
 
 use crate::cli::StudyArgs;
@@ -25,7 +26,8 @@ struct Answered {
 pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     place::make_folder(&args.out)?;
-    let outcome = study::run(&study, &args.out, args.threads)?;
+    let outcome = study::run(&study, &args.out, args.threads)
+        .with_context(|| format!("study {}", args.study))?;
     let answered = Answered {
         title: study.title,
         out: args.out.clone(),

@@ -2,9 +2,10 @@
 //! it, and is fed with its own output from then on.
 //!
 //! Over k steps: √(mean over starts, the k frames after each and vertices of |p - p̂|²), as in
-//! MeshGraphNets (Pfaff et al. 2021); at the last of them: the same over the k-th frame alone. All k
-//! share their starts, spread evenly over where the longest run still fits. A rival that knows no
-//! truth is measured on the same frames of its one whole run.
+//! MeshGraphNets (Pfaff et al. 2021); at the last of them: the same over the k-th frame alone. Each k
+//! has starts of its own, spread evenly from the first frame to the last that leaves room for k, so
+//! that its error does not depend on which other k are asked for. A rival that knows no truth is
+//! measured on the same frames of its one whole run.
 
 use glam::Vec3;
 use selvedge_data::{Frames, Trajectory, metrics};
@@ -36,14 +37,22 @@ pub(crate) struct Horizon {
     pub(crate) edge_length_rmse: f64,
 }
 
-/// Squares of the errors of each frame after a start `[m²]`, summed over starts.
+/// Squares of errors, summed over frames and starts.
+#[derive(Default)]
 struct Sums {
-    position: Vec<f64>,
-    edge_length: Vec<f64>,
+    /// `[m²]`.
+    position: f64,
+    /// Of the last frames `[m²]`.
+    last_position: f64,
+    /// `[m²]`.
+    edge_length: f64,
     starts: usize,
 }
 
 impl Horizons {
+    /// Numbers of steps where nobody asks for others.
+    pub(crate) const USUAL: [usize; 7] = [1, 5, 10, 20, 50, 100, 200];
+
     /// Each number of steps once.
     pub(crate) fn new(steps: impl Iterator<Item = usize>, starts: usize) -> Self {
         let mut steps: Vec<usize> = steps.collect();
@@ -54,24 +63,16 @@ impl Horizons {
 
     /// Steps of all runs along a trajectory of so many frames.
     pub(crate) fn steps_in(&self, frames: usize) -> usize {
-        let longest = self.longest(frames);
-        longest * self.starts_in(frames).len()
+        let of = |&steps: &usize| steps * self.starts_of(steps, frames).len();
+        self.steps.iter().map(of).sum()
     }
 
-    /// The longest run that fits into `frames`; 0 where none does.
-    fn longest(&self, frames: usize) -> usize {
-        let fits = |steps: &&usize| **steps < frames;
-        self.steps.iter().filter(fits).max().copied().unwrap_or(0)
-    }
-
-    /// First frames of the runs, rising: from the first frame to the last that leaves room for the
-    /// longest run; the middle of these where there is one start.
-    fn starts_in(&self, frames: usize) -> Vec<usize> {
-        let longest = self.longest(frames);
-        if longest == 0 {
+    /// First frames of the runs of so many steps, rising: from the first frame to the last that
+    /// leaves room for them; the middle of these where there is one start; none where there is no room.
+    fn starts_of(&self, steps: usize, frames: usize) -> Vec<usize> {
+        let Some(last) = frames.checked_sub(1 + steps) else {
             return Vec::new();
-        }
-        let last = frames - 1 - longest;
+        };
         match self.starts.min(last + 1) {
             0 => Vec::new(),
             1 => vec![last / 2],
@@ -90,72 +91,73 @@ impl Horizons {
         mut run: impl FnMut(usize, usize) -> anyhow::Result<Vec<Vec3>>,
     ) -> anyhow::Result<Vec<Horizon>> {
         let frames = truth.frame_count();
-        let longest = self.longest(frames);
-        let mut sums = Sums::new(longest);
-        for start in self.starts_in(frames) {
-            let positions = run(start, longest)?;
+        self.each(frames, |start, steps| {
+            let positions = run(start, steps)?;
             let after = truth.frames().last(frames - start);
             let run = Frames::new(&positions, truth.vertex_count())?;
             let position = metrics::per_frame_rmse(after, run)?;
             let edges = metrics::per_frame_edge_length_rmse(after, run, truth.topology())?;
-            sums.add(&position[1..], &edges[1..]);
-        }
-        Ok(self.errors(&sums))
+            Ok([position, edges].map(|errors| errors[1..].to_vec()))
+        })
     }
 
     /// The errors on the same frames of one whole run.
     pub(crate) fn of_whole_run(&self, curves: &Curves, frames: usize) -> Vec<Horizon> {
-        let longest = self.longest(frames);
-        let mut sums = Sums::new(longest);
-        for start in self.starts_in(frames) {
-            let after = |curve: &[f64]| {
-                let reached = curve.len().min(start + longest + 1);
+        let errors = self.each(frames, |start, steps| {
+            let curves = [&curves.position_rmse, &curves.edge_length_rmse];
+            Ok(curves.map(|curve| {
+                let reached = curve.len().min(start + steps + 1);
                 curve.get(start + 1..reached).unwrap_or_default().to_vec()
-            };
-            let edges = after(&curves.edge_length_rmse);
-            sums.add(&after(&curves.position_rmse), &edges);
-        }
-        self.errors(&sums)
+            }))
+        });
+        errors.unwrap_or_default()
     }
 
-    fn errors(&self, sums: &Sums) -> Vec<Horizon> {
-        let reached = sums.position.len();
-        let kept = self.steps.iter().filter(|steps| **steps <= reached);
-        let count = sums.starts as f64;
-        kept.map(|&steps| {
-            let over = |squares: &[f64]| {
-                (squares[..steps].iter().sum::<f64>() / (count * steps as f64)).sqrt()
-            };
-            Horizon {
-                steps,
-                position_rmse: over(&sums.position),
-                last_position_rmse: (sums.position[steps - 1] / count).sqrt(),
-                edge_length_rmse: over(&sums.edge_length),
+    /// The errors over each number of steps that fits, from those of position and edge length `[m]` in
+    /// each frame after each start. None where a run ended early: a mean over the other starts would
+    /// be one over the easier ones.
+    fn each(
+        &self,
+        frames: usize,
+        mut run: impl FnMut(usize, usize) -> anyhow::Result<[Vec<f64>; 2]>,
+    ) -> anyhow::Result<Vec<Horizon>> {
+        let mut errors = Vec::new();
+        for &steps in &self.steps {
+            let mut sums = Sums::default();
+            let starts = self.starts_of(steps, frames);
+            for &start in &starts {
+                let [position, edges] = run(start, steps)?;
+                if position.len() < steps {
+                    break;
+                }
+                sums.add(&position, &edges);
             }
-        })
-        .collect()
+            if !starts.is_empty() && sums.starts == starts.len() {
+                errors.push(sums.errors(steps));
+            }
+        }
+        Ok(errors)
     }
 }
 
 impl Sums {
-    fn new(longest: usize) -> Self {
-        Self {
-            position: vec![0.0; longest],
-            edge_length: vec![0.0; longest],
-            starts: 0,
-        }
+    fn add(&mut self, position: &[f64], edge_length: &[f64]) {
+        let squares = |errors: &[f64]| errors.iter().map(|e| e * e).sum::<f64>();
+        self.position += squares(position);
+        self.last_position += position.last().map_or(0.0, |e| e * e);
+        self.edge_length += squares(edge_length);
+        self.starts += 1;
     }
 
-    /// Adds a run. Where it ends early, all end there: a mean over some of the starts would be one
-    /// over the easier ones.
-    fn add(&mut self, position: &[f64], edge_length: &[f64]) {
-        let add = |sums: &mut Vec<f64>, errors: &[f64]| {
-            sums.truncate(errors.len());
-            sums.iter_mut().zip(errors).for_each(|(s, e)| *s += e * e);
-        };
-        add(&mut self.position, position);
-        add(&mut self.edge_length, edge_length);
-        self.starts += 1;
+    fn errors(&self, steps: usize) -> Horizon {
+        let starts = self.starts as f64;
+        let frames = starts * steps as f64;
+        Horizon {
+            steps,
+            position_rmse: (self.position / frames).sqrt(),
+            last_position_rmse: (self.last_position / starts).sqrt(),
+            edge_length_rmse: (self.edge_length / frames).sqrt(),
+        }
     }
 }
 
@@ -164,20 +166,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn starts_are_spread_evenly_and_leave_room_for_the_longest_run() {
-        let horizons = |steps: &[usize], starts| Horizons {
-            steps: steps.to_vec(),
+    fn starts_are_spread_evenly_and_leave_room_for_the_run() {
+        let horizons = |starts| Horizons {
+            steps: vec![1, 20],
             starts,
         };
-        let five = horizons(&[1, 20], 5);
-        assert_eq!(five.starts_in(61), [0, 10, 20, 30, 40]);
-        assert_eq!(five.steps_in(61), 100);
-        // More starts than frames, a run that does not fit, one start, none.
-        assert_eq!(horizons(&[5], 9).starts_in(8), [0, 1, 2]);
-        assert_eq!(five.starts_in(20), [0, 4, 9, 13, 18]);
-        assert_eq!(horizons(&[20], 1).starts_in(61), [20]);
-        assert!(horizons(&[20], 3).starts_in(20).is_empty());
-        assert!(horizons(&[], 3).starts_in(20).is_empty());
+        let five = horizons(5);
+        assert_eq!(five.starts_of(20, 61), [0, 10, 20, 30, 40]);
+        assert_eq!(five.starts_of(1, 61), [0, 14, 29, 44, 59]);
+        assert_eq!(five.steps_in(61), 5 + 100);
+        // More starts than frames, a run that does not fit, one start.
+        assert_eq!(horizons(9).starts_of(5, 8), [0, 1, 2]);
+        assert!(five.starts_of(20, 20).is_empty());
+        assert_eq!(five.steps_in(20), 5);
+        assert_eq!(horizons(1).starts_of(20, 61), [20]);
     }
 
     #[test]
@@ -192,15 +194,15 @@ mod tests {
             steps: vec![1, 2, 5],
             starts: 2,
         };
-        // The longest of 5 leaves starts 0 and 4.
         let errors = horizons.of_whole_run(&curves, 10);
         let rms = |frames: &[f64]| {
             let squares: f64 = frames.iter().map(|f| f * f).sum();
             (squares / frames.len() as f64).sqrt()
         };
+        // From the first frame and from the last that leaves room: 8, 7 and 4.
         let expected = [
-            (1, rms(&[1.0, 5.0]), rms(&[1.0, 5.0])),
-            (2, rms(&[1.0, 2.0, 5.0, 6.0]), rms(&[2.0, 6.0])),
+            (1, rms(&[1.0, 9.0]), rms(&[1.0, 9.0])),
+            (2, rms(&[1.0, 2.0, 8.0, 9.0]), rms(&[2.0, 9.0])),
             (
                 5,
                 rms(&[1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 6.0, 7.0, 8.0, 9.0]),
@@ -214,12 +216,17 @@ mod tests {
             assert!((error.last_position_rmse - 2.0 * last).abs() < 1e-14);
             assert!((error.edge_length_rmse - over).abs() < 1e-14);
         }
-        // A run that ended after frame 6: from start 4 only two steps were reached.
+        // What k is asked for beside it changes nothing.
+        let alone = Horizons {
+            steps: vec![2],
+            starts: 2,
+        };
+        assert_eq!(alone.of_whole_run(&curves, 10), errors[1..2]);
+        // A run that ended after frame 8: the second starts of 1 and 2 steps are not reached, nor is
+        // that of 5.
         let mut short = curves;
-        short.position_rmse.truncate(7);
-        short.edge_length_rmse.truncate(7);
-        let errors = horizons.of_whole_run(&short, 10);
-        let steps: Vec<usize> = errors.iter().map(|error| error.steps).collect();
-        assert_eq!(steps, [1, 2]);
+        short.position_rmse.truncate(9);
+        short.edge_length_rmse.truncate(9);
+        assert!(horizons.of_whole_run(&short, 10).is_empty());
     }
 }

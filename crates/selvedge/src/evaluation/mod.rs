@@ -12,6 +12,7 @@
 mod contestant;
 mod horizons;
 mod measures;
+mod meshes;
 mod summary;
 mod timing;
 mod workers;
@@ -26,6 +27,7 @@ pub(crate) use self::summary::{Summary, summary};
 pub(crate) use self::timing::Timing;
 
 use self::contestant::{Mirror, Mirrors};
+use self::meshes::Meshes;
 use crate::failure::{self, WrongUsage};
 use crate::interrupt;
 use crate::output::End;
@@ -89,10 +91,11 @@ pub(crate) struct Row {
     pub(crate) curves: Curves,
 }
 
-/// A trajectory to run along, and the mirror of its scene where somebody runs there.
+/// A trajectory to run along, its mesh in words, and the mirror of its scene where somebody runs there.
 struct Trial<'a> {
     data: &'a TestData,
     entry: &'a Entry,
+    mesh: String,
     mirror: Option<Result<Mirror, String>>,
 }
 
@@ -164,24 +167,39 @@ pub(crate) fn evaluate(plan: &Plan<'_>) -> anyhow::Result<(Evaluation, End)> {
     Ok((Evaluation { rows, timings }, End::Complete))
 }
 
+/// That every k that somebody asked for fits into a trajectory at least.
+///
+/// # Errors
+/// Wrong usage, with the longest k that there may be.
+pub(crate) fn check_horizons(data: &[TestData], horizons: &Horizons) -> anyhow::Result<()> {
+    let frames = data.iter().flat_map(|data| &data.entries).map(|e| e.frames);
+    let most = frames.max().unwrap_or(0).saturating_sub(1);
+    match horizons.steps.iter().find(|steps| **steps > most) {
+        None => Ok(()),
+        Some(steps) => {
+            let problem =
+                format!("steps: {steps} fit into no trajectory: the longest has {most} steps");
+            Err(WrongUsage::new(problem).into())
+        }
+    }
+}
+
 fn trials<'a>(plan: &Plan<'a>) -> anyhow::Result<Vec<Trial<'a>>> {
     let is_mirror = |contestant: &Contestant| contestant.who() == Who::Mirror;
     let with_mirror = plan.contestants.iter().any(is_mirror);
     let mut mirrors = Mirrors::default();
+    let mut meshes = Meshes::default();
     let mut trials = Vec::new();
     for data in plan.data {
         for entry in &data.entries {
-            let mirror = match with_mirror {
-                true => {
-                    // Read here for its scene, and again where it is run along: all may not fit.
-                    let mirror = mirrors.of(&data.data.read(entry)?);
-                    Some(mirror.map_err(|error| failure::chain(&error)))
-                }
-                false => None,
-            };
+            // Read here for its mesh and scene, and again where it is run along: all may not fit.
+            let truth = data.data.read(entry)?;
+            let mirror = with_mirror.then(|| mirrors.of(&truth));
+            let mirror = mirror.map(|mirror| mirror.map_err(|error| failure::chain(&error)));
             trials.push(Trial {
                 data,
                 entry,
+                mesh: meshes.name(&truth),
                 mirror,
             });
         }
@@ -203,7 +221,7 @@ fn run(
     };
     let mut row = Row {
         data: trial.data.name.clone(),
-        mesh: mesh_name(&truth),
+        mesh: trial.mesh.clone(),
         motion: trial.entry.motion.clone(),
         name: contestant.name.clone(),
         who: contestant.who(),
@@ -263,11 +281,11 @@ fn fill(
 fn timings(plan: &Plan<'_>, trials: &[Trial<'_>]) -> anyhow::Result<Vec<Timing>> {
     let mut found: Vec<Timing> = Vec::new();
     for trial in trials {
-        let truth = trial.data.data.read(trial.entry)?;
-        let mesh = mesh_name(&truth);
-        if found.iter().any(|timing| timing.mesh == mesh) {
+        let mesh = &trial.mesh;
+        if found.iter().any(|timing| timing.mesh == *mesh) {
             continue;
         }
+        let truth = trial.data.data.read(trial.entry)?;
         for contestant in plan.contestants.iter().filter(|c| c.who() != Who::Truth) {
             let time = || {
                 let mirror = trial.mirror.as_ref();
@@ -287,17 +305,6 @@ fn timings(plan: &Plan<'_>, trials: &[Trial<'_>]) -> anyhow::Result<Vec<Timing>>
         }
     }
     Ok(found)
-}
-
-/// A mesh in words: what makes it and how many vertices it has.
-fn mesh_name(truth: &Trajectory) -> String {
-    let source = truth.provenance().scene.pointer("/setting/mesh/source");
-    let text = |pointer| Some(source?.pointer(pointer)?.as_str()?.to_owned());
-    let vertices = truth.vertex_count();
-    match text("/generator/kind").or_else(|| text("/obj/path")) {
-        Some(kind) => format!("{kind}, {vertices} vertices"),
-        None => format!("{vertices} vertices"),
-    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Rows of contestants whose errors are known.
 
+use selvedge_cloth::Handles;
 use selvedge_data::DatasetPreset;
 
 use super::*;
@@ -15,7 +16,19 @@ fn the_truth_has_no_error_and_meshes_are_told_in_words() {
     let positions = still.repeat(frames);
     let truth =
         crate::reference::trajectory(&loaded.spec, &loaded.scene, &rest, positions).unwrap();
-    assert_eq!(mesh_name(&truth), "square, 36 vertices");
+    let mut meshes = Meshes::default();
+    let name = "square, 36 vertices, 2 handles";
+    assert_eq!(meshes.name(&truth), name);
+    // Other handles, and the first again.
+    assert_eq!(
+        meshes.name(&held_by(&truth, &[7])),
+        "square, 36 vertices, 1 handle"
+    );
+    assert_eq!(
+        meshes.name(&held_by(&truth, &[7, 9])),
+        format!("{name} (2)")
+    );
+    assert_eq!(meshes.name(&truth), name);
     // The truth plays itself, the rigid rest pose stands still with it: both are exact.
     for contestant in Contestant::rivals() {
         if contestant.who() == Who::Mirror {
@@ -31,4 +44,11 @@ fn the_truth_has_no_error_and_meshes_are_told_in_words() {
         let curves = Curves::of(&truth, &recording.positions).unwrap();
         assert_eq!(curves.position_rmse.len(), frames);
     }
+}
+
+fn held_by(truth: &Trajectory, vertices: &[u32]) -> Trajectory {
+    let mut cloth = truth.cloth().clone();
+    cloth.handles = Handles::new(vertices, truth.vertex_count()).unwrap();
+    let positions = truth.frames().iter().flatten().copied().collect();
+    Trajectory::new(cloth, positions, truth.provenance().clone()).unwrap()
 }

@@ -3,13 +3,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use selvedge_data::Split;
 use serde::{Deserialize, Serialize};
 
-use super::{Desk, kept, training};
+use super::{Desk, StudyData, kept, training};
 use crate::evaluation::{
-    Contestant, Evaluation, Horizons, Plan, Racer, Row, TestData, Timing, evaluate,
+    Contestant, Evaluation, Horizons, Plan, Racer, Row, TestData, Timing, check_horizons, evaluate,
 };
 use crate::output::End;
 use crate::{learned, place};
@@ -37,12 +37,38 @@ struct Subject {
 }
 
 /// Raised where evaluations that are kept would come out differently now.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// All that is measured, contestant after contestant.
 pub(super) struct Results {
     pub(super) rows: Vec<Row>,
     pub(super) timings: Vec<Timing>,
+}
+
+/// Fails where something that is to be measured cannot be: before any work is done.
+///
+/// # Errors
+/// Names the entry of the study, or the file.
+pub(super) fn check(desk: &Desk<'_>) -> anyhow::Result<()> {
+    for data in &desk.data {
+        let context = || format!("data set {:?} of the study", data.name);
+        data.set.verify_hashes().with_context(context)?;
+    }
+    for entry in &desk.study.model {
+        let (path, _) = training::model_file(desk, entry)?;
+        learned::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
+    }
+    let data = test_data(desk)?;
+    if desk.study.evaluation.steps.is_none() {
+        return Ok(());
+    }
+    check_horizons(&data, &horizons(desk)).map_err(|error| anyhow!("evaluation.{error}"))
+}
+
+fn horizons(desk: &Desk<'_>) -> Horizons {
+    let asked = &desk.study.evaluation;
+    let steps = asked.steps.as_deref().unwrap_or(&Horizons::USUAL);
+    Horizons::new(steps.iter().copied(), asked.starts)
 }
 
 /// Measures everyone who is not measured yet. None where an end was asked for.
@@ -76,8 +102,7 @@ pub(super) fn measure_all(desk: &Desk<'_>) -> anyhow::Result<Option<Results>> {
             return Ok(None);
         }
     }
-    let is_asked = |rival: &Contestant| desk.study.evaluation.rivals.contains(&rival.who());
-    for rival in Contestant::rivals().into_iter().filter(is_asked) {
+    for rival in desk.study.evaluation.rivals() {
         let waiting = Waiting {
             name: rival.name.clone(),
             hash: rival.name.clone(),
@@ -117,16 +142,13 @@ fn test_data(desk: &Desk<'_>) -> anyhow::Result<Vec<TestData>> {
     let asked = &desk.study.evaluation;
     let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
     let sets = desk.data.iter().filter(|data| is_asked(&data.name));
-    sets.map(|data| {
-        TestData::new(
-            data.name.clone(),
-            data.set.clone(),
-            Split::Test,
-            &asked.motions,
-        )
-        .context("evaluation")
-    })
-    .collect()
+    let open = |data: &StudyData| {
+        let (name, set) = (data.name.clone(), data.set.clone());
+        let test = TestData::new(name, set, Split::Test, &asked.motions);
+        // The study's mistake, not one of the command line.
+        test.map_err(|error| anyhow!("evaluation.motions: {error}"))
+    };
+    sets.map(open).collect()
 }
 
 fn measure(
@@ -143,7 +165,7 @@ fn measure(
         model: waiting.hash,
         data: data.iter().map(hash_of).collect::<Result<_, _>>()?,
         motions: asked.motions.clone(),
-        horizons: Horizons::new(asked.steps.iter().copied(), asked.starts),
+        horizons: horizons(desk),
     };
     let path = desk
         .out

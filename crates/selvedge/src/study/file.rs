@@ -58,9 +58,9 @@ pub(super) enum DataSource {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Budget {
-    /// After so many optimiser steps in all.
+    /// After so many optimiser steps of its own.
     Steps(u64),
-    /// After so much time in all, and at the last step of its configuration at the latest.
+    /// After so much time of its own, and at the last step of its configuration at the latest.
     #[serde(deserialize_with = "time", serialize_with = "seconds")]
     Time(Duration),
 }
@@ -75,15 +75,26 @@ pub(super) struct Measured {
     /// Motions; all where none is said.
     #[serde(default)]
     pub(super) motions: Vec<String>,
-    /// k, for errors over k steps from the truth.
-    #[serde(default = "usual_steps")]
-    pub(super) steps: Vec<usize>,
+    /// k, for errors over k steps from the truth; those of the usual ones that fit where none is said.
+    pub(super) steps: Option<Vec<usize>>,
     /// True frames per trajectory from which these start.
     #[serde(default = "usual_starts")]
     pub(super) starts: usize,
     /// Who runs beside the models.
     #[serde(default)]
-    pub(super) rivals: Vec<Who>,
+    rivals: Vec<Rival>,
+}
+
+/// Who can run beside the models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Rival {
+    /// The rest pose moved rigidly with the handles.
+    Rigid,
+    /// The physics from the other branch of the buckling.
+    Mirror,
+    /// The recorded trajectory itself: what no error looks like.
+    Truth,
 }
 
 /// A model that is trained.
@@ -209,8 +220,22 @@ fn parse(text: &str, folder: &Path, name: &str) -> anyhow::Result<Study> {
     read().with_context(|| name.to_owned())
 }
 
+impl Measured {
+    /// Who runs beside the models, in the order of a table.
+    pub(super) fn rivals(&self) -> impl Iterator<Item = Contestant> {
+        let asked = self.rivals.iter().map(|rival| match rival {
+            Rival::Rigid => Who::Rigid,
+            Rival::Mirror => Who::Mirror,
+            Rival::Truth => Who::Truth,
+        });
+        let asked: Vec<Who> = asked.collect();
+        let all = Contestant::rivals().into_iter();
+        all.filter(move |rival| asked.contains(&rival.who()))
+    }
+}
+
 impl Study {
-    /// The configuration of `entry`, with its changes, and steps as its budget says.
+    /// The configuration of `entry`, with its changes.
     ///
     /// # Errors
     /// Names the file and the field.
@@ -227,11 +252,7 @@ impl Study {
         };
         let shown = Path::new(&entry.config);
         let set: Result<Vec<Setting>, _> = self.settings(entry).map(|text| text.parse()).collect();
-        let mut cfg = TrainConfig::parse_with(&text, shown, &set.context("set")?)?;
-        if let Budget::Steps(steps) = self.budget(entry)? {
-            cfg.steps = steps;
-        }
-        Ok(cfg)
+        Ok(TrainConfig::parse_with(&text, shown, &set.context("set")?)?)
     }
 
     /// Values of its configuration that are changed for `entry`.
@@ -273,12 +294,8 @@ impl Study {
         if let Some((known, label)) = models.find(|entry| entry.0 == name) {
             return Some(label.as_ref().unwrap_or(known));
         }
-        let mut rivals = Contestant::rivals().into_iter();
-        let rival = rivals.find(|rival| rival.name == name)?;
-        self.evaluation
-            .rivals
-            .contains(&rival.who())
-            .then_some(name)
+        let mut rivals = self.evaluation.rivals();
+        rivals.any(|rival| rival.name == name).then_some(name)
     }
 }
 
@@ -293,10 +310,6 @@ impl Question {
             models: self.models.clone(),
         }]
     }
-}
-
-fn usual_steps() -> Vec<usize> {
-    vec![1, 5, 10, 20, 50, 100, 200]
 }
 
 fn usual_starts() -> usize {

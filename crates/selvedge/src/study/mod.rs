@@ -71,6 +71,7 @@ pub(crate) fn run(study: &Study, out: &Path, threads: Option<u16>) -> anyhow::Re
         data,
     };
     training::check_kept(&desk)?;
+    evaluation::check(&desk)?;
     let mut trained = Vec::with_capacity(study.train.len());
     for entry in &study.train {
         let Some(training) = training::train(&desk, entry)
@@ -85,7 +86,7 @@ pub(crate) fn run(study: &Study, out: &Path, threads: Option<u16>) -> anyhow::Re
     let Some(measured) = evaluation::measure_all(&desk)? else {
         return Ok(outcome);
     };
-    outcome.measured = study.train.len() + study.model.len() + study.evaluation.rivals.len();
+    outcome.measured = study.train.len() + study.model.len() + study.evaluation.rivals().count();
     let report = page::report(study, &trained, &measured)?;
     outcome.wrote = report.write(&out.join("report"))?;
     outcome.end = End::Complete;

@@ -25,7 +25,7 @@ pub(super) struct Record {
     /// Hash of the data set's index.
     data: String,
     budget: Budget,
-    after: Option<String>,
+    after: Option<After>,
     /// Steps in all, with those of the training that this one goes on from.
     pub(super) steps_done: u64,
     /// Time that it took, without that of the training that this one goes on from `[s]`.
@@ -34,6 +34,17 @@ pub(super) struct Record {
     pub(super) parameters: usize,
     /// Hash of the finished model; none until it is.
     model: Option<String>,
+}
+
+/// The training that another one goes on from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct After {
+    name: String,
+    /// Hash of its model.
+    model: String,
+    /// Its steps, and those before it.
+    steps: u64,
 }
 
 /// Fails where a finished model is gone or another one: before any work is done.
@@ -112,11 +123,15 @@ pub(super) fn finished_model(
 /// What of the configuration, what is kept, or a step went wrong.
 pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<Record>> {
     let data = desk.data(desk.study.data_of(entry)?)?;
-    let cfg = desk.study.config(entry)?;
+    let mut cfg = desk.study.config(entry)?;
+    let after = after(desk, entry)?;
+    if let Budget::Steps(steps) = desk.study.budget(entry)? {
+        cfg.steps = steps + after.as_ref().map_or(0, |after| after.steps);
+    }
     let folder = folder(desk, &entry.name);
     place::make_folder(&folder)?;
     let path = folder.join(RECORD);
-    let mut record = record(desk, entry, &cfg, data)?;
+    let mut record = record(desk, entry, after, &cfg, data)?;
     if record.model.is_some() {
         return Ok(Some(record));
     }
@@ -145,10 +160,25 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     }
 }
 
+/// What `entry` goes on from, which is finished by now.
+fn after(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<After>> {
+    let Some(name) = &entry.after else {
+        return Ok(None);
+    };
+    let path = folder(desk, name).join(RECORD);
+    let record = kept::read::<Record>(&path)?;
+    let finished = record.and_then(|record| Some((record.model?, record.steps_done)));
+    let (model, steps) = finished
+        .with_context(|| format!("{}: training {name:?} is not finished", path.display()))?;
+    let name = name.clone();
+    Ok(Some(After { name, model, steps }))
+}
+
 /// How far a training is, which may be its beginning.
 fn record(
     desk: &Desk<'_>,
     entry: &Training,
+    after: Option<After>,
     cfg: &TrainConfig,
     data: &StudyData,
 ) -> anyhow::Result<Record> {
@@ -156,7 +186,7 @@ fn record(
         config: serde_json::to_value(cfg)?,
         data: data.hash.clone(),
         budget: desk.study.budget(entry)?,
-        after: entry.after.clone(),
+        after,
         steps_done: 0,
         seconds: 0.0,
         parameters: 0,

@@ -2,8 +2,10 @@
 
 use anyhow::{Context, bail};
 
+use selvedge_train::TrainConfig;
+
 use super::{Question, Study, Training};
-use crate::evaluation::{Contestant, Who};
+use crate::evaluation::Contestant;
 
 impl Study {
     /// Checks everything that can be known before anything is done.
@@ -21,17 +23,15 @@ impl Study {
             self.check_data(name).context("evaluation.data")?;
         }
         for (field, bad) in [
-            ("steps", self.evaluation.steps.contains(&0)),
+            (
+                "steps",
+                self.evaluation.steps.iter().flatten().any(|&k| k == 0),
+            ),
             ("starts", self.evaluation.starts == 0),
         ] {
             if bad {
                 bail!("evaluation.{field} must be at least 1, found 0");
             }
-        }
-        if self.evaluation.rivals.contains(&Who::Model) {
-            bail!(
-                "evaluation.rivals: known are \"rigid\", \"mirror\" and \"truth\", found \"model\""
-            );
         }
         for (number, entry) in self.train.iter().enumerate() {
             self.check_training(entry, &self.train[..number])
@@ -46,14 +46,28 @@ impl Study {
 
     fn check_training(&self, entry: &Training, before: &[Training]) -> anyhow::Result<()> {
         self.check_data(self.data_of(entry)?)?;
-        self.config(entry)?;
-        let is_before = |after: &String| before.iter().any(|entry| entry.name == *after);
-        match &entry.after {
-            Some(after) if !is_before(after) => {
-                bail!("after: no training before this one is called {after:?}")
-            }
-            _ => Ok(()),
+        let cfg = self.config(entry)?;
+        self.budget(entry)?;
+        let Some(after) = &entry.after else {
+            return Ok(());
+        };
+        let Some(before) = before.iter().find(|entry| entry.name == *after) else {
+            bail!("after: no training before this one is called {after:?}")
+        };
+        if self.data_of(before)? != self.data_of(entry)? {
+            bail!("after: {after:?} learns from another data set: a training goes on with its own");
         }
+        // A budget of steps decides when each ends.
+        let comparable = |mut cfg: TrainConfig| {
+            cfg.steps = 0;
+            cfg.log_every = 1;
+            cfg.name.clear();
+            cfg
+        };
+        if comparable(self.config(before)?) != comparable(cfg) {
+            bail!("after: {after:?} has another configuration: a training goes on with its own");
+        }
+        Ok(())
     }
 
     fn check_names(&self) -> anyhow::Result<()> {
@@ -93,6 +107,15 @@ impl Study {
     fn check_question(&self, question: &Question) -> anyhow::Result<()> {
         if question.models.is_empty() == question.groups.is_empty() {
             bail!("write either models or groups");
+        }
+        for group in question.groups() {
+            let mut seen: Vec<&String> = Vec::new();
+            for name in &group.models {
+                if seen.contains(&name) {
+                    bail!("{name:?} stands twice: name everyone once");
+                }
+                seen.push(name);
+            }
         }
         for name in question.groups().iter().flat_map(|group| &group.models) {
             if self.label(name).is_none() {
