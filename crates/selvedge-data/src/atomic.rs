@@ -69,6 +69,98 @@ pub fn write_atomically(
     Ok(())
 }
 
+/// Makes the folder `path` with all that `fill` puts into the folder that it is given, or nothing: the
+/// folder is filled beside its place and renamed. An empty folder may be there already.
+///
+/// # Errors
+/// What `fill` returns, or [`WriteError`] when the folder above does not exist, or something other
+/// than an empty folder is there.
+pub fn write_folder_atomically<E: From<WriteError>>(
+    path: &Path,
+    fill: impl FnOnce(&Path) -> Result<(), E>,
+) -> Result<(), E> {
+    let fail = |action| {
+        move |source| WriteError {
+            path: path.to_owned(),
+            action,
+            source,
+        }
+    };
+    let is_free = check_free(path).map_err(fail("make the folder"))?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let prefix = format!(".{name}.");
+    let mut builder = Builder::new();
+    builder.prefix(&prefix).suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o777));
+    }
+    let temporary = builder
+        .tempdir_in(folder_of(path))
+        .map_err(fail("make a folder beside it"))?;
+    fill(temporary.path())?;
+    if is_free == Place::EmptyFolder {
+        fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
+    }
+    let filled = temporary.keep();
+    if let Err(error) = fs::rename(&filled, path) {
+        let _ = fs::remove_dir_all(&filled);
+        return Err(fail("rename the finished folder")(error).into());
+    }
+    sync_folder(folder_of(path));
+    Ok(())
+}
+
+/// What is where a folder is to be.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Nothing,
+    EmptyFolder,
+}
+
+fn check_free(path: &Path) -> io::Result<Place> {
+    if path.file_name().is_none() {
+        return Err(io::Error::other("the path names no folder"));
+    }
+    match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Place::Nothing),
+        Err(error) => Err(error),
+        Ok(found) if !found.is_dir() => Err(io::Error::other("there is a file of this name")),
+        Ok(_) if fs::read_dir(path)?.next().is_some() => Err(io::Error::other(
+            "there is such a folder already, and it is not empty: choose another name, or remove it",
+        )),
+        Ok(_) => Ok(Place::EmptyFolder),
+    }
+}
+
+/// Writes `path` with `write`, which is given a path beside it to write to, all or nothing: for
+/// programs that write files themselves.
+///
+/// # Errors
+/// What `write` returns, or [`WriteError`] as [`write_atomically`].
+pub fn write_beside<E: From<WriteError>>(
+    path: &Path,
+    write: impl FnOnce(&Path) -> Result<(), E>,
+) -> Result<(), E> {
+    let fail = |action| {
+        move |source| WriteError {
+            path: path.to_owned(),
+            action,
+            source,
+        }
+    };
+    let target = target_of(path).map_err(fail("write there"))?;
+    let temporary = create_beside(&target.path, folder_of(&target.path))
+        .map_err(fail("create a file in its folder"))?;
+    write(temporary.path())?;
+    temporary
+        .persist(&target.path)
+        .map_err(|error| fail("rename the finished file")(error.error))?;
+    sync_folder(folder_of(&target.path));
+    Ok(())
+}
+
 /// The file to replace: `path`, or what it links to in the end, which need not exist.
 fn target_of(path: &Path) -> io::Result<Target> {
     let mut path = path.to_owned();
@@ -172,6 +264,57 @@ mod tests {
         assert!(error.to_string().contains("a.txt"), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names_in(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_folder_is_whole_or_absent_and_never_takes_the_place_of_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames");
+        let fill = |part: &Path| -> Result<(), WriteError> {
+            fs::write(part.join("a"), "a").unwrap();
+            write_atomically(&part.join("missing/b"), |_| Ok(()))
+        };
+        assert!(write_folder_atomically(&path, fill).is_err());
+        assert_eq!(names_in(folder.path()), Vec::<String>::new());
+        let fill = |part: &Path| -> Result<(), WriteError> {
+            write_atomically(&part.join("a"), |w| w.write_all(b"a"))
+        };
+        fs::create_dir(&path).unwrap();
+        write_folder_atomically(&path, fill).unwrap();
+        assert_eq!(names_in(folder.path()), ["frames"]);
+        assert_eq!(names_in(&path), ["a"]);
+        let error = write_folder_atomically(&path, fill).unwrap_err();
+        assert!(error.to_string().contains("not empty"), "{error}");
+        let file = path.join("a");
+        assert!(write_folder_atomically(&file, fill).is_err());
+        assert_eq!(fs::read(&file).unwrap(), b"a");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let ordinary = folder.path().join("ordinary");
+            fs::create_dir(&ordinary).unwrap();
+            let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+            assert_eq!(mode(&ordinary), mode(&path));
+        }
+    }
+
+    #[test]
+    fn what_another_program_writes_is_whole_or_absent() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        write_beside(&path, |part| -> Result<(), WriteError> {
+            fs::write(part, "theirs").unwrap();
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"theirs");
+        let failed = write_beside(&path, |part| {
+            fs::write(part, "half").unwrap();
+            write_atomically(&folder.path().join("no/such"), |_| Ok(()))
+        });
+        assert!(failed.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"theirs");
+        assert_eq!(names_in(folder.path()), ["a.bin"]);
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod atomic;
 mod dataset;
 mod dataset_writer;
 mod distribution;
+pub mod export;
 pub mod foreign;
 mod frames;
 pub mod metrics;
@@ -18,14 +19,16 @@ mod obj;
 mod playback;
 mod preset;
 mod record;
+mod rig;
 mod scene;
 mod sections;
 mod state_file;
 mod tensor_file;
 mod trajectory;
 mod trajectory_file;
+mod up_axis;
 
-pub use atomic::{WriteError, write_atomically};
+pub use atomic::{WriteError, write_atomically, write_beside, write_folder_atomically};
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use dataset_writer::{DatasetPlan, DatasetWriter};
 pub use distribution::{Distribution, Distributions, Histogram};
@@ -41,12 +44,13 @@ pub use preset::{
     DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
 };
 pub use record::{Drive, Recording, RecordingEnd, record};
+pub use rig::{Rig, RigError, RigNode};
 pub use scene::{
     GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
     MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
-    RecordedCsvError, ReleaseSpan, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError,
-    Setting, StartSpec, Transform, materials, open_scene, parse_recorded_csv, parse_scene,
-    read_scene, shipped_scenes,
+    RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
+    SceneSpecError, Setting, StartSpec, Transform, materials, open_scene, parse_recorded_csv,
+    parse_scene, read_scene, shipped_scenes,
 };
 pub use sections::{Sample, Section, SectionError, SectionRule};
 pub use state_file::{
@@ -55,3 +59,4 @@ pub use state_file::{
 pub use tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
 pub use trajectory_file::{ReadTrajectoryError, TrajectoryFileError};
+pub use up_axis::UpAxis;

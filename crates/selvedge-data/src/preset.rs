@@ -44,7 +44,7 @@ use crate::dataset::Split;
 use crate::dataset_writer::DatasetPlan;
 use crate::scene::{
     LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
-    SettingFile, StartSpec, assets, field, parse_toml, read_text,
+    SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
 };
 use crate::sections::SectionRule;
 
@@ -200,12 +200,13 @@ impl DatasetPreset {
         let file: PresetFile = parse_toml(text)?;
         let (setting, mesh, groups) = file.setting.resolve(folder)?;
         let mut own = BTreeMap::new();
+        let stand = Stand::of(&setting, &mesh, &groups);
         for (name, source) in &file.motions {
             if named::by_name(name).is_some() {
                 let problem = format!("{name:?} is the name of a shipped motion: choose another");
                 return Err(field("motions", problem));
             }
-            own.insert(name.clone(), source.resolve(folder, &groups)?);
+            own.insert(name.clone(), source.resolve(folder, &stand)?);
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;

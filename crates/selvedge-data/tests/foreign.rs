@@ -7,7 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
-use selvedge_data::foreign::{ForeignFormat, ForeignSource, ImportOptions, RestSource, UpAxis};
+use selvedge_data::UpAxis;
+use selvedge_data::foreign::{ForeignFormat, ForeignSource, ImportOptions, RestSource};
 use selvedge_data::{Dataset, DatasetWriter, Split, Trajectory};
 use tempfile::TempDir;
 

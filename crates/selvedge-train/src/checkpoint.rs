@@ -19,7 +19,8 @@ use crate::losses::RunningLossStatistics;
 use crate::optimizer::Adam;
 use crate::trainer::{Parts, TrainError, Trainer};
 
-const FORMAT: &str = "selvedge-checkpoint";
+/// What the metadata `format` of a checkpoint says.
+pub const CHECKPOINT_FORMAT: &str = "selvedge-checkpoint";
 const VERSION: &str = "1";
 
 /// Why a training cannot be resumed.
@@ -126,7 +127,7 @@ impl Trainer {
             values: TensorValues::F32(values),
         }));
         let metadata = BTreeMap::from([
-            ("format", FORMAT.to_owned()),
+            ("format", CHECKPOINT_FORMAT.to_owned()),
             ("version", VERSION.to_owned()),
             ("config", json(serde_json::to_string(&self.cfg))?),
             ("dataset", json(fingerprint(dataset))?),
@@ -268,7 +269,7 @@ impl<'a> CheckpointFile<'a> {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
         let metadata = header.metadata().clone().unwrap_or_default();
-        for (key, expected) in [("format", FORMAT), ("version", VERSION)] {
+        for (key, expected) in [("format", CHECKPOINT_FORMAT), ("version", VERSION)] {
             let found = metadata.get(key);
             if found.map(String::as_str) != Some(expected) {
                 return Err(ResumeError::Metadata {

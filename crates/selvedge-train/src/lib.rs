@@ -15,7 +15,7 @@ mod test_data;
 mod trainer;
 mod unroll;
 
-pub use checkpoint::ResumeError;
+pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
     BatchConfig, ConfigError, InvalidConfig, NoiseConfig, ScheduledSampling, Setting, SettingError,
     TrainConfig,

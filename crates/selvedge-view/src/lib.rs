@@ -42,6 +42,7 @@ mod raster;
 mod run;
 mod shade;
 mod sheet;
+mod stroke;
 mod surface;
 mod text;
 

@@ -1,11 +1,11 @@
 //! Captions: anti-aliased text in the crate's own line font.
 //!
-//! The cover of a pixel is how far its middle lies inside a stroke, width/2 + ½ - distance,
-//! clamped to [0, 1]. Characters that the font lacks show as a hollow box.
+//! Characters that the font lacks show as a hollow box.
 
 use glam::Vec2;
 
 use crate::font::{CAPITAL_HEIGHT, SPACING, glyph};
+use crate::stroke::{Segment, between, stroke};
 use crate::{Image, Rgb};
 
 /// Where the text stands relative to its place.
@@ -43,9 +43,29 @@ pub fn text_width(text: &str, height: f32) -> f32 {
     (units - SPACING).max(0.0) * height / CAPITAL_HEIGHT
 }
 
+/// Which way a text is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reading {
+    /// From left to right.
+    Across,
+    /// From below.
+    Upwards,
+}
+
 /// Draws one line of `text`, its base line at `place` (x, y) `[pixels]`. What lies outside the image
 /// is cut off.
 pub fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &TextStyle) {
+    draw_text_read(image, text, place, style, Reading::Across);
+}
+
+/// As [`draw_text`], turned about its place.
+pub(crate) fn draw_text_read(
+    image: &mut Image,
+    text: &str,
+    place: [f32; 2],
+    style: &TextStyle,
+    reading: Reading,
+) {
     let unit = style.height / CAPITAL_HEIGHT;
     let width = text_width(text, style.height);
     let start = match style.align {
@@ -53,17 +73,22 @@ pub fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &TextSty
         Align::Centre => 0.5 * width,
         Align::Right => width,
     };
-    let mut origin = Vec2::new(place[0] - start, place[1] - style.height);
+    let place = Vec2::from_array(place);
+    let mut origin = Vec2::new(-start, -style.height);
+    let pen = (style.weight * style.height).max(0.9);
     for character in text.chars() {
         let glyph = glyph(character);
-        let segments = segments(glyph.strokes, origin, unit);
-        draw_segments(image, &segments, style);
+        let mut segments = segments(glyph.strokes, origin, unit);
+        for point in segments.iter_mut().flatten() {
+            *point = match reading {
+                Reading::Across => place + *point,
+                Reading::Upwards => place + Vec2::new(point.y, -point.x),
+            };
+        }
+        stroke(image, &segments, pen, style.colour);
         origin.x += (f32::from(glyph.width) + SPACING) * unit;
     }
 }
-
-/// A straight piece of a stroke `[pixels]`.
-type Segment = [Vec2; 2];
 
 fn segments(strokes: &str, origin: Vec2, unit: f32) -> Vec<Segment> {
     let mut segments = Vec::new();
@@ -81,7 +106,7 @@ fn segments(strokes: &str, origin: Vec2, unit: f32) -> Vec<Segment> {
             b'@' => closed_spline(&points),
             _ => points,
         };
-        segments.extend(line.windows(2).map(|pair| [pair[0], pair[1]]));
+        segments.extend(between(&line));
     }
     segments
 }
@@ -133,42 +158,6 @@ fn closed_spline(points: &[Vec2]) -> Vec<Vec2> {
         arc(&mut line, middle(k + count - 1), control, middle(k));
     }
     line
-}
-
-fn draw_segments(image: &mut Image, segments: &[Segment], style: &TextStyle) {
-    let Some(&[first, _]) = segments.first() else {
-        return;
-    };
-    let half_width = 0.5 * (style.weight * style.height).max(0.9);
-    let (low, high) = segments
-        .iter()
-        .flatten()
-        .fold((first, first), |(low, high), &p| (low.min(p), high.max(p)));
-    let reach = half_width + 0.5;
-    let columns = (low.x - reach).floor() as i32..=(high.x + reach).ceil() as i32;
-    for y in (low.y - reach).floor() as i32..=(high.y + reach).ceil() as i32 {
-        for x in columns.clone() {
-            let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            let distance = segments
-                .iter()
-                .map(|segment| distance_squared(middle, segment))
-                .fold(f32::INFINITY, f32::min)
-                .sqrt();
-            let cover = (half_width + 0.5 - distance).clamp(0.0, 1.0);
-            image.blend(x, y, style.colour, cover);
-        }
-    }
-}
-
-fn distance_squared(point: Vec2, [start, end]: &Segment) -> f32 {
-    let along = *end - *start;
-    let length_squared = along.length_squared();
-    let share = if length_squared > 0.0 {
-        ((point - *start).dot(along) / length_squared).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    point.distance_squared(*start + share * along)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What can be asked, and the help that teaches it.
 
 mod evaluate;
+mod export;
 mod import;
 mod view;
 
@@ -11,6 +12,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 use selvedge_train::Setting;
 
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
+pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::import::ImportArgs;
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
@@ -75,6 +77,7 @@ pub(crate) enum Command {
     Evaluate(EvaluateArgs),
     Study(StudyArgs),
     Compare(CompareArgs),
+    Export(ExportArgs),
     Inspect(InspectArgs),
     /// List the shipped training configurations: their networks, and what these cost.
     ///
@@ -93,6 +96,7 @@ Examples:
   selvedge rollout
   selvedge rollout square-1024 --frames 300 --no-truth
   selvedge rollout my-scene.toml --model my-model.safetensors --out my-run
+  selvedge rollout --export cloth.glb --export cloth.usda
 
 Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
 contact sheet) and clip.gif.")]
@@ -118,6 +122,10 @@ pub(crate) struct RolloutArgs {
     /// Do not make a clip.
     #[arg(long)]
     no_clip: bool,
+    /// Also write the model's run in the format of another program, as its name ends: .usda, .glb, .pc2, .npz,
+    /// .gif or .mp4; may stand several times (`selvedge export` has more).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) export: Vec<PathBuf>,
 }
 
 /// Whether something is wanted.
@@ -189,6 +197,10 @@ pub(crate) struct SimulateArgs {
     /// Also keep positions and velocities of every frame in double precision (.safetensors).
     #[arg(long, value_name = "FILE")]
     pub(crate) states: Option<PathBuf>,
+    /// Also write the run in the format of another program, as its name ends: .usda, .glb, .pc2, .npz,
+    /// .gif or .mp4; may stand several times (`selvedge export` has more).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) export: Vec<PathBuf>,
 }
 
 /// Where a simulation starts.
@@ -343,14 +355,22 @@ pub(crate) struct CompareArgs {
 
 /// Say what a file or folder is and what is in it.
 ///
-/// Knows trajectories, models, data sets, scenes, presets, training configurations and meshes.
+/// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations, meshes,
+/// exported arrays (.npz), nodes of other programs (.glb, .usda), and the folders of data sets, trainings
+/// and studies.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge inspect out/rollout.safetensors
   selvedge inspect data/first
-  selvedge inspect my-scene.toml")]
+  selvedge inspect my-scene.toml
+  selvedge inspect out/rollout.safetensors --picture strain.png
+  selvedge inspect runs/first --picture loss.svg")]
 pub(crate) struct InspectArgs {
-    /// A file, a data set's folder, or the name of a shipped scene.
+    /// A file, a folder, or the name of a shipped scene.
     pub(crate) path: PathBuf,
+    /// Also draw it (.png; curves also .svg): a run with its strain, a mesh or a scene as it stands, a
+    /// training as the curves of its loss, a data set and a model as histograms, states as speeds.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
 }

@@ -3,6 +3,7 @@
 
 use std::fmt::{self, Display, Write as _};
 use std::io::{self, Write as _};
+use std::path::Path;
 
 use anyhow::Context;
 use serde::Serialize;
@@ -49,6 +50,14 @@ impl Answer {
     /// The same, ended as `end` says.
     pub(crate) fn ended(self, end: End) -> Self {
         Self { end, ..self }
+    }
+
+    /// The same with one more file that was written.
+    pub(crate) fn noting(mut self, name: &str, path: &Path) -> Self {
+        let text = self.text.trim_end();
+        self.text = format!("{text}\n{name}  {}\n", path.display());
+        self.json[name] = path.to_string_lossy().into();
+        self
     }
 
     /// How the command ended.

@@ -4,7 +4,8 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::Context;
-use selvedge_data::{Trajectory, write_atomically};
+use glam::Vec3;
+use selvedge_data::{Trajectory, metrics, write_atomically};
 use selvedge_view::{
     ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, contact_sheet,
     write_clip,
@@ -56,6 +57,44 @@ pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
         ..SheetSettings::default()
     };
     let png = contact_sheet(show.title, &panels, &settings)?.to_png()?;
+    Ok(write_atomically(path, |out| out.write_all(&png))?)
+}
+
+/// Writes a contact sheet (.png) of evenly spaced frames in the colours of the strain: of each vertex,
+/// the largest elongation of its edges against the material.
+///
+/// # Errors
+/// What cannot be drawn or written.
+pub(crate) fn write_strain_sheet(
+    path: &Path,
+    title: &str,
+    trajectory: &Trajectory,
+) -> anyhow::Result<()> {
+    let run = run_of(trajectory)?;
+    let topology = trajectory.topology();
+    let coordinates = &trajectory.cloth().material_coordinates;
+    let lengths = metrics::material_edge_lengths(topology, coordinates);
+    let of_frame = |positions: &[Vec3]| {
+        let mut strain = vec![0.0_f32; positions.len()];
+        for (edge, length) in topology.edges().iter().zip(&lengths) {
+            let [a, b] = edge.vertices.map(|vertex| vertex.index());
+            let stretch = f64::from(positions[a].distance(positions[b])) / length;
+            let percent = (100.0 * (stretch - 1.0)) as f32;
+            for vertex in [a, b] {
+                strain[vertex] = strain[vertex].max(percent);
+            }
+        }
+        strain
+    };
+    let values = trajectory.frames().iter().map(of_frame).collect();
+    let strain = ScalarField::new("largest elongation [%]", values)?;
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::PerVertex(&strain),
+    };
+    let settings = SheetSettings::default();
+    let png = contact_sheet(title, &[panel], &settings)?.to_png()?;
     Ok(write_atomically(path, |out| out.write_all(&png))?)
 }
 

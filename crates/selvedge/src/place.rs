@@ -26,6 +26,42 @@ pub(crate) fn check_file(path: &Path, flag: &str, extensions: &[&str]) -> anyhow
         );
         return Err(WrongUsage::new(problem).into());
     }
+    check_new_file(path)
+}
+
+/// Checks that the file `path` can be made: its folder exists, and it is no folder itself.
+///
+/// # Errors
+/// What is in the way.
+pub(crate) fn check_new_file(path: &Path) -> anyhow::Result<()> {
+    check_folder_above(path)?;
+    if path.is_dir() {
+        bail!("{}: this is a folder: name a file in it", path.display());
+    }
+    Ok(())
+}
+
+/// Checks that the folder `path` can be made with new files in it: the folder above exists, and it
+/// does not, or is empty.
+///
+/// # Errors
+/// What is in the way.
+pub(crate) fn check_new_folder(path: &Path) -> anyhow::Result<()> {
+    check_folder_above(path)?;
+    if path.exists() && !path.is_dir() {
+        bail!("{}: there is a file of this name", path.display());
+    }
+    let mut found = std::fs::read_dir(path).into_iter().flatten();
+    if found.next().is_some() {
+        bail!(
+            "{}: there is such a folder already, and it is not empty: choose another name, or remove it",
+            path.display()
+        );
+    }
+    Ok(())
+}
+
+fn check_folder_above(path: &Path) -> anyhow::Result<()> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -36,9 +72,6 @@ pub(crate) fn check_file(path: &Path, flag: &str, extensions: &[&str]) -> anyhow
             path.display(),
             folder.display()
         );
-    }
-    if path.is_dir() {
-        bail!("{}: this is a folder: name a file in it", path.display());
     }
     Ok(())
 }

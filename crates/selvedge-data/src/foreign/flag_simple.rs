@@ -16,8 +16,9 @@ use serde::Deserialize;
 use super::assemble::{Parts, Weight, hanging};
 use super::error::{ForeignError, ForeignProblem, RecordProblem};
 use super::example::{Example, Feature, decode};
-use super::options::{ForeignFormat, ImportOptions, RestSource, UpAxis, positive, refuse};
+use super::options::{ForeignFormat, ImportOptions, RestSource, positive, refuse};
 use super::tfrecord::{self, RecordPlace};
+use crate::UpAxis;
 use crate::obj::read_obj;
 
 pub(super) const META: &str = "meta.json";

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use glam::DVec3;
 use serde::Serialize;
 
 use super::error::ForeignProblem;
+use crate::UpAxis;
 
 /// A format that can be imported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -26,16 +26,6 @@ pub enum RestSource {
     FirstFrame,
     /// The vertices of a mesh file (.obj), y up, in metres.
     Obj(PathBuf),
-}
-
-/// Which axis of the foreign world points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum UpAxis {
-    /// As here.
-    Y,
-    /// As in ARCSim and Blender: (x, y, z) becomes (x, z, -y).
-    Z,
 }
 
 /// What is said about foreign data. `None` takes the default, where there is one.
@@ -67,16 +57,6 @@ pub struct ImportOptions {
     /// Trajectories to test on, by name, for released folders that are not already in `train` and
     /// `test`.
     pub test: Vec<String>,
-}
-
-impl UpAxis {
-    /// A point of the foreign world in ours.
-    pub(super) fn to_ours(self, p: DVec3) -> DVec3 {
-        match self {
-            Self::Y => p,
-            Self::Z => DVec3::new(p.x, p.z, -p.y),
-        }
-    }
 }
 
 impl RestSource {

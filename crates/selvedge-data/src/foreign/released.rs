@@ -12,7 +12,8 @@ use super::array::{read_floats, read_indices};
 use super::assemble::{Parts, Weight};
 use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::META;
-use super::options::{ForeignFormat, ImportOptions, UpAxis, positive, refuse};
+use super::options::{ForeignFormat, ImportOptions, positive, refuse};
+use crate::UpAxis;
 use crate::obj::{read_obj, read_obj_positions};
 
 pub(super) const POSITIONS: &str = "cloth_pos.npy";

@@ -2,11 +2,15 @@
 //!
 //! The archive is read through its central directory; each array is decoded and checked against its
 //! checksum when it is asked for. Archives over 4 GB, encrypted entries and other methods are
-//! errors. Nothing is written here: safetensors is our own container.
+//! errors. What is written ([`write_archive`]) is for other programs: safetensors is our own container.
+
+mod write;
 
 use thiserror::Error;
 
 use crate::npy::{Array, NpyError};
+
+pub(crate) use self::write::{EntryOut, archive_bytes, write_archive};
 
 /// An archive of arrays.
 #[derive(Clone, Debug)]

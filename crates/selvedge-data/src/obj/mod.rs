@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use write::write_obj;
+pub(crate) use write::{ObjFrame, write_obj_frame};
 
 /// What is done with texture coordinates that are not those of a cloth in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

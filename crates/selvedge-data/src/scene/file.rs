@@ -24,7 +24,7 @@ use super::arcsim::parse_arcsim;
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
 use super::mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Transform};
-use super::motion_source::MotionSource;
+use super::motion_source::{MotionSource, Stand};
 use super::physics_file::PhysicsFile;
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
@@ -214,7 +214,8 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         frame_rate: file.frame_rate,
     };
     let (setting, mesh, groups) = setting.resolve(folder)?;
-    let motion = file.motion.resolve(folder, &groups)?;
+    let stand = Stand::of(&setting, &mesh, &groups);
+    let motion = file.motion.resolve(folder, &stand)?;
     let (start, state) = file.start.resolve(folder, mesh.topology().vertex_count())?;
     let spec = SceneSpec {
         name: file.name,

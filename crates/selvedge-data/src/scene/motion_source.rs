@@ -1,15 +1,19 @@
 //! The ways in which a file can say how handles move.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
+use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Mesh, Motion, RecordedMotion};
 use serde::Deserialize;
 
 use super::file::{SceneProblem, field, parse_toml, read_text};
 use super::handle_selection::Groups;
 use super::recorded_csv::parse_recorded_csv;
+use super::spec::Setting;
+use crate::export::handle_positions;
+use crate::rig::{Followers, Rig};
 
 /// One way to say how the handles move; paths are relative to the file that names them.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -21,10 +25,111 @@ pub enum MotionSource {
     Inline(Motion),
     /// A TOML file with a motion written out.
     File(PathBuf),
-    /// A CSV file with one position per handle and frame.
+    /// A file with one position per handle and frame: CSV, or NumPy's .npz.
     Recorded(PathBuf),
+    /// A file of another program (.glb, .usda) with nodes that the handles follow.
+    Rig(RigMotion),
     /// Keyframes for groups of handles, by name.
     Groups(GroupMotion),
+}
+
+/// Nodes that handles follow, each rigidly from where it starts.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigMotion {
+    /// The file with the nodes.
+    pub file: PathBuf,
+    /// The node of each group of handles, or of each handle where there are no groups. If there are
+    /// none: nodes that are called as the groups, or `handle_0`, `handle_1` and so on.
+    #[serde(default)]
+    pub nodes: Option<Vec<String>>,
+}
+
+/// The handles before they move.
+pub(crate) struct Stand<'a> {
+    /// Their groups, where they have some.
+    pub(crate) groups: &'a Groups,
+    /// Where they are `[m]`, `[handles]`.
+    pub(crate) start: Vec<DVec3>,
+    /// Frames per second of the scene.
+    pub(crate) frame_rate: f64,
+}
+
+impl<'a> Stand<'a> {
+    /// The handles of `setting` on its mesh; one that the mesh does not have is reported when the
+    /// scene is built.
+    pub(crate) fn of(setting: &Setting, mesh: &Mesh, groups: &'a Groups) -> Self {
+        let position = |&vertex: &u32| mesh.positions().get(vertex as usize).copied();
+        let start = setting
+            .handles
+            .iter()
+            .map(|v| position(v).unwrap_or_default());
+        Self {
+            groups,
+            start: start.collect(),
+            frame_rate: setting.frame_rate,
+        }
+    }
+}
+
+impl RigMotion {
+    fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
+        let nodes = self.nodes_of(stand)?;
+        let followers = Followers {
+            nodes: &nodes,
+            start: &stand.start,
+            frame_rate: stand.frame_rate,
+        };
+        Rig::read_motion(&folder.join(&self.file), &followers)
+            .map(Motion::Recorded)
+            .map_err(|error| field("motion.rig", error.to_string()))
+    }
+
+    /// The name of each handle's node.
+    fn nodes_of(&self, stand: &Stand<'_>) -> Result<Vec<String>, SceneProblem> {
+        let (groups, handles) = (stand.groups, stand.start.len());
+        let expected = if groups.is_empty() {
+            handles
+        } else {
+            groups.len()
+        };
+        let default = || match groups.as_slice() {
+            [] => (0..handles).map(|k| format!("handle_{k}")).collect(),
+            groups => groups.iter().map(|group| group.0.clone()).collect(),
+        };
+        let names: Vec<String> = self.nodes.clone().unwrap_or_else(default);
+        if names.len() != expected {
+            let what = if groups.is_empty() {
+                "handles"
+            } else {
+                "groups of handles"
+            };
+            let problem = format!(
+                "names {} nodes, but there are {expected} {what}",
+                names.len()
+            );
+            return Err(field("motion.rig.nodes", problem));
+        }
+        if groups.is_empty() {
+            return Ok(names);
+        }
+        let of_group = |(name, group): (&String, &(String, Range<usize>))| {
+            std::iter::repeat_n(name.clone(), group.1.len())
+        };
+        Ok(names.iter().zip(groups).flat_map(of_group).collect())
+    }
+}
+
+fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String> {
+    if path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
+    {
+        let bytes = std::fs::read(path).map_err(|error| format!("could not be read: {error}"))?;
+        return handle_positions(&bytes, frame_rate).map_err(|error| error.to_string());
+    }
+    let text = read_text(path).map_err(|error| error.to_string())?;
+    parse_recorded_csv(&text).map_err(|error| error.to_string())
 }
 
 /// Groups of handles that move rigidly from keyframe to keyframe; a group without moves stays.
@@ -82,8 +187,8 @@ impl GroupMotion {
 }
 
 impl MotionSource {
-    /// Looks up what is named; `groups` are those of the handles.
-    pub(crate) fn resolve(&self, folder: &Path, groups: &Groups) -> Result<Motion, SceneProblem> {
+    /// Looks up what is named, for handles that stand so.
+    pub(crate) fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
         match self {
             Self::Named(name) => named::by_name(name).ok_or_else(|| {
                 let known = named::names().join(", ");
@@ -93,7 +198,7 @@ impl MotionSource {
                 )
             }),
             Self::Inline(motion) => Ok(motion.clone()),
-            Self::Groups(motion) => motion.resolve(groups),
+            Self::Groups(motion) => motion.resolve(stand.groups),
             Self::File(path) => {
                 let path = folder.join(path);
                 let text = read_text(&path).map_err(|problem| {
@@ -105,13 +210,12 @@ impl MotionSource {
             }
             Self::Recorded(path) => {
                 let path = folder.join(path);
-                let named = |problem: String| {
+                let motion = read_recorded(&path, stand.frame_rate);
+                motion.map(Motion::Recorded).map_err(|problem| {
                     field("motion.recorded", format!("{}: {problem}", path.display()))
-                };
-                let text = read_text(&path).map_err(|error| named(error.to_string()))?;
-                let motion = parse_recorded_csv(&text).map_err(|error| named(error.to_string()))?;
-                Ok(Motion::Recorded(motion))
+                })
             }
+            Self::Rig(motion) => motion.resolve(folder, stand),
         }
     }
 }

@@ -3,10 +3,11 @@
 
 use super::PlotError;
 use super::canvas::{
-    Anchor, Canvas, FAINT, GREY, INK, Point, TextStyle, Weight, colour, picture, text_width,
+    self, Anchor, Canvas, Drawing, FAINT, GREY, INK, Point, TextStyle, Weight, colour, text_width,
 };
 use super::lines::Role;
 use super::ticks::{self, Ticks};
+use crate::Image;
 
 /// Width of the picture [pixels].
 const WIDTH: f64 = 860.0;
@@ -53,12 +54,45 @@ pub struct Bar {
     pub text: String,
 }
 
+/// A chart that can be drawn.
+struct BarDrawing<'a> {
+    chart: &'a BarChart,
+    place: Place,
+}
+
+impl Drawing for BarDrawing<'_> {
+    fn title(&self) -> &str {
+        &self.chart.title
+    }
+
+    fn size(&self) -> Point {
+        [WIDTH, self.place.bottom + BELOW]
+    }
+
+    fn draw(&self, canvas: &Canvas<'_>) -> Result<(), PlotError> {
+        self.chart.draw_axis(canvas, &self.place)?;
+        self.chart.draw_bars(canvas, &self.place)
+    }
+}
+
 impl BarChart {
     /// The picture as SVG.
     ///
     /// # Errors
     /// [`PlotError`] where there is no bar, or one that is not finite.
     pub fn to_svg(&self) -> Result<String, PlotError> {
+        canvas::svg(&self.drawing()?)
+    }
+
+    /// The picture as an image, two pixels for each of the SVG's.
+    ///
+    /// # Errors
+    /// As for [`Self::to_svg`].
+    pub fn to_image(&self) -> Result<Image, PlotError> {
+        canvas::image(&self.drawing()?)
+    }
+
+    fn drawing(&self) -> Result<BarDrawing<'_>, PlotError> {
         let bars = || self.groups.iter().flat_map(|group| &group.bars);
         if bars().next().is_none() {
             let title = self.title.clone();
@@ -74,20 +108,15 @@ impl BarChart {
             }
         }
         let highest = bars().filter_map(|bar| bar.value).fold(0.0, f64::max);
-        let ticks = ticks::linear(0.0, highest);
         let widest = bars().map(|bar| text_width(&bar.name)).fold(0.0, f64::max);
         let left = 24.0 + widest.min(WIDEST_NAMES);
         let heights = self.groups.iter().map(BarGroup::height);
-        let bottom = ABOVE + heights.sum::<f64>();
-        picture(&self.title, [WIDTH, bottom + BELOW], |canvas| {
-            let place = Place {
-                ticks,
-                ends: [left, WIDTH - NUMBER],
-                bottom,
-            };
-            self.draw_axis(canvas, &place)?;
-            self.draw_bars(canvas, &place)
-        })
+        let place = Place {
+            ticks: ticks::linear(0.0, highest),
+            ends: [left, WIDTH - NUMBER],
+            bottom: ABOVE + heights.sum::<f64>(),
+        };
+        Ok(BarDrawing { chart: self, place })
     }
 
     fn draw_axis(&self, canvas: &Canvas<'_>, place: &Place) -> Result<(), PlotError> {

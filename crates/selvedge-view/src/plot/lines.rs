@@ -2,9 +2,11 @@
 
 use super::PlotError;
 use super::canvas::{
-    Anchor, Canvas, FAINT, GREY, INK, LEADING, Point, TEXT, TextStyle, colour, picture, text_width,
+    self, Anchor, Canvas, Drawing, FAINT, GREY, INK, LEADING, Point, TEXT, TextStyle, colour,
+    text_width,
 };
 use super::ticks::{self, Ticks};
+use crate::Image;
 
 /// Size of the picture [pixels].
 const SIZE: Point = [860.0, 460.0];
@@ -81,12 +83,58 @@ struct Placed<'a> {
     points: Vec<Point>,
 }
 
+/// A chart that can be drawn.
+struct LineDrawing<'a> {
+    chart: &'a LineChart,
+    frame: Frame,
+}
+
+impl Drawing for LineDrawing<'_> {
+    fn title(&self) -> &str {
+        &self.chart.title
+    }
+
+    fn size(&self) -> Point {
+        SIZE
+    }
+
+    fn draw(&self, canvas: &Canvas<'_>) -> Result<(), PlotError> {
+        let frame = &self.frame;
+        self.chart.draw_axes(canvas, frame)?;
+        let placed = self.chart.place(frame);
+        for line in &placed {
+            match line.line.role {
+                Role::Subject => canvas.path(line.points.clone(), line.colour, 2.0)?,
+                Role::Rival => canvas.dashes(line.points.clone(), line.colour, [7.0, 4.0])?,
+            }
+            if line.points.len() <= FEW {
+                for &point in &line.points {
+                    canvas.dot(point, line.colour)?;
+                }
+            }
+        }
+        draw_names(canvas, &placed, frame.x.2[1])
+    }
+}
+
 impl LineChart {
     /// The picture as SVG.
     ///
     /// # Errors
     /// [`PlotError`] where there is no point that can be shown, or one that is not finite.
     pub fn to_svg(&self) -> Result<String, PlotError> {
+        canvas::svg(&self.drawing()?)
+    }
+
+    /// The picture as an image, two pixels for each of the SVG's.
+    ///
+    /// # Errors
+    /// As for [`Self::to_svg`].
+    pub fn to_image(&self) -> Result<Image, PlotError> {
+        canvas::image(&self.drawing()?)
+    }
+
+    fn drawing(&self) -> Result<LineDrawing<'_>, PlotError> {
         for line in &self.lines {
             let values = line.points.iter().flatten();
             if let Some(&value) = values.into_iter().find(|value| !value.is_finite()) {
@@ -100,22 +148,7 @@ impl LineChart {
         let frame = self.frame().ok_or_else(|| PlotError::Empty {
             title: self.title.clone(),
         })?;
-        picture(&self.title, SIZE, |canvas| {
-            self.draw_axes(canvas, &frame)?;
-            let placed = self.place(&frame);
-            for line in &placed {
-                match line.line.role {
-                    Role::Subject => canvas.path(line.points.clone(), line.colour, 2.0)?,
-                    Role::Rival => canvas.dashes(line.points.clone(), line.colour, [7.0, 4.0])?,
-                }
-                if line.points.len() <= FEW {
-                    for &point in &line.points {
-                        canvas.dot(point, line.colour)?;
-                    }
-                }
-            }
-            draw_names(canvas, &placed, frame.x.2[1])
-        })
+        Ok(LineDrawing { chart: self, frame })
     }
 
     /// None where no point can be shown.

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use selvedge_data::foreign::{ForeignFormat, ImportOptions, RestSource, UpAxis};
+use selvedge_data::UpAxis;
+use selvedge_data::foreign::{ForeignFormat, ImportOptions, RestSource};
 
 /// Make a data set from data of another project.
 ///

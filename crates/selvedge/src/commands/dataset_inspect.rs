@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use selvedge_data::{Dataset, DatasetIndex, Distribution, Distributions, Split, write_atomically};
-use selvedge_view::{HistogramPlot, histogram_page};
+use selvedge_view::{HistogramPlot, Image, histogram_page};
 use serde::Serialize;
 
 use super::dataset;
@@ -182,7 +182,22 @@ fn bars(distribution: &Distribution) -> String {
     counts.iter().map(bar).collect()
 }
 
+/// The histograms of a data set, as a picture.
+///
+/// # Errors
+/// What of the data set cannot be read.
+pub(crate) fn histograms(folder: &Path) -> anyhow::Result<Image> {
+    let dataset = dataset::open(folder)?;
+    let (distributions, _) = read_all(&dataset, None)?;
+    histograms_of(&dataset.index().name, &distributions)
+}
+
 fn draw_histograms(path: &Path, name: &str, distributions: &Distributions) -> anyhow::Result<()> {
+    let png = histograms_of(name, distributions)?.to_png()?;
+    Ok(write_atomically(path, |out| out.write_all(&png))?)
+}
+
+fn histograms_of(name: &str, distributions: &Distributions) -> anyhow::Result<Image> {
     let named = distributions.named();
     let plots: Vec<HistogramPlot<'_>> = named
         .iter()
@@ -196,6 +211,5 @@ fn draw_histograms(path: &Path, name: &str, distributions: &Distributions) -> an
             counts: distribution.histogram().counts(),
         })
         .collect();
-    let png = histogram_page(name, &plots)?.to_png()?;
-    Ok(write_atomically(path, |out| out.write_all(&png))?)
+    Ok(histogram_page(name, &plots)?)
 }

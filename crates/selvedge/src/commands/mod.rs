@@ -6,6 +6,7 @@ mod dataset_import;
 mod dataset_inspect;
 mod dataset_plan;
 mod evaluate;
+mod export;
 mod inspect;
 mod presets;
 mod rollout;
@@ -33,6 +34,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
             dataset_inspect::run(&args.folder, args.pictures.as_deref())
         }
         Command::Compare(args) => compare::run(args),
+        Command::Export(args) => export::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Presets => presets::run(),
         Command::Rollout(args) => rollout::run(args),

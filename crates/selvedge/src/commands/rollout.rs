@@ -19,7 +19,7 @@ use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{self, Show, write_clip_of, write_sheet};
 use crate::progress::Progress;
 use crate::reference::{self, Run};
-use crate::{interrupt, place, scenes};
+use crate::{exporting, interrupt, place, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -54,6 +54,7 @@ struct Stage {
 /// # Errors
 /// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
+    let wishes = exporting::wishes(&args.export)?;
     let model = learned::open(args.model.as_deref())?;
     let loaded = scenes::open(&args.scene)?;
     let frames = match args.frames {
@@ -91,6 +92,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         };
         end = draw(&show, args, &mut wrote)?;
     }
+    end = exporting::fulfil(&wishes, &prediction.trajectory, end, &mut wrote)?;
     let report = Report {
         scene: stage.loaded.scene.name.clone(),
         model: model.name,

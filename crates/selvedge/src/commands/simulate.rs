@@ -11,7 +11,7 @@ use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
 use crate::progress::Progress;
 use crate::reference::{Keep, Plan};
-use crate::{interrupt, pictures, place, reference, scenes};
+use crate::{exporting, interrupt, pictures, place, reference, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -29,6 +29,7 @@ struct Report {
     /// Mean speed of the vertices in the last second `[m/s]`.
     final_speed: f64,
     clip: Option<PathBuf>,
+    exported: Vec<PathBuf>,
     interrupted: bool,
 }
 
@@ -44,6 +45,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     if let Some(states) = &args.states {
         place::check_file(states, "--states", &["safetensors"])?;
     }
+    let wishes = exporting::wishes(&args.export)?;
     let mut loaded = scenes::open(&args.scene)?;
     choose_start(&mut loaded, args.from())?;
     let (rest, start) = rest_and_start(&loaded)?;
@@ -75,10 +77,12 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
     }
-    let end = match &args.clip {
+    let mut end = match &args.clip {
         Some(clip) if run.end == End::Complete => draw(clip, &scene.name, &trajectory)?,
         _ => run.end,
     };
+    let mut exported = Vec::new();
+    end = exporting::fulfil(&wishes, &trajectory, end, &mut exported)?;
     let report = Report {
         scene: scene.name.clone(),
         out: args.out.clone(),
@@ -92,6 +96,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         sag_residual: rest.as_ref().map(|rest| rest.residual),
         largest_strain: reference::largest_strain(&trajectory)?,
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
+        exported,
         interrupted: run.end == End::Interrupted,
     };
     Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
@@ -200,6 +205,9 @@ fn text(report: &Report, wanted: usize) -> Facts {
     }
     if let Some(states) = &report.states {
         facts.add("states", states.display());
+    }
+    for path in &report.exported {
+        facts.add("exported", path.display());
     }
     facts
 }

@@ -1,4 +1,5 @@
-//! What an evaluation looks like on paper: tables in Markdown, all numbers in CSV, plots in SVG.
+//! What an evaluation or a training looks like on paper: tables in Markdown, all numbers in CSV, plots in
+//! SVG and PNG.
 //!
 //! Everything but the times is a pure function of the rows: the same rows, the same bytes. Times
 //! depend on the machine and stand in files of their own.
@@ -8,6 +9,7 @@ mod evaluated;
 mod markdown;
 mod page;
 mod plots;
+mod training;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,7 +22,8 @@ pub(crate) use self::markdown::{
     Cells, ablation_table, failures, horizon_table, mesh_table, motion_table, summary_table, table,
 };
 pub(crate) use self::page::Page;
-pub(crate) use self::plots::{Measure, bars, horizons_plot, over_time};
+pub(crate) use self::plots::{Measure, Plot, bars, horizons_plot, over_time};
+pub(crate) use self::training::{TrainingLog, training_chart};
 
 use crate::evaluation::{Row, Who};
 use crate::place;
@@ -52,7 +55,7 @@ pub(crate) struct Subject<'a> {
 /// The files of a report, in the order in which they are written.
 #[derive(Default)]
 pub(crate) struct Report {
-    files: Vec<(String, String)>,
+    files: Vec<(String, Vec<u8>)>,
 }
 
 impl<'a> Contest<'a> {
@@ -114,8 +117,8 @@ impl<'a> Contest<'a> {
 
 impl Report {
     /// Adds a file.
-    pub(crate) fn add(&mut self, name: impl Into<String>, text: String) {
-        self.files.push((name.into(), text));
+    pub(crate) fn add(&mut self, name: impl Into<String>, content: impl Into<Vec<u8>>) {
+        self.files.push((name.into(), content.into()));
     }
 
     /// Writes every file into `folder`, each whole or not at all, and says where they are.
@@ -125,9 +128,9 @@ impl Report {
     pub(crate) fn write(&self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         place::make_folder(folder)?;
         let mut wrote = Vec::with_capacity(self.files.len());
-        for (name, text) in &self.files {
+        for (name, content) in &self.files {
             let path = folder.join(name);
-            write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+            write_atomically(&path, |out| out.write_all(content))?;
             wrote.push(path);
         }
         Ok(wrote)

@@ -1,6 +1,6 @@
 //! A report under way: a page of Markdown and the files that it shows.
 
-use super::{Contest, Report, csv, markdown};
+use super::{Contest, Plot, Report, csv, markdown};
 use crate::evaluation::Timing;
 
 /// The name of the page.
@@ -42,11 +42,13 @@ impl Page {
         self.times.push_str(&format!("\n{}\n", text.trim()));
     }
 
-    /// Shows a plot, where there is one, which goes to `file`.
-    pub(crate) fn plot(&mut self, file: &str, alternative: &str, svg: Option<String>) {
-        if let Some(svg) = svg {
+    /// Shows a plot, where there is one, which goes to `file` (.svg), and beside it as .png.
+    pub(crate) fn plot(&mut self, file: &str, alternative: &str, plot: Option<Plot>) {
+        if let Some(plot) = plot {
             self.say(&format!("![{alternative}]({file})"));
-            self.report.add(file, svg);
+            let stem = file.strip_suffix(".svg").unwrap_or(file);
+            self.report.add(format!("{stem}.png"), plot.png);
+            self.report.add(file, plot.svg);
         }
     }
 

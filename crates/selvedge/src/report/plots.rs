@@ -1,6 +1,7 @@
 //! The plots of the paper: errors by steps (figure 3a), by time (figure 3b), and of whole runs side
 //! by side (figures 3c and 5). None where there is nothing to show.
 
+use selvedge_view::Image;
 use selvedge_view::plot::{Axis, Bar, BarChart, BarGroup, Line, LineChart, PlotError, Role, Scale};
 
 use super::{Contest, Subject};
@@ -17,6 +18,14 @@ pub(crate) enum Measure {
     Position,
     /// Of the lengths of edges.
     EdgeLength,
+}
+
+/// A plot in both forms.
+pub(crate) struct Plot {
+    /// For the page.
+    pub(crate) svg: String,
+    /// For what shows no SVG.
+    pub(crate) png: Vec<u8>,
 }
 
 impl Measure {
@@ -56,7 +65,7 @@ fn runners<'a>(contest: &'a Contest<'a>) -> impl Iterator<Item = (&'a Subject<'a
 ///
 /// # Errors
 /// A value that is not finite.
-pub(crate) fn horizons_plot(contest: &Contest<'_>) -> Result<Option<String>, PlotError> {
+pub(crate) fn horizons_plot(contest: &Contest<'_>) -> Result<Option<Plot>, PlotError> {
     let line = |(subject, name): (&Subject<'_>, String)| {
         let horizons = summary(&subject.rows).horizons;
         let point = |h: &crate::evaluation::Horizon| [h.steps as f64, 1e3 * h.position_rmse];
@@ -83,7 +92,7 @@ pub(crate) fn over_time(
     contest: &Contest<'_>,
     measure: Measure,
     motion: Option<(&str, &str)>,
-) -> Result<Option<String>, PlotError> {
+) -> Result<Option<Plot>, PlotError> {
     let is_along = |row: &&&Row| motion.is_none_or(|m| m == (&row.data, &row.motion));
     let line = |(subject, name): (&Subject<'_>, String)| {
         let rows: Vec<&Row> = subject.rows.iter().filter(is_along).copied().collect();
@@ -140,7 +149,7 @@ fn scale_of(lines: &[Line]) -> Scale {
 ///
 /// # Errors
 /// A value that is not finite.
-pub(crate) fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<String>, PlotError> {
+pub(crate) fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<Plot>, PlotError> {
     let bar = |subject: &Subject<'_>| {
         let value = summary(&subject.rows).measures.map(|m| match measure {
             Measure::Position => m.position_rmse,
@@ -166,17 +175,28 @@ pub(crate) fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<Str
         axis: format!("{} (mm)", measure.name()),
         groups: groups.collect(),
     };
-    match chart.to_svg() {
-        Err(PlotError::Empty { .. }) => Ok(None),
-        result => result.map(Some),
-    }
+    both(&chart.title, chart.to_svg(), || chart.to_image())
 }
 
-fn shown(chart: &LineChart) -> Result<Option<String>, PlotError> {
-    match chart.to_svg() {
-        Err(PlotError::Empty { .. }) => Ok(None),
-        result => result.map(Some),
-    }
+/// Both forms of a chart; none where there is nothing to show.
+fn both(
+    title: &str,
+    svg: Result<String, PlotError>,
+    image: impl FnOnce() -> Result<Image, PlotError>,
+) -> Result<Option<Plot>, PlotError> {
+    let svg = match svg {
+        Err(PlotError::Empty { .. }) => return Ok(None),
+        result => result?,
+    };
+    let png = image()?.to_png().map_err(|error| PlotError::Drawing {
+        title: title.to_owned(),
+        problem: error.to_string(),
+    })?;
+    Ok(Some(Plot { svg, png }))
+}
+
+fn shown(chart: &LineChart) -> Result<Option<Plot>, PlotError> {
+    both(&chart.title, chart.to_svg(), || chart.to_image())
 }
 
 fn capital(text: &str) -> String {

@@ -1,9 +1,14 @@
-//! `selvedge inspect`: what a file or folder is, and what is in it.
+//! `selvedge inspect`: what a file or folder is, and what is in it; with a picture, what it looks like.
 //!
-//! What it is taken for follows from its name: a folder is a data set, `.obj` a mesh; a
-//! `.safetensors` file says itself whether it is a trajectory, a model or states, and a `.toml` file is a
-//! data set's preset if it has a `setting`, a training configuration if it has a `batch`, and a
-//! scene if it has neither; `.json` is a scene of ARCSim.
+//! What it is taken for follows from its name and from what it says itself: a folder by the files in it,
+//! `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a `.safetensors` file says
+//! whether it is a trajectory, a model, states or a checkpoint; a `.toml` file is a data set's preset if it
+//! has a `setting`, a training configuration if it has a `batch`, and a scene if it has neither; `.json` is
+//! a scene of ARCSim.
+
+mod exported;
+mod folders;
+mod picture;
 
 use std::path::Path;
 
@@ -15,23 +20,32 @@ use selvedge_data::{
     shipped_scenes,
 };
 use selvedge_model::{MODEL_FORMAT, Model, Network};
-use selvedge_train::TrainConfig;
+use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
 
-use super::{dataset_inspect, dataset_plan};
+use super::dataset_plan;
 use crate::cli::InspectArgs;
 use crate::output::{Answer, Facts, length, percent};
-use crate::{reference, scenes};
+use crate::{place, reference, scenes};
 
-/// Says what `path` is.
+/// Says what a path is, and draws it where that is wanted.
 ///
 /// # Errors
 /// When it is nothing that Selvedge knows, or is damaged.
 pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
-    let path = args.path.as_path();
+    let Some(to) = &args.picture else {
+        return say(&args.path);
+    };
+    place::check_file(to, "--picture", &["png", "svg"])?;
+    let answer = say(&args.path)?;
+    picture::draw(&args.path, to)?;
+    Ok(answer.noting("picture", to))
+}
+
+fn say(path: &Path) -> anyhow::Result<Answer> {
     let name = path.to_string_lossy();
     if path.is_dir() {
-        return dataset_inspect::run(path, None);
+        return folders::inspect(path);
     }
     if !path.exists() && shipped_scenes().iter().any(|scene| scene.0 == name) {
         return inspect_scene(&scenes::open(&name)?, &name);
@@ -47,8 +61,10 @@ pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
             let sheet = read_obj(path)?;
             inspect_mesh(&sheet.mesh, sheet.labels.keys(), path)
         }
+        Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
+        Some("glb" | "usda") => exported::inspect_rig(path),
         _ => bail!(
-            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, and a data set is a folder"
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb or .usda, and a data set, a training and a study are folders"
         ),
     }
 }
@@ -98,8 +114,24 @@ fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
         {
             inspect_states(&bytes, path)
         }
+        Err(TrajectoryFileError::Metadata { name, found, .. })
+            if name == "format" && found == CHECKPOINT_FORMAT =>
+        {
+            inspect_checkpoint(bytes.len(), path)
+        }
         Err(error) => Err(error).with_context(|| path.display().to_string()),
     }
+}
+
+/// A checkpoint is read whole only with the data that it was made on.
+fn inspect_checkpoint(size: usize, path: &Path) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add("kind", "checkpoint of a training");
+    facts.add("file", path.display());
+    facts.add("size", format!("{size} bytes"));
+    facts.add("use", "selvedge train with --resume goes on from it");
+    let report = json!({ "kind": "checkpoint", "file": path, "bytes": size });
+    Answer::new(facts, &report)
 }
 
 fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {

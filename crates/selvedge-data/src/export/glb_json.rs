@@ -1,0 +1,241 @@
+//! The text of a .glb: which bytes of its binary part are what ([`Layout`]), and the nodes, the mesh,
+//! the material and the animation that are made of them.
+
+use glam::Vec3;
+use serde_json::{Value, json};
+
+use super::Take;
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+/// What a view of the binary part is for.
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+/// The front of our pictures, in linear light.
+const COLOUR: [f32; 4] = [0.08, 0.13, 0.4, 1.0];
+
+/// Where things are in the binary part `[bytes]`, one after another.
+pub(super) struct Layout {
+    views: Vec<View>,
+}
+
+/// What a part of the binary part is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Indices,
+    Positions,
+    Normals,
+    Texture,
+    HandleNumbers,
+    Times,
+    Weights,
+    HandlePaths,
+}
+
+struct View {
+    part: Part,
+    start: u64,
+    length: u64,
+}
+
+impl Layout {
+    /// Where everything of `take` goes.
+    pub(super) fn new(take: &Take<'_>) -> Self {
+        let cloth = take.trajectory().cloth();
+        let [frames, vertices, faces, handles] = [
+            take.len(),
+            take.trajectory().vertex_count(),
+            cloth.face_area.len(),
+            cloth.handles.vertices().len(),
+        ]
+        .map(|count| count as u64);
+        let normals = if take.has_normals() { frames } else { 0 };
+        let mut views = Vec::new();
+        let mut start = 0;
+        for (part, length) in [
+            (Part::Indices, 12 * faces),
+            (Part::Positions, 12 * vertices * frames),
+            (Part::Normals, 12 * vertices * normals),
+            (Part::Texture, 8 * vertices),
+            (Part::HandleNumbers, 4 * vertices),
+            (Part::Times, 4 * frames),
+            (Part::Weights, 4 * frames * (frames - 1)),
+            (Part::HandlePaths, 12 * frames * handles),
+        ] {
+            if length > 0 {
+                views.push(View {
+                    part,
+                    start,
+                    length,
+                });
+                start += length;
+            }
+        }
+        Self { views }
+    }
+
+    /// Bytes of the whole binary part.
+    pub(super) fn bytes(&self) -> u64 {
+        self.views.iter().map(|view| view.length).sum()
+    }
+
+    fn number(&self, part: Part) -> Option<usize> {
+        self.views.iter().position(|view| view.part == part)
+    }
+
+    fn to_json(&self) -> Vec<Value> {
+        let of = |view: &View| {
+            let mut json = json!({
+                "buffer": 0,
+                "byteOffset": view.start,
+                "byteLength": view.length,
+            });
+            let (stride, target) = match view.part {
+                Part::Indices => (None, Some(INDICES)),
+                Part::Positions | Part::Normals => (Some(12), Some(VERTICES)),
+                Part::Texture => (Some(8), Some(VERTICES)),
+                Part::HandleNumbers => (Some(4), Some(VERTICES)),
+                Part::Times | Part::Weights | Part::HandlePaths => (None, None),
+            };
+            if let Some(stride) = stride {
+                json["byteStride"] = json!(stride);
+            }
+            if let Some(target) = target {
+                json["target"] = json!(target);
+            }
+            json
+        };
+        self.views.iter().map(of).collect()
+    }
+}
+
+/// Accessors as they are asked for.
+struct Accessors<'a> {
+    layout: &'a Layout,
+    all: Vec<Value>,
+}
+
+impl Accessors<'_> {
+    /// One over `count` elements of `part` from its byte `offset`; its number.
+    fn add(&mut self, part: Part, offset: usize, count: usize) -> usize {
+        let (component, form) = match part {
+            Part::Indices => (UNSIGNED_INT, "SCALAR"),
+            Part::Positions | Part::Normals | Part::HandlePaths => (FLOAT, "VEC3"),
+            Part::Texture => (FLOAT, "VEC2"),
+            Part::HandleNumbers | Part::Times | Part::Weights => (FLOAT, "SCALAR"),
+        };
+        self.all.push(json!({
+            "bufferView": self.layout.number(part),
+            "byteOffset": offset,
+            "componentType": component,
+            "count": count,
+            "type": form,
+        }));
+        self.all.len() - 1
+    }
+
+    fn bound(&mut self, accessor: usize, low: &[f32], high: &[f32]) {
+        self.all[accessor]["min"] = json!(low);
+        self.all[accessor]["max"] = json!(high);
+    }
+}
+
+/// The whole text; `extents` are of the first frame and of what the further ones differ by.
+pub(super) fn document(
+    take: &Take<'_>,
+    layout: &Layout,
+    extents: impl Iterator<Item = [Vec3; 2]>,
+) -> String {
+    let mut accessors = Accessors {
+        layout,
+        all: Vec::new(),
+    };
+    let primitive = primitive(take, &mut accessors, extents);
+    let animation = (take.len() > 1).then(|| animation(take, &mut accessors));
+    let names: Vec<String> = (1..take.len()).map(|k| format!("frame {k}")).collect();
+    let mut mesh = json!({ "name": "sheet", "primitives": [primitive] });
+    if !names.is_empty() {
+        mesh["weights"] = json!(vec![0; names.len()]);
+        mesh["extras"] = json!({ "targetNames": names });
+    }
+    let handles = take.handle_positions(0);
+    let mut nodes = vec![json!({ "name": "sheet", "mesh": 0 })];
+    nodes.extend(handles.iter().enumerate().map(|(number, position)| {
+        json!({ "name": format!("handle_{number}"), "translation": position.to_array() })
+    }));
+    let mut document = json!({
+        "asset": { "version": "2.0", "generator": take.trajectory().provenance().made_by },
+        "scene": 0,
+        "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
+        "nodes": nodes,
+        "meshes": [mesh],
+        "materials": [{
+            "name": "cloth",
+            "doubleSided": true,
+            "pbrMetallicRoughness": {
+                "baseColorFactor": COLOUR, "metallicFactor": 0, "roughnessFactor": 0.9,
+            },
+        }],
+        "accessors": accessors.all,
+        "bufferViews": layout.to_json(),
+        "buffers": [{ "byteLength": layout.bytes() }],
+    });
+    if let Some(animation) = animation {
+        document["animations"] = json!([animation]);
+    }
+    document.to_string()
+}
+
+fn primitive(
+    take: &Take<'_>,
+    accessors: &mut Accessors<'_>,
+    extents: impl Iterator<Item = [Vec3; 2]>,
+) -> Value {
+    let vertices = take.trajectory().vertex_count();
+    let corners = 3 * take.trajectory().cloth().face_area.len();
+    let indices = accessors.add(Part::Indices, 0, corners);
+    let mut shapes = Vec::with_capacity(take.len());
+    for (number, [low, high]) in extents.enumerate() {
+        let offset = 12 * vertices * number;
+        let position = accessors.add(Part::Positions, offset, vertices);
+        accessors.bound(position, &low.to_array(), &high.to_array());
+        let mut shape = json!({ "POSITION": position });
+        if take.has_normals() {
+            shape["NORMAL"] = json!(accessors.add(Part::Normals, offset, vertices));
+        }
+        shapes.push(shape);
+    }
+    let mut attributes = shapes.remove(0);
+    attributes["TEXCOORD_0"] = json!(accessors.add(Part::Texture, 0, vertices));
+    attributes["_HANDLE"] = json!(accessors.add(Part::HandleNumbers, 0, vertices));
+    let mut primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
+    if !shapes.is_empty() {
+        primitive["targets"] = json!(shapes);
+    }
+    primitive
+}
+
+fn animation(take: &Take<'_>, accessors: &mut Accessors<'_>) -> Value {
+    let keys = take.len();
+    let times = accessors.add(Part::Times, 0, keys);
+    let end = take.time(keys - 1) as f32;
+    accessors.bound(times, &[0.0], &[end]);
+    let weights = accessors.add(Part::Weights, 0, keys * (keys - 1));
+    let mut samplers = vec![sampler(times, weights)];
+    let mut channels = vec![channel(0, 0, "weights")];
+    for handle in 0..take.trajectory().handles().vertices().len() {
+        let path = accessors.add(Part::HandlePaths, 12 * keys * handle, keys);
+        channels.push(channel(samplers.len(), 1 + handle, "translation"));
+        samplers.push(sampler(times, path));
+    }
+    json!({ "name": "cloth", "samplers": samplers, "channels": channels })
+}
+
+fn sampler(input: usize, output: usize) -> Value {
+    json!({ "input": input, "output": output, "interpolation": "LINEAR" })
+}
+
+fn channel(sampler: usize, node: usize, path: &str) -> Value {
+    json!({ "sampler": sampler, "target": { "node": node, "path": path } })
+}

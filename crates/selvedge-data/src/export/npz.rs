@@ -1,0 +1,316 @@
+//! NumPy's archive of arrays (.npz), not packed: all that a trajectory has but its scene, and back.
+//!
+//! | array | type, shape | |
+//! |---|---|---|
+//! | `positions` | f4 `[frames, vertices, 3]` | m |
+//! | `normals` | f4 `[frames, vertices, 3]` | where they are wanted |
+//! | `faces` | i4 `[faces, 3]` | counter-clockwise |
+//! | `rest_positions` | f4 `[vertices, 3]` | m |
+//! | `material_coordinates` | f4 `[vertices, 2]` | m |
+//! | `vertex_mass`, `face_area` | f4 `[vertices]`, `[faces]` | kg, m² |
+//! | `handles` | i4 `[handles]` | |
+//! | `fps` | f8 `[1]` | of these frames |
+//! | `up_axis` | i4 `[1]` | 1: y, 2: z |
+//!
+//! The archive has no 64-bit extension: at most 4 GiB.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use glam::{DVec3, Vec2, Vec3};
+use selvedge_cloth::{HandleError, Handles, RecordedMotion, Topology, TopologyError};
+use serde_json::Value;
+use thiserror::Error;
+
+use super::{ExportError, Pulse, Take, check_size};
+use crate::UpAxis;
+use crate::atomic::write_atomically;
+use crate::npy::{Array, NpyError};
+use crate::npz::{EntryOut, Npz, NpzError, archive_bytes, write_archive};
+use crate::trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
+
+/// Why an archive is no trajectory, or no motion of handles.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum NpzTrajectoryError {
+    #[error("could not be read: {0}")]
+    Read(#[from] io::Error),
+    #[error(transparent)]
+    Archive(#[from] NpzError),
+    #[error("has no array {name:?}; it has [{known}]")]
+    Missing { name: &'static str, known: String },
+    #[error("array {name}: {source}")]
+    Array {
+        name: &'static str,
+        #[source]
+        source: NpyError,
+    },
+    #[error("array {name}: expected {expected}, found {found}")]
+    Value {
+        name: &'static str,
+        expected: String,
+        found: String,
+    },
+    #[error(transparent)]
+    Topology(#[from] TopologyError),
+    #[error(transparent)]
+    Handles(#[from] HandleError),
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+}
+
+/// Writes the archive.
+pub(super) fn write(
+    take: &Take<'_>,
+    path: &Path,
+    pulse: &mut Pulse<'_>,
+) -> Result<(), ExportError> {
+    let entries = entries(take);
+    check_size(".npz", archive_bytes(&entries), take.every())?;
+    Ok(write_archive_of(&entries, path, pulse)?)
+}
+
+fn write_archive_of(
+    entries: &[EntryOut<'_>],
+    path: &Path,
+    pulse: &mut Pulse<'_>,
+) -> Result<(), crate::WriteError> {
+    write_atomically(path, |out| {
+        write_archive(entries, out, &mut |name| match name {
+            "positions" => pulse.beat(),
+            _ => Ok(()),
+        })?;
+        out.flush()
+    })
+}
+
+fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
+    let cloth = take.trajectory().cloth();
+    let (vertices, faces) = (take.trajectory().vertex_count(), cloth.face_area.len());
+    let by_frame = |name, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
+        name,
+        kind: "<f4",
+        shape: vec![take.len(), vertices, 3],
+        chunks: take.len(),
+        chunk: of,
+    };
+    let at_once = |name, kind, shape: &[usize], bytes: Vec<u8>| EntryOut {
+        name,
+        kind,
+        shape: shape.to_vec(),
+        chunks: 1,
+        chunk: Box::new(move |_| bytes.clone()),
+    };
+    let positions = by_frame("positions", Box::new(|k| floats3(&take.positions(k))));
+    let mut entries = vec![positions];
+    if take.has_normals() {
+        let normals = move |k| floats3(&take.normals_at(&take.positions(k)));
+        entries.push(by_frame("normals", Box::new(normals)));
+    }
+    let face_indices = cloth.topology.face_indices();
+    let face_bytes = integers(face_indices.as_flattened());
+    let coordinates = cloth.material_coordinates.iter().flat_map(|c| c.to_array());
+    let handles: Vec<u32> = cloth.handles.vertices().iter().map(|v| v.0).collect();
+    let up = match take.up() {
+        UpAxis::Y => 1,
+        UpAxis::Z => 2,
+    };
+    // Rounded away from the rate itself only where frames are left out.
+    let fps = take.trajectory().frame_rate() / take.every() as f64;
+    entries.extend([
+        at_once("faces", "<i4", &[faces, 3], face_bytes),
+        at_once(
+            "rest_positions",
+            "<f4",
+            &[vertices, 3],
+            floats3(&take.rest_positions()),
+        ),
+        at_once(
+            "material_coordinates",
+            "<f4",
+            &[vertices, 2],
+            floats(coordinates),
+        ),
+        at_once(
+            "vertex_mass",
+            "<f4",
+            &[vertices],
+            floats(cloth.vertex_mass.iter().copied()),
+        ),
+        at_once(
+            "face_area",
+            "<f4",
+            &[faces],
+            floats(cloth.face_area.iter().copied()),
+        ),
+        at_once("handles", "<i4", &[handles.len()], integers(&handles)),
+        at_once("fps", "<f8", &[1], fps.to_le_bytes().to_vec()),
+        at_once("up_axis", "<i4", &[1], integers(&[up])),
+    ]);
+    entries
+}
+
+fn floats(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
+    values.into_iter().flat_map(f32::to_le_bytes).collect()
+}
+
+fn floats3(values: &[Vec3]) -> Vec<u8> {
+    floats(values.iter().flat_map(|p| p.to_array()))
+}
+
+fn integers(values: &[u32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+impl Trajectory {
+    /// Reads a trajectory from the bytes of an exported archive; it has no scene.
+    ///
+    /// # Errors
+    /// [`NpzTrajectoryError`] names the array that is missing or wrong.
+    pub fn from_npz(bytes: &[u8]) -> Result<Self, NpzTrajectoryError> {
+        let archive = Arrays(Npz::open(bytes)?);
+        let (positions, shape) = archive.points("positions")?;
+        let vertices = shape[1];
+        let faces = archive.numbers("faces", &[None, Some(3)])?;
+        let faces: Vec<[u32; 3]> = faces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
+        let rest = archive.floats("rest_positions", &[Some(vertices), Some(3)])?;
+        let up = archive.up()?;
+        let coordinates = archive.floats("material_coordinates", &[Some(vertices), Some(2)])?;
+        let single = |values: Vec<f64>| values.into_iter().map(|v| v as f32).collect();
+        let fps = archive.floats("fps", &[Some(1)])?;
+        let cloth = Cloth {
+            topology: Topology::new(vertices, &faces)?,
+            rest_positions: points(&rest).map(|p| up.to_ours(p).as_vec3()).collect(),
+            material_coordinates: coordinates
+                .chunks_exact(2)
+                .map(|c| Vec2::new(c[0] as f32, c[1] as f32))
+                .collect(),
+            vertex_mass: single(archive.floats("vertex_mass", &[Some(vertices)])?),
+            face_area: single(archive.floats("face_area", &[Some(faces.len())])?),
+            handles: Handles::new(&archive.numbers("handles", &[None])?, vertices)?,
+        };
+        let positions = points(&positions)
+            .map(|p| up.to_ours(p).as_vec3())
+            .collect();
+        let provenance = Provenance {
+            frame_rate: fps[0],
+            scene: Value::Null,
+            made_by: "an archive of NumPy's".to_owned(),
+        };
+        Ok(Self::new(cloth, positions, provenance)?)
+    }
+}
+
+/// The motion of handles in an archive: `positions` `[frames, handles, 3]` `[m]`; where there is an
+/// array `handles`, as in an export, these vertices of `[frames, vertices, 3]`. A rate in it must
+/// be `frame_rate`.
+pub(crate) fn handle_positions(
+    bytes: &[u8],
+    frame_rate: f64,
+) -> Result<RecordedMotion, NpzTrajectoryError> {
+    let archive = Arrays(Npz::open(bytes)?);
+    let (values, shape) = archive.points("positions")?;
+    let up = archive.up()?;
+    if archive.has("fps") {
+        let found = archive.floats("fps", &[Some(1)])?[0];
+        if found != frame_rate {
+            return Err(NpzTrajectoryError::Value {
+                name: "fps",
+                expected: format!("{frame_rate}, the frame rate of the scene"),
+                found: found.to_string(),
+            });
+        }
+    }
+    let taken: Vec<usize> = if archive.has("handles") {
+        let handles = archive.numbers("handles", &[None])?;
+        handles.iter().map(|&handle| handle as usize).collect()
+    } else {
+        (0..shape[1]).collect()
+    };
+    if let Some(&bad) = taken.iter().find(|&&vertex| vertex >= shape[1]) {
+        return Err(NpzTrajectoryError::Value {
+            name: "handles",
+            expected: format!("vertices below {}", shape[1]),
+            found: bad.to_string(),
+        });
+    }
+    let all: Vec<DVec3> = points(&values).map(|p| up.to_ours(p)).collect();
+    let frames = all.chunks_exact(shape[1].max(1));
+    Ok(RecordedMotion {
+        positions: frames
+            .map(|frame| taken.iter().map(|&vertex| frame[vertex]).collect())
+            .collect(),
+    })
+}
+
+fn points(values: &[f64]) -> impl Iterator<Item = DVec3> {
+    values.chunks_exact(3).map(DVec3::from_slice)
+}
+
+/// An archive whose arrays are asked for by name.
+struct Arrays<'a>(Npz<'a>);
+
+impl Arrays<'_> {
+    fn has(&self, name: &str) -> bool {
+        self.0.names().contains(&name)
+    }
+
+    fn array(&self, name: &'static str) -> Result<Array, NpzTrajectoryError> {
+        let known = || self.0.names().join(", ");
+        let found = self.0.array(name)?;
+        found.ok_or_else(|| NpzTrajectoryError::Missing {
+            name,
+            known: known(),
+        })
+    }
+
+    fn floats(
+        &self,
+        name: &'static str,
+        shape: &[Option<usize>],
+    ) -> Result<Vec<f64>, NpzTrajectoryError> {
+        let array = self.array(name)?;
+        let values = array.expect_shape(shape).and_then(|()| array.floats());
+        values.map_err(|source| NpzTrajectoryError::Array { name, source })
+    }
+
+    fn points(&self, name: &'static str) -> Result<(Vec<f64>, Vec<usize>), NpzTrajectoryError> {
+        let shape = self.array(name)?.shape;
+        let values = self.floats(name, &[None, None, Some(3)])?;
+        Ok((values, shape))
+    }
+
+    fn numbers(
+        &self,
+        name: &'static str,
+        shape: &[Option<usize>],
+    ) -> Result<Vec<u32>, NpzTrajectoryError> {
+        let array = self.array(name)?;
+        let values = array.expect_shape(shape).and_then(|()| array.integers());
+        let values = values.map_err(|source| NpzTrajectoryError::Array { name, source })?;
+        let number = |value: i64| {
+            u32::try_from(value).map_err(|_| NpzTrajectoryError::Value {
+                name,
+                expected: "numbers from 0".to_owned(),
+                found: value.to_string(),
+            })
+        };
+        values.into_iter().map(number).collect()
+    }
+
+    /// Which axis points up; y where the archive does not say.
+    fn up(&self) -> Result<UpAxis, NpzTrajectoryError> {
+        if !self.has("up_axis") {
+            return Ok(UpAxis::Y);
+        }
+        match self.numbers("up_axis", &[Some(1)])?.as_slice() {
+            [1] => Ok(UpAxis::Y),
+            [2] => Ok(UpAxis::Z),
+            other => Err(NpzTrajectoryError::Value {
+                name: "up_axis",
+                expected: "1 for y or 2 for z".to_owned(),
+                found: format!("{other:?}"),
+            }),
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Frames as Wavefront OBJ: one, or all of them in a folder of their own as `cloth_0000.obj`,
+//! `cloth_0001.obj` and so on, numbered without gaps whatever frames were taken.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use super::{ExportError, Pulse, Take};
+use crate::atomic::{WriteError, write_folder_atomically};
+use crate::obj::{ObjFrame, write_obj_frame};
+
+/// Writes the only frame.
+pub(super) fn write_one(
+    take: &Take<'_>,
+    path: &Path,
+    pulse: &mut Pulse<'_>,
+) -> Result<(), ExportError> {
+    write_frame(take, 0, path)?;
+    // The file is whole: an end that was asked for comes too late.
+    let _ = pulse.beat();
+    Ok(())
+}
+
+/// Writes a folder with a file per frame.
+pub(super) fn write_all(
+    take: &Take<'_>,
+    path: &Path,
+    pulse: &mut Pulse<'_>,
+) -> Result<(), ExportError> {
+    let width = (take.len() - 1).to_string().len().max(4);
+    write_folder_atomically(path, |folder| {
+        for number in 0..take.len() {
+            let file = folder.join(format!("cloth_{number:0width$}.obj"));
+            let write = || {
+                let mut out = BufWriter::new(File::create(file)?);
+                with_frame(take, number, |frame| frame.write(&mut out))?;
+                out.flush()?;
+                pulse.beat()
+            };
+            write().map_err(|source| WriteError {
+                path: path.to_owned(),
+                action: "write into it",
+                source,
+            })?;
+        }
+        Ok(())
+    })
+}
+
+/// Writes the frame taken as `number`.
+pub(super) fn write_frame(take: &Take<'_>, number: usize, path: &Path) -> Result<(), ExportError> {
+    with_frame(take, number, |frame| Ok(write_obj_frame(path, frame)?))
+}
+
+fn with_frame<T>(take: &Take<'_>, number: usize, act: impl FnOnce(&ObjFrame<'_>) -> T) -> T {
+    let positions = take.positions(number);
+    let normals = take.has_normals().then(|| take.normals_at(&positions));
+    let cloth = take.trajectory().cloth();
+    act(&ObjFrame {
+        topology: &cloth.topology,
+        positions: &positions,
+        material_coordinates: &cloth.material_coordinates,
+        normals: normals.as_deref(),
+    })
+}

@@ -1,0 +1,51 @@
+//! A point cache (.pc2): the positions of every vertex in every frame, and beside it the mesh of the
+//! first frame as .obj of the same name, whose vertices they are.
+//!
+//! Little-endian: "POINTCACHE2\0", version 1 (i32), vertices (i32), first frame (f32), frames from one
+//! sample to the next (f32), samples (i32), then x, y, z (f32) by sample and vertex. The rate is not in
+//! the file. Format: as Blender's Mesh Cache reads it.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::{ExportError, Pulse, Take, obj};
+use crate::atomic::write_atomically;
+
+const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
+const HEADER_LENGTH: u64 = 32;
+
+/// How many bytes the cache will have.
+pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
+    HEADER_LENGTH + 12 * take.len() as u64 * take.trajectory().vertex_count() as u64
+}
+
+/// Writes the cache, then the mesh.
+pub(super) fn write(
+    take: &Take<'_>,
+    path: &Path,
+    pulse: &mut Pulse<'_>,
+) -> Result<(), ExportError> {
+    write_atomically(path, |out| {
+        write_header(take, out)?;
+        for number in 0..take.len() {
+            for p in take.positions(number) {
+                for coordinate in p.to_array() {
+                    out.write_all(&coordinate.to_le_bytes())?;
+                }
+            }
+            pulse.beat()?;
+        }
+        Ok(())
+    })?;
+    obj::write_frame(take, 0, &path.with_extension("obj"))
+}
+
+fn write_header(take: &Take<'_>, out: &mut impl Write) -> io::Result<()> {
+    let count = |number: usize| i32::try_from(number).map_err(io::Error::other);
+    out.write_all(MAGIC)?;
+    out.write_all(&1_i32.to_le_bytes())?;
+    out.write_all(&count(take.trajectory().vertex_count())?.to_le_bytes())?;
+    out.write_all(&0_f32.to_le_bytes())?;
+    out.write_all(&(take.every() as f32).to_le_bytes())?;
+    out.write_all(&count(take.len())?.to_le_bytes())
+}

@@ -1,0 +1,221 @@
+//! Frames of a trajectory as they are exported: which of them, and which axis points up.
+
+use std::str::FromStr;
+
+use glam::Vec3;
+use thiserror::Error;
+
+use super::{ExportError, ExportFormat, ExportOptions, Normals};
+use crate::UpAxis;
+use crate::trajectory::Trajectory;
+
+/// Which frames: from one to another, both included, and every so many of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameSpan {
+    /// The first one; the first there is, if there is none.
+    pub first: Option<usize>,
+    /// The last one; the last there is, if there is none.
+    pub last: Option<usize>,
+    /// Every so many of them, from the first.
+    pub every: usize,
+}
+
+/// Frames that there are not.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum FrameSpanError {
+    #[error("frame {frame} was asked for, but the run has the frames 0 to {last}")]
+    Missing { frame: usize, last: usize },
+    #[error("frames {first}..{last}: there are none, for the last is before the first")]
+    Empty { first: usize, last: usize },
+    #[error("every 0th frame was asked for: 1 is every frame")]
+    Every,
+    #[error("{text:?} says no frames: write 20..80 (both included), 20.., ..80, or one number")]
+    Text { text: String },
+}
+
+impl Default for FrameSpan {
+    fn default() -> Self {
+        Self {
+            first: None,
+            last: None,
+            every: 1,
+        }
+    }
+}
+
+impl FromStr for FrameSpan {
+    type Err = FrameSpanError;
+
+    /// Reads `20..80`, `20..`, `..80` or `20`; every one of them.
+    fn from_str(text: &str) -> Result<Self, FrameSpanError> {
+        let wrong = || FrameSpanError::Text {
+            text: text.to_owned(),
+        };
+        let number = |part: &str| match part.trim() {
+            "" => Ok(None),
+            digits => digits.parse().map(Some).map_err(|_| wrong()),
+        };
+        let (first, last) = match text.split_once("..") {
+            Some((first, last)) => (number(first)?, number(last)?),
+            None => {
+                let only = number(text)?.ok_or_else(wrong)?;
+                (Some(only), Some(only))
+            }
+        };
+        Ok(Self {
+            first,
+            last,
+            every: 1,
+        })
+    }
+}
+
+impl FrameSpan {
+    /// The numbers of the frames, of a run of `count` (at least one).
+    ///
+    /// # Errors
+    /// [`FrameSpanError`] where there are none, or one that the run does not have.
+    pub fn of(&self, count: usize) -> Result<Vec<usize>, FrameSpanError> {
+        let end = count.saturating_sub(1);
+        let (first, last) = (self.first.unwrap_or(0), self.last.unwrap_or(end));
+        if let Some(frame) = [first, last].into_iter().find(|&frame| frame > end) {
+            return Err(FrameSpanError::Missing { frame, last: end });
+        }
+        if first > last {
+            return Err(FrameSpanError::Empty { first, last });
+        }
+        if self.every == 0 {
+            return Err(FrameSpanError::Every);
+        }
+        Ok((first..=last).step_by(self.every).collect())
+    }
+}
+
+/// Frames of a trajectory, in the axes of a file.
+#[derive(Clone, Debug)]
+pub struct Take<'a> {
+    trajectory: &'a Trajectory,
+    frames: Vec<usize>,
+    every: usize,
+    up: UpAxis,
+    normals: Normals,
+}
+
+impl<'a> Take<'a> {
+    /// The frames of `trajectory` that `options` choose.
+    pub(super) fn new(
+        trajectory: &'a Trajectory,
+        options: &ExportOptions,
+    ) -> Result<Self, ExportError> {
+        let frames = options.frames.of(trajectory.frame_count())?;
+        match options.format {
+            ExportFormat::Obj if frames.len() > 1 => {
+                let frames = frames.len();
+                return Err(ExportError::OneFrame { frames });
+            }
+            ExportFormat::Glb if options.up == UpAxis::Z => return Err(ExportError::YUp),
+            _ => {}
+        }
+        Ok(Self {
+            trajectory,
+            frames,
+            every: options.frames.every,
+            up: options.up,
+            normals: options.normals,
+        })
+    }
+
+    /// What the frames are of.
+    pub(super) fn trajectory(&self) -> &'a Trajectory {
+        self.trajectory
+    }
+
+    /// How many frames are taken.
+    pub(super) fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// Every how many frames one is taken.
+    pub(super) fn every(&self) -> usize {
+        self.every
+    }
+
+    /// Which axis points up.
+    pub(super) fn up(&self) -> UpAxis {
+        self.up
+    }
+
+    /// Whether normals are wanted.
+    pub(super) fn has_normals(&self) -> bool {
+        self.normals == Normals::Written
+    }
+
+    /// Frames of the trajectory between the first one taken and the one taken as `number`.
+    pub(super) fn frames_since_first(&self, number: usize) -> usize {
+        self.frames[number] - self.frames[0]
+    }
+
+    /// When the frame taken as `number` is `[s]`; the first is at 0.
+    pub(super) fn time(&self, number: usize) -> f64 {
+        self.frames_since_first(number) as f64 / self.trajectory.frame_rate()
+    }
+
+    /// Positions in the frame taken as `number` `[m]`, `[vertices]`.
+    pub(super) fn positions(&self, number: usize) -> Vec<Vec3> {
+        self.turned(self.trajectory.frame(self.frames[number]))
+    }
+
+    /// The sagged rest pose `[m]`, `[vertices]`.
+    pub(super) fn rest_positions(&self) -> Vec<Vec3> {
+        self.turned(&self.trajectory.cloth().rest_positions)
+    }
+
+    /// Where the handles are in the frame taken as `number` `[m]`, `[handles]`.
+    pub(super) fn handle_positions(&self, number: usize) -> Vec<Vec3> {
+        let frame = self.trajectory.frame(self.frames[number]);
+        let handles = self.trajectory.handles().vertices().iter();
+        handles
+            .map(|vertex| self.up.to_theirs(frame[vertex.index()]))
+            .collect()
+    }
+
+    /// The number of the handle that each vertex is, -1 where it is none, `[vertices]`.
+    pub(super) fn handle_numbers(&self) -> Vec<i32> {
+        let mut numbers = vec![-1; self.trajectory.vertex_count()];
+        for (number, vertex) in (0..).zip(self.trajectory.handles().vertices()) {
+            numbers[vertex.index()] = number;
+        }
+        numbers
+    }
+
+    fn turned(&self, positions: &[Vec3]) -> Vec<Vec3> {
+        positions.iter().map(|&p| self.up.to_theirs(p)).collect()
+    }
+
+    /// Unit normals at `positions`, `[vertices]`: the mean of the faces around by their areas; up
+    /// where these cancel.
+    pub(super) fn normals_at(&self, positions: &[Vec3]) -> Vec<Vec3> {
+        let mut normals = vec![Vec3::ZERO; positions.len()];
+        for face in self.trajectory.topology().faces() {
+            let [a, b, c] = face.map(|vertex| positions[vertex.index()]);
+            let twice_area = (b - a).cross(c - a);
+            for vertex in face {
+                normals[vertex.index()] += twice_area;
+            }
+        }
+        let up = self.up.to_theirs(Vec3::Y);
+        normals
+            .into_iter()
+            .map(|normal| normal.try_normalize().unwrap_or(up))
+            .collect()
+    }
+}
+
+/// The corners of the box that holds `positions`.
+pub(super) fn extent(positions: &[Vec3]) -> [Vec3; 2] {
+    let first = positions.first().copied().unwrap_or_default();
+    positions
+        .iter()
+        .fold([first, first], |[low, high], &p| [low.min(p), high.max(p)])
+}

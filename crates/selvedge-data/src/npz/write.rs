@@ -1,0 +1,129 @@
+//! Writing NumPy's .npz: .npy arrays of version 1, not packed, in a ZIP archive with a directory.
+//!
+//! Bytes come in chunks that are made twice, once for the checksum, which stands before them, and
+//! once for the file: no array is held in memory whole. The date is that of the format's beginning,
+//! so that the same arrays make the same bytes. The caller sees to it that all is under 4 GiB.
+
+use std::io::{self, Write};
+
+use super::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
+
+/// An array to be written.
+pub(crate) struct EntryOut<'a> {
+    /// Its name, without `.npy`.
+    pub(crate) name: &'static str,
+    /// NumPy's name of its type.
+    pub(crate) kind: &'static str,
+    /// Dimensions, slowest first.
+    pub(crate) shape: Vec<usize>,
+    /// In how many pieces its bytes come.
+    pub(crate) chunks: usize,
+    /// The bytes of a piece.
+    pub(crate) chunk: Box<dyn Fn(usize) -> Vec<u8> + 'a>,
+}
+
+/// 1 January 1980, midnight.
+const DATE: [u8; 4] = [0, 0, 0x21, 0];
+
+impl EntryOut<'_> {
+    fn file_name(&self) -> String {
+        format!("{}.npy", self.name)
+    }
+
+    /// Magic number and dictionary, padded to a multiple of 64 bytes.
+    fn header(&self) -> Vec<u8> {
+        let lengths: Vec<String> = self.shape.iter().map(usize::to_string).collect();
+        // A tuple of one number has a comma.
+        let shape = match lengths.as_slice() {
+            [only] => format!("({only},)"),
+            all => format!("({})", all.join(", ")),
+        };
+        let mut text = format!(
+            "{{'descr': '{}', 'fortran_order': False, 'shape': {shape}, }}",
+            self.kind
+        );
+        let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
+        text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
+        text.push('\n');
+        let mut header = b"\x93NUMPY\x01\x00".to_vec();
+        header.extend((length as u16).to_le_bytes());
+        header.extend(text.as_bytes());
+        header
+    }
+
+    fn element_bytes(&self) -> u64 {
+        if self.kind.ends_with('8') { 8 } else { 4 }
+    }
+
+    fn length(&self) -> u64 {
+        let elements: u64 = self.shape.iter().map(|&n| n as u64).product();
+        self.header().len() as u64 + elements * self.element_bytes()
+    }
+
+    fn checksum(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&self.header());
+        for k in 0..self.chunks {
+            hasher.update(&(self.chunk)(k));
+        }
+        hasher.finalize()
+    }
+
+    /// What stands before the array and, again, in the directory.
+    fn facts(&self, checksum: u32) -> Vec<u8> {
+        let length = (self.length() as u32).to_le_bytes();
+        let mut facts = vec![20, 0, 0, 0, 0, 0];
+        facts.extend(DATE);
+        facts.extend(checksum.to_le_bytes());
+        facts.extend(length);
+        facts.extend(length);
+        facts.extend((self.file_name().len() as u16).to_le_bytes());
+        facts.extend([0, 0]);
+        facts
+    }
+}
+
+/// How many bytes the archive will have.
+pub(crate) fn archive_bytes(entries: &[EntryOut<'_>]) -> u64 {
+    let records = (LOCAL_LENGTH + DIRECTORY_LENGTH) as u64;
+    let of = |entry: &EntryOut<'_>| records + 2 * entry.file_name().len() as u64 + entry.length();
+    entries.iter().map(of).sum::<u64>() + END_LENGTH as u64
+}
+
+/// Writes an archive; after each piece of an array `beat` is told its name, and may fail.
+pub(crate) fn write_archive(
+    entries: &[EntryOut<'_>],
+    out: &mut impl Write,
+    beat: &mut dyn FnMut(&str) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut directory = Vec::new();
+    let mut at = 0_u32;
+    for entry in entries {
+        let facts = entry.facts(entry.checksum());
+        let name = entry.file_name();
+        out.write_all(&LOCAL.to_le_bytes())?;
+        out.write_all(&facts)?;
+        out.write_all(name.as_bytes())?;
+        out.write_all(&entry.header())?;
+        for k in 0..entry.chunks {
+            out.write_all(&(entry.chunk)(k))?;
+            beat(entry.name)?;
+        }
+        directory.extend(DIRECTORY.to_le_bytes());
+        directory.extend([20, 0]);
+        directory.extend(&facts);
+        directory.extend([0; 10]);
+        directory.extend(at.to_le_bytes());
+        directory.extend(name.as_bytes());
+        at += (LOCAL_LENGTH + name.len()) as u32 + entry.length() as u32;
+    }
+    let count = (entries.len() as u16).to_le_bytes();
+    out.write_all(&directory)?;
+    out.write_all(&END.to_le_bytes())?;
+    out.write_all(&[0; 4])?;
+    out.write_all(&count)?;
+    out.write_all(&count)?;
+    out.write_all(&(directory.len() as u32).to_le_bytes())?;
+    out.write_all(&at.to_le_bytes())?;
+    out.write_all(&[0; 2])
+}

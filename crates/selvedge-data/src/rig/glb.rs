@@ -1,0 +1,386 @@
+//! Nodes and their animation from a .glb (glTF 2.0): translation, rotation and scale, or a matrix, with
+//! samplers that go linearly, in steps or by cubic splines. Several animations are taken together, as long as
+//! no two of them move the same thing.
+//!
+//! Read are floats and, for rotations, normalised integers, from the binary part of the file. Sparse and
+//! packed accessors, and buffers in other files, are errors where they are needed. glTF is in metres
+//! with y up, as we are.
+//!
+//! Format: Khronos Group, glTF 2.0 specification, sections 3.5 (nodes), 3.6 (accessors), 3.11 (animations).
+
+use std::collections::HashMap;
+
+use glam::{DMat4, DQuat, DVec3};
+use serde::Deserialize;
+
+use super::track::{Joined, Track, Value};
+use super::{Change, Operation, Rig, RigError, RigNode};
+
+const MAGIC: &[u8; 4] = b"glTF";
+const JSON_CHUNK: &[u8; 4] = b"JSON";
+const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+#[derive(Default)]
+struct Document {
+    nodes: Vec<Node>,
+    animations: Vec<Animation>,
+    accessors: Vec<Accessor>,
+    buffer_views: Vec<View>,
+    buffers: Vec<Buffer>,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    name: Option<String>,
+    #[serde(default)]
+    children: Vec<usize>,
+    translation: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+    matrix: Option<[f64; 16]>,
+}
+
+#[derive(Deserialize)]
+struct Animation {
+    #[serde(default)]
+    name: String,
+    channels: Vec<Channel>,
+    samplers: Vec<Sampler>,
+}
+
+#[derive(Deserialize)]
+struct Channel {
+    sampler: usize,
+    target: Target,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    node: Option<usize>,
+    path: String,
+}
+
+#[derive(Deserialize)]
+struct Sampler {
+    input: usize,
+    output: usize,
+    #[serde(default)]
+    interpolation: Interpolation,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+enum Interpolation {
+    #[default]
+    Linear,
+    Step,
+    CubicSpline,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Accessor {
+    buffer_view: Option<usize>,
+    #[serde(default)]
+    byte_offset: usize,
+    component_type: u32,
+    #[serde(default)]
+    normalized: bool,
+    count: usize,
+    #[serde(rename = "type")]
+    form: String,
+    sparse: Option<serde_json::Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct View {
+    buffer: usize,
+    #[serde(default)]
+    byte_offset: usize,
+    byte_length: usize,
+    byte_stride: Option<usize>,
+    #[serde(default)]
+    extensions: serde_json::Map<String, serde_json::Value>,
+}
+
+#[derive(Deserialize)]
+struct Buffer {
+    uri: Option<String>,
+}
+
+/// A file under way.
+struct File<'a> {
+    document: Document,
+    binary: &'a [u8],
+}
+
+/// What a channel moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Moved {
+    Translation,
+    Rotation,
+    Scale,
+}
+
+/// The channels by node and by what they move, each with its animation.
+type Channels<'a> = HashMap<(usize, Moved), (&'a Animation, &'a Sampler)>;
+
+/// The rig in the bytes of a file.
+pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
+    let (json, binary) = chunks(bytes)?;
+    let document = serde_json::from_slice(json).map_err(RigError::Json)?;
+    let file = File { document, binary };
+    let channels = file.channels()?;
+    let parents = file.parents()?;
+    let nodes = (0..file.document.nodes.len())
+        .map(|number| file.node(number, parents[number], &channels))
+        .collect::<Result<_, _>>()?;
+    Ok(Rig {
+        nodes,
+        world: DMat4::IDENTITY,
+    })
+}
+
+/// The JSON and the binary part.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), RigError> {
+    let cut = RigError::Container;
+    let rest = bytes
+        .strip_prefix(MAGIC)
+        .ok_or(cut("it does not begin with glTF"))?;
+    let version = rest.get(..4).ok_or(cut("it ends too early"))?;
+    if version != 2_u32.to_le_bytes() {
+        return Err(cut("it is not of version 2"));
+    }
+    let rest = rest.get(8..).ok_or(cut("it ends too early"))?;
+    let (json, rest) = chunk(rest, JSON_CHUNK)?.ok_or(cut("it has no JSON"))?;
+    let binary = chunk(rest, BINARY_CHUNK)?.map_or(&[][..], |(binary, _)| binary);
+    Ok((json, binary))
+}
+
+/// A part of the file, and what follows it.
+type Split<'a> = (&'a [u8], &'a [u8]);
+
+/// The first chunk, if it is of this kind, and what follows it.
+fn chunk<'a>(bytes: &'a [u8], kind: &[u8; 4]) -> Result<Option<Split<'a>>, RigError> {
+    let Some((length, rest)) = bytes.split_first_chunk::<4>() else {
+        return Ok(None);
+    };
+    let Some(rest) = rest.strip_prefix(kind) else {
+        return Ok(None);
+    };
+    let length = u32::from_le_bytes(*length) as usize;
+    rest.split_at_checked(length)
+        .map(Some)
+        .ok_or(RigError::Container("it ends within a chunk"))
+}
+
+fn part(what: impl Into<String>, problem: impl Into<String>) -> RigError {
+    RigError::Part {
+        what: what.into(),
+        problem: problem.into(),
+    }
+}
+
+impl File<'_> {
+    /// Which node each node is in.
+    fn parents(&self) -> Result<Vec<Option<usize>>, RigError> {
+        let nodes = &self.document.nodes;
+        let mut parents = vec![None; nodes.len()];
+        for (number, node) in nodes.iter().enumerate() {
+            for &child in &node.children {
+                let what = || format!("node {number}");
+                let parent: &mut Option<usize> = parents
+                    .get_mut(child)
+                    .ok_or_else(|| part(what(), format!("there is no child {child}")))?;
+                if parent.replace(number).is_some() {
+                    return Err(part(what(), format!("its child {child} has two parents")));
+                }
+            }
+        }
+        for start in 0..nodes.len() {
+            let up = std::iter::successors(Some(start), |&node| parents[node]);
+            if up.take(nodes.len() + 1).count() > nodes.len() {
+                return Err(part(format!("node {start}"), "it is within itself"));
+            }
+        }
+        Ok(parents)
+    }
+
+    fn channels(&self) -> Result<Channels<'_>, RigError> {
+        let mut channels = Channels::new();
+        for animation in &self.document.animations {
+            for channel in &animation.channels {
+                let what = || format!("animation {:?}", animation.name);
+                let moved = match channel.target.path.as_str() {
+                    "translation" => Moved::Translation,
+                    "rotation" => Moved::Rotation,
+                    "scale" => Moved::Scale,
+                    // Weights of morph targets, and what extensions move.
+                    _ => continue,
+                };
+                let Some(node) = channel.target.node else {
+                    continue;
+                };
+                let sampler = animation.samplers.get(channel.sampler);
+                let sampler = sampler.ok_or_else(|| {
+                    part(what(), format!("it has no sampler {}", channel.sampler))
+                })?;
+                if let Some((first, _)) = channels.insert((node, moved), (animation, sampler)) {
+                    let problem = format!(
+                        "it moves the {moved:?} of node {node}, as {:?} does: keep one of them",
+                        first.name
+                    );
+                    return Err(part(what(), problem.to_lowercase()));
+                }
+            }
+        }
+        Ok(channels)
+    }
+
+    fn node(
+        &self,
+        number: usize,
+        parent: Option<usize>,
+        channels: &Channels<'_>,
+    ) -> Result<RigNode, RigError> {
+        let node = &self.document.nodes[number];
+        let name = node
+            .name
+            .clone()
+            .unwrap_or_else(|| format!("node {number}"));
+        let track = |moved| channels.get(&(number, moved));
+        let points = |moved, constant: Option<[f64; 3]>| match track(moved) {
+            Some(channel) => Ok(Some(self.points(channel)?)),
+            None => Ok(constant.map(|value| Track::constant(DVec3::from_array(value)))),
+        };
+        let rotation = match track(Moved::Rotation) {
+            Some(channel) => Some(self.turns(channel)?),
+            None => node.rotation.map(|q| Track::constant(DQuat::from_array(q))),
+        };
+        let matrix = node
+            .matrix
+            .map(|m| Track::constant(DMat4::from_cols_array(&m)));
+        let changes = [
+            matrix.map(Change::Matrix),
+            points(Moved::Translation, node.translation)?.map(Change::Translation),
+            rotation.map(Change::Turn),
+            points(Moved::Scale, node.scale)?.map(Change::Scale),
+        ];
+        Ok(RigNode {
+            name,
+            parent,
+            operations: changes.into_iter().flatten().map(Operation::new).collect(),
+            obstacle: None,
+        })
+    }
+
+    fn points(&self, channel: &(&Animation, &Sampler)) -> Result<Track<DVec3>, RigError> {
+        self.track(channel, 3, DVec3::from_slice)
+    }
+
+    fn turns(&self, channel: &(&Animation, &Sampler)) -> Result<Track<DQuat>, RigError> {
+        self.track(channel, 4, DQuat::from_slice)
+    }
+
+    fn track<T: Value>(
+        &self,
+        (animation, sampler): &(&Animation, &Sampler),
+        width: usize,
+        value: impl Fn(&[f64]) -> T,
+    ) -> Result<Track<T>, RigError> {
+        let times = self.numbers(sampler.input, 1)?;
+        let output = self.numbers(sampler.output, width)?;
+        let values: Vec<T> = output.chunks_exact(width).map(value).collect();
+        let (values, joined) = match sampler.interpolation {
+            Interpolation::Linear => (values, Joined::Linearly),
+            Interpolation::Step => (values, Joined::InSteps),
+            Interpolation::CubicSpline => {
+                let triples = values.chunks_exact(3);
+                let tangents = triples.clone().map(|t| [t[0], t[2]]).collect();
+                (triples.map(|t| t[1]).collect(), Joined::BySplines(tangents))
+            }
+        };
+        let track = Track::new(times, values, joined);
+        track.map_err(|problem| {
+            let what = format!("animation {:?}", animation.name);
+            part(what, format!("a sampler {problem}"))
+        })
+    }
+
+    /// The numbers of an accessor of `width` numbers each.
+    fn numbers(&self, accessor: usize, width: usize) -> Result<Vec<f64>, RigError> {
+        let what = || format!("accessor {accessor}");
+        let wrong = |problem: &str| part(what(), problem);
+        let document = &self.document;
+        let found = document.accessors.get(accessor);
+        let found = found.ok_or_else(|| wrong("there is none of this number"))?;
+        let expected = ["", "SCALAR", "", "VEC3", "VEC4"][width];
+        if found.form != expected {
+            return Err(wrong(&format!("expected {expected}, found {}", found.form)));
+        }
+        if found.sparse.is_some() {
+            return Err(wrong("it is sparse, which is not understood here"));
+        }
+        let view = found
+            .buffer_view
+            .and_then(|view| document.buffer_views.get(view));
+        let view = view.ok_or_else(|| wrong("it has no view of the binary part"))?;
+        let in_file = document
+            .buffers
+            .get(view.buffer)
+            .is_some_and(|b| b.uri.is_none());
+        if view.buffer != 0 || !in_file {
+            return Err(wrong("its buffer is in another file: export as one .glb"));
+        }
+        if let Some(name) = view.extensions.keys().next() {
+            return Err(wrong(&format!(
+                "it is packed by {name}, which is not understood here: export without"
+            )));
+        }
+        let (size, read) = component(found)
+            .ok_or_else(|| wrong("it has numbers of a type that animations do not have"))?;
+        let stride = view.byte_stride.unwrap_or(size * width);
+        let cut = || wrong("it reaches beyond the end of the file");
+        let end = view
+            .byte_offset
+            .checked_add(view.byte_length)
+            .ok_or_else(cut)?;
+        let bytes = self.binary.get(view.byte_offset..end).ok_or_else(cut)?;
+        if found.count > bytes.len() {
+            return Err(cut());
+        }
+        let mut numbers = Vec::with_capacity(found.count * width);
+        for element in 0..found.count {
+            let start = element
+                .checked_mul(stride)
+                .and_then(|at| at.checked_add(found.byte_offset));
+            let element = start
+                .and_then(|start| bytes.get(start..start.checked_add(size * width)?))
+                .ok_or_else(cut)?;
+            numbers.extend(element.chunks_exact(size).map(read));
+        }
+        Ok(numbers)
+    }
+}
+
+/// How many bytes a number has, and how it is read.
+type Component = (usize, fn(&[u8]) -> f64);
+
+/// The numbers of an accessor, where animations may have such.
+fn component(accessor: &Accessor) -> Option<Component> {
+    match (accessor.component_type, accessor.normalized) {
+        (5126, false) => Some((4, |b| {
+            f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+        })),
+        (5120, true) => Some((1, |b| (f64::from(b[0] as i8) / 127.0).max(-1.0))),
+        (5121, true) => Some((1, |b| f64::from(b[0]) / 255.0)),
+        (5122, true) => Some((2, |b| {
+            (f64::from(i16::from_le_bytes([b[0], b[1]])) / 32767.0).max(-1.0)
+        })),
+        (5123, true) => Some((2, |b| f64::from(u16::from_le_bytes([b[0], b[1]])) / 65535.0)),
+        _ => None,
+    }
+}

@@ -1,0 +1,362 @@
+//! Small files written here by hand, placements that are known in closed form, and damage.
+
+use serde_json::{Value, json};
+
+use super::*;
+
+fn follow(rig: &Rig, nodes: &[&str], start: &[DVec3], frame_rate: f64) -> Vec<Vec<DVec3>> {
+    let nodes: Vec<String> = nodes.iter().map(|&name| name.to_owned()).collect();
+    let followers = Followers {
+        nodes: &nodes,
+        start,
+        frame_rate,
+    };
+    rig.motion(&followers).unwrap().positions
+}
+
+fn problem(rig: &Rig, nodes: &[&str]) -> String {
+    let nodes: Vec<String> = nodes.iter().map(|&name| name.to_owned()).collect();
+    let followers = Followers {
+        nodes: &nodes,
+        start: &vec![DVec3::ZERO; nodes.len()],
+        frame_rate: 60.0,
+    };
+    rig.motion(&followers).unwrap_err().to_string()
+}
+
+/// A .glb of this JSON and binary part.
+fn glb(mut json: Value, floats: &[f32], more: &[u8]) -> Vec<u8> {
+    let mut binary: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
+    binary.extend(more);
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    json["buffers"] = json!([{ "byteLength": binary.len() }]);
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend((28 + text.len() as u32 + binary.len() as u32).to_le_bytes());
+    for (kind, part) in [(b"JSON", text), (b"BIN\0", binary)] {
+        bytes.extend((part.len() as u32).to_le_bytes());
+        bytes.extend(kind);
+        bytes.extend(part);
+    }
+    bytes
+}
+
+/// An arm of length 2 whose shoulder turns by half a turn about y in a second while it rises by 1 m; a hand
+/// at its end, and a lamp that stands.
+fn arm() -> Value {
+    json!({
+        "asset": { "version": "2.0" },
+        "nodes": [
+            { "name": "shoulder", "children": [1], "translation": [9, 9, 9] },
+            { "name": "hand", "translation": [2, 0, 0] },
+            { "name": "lamp", "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1] },
+        ],
+        "animations": [{
+            "name": "swing",
+            "samplers": [
+                { "input": 0, "output": 1, "interpolation": "LINEAR" },
+                { "input": 0, "output": 2 },
+            ],
+            "channels": [
+                { "sampler": 0, "target": { "node": 0, "path": "translation" } },
+                { "sampler": 1, "target": { "node": 0, "path": "rotation" } },
+                { "sampler": 1, "target": { "node": 2, "path": "weights" } },
+            ],
+        }],
+        "accessors": [
+            { "bufferView": 0, "byteOffset": 0, "componentType": 5126, "count": 3, "type": "SCALAR" },
+            { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC3" },
+            { "bufferView": 1, "componentType": 5122, "normalized": true, "count": 3, "type": "VEC4" },
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 48 },
+            { "buffer": 0, "byteOffset": 48, "byteLength": 24 },
+        ],
+    })
+}
+
+/// Times, heights, and quarter turns about y as normalised 16-bit numbers.
+fn arm_bytes(json: Value) -> Vec<u8> {
+    let floats = [0.5, 1.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0];
+    let unit = |value: f64| (value * 32767.0).round() as i16;
+    let turns = [0.0, 0.25, 0.5].map(|turns: f64| {
+        let half = turns * std::f64::consts::PI;
+        [0, unit(half.sin()), 0, unit(half.cos())]
+    });
+    let turns: Vec<u8> = turns
+        .iter()
+        .flatten()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    glb(json, &floats, &turns)
+}
+
+#[test]
+fn handles_move_rigidly_with_a_node_within_a_node() {
+    let rig = glb::parse(&arm_bytes(arm())).unwrap();
+    assert_eq!(rig.span(1), Some([0.5, 1.5]));
+    assert_eq!(rig.span(2), None);
+    // A handle 1 m beyond the hand, seen from the axis of the shoulder at the origin.
+    let frames = follow(&rig, &["hand"], &[DVec3::new(3.0, 0.0, 0.0)], 8.0);
+    assert_eq!(frames.len(), 9);
+    for (number, frame) in frames.iter().enumerate() {
+        let share = number as f64 / 8.0;
+        let angle = std::f64::consts::PI * share;
+        let expected = DVec3::new(3.0 * angle.cos(), share, -3.0 * angle.sin());
+        // The turns are rounded to 1/32767, on an arm of 3 m.
+        assert!(
+            frame[0].distance(expected) < 3.0 * 2.0 / 32767.0,
+            "{number}: {} {expected}",
+            frame[0]
+        );
+    }
+}
+
+#[test]
+fn a_node_that_stands_may_be_followed_beside_one_that_moves() {
+    let rig = glb::parse(&arm_bytes(arm())).unwrap();
+    let frames = follow(&rig, &["lamp", "shoulder"], &[DVec3::X, DVec3::ZERO], 2.0);
+    assert!(frames.iter().all(|frame| frame[0] == DVec3::X));
+    assert_eq!(frames[2][1], DVec3::Y);
+    assert_eq!(
+        problem(&rig, &["lamp"]),
+        "none of the nodes [lamp] is animated"
+    );
+}
+
+#[test]
+fn what_a_gltf_file_lacks_is_named() {
+    let parsed = |from: &str, to: Value| {
+        let mut json = arm();
+        *json.pointer_mut(from).unwrap() = to;
+        glb::parse(&arm_bytes(json))
+    };
+    let error = |from: &str, to: Value| parsed(from, to).unwrap_err().to_string();
+    let rig = glb::parse(&arm_bytes(arm())).unwrap();
+    assert_eq!(
+        problem(&rig, &["hnad"]),
+        "there is no node called \"hnad\"; there are [shoulder, hand, lamp]"
+    );
+    let twice = parsed("/nodes/2/name", json!("hand")).unwrap();
+    assert!(problem(&twice, &["hand"]).contains("2 nodes are called"));
+    assert!(error("/nodes/0/children", json!([7])).contains("no child 7"));
+    assert!(error("/nodes/1", json!({ "children": [0] })).contains("within itself"));
+    assert!(error("/accessors/1/count", json!(4)).contains("reaches beyond"));
+    assert!(error("/accessors/1/count", json!(2)).contains("as many values as times"));
+    assert!(error("/accessors/0/byteOffset", json!(40)).contains("reaches beyond"));
+    assert!(error("/accessors/1/type", json!("VEC2")).contains("expected VEC3, found VEC2"));
+    assert!(error("/accessors/1/componentType", json!(5121)).contains("type"));
+    assert!(error("/animations/0/samplers/0/interpolation", json!("SMOOTH")).contains("SMOOTH"));
+    assert!(
+        error("/animations/0/channels/1/target/path", json!("translation")).contains("keep one")
+    );
+    let whole = arm_bytes(arm());
+    for end in 0..whole.len() - 4 {
+        assert!(glb::parse(&whole[..end]).is_err(), "{end}");
+    }
+    for at in 0..whole.len() {
+        let mut spoilt = whole.clone();
+        spoilt[at] ^= 0x55;
+        // No panic; most of the bytes are numbers or names, which may be others.
+        let _ = glb::parse(&spoilt);
+    }
+}
+
+#[test]
+fn gltf_splines_go_through_their_keys() {
+    let mut json = arm();
+    json["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE");
+    json["accessors"] = json!([
+        { "bufferView": 0, "componentType": 5126, "count": 2, "type": "SCALAR" },
+        { "bufferView": 0, "byteOffset": 8, "componentType": 5126, "count": 6, "type": "VEC3" },
+    ]);
+    json["animations"][0]["channels"] = json!([
+        { "sampler": 0, "target": { "node": 0, "path": "translation" } }
+    ]);
+    json["bufferViews"] = json!([{ "buffer": 0, "byteLength": 80 }]);
+    // x(t) = t² from 0 to 2 s: tangents 0 and 4.
+    let mut floats = vec![0.0, 2.0];
+    for value in [0.0, 0.0, 0.0, 4.0, 4.0, 4.0] {
+        floats.extend([value, 0.0, 0.0]);
+    }
+    let rig = glb::parse(&glb(json, &floats, &[])).unwrap();
+    let frames = follow(&rig, &["shoulder"], &[DVec3::ZERO], 4.0);
+    assert_eq!(frames.len(), 9);
+    for (number, frame) in frames.iter().enumerate() {
+        let time = number as f64 / 4.0;
+        // A few roundings of numbers up to 4.
+        assert!(
+            frame[0].distance(time * time * DVec3::X) < 1e-14,
+            "{number}"
+        );
+    }
+}
+
+/// As Blender writes: z up, centimetres here, a rotated root, and much that has nothing to do with it.
+const STAGE: &str = r#"#usda 1.0
+(
+    defaultPrim = "root"
+    doc = """Blender "4.2" """
+    metersPerUnit = 0.01
+    timeCodesPerSecond = 24
+    customLayerData = { string a = "}" }
+    upAxis = "Z"
+)
+
+def Xform "root" (
+    customData = {
+        dictionary Blender = { bool generated = 1 }
+    }
+    kind = 'component'
+)
+{
+    custom string userProperties:a = "def Xform \"none\" {"
+    rel material:binding = </root/x>
+    float3 xformOp:rotateXYZ = (0, 0, 90)
+    uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]
+
+    def Xform "hand" # { a comment
+    {
+        double3 xformOp:translate.timeSamples = {
+            12: (100, 0, 0),
+            24: (100, 0, 50.5),
+        }
+        double3 xformOp:translate = (7, 7, 7) (
+            doc = "not this one"
+        )
+        quatf xformOp:orient = (1, 0, 0, 0)
+        double3 xformOp:translate:pivot = (3, 2, 1)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:translate:pivot", "xformOp:orient", "!invert!xformOp:translate:pivot"]
+
+        def Mesh "sheet"
+        {
+            point3f[] points = [(1, 2, 3), (4, 5, 6)] (interpolation = "vertex")
+            asset inputs:file = @a]b.png@</x>
+            token visibility.timeSamples = { 0: "inherited", 5: None }
+            rel proxyPrim
+            token outputs:surface.connect = </root/x.outputs:surface>
+        }
+    }
+
+    over "ghost" (
+        references = @other.usda@</hand>
+    )
+    {
+    }
+}
+"#;
+
+#[test]
+fn usd_text_is_read_with_its_axes_units_and_time() {
+    let rig = usda::parse(STAGE.as_bytes()).unwrap();
+    let names: Vec<&str> = rig.nodes().iter().map(|node| node.name.as_str()).collect();
+    assert_eq!(names, ["root", "hand", "sheet", "ghost"]);
+    assert_eq!(rig.span(2), Some([0.5, 1.0]));
+    // Turned by 90° about z, (100, 0, 0) cm is (0, 1, 0) m with z up, and (0, 0, -1) with y up.
+    let place = rig.placement(1, 0.5).transform_point3(DVec3::ZERO);
+    assert!(place.distance(DVec3::NEG_Z) < 1e-12, "{place}");
+    let frames = follow(&rig, &["hand"], &[DVec3::new(1.0, 2.0, 3.0)], 24.0);
+    assert_eq!(frames.len(), 13);
+    for (number, frame) in frames.iter().enumerate() {
+        let expected = DVec3::new(1.0, 2.0 + 0.505 * number as f64 / 12.0, 3.0);
+        // A dozen roundings of numbers below 10.
+        assert!(
+            frame[0].distance(expected) < 1e-13,
+            "{number}: {}",
+            frame[0]
+        );
+    }
+}
+
+#[test]
+fn every_order_of_turns_is_the_product_of_its_three() {
+    let angles = DVec3::new(20.0, -35.0, 50.0);
+    let about = |axis: usize| DQuat::from_axis_angle(DVec3::AXES[axis], angles[axis].to_radians());
+    for (name, order) in [
+        ("XYZ", [0, 1, 2]),
+        ("XZY", [0, 2, 1]),
+        ("YXZ", [1, 0, 2]),
+        ("YZX", [1, 2, 0]),
+        ("ZXY", [2, 0, 1]),
+        ("ZYX", [2, 1, 0]),
+    ] {
+        let text = format!(
+            "#usda 1.0\n(\n metersPerUnit = 1\n)\ndef Xform \"a\"\n{{\n float3 xformOp:rotate{name} = (20, -35, 50)\n uniform token[] xformOpOrder = [\"xformOp:rotate{name}\"]\n}}\n"
+        );
+        let rig = usda::parse(text.as_bytes()).unwrap();
+        // The first axis turns first.
+        let expected = about(order[2]) * about(order[1]) * about(order[0]);
+        let point = DVec3::new(1.0, 2.0, 3.0);
+        let found = rig.placement(0, 0.0).transform_point3(point);
+        assert!(found.distance(expected * point) < 1e-14, "{name}");
+    }
+}
+
+#[test]
+fn a_matrix_of_usd_has_its_translation_in_the_last_row() {
+    let text = r#"#usda 1.0
+(
+    metersPerUnit = 1
+)
+def "parent"
+{
+    double3 xformOp:translate = (100, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def "a"
+    {
+        matrix4d xformOp:transform = ( (0, 1, 0, 0), (-1, 0, 0, 0), (0, 0, 1, 0), (5, 6, 7, 1) )
+        uniform token[] xformOpOrder = ["!resetXformStack!", "xformOp:transform"]
+    }
+}
+"#;
+    let rig = usda::parse(text.as_bytes()).unwrap();
+    // x is turned into y; the parent does not count.
+    let found = rig.placement(1, 0.0).transform_point3(DVec3::X);
+    assert_eq!(found, DVec3::new(5.0, 7.0, 7.0));
+}
+
+#[test]
+fn what_is_not_understood_is_named_with_its_line() {
+    let error = |from: &str, to: &str| {
+        assert!(STAGE.contains(from), "{from}");
+        let parsed = usda::parse(STAGE.replacen(from, to, 1).as_bytes());
+        parsed.unwrap_err().to_string()
+    };
+    assert!(error("#usda 1.0", "#sdf 1").contains("line 1: expected #usda 1.0"));
+    assert!(error("\"Z\"", "\"X\"").contains("line 8: upAxis"));
+    assert!(error("metersPerUnit = 0.01", "metersPerUnit = 0").contains("line 5: metersPerUnit"));
+    assert!(error("(100, 0, 0)", "(100, nan, 0)").contains("expected a finite number, found nan"));
+    assert!(error("defaultPrim", "subLayers = [@a.usda@]\n defaultPrim").contains("sublayers"));
+    assert!(error("def Xform \"hand\"", "deff Xform \"hand\"").contains("hand"));
+    let rig = usda::parse(STAGE.as_bytes()).unwrap();
+    assert!(problem(&rig, &["ghost"]).contains("over"));
+    assert!(problem(&rig, &["none"]).contains("[root, hand, sheet, ghost]"));
+    let shear = STAGE.replace("xformOp:orient", "xformOp:shear");
+    let rig = usda::parse(shear.as_bytes()).unwrap();
+    let found = problem(&rig, &["hand"]);
+    assert!(
+        found.contains("xformOp:shear (line 32)") && found.contains("not understood"),
+        "{found}"
+    );
+    let binary = usda::parse(b"PXR-USDC\0\0").unwrap_err().to_string();
+    assert!(binary.contains("usdcat"), "{binary}");
+}
+
+#[test]
+fn damaged_usd_text_is_no_panic() {
+    for (end, _) in STAGE.char_indices() {
+        let _ = usda::parse(&STAGE.as_bytes()[..end]);
+    }
+    for at in 0..STAGE.len() {
+        for sign in [b'(', b'}', b'"', b'@', b' ', 0xff] {
+            let mut spoilt = STAGE.as_bytes().to_vec();
+            spoilt[at] = sign;
+            let _ = usda::parse(&spoilt);
+        }
+    }
+    let deep = format!("#usda 1.0\n{}", "def \"a\" {\n".repeat(100_000));
+    assert!(usda::parse(deep.as_bytes()).is_err());
+    let brackets = format!("#usda 1.0\ndef \"a\" {{ int a = {}", "[".repeat(100_000));
+    assert!(usda::parse(brackets.as_bytes()).is_err());
+}

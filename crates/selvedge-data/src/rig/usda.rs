@@ -1,0 +1,406 @@
+//! Nodes and their animation from USD as text (.usda): prims with `xformOp:` attributes, their time
+//! samples, and `xformOpOrder`; `upAxis`, `metersPerUnit` and `timeCodesPerSecond` of the stage.
+//!
+//! Everything else is passed over by its brackets. Not understood, and an error only for a node that is
+//! followed: what comes from other files or prims (references, payloads, inherits, specializes, variants),
+//! `over` and `class`. Sublayers are an error always. Samples are joined linearly, as USD does by itself.
+//!
+//! Conventions of USD: a list of operations goes from the outermost to the innermost; matrices have
+//! their translation in the last row; quaternions begin with the real part; angles are in degrees.
+//!
+//! Format: the USD documentation, "Usd ASCII" and `UsdGeomXformable`.
+
+mod operations;
+mod tokens;
+
+use glam::DMat4;
+
+use self::operations::{Attribute, Samples, operations_of};
+use self::tokens::{Token, Tokens};
+use super::{Rig, RigError, RigNode};
+
+/// Prims within prims, and brackets within brackets, at most.
+const DEEPEST: usize = 200;
+const BINARY: &[u8] = b"PXR-USDC";
+/// USD's own defaults.
+const CODES_PER_SECOND: f64 = 24.0;
+const METRES_PER_UNIT: f64 = 0.01;
+
+/// What a stage says of itself.
+struct Stage {
+    codes_per_second: Option<f64>,
+    frames_per_second: Option<f64>,
+    metres_per_unit: f64,
+    is_z_up: bool,
+}
+
+/// A prim under way.
+#[derive(Default)]
+struct Prim {
+    name: String,
+    parent: Option<usize>,
+    attributes: Vec<Attribute>,
+    order: Option<Vec<String>>,
+    obstacle: Option<String>,
+}
+
+/// The rig in the bytes of a file.
+pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
+    if bytes.starts_with(BINARY) {
+        return Err(RigError::BinaryUsd);
+    }
+    let text = std::str::from_utf8(bytes).map_err(|_| RigError::Line {
+        line: 1,
+        problem: "is not text (UTF-8)".to_owned(),
+    })?;
+    let header = text.lines().next().unwrap_or_default();
+    if !header.starts_with("#usda 1.") {
+        return Err(RigError::Line {
+            line: 1,
+            problem: format!("expected #usda 1.0, found {:?}", shortened(header)),
+        });
+    }
+    let mut reader = Reader {
+        tokens: Tokens::new(text),
+        prims: Vec::new(),
+    };
+    let stage = reader.stage()?;
+    while reader.tokens.peek()?.is_some() {
+        reader.prim(None, 0)?;
+    }
+    let codes = stage.codes_per_second.or(stage.frames_per_second);
+    let rate = codes.unwrap_or(CODES_PER_SECOND);
+    let nodes = reader.prims.into_iter().map(|prim| node(prim, rate));
+    Ok(Rig {
+        nodes: nodes.collect::<Result<_, _>>()?,
+        world: world(&stage),
+    })
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+fn node(prim: Prim, rate: f64) -> Result<RigNode, RigError> {
+    let mut obstacle = prim.obstacle;
+    let operations = match operations_of(&prim.attributes, prim.order.as_deref(), rate) {
+        Ok(operations) => operations,
+        Err(problem) => {
+            obstacle = obstacle.or(Some(problem));
+            Vec::new()
+        }
+    };
+    let stands_alone = prim
+        .order
+        .iter()
+        .flatten()
+        .any(|op| op == operations::RESET);
+    Ok(RigNode {
+        name: prim.name,
+        parent: if stands_alone { None } else { prim.parent },
+        operations,
+        obstacle,
+    })
+}
+
+fn world(stage: &Stage) -> DMat4 {
+    let scale = DMat4::from_scale(glam::DVec3::splat(stage.metres_per_unit));
+    if stage.is_z_up {
+        DMat4::from_rotation_x(-std::f64::consts::FRAC_PI_2) * scale
+    } else {
+        scale
+    }
+}
+
+struct Reader<'a> {
+    tokens: Tokens<'a>,
+    prims: Vec<Prim>,
+}
+
+impl<'a> Reader<'a> {
+    /// The metadata of the stage.
+    fn stage(&mut self) -> Result<Stage, RigError> {
+        let mut stage = Stage {
+            codes_per_second: None,
+            frames_per_second: None,
+            metres_per_unit: METRES_PER_UNIT,
+            is_z_up: false,
+        };
+        if !self.tokens.skip_if("(")? {
+            return Ok(stage);
+        }
+        while !self.tokens.skip_if(")")? {
+            let token = self.tokens.next()?;
+            let Token::Word(key) = token else { continue };
+            if key == "subLayers" {
+                return Err(self.tokens.wrong(
+                    "the stage has sublayers, which are not followed: flatten it (usdcat --flatten)",
+                ));
+            }
+            if !self.tokens.skip_if("=")? {
+                continue;
+            }
+            match key {
+                "timeCodesPerSecond" => stage.codes_per_second = Some(self.positive(key)?),
+                "framesPerSecond" => stage.frames_per_second = Some(self.positive(key)?),
+                "metersPerUnit" => stage.metres_per_unit = self.positive(key)?,
+                "upAxis" => {
+                    stage.is_z_up = match self.tokens.next()? {
+                        Token::Text("Y") => false,
+                        Token::Text("Z") => true,
+                        found => {
+                            let found = format!("upAxis: expected \"Y\" or \"Z\", found {found}");
+                            return Err(self.tokens.wrong(found));
+                        }
+                    };
+                }
+                _ => self.skip_value()?,
+            }
+        }
+        Ok(stage)
+    }
+
+    fn positive(&mut self, key: &str) -> Result<f64, RigError> {
+        let value = self.tokens.number()?;
+        if value > 0.0 {
+            return Ok(value);
+        }
+        let problem = format!("{key} must be positive, found {value}");
+        Err(self.tokens.wrong(problem))
+    }
+
+    /// `def Type "name" ( … ) { … }`.
+    fn prim(&mut self, parent: Option<usize>, depth: usize) -> Result<(), RigError> {
+        if depth > DEEPEST {
+            return Err(self.tokens.wrong("prims are nested too deeply"));
+        }
+        let mut prim = Prim {
+            parent,
+            ..Prim::default()
+        };
+        match self.tokens.next()? {
+            Token::Word("def") => {}
+            Token::Word(word @ ("over" | "class")) => {
+                let problem = format!(
+                    "it is an {word}, which is not understood here: flatten the stage (usdcat --flatten)"
+                );
+                prim.obstacle = Some(problem.replace("an class", "a class"));
+            }
+            found => {
+                let problem = format!("expected def, over or class, found {found}");
+                return Err(self.tokens.wrong(problem));
+            }
+        }
+        if let Some(Token::Word(_)) = self.tokens.peek()? {
+            self.tokens.next()?;
+        }
+        prim.name = match self.tokens.next()? {
+            Token::Text(name) => name.to_owned(),
+            found => {
+                let problem = format!("expected the name of a prim, found {found}");
+                return Err(self.tokens.wrong(problem));
+            }
+        };
+        if self.tokens.skip_if("(")? {
+            let composed = self.prim_metadata()?;
+            prim.obstacle = prim.obstacle.or(composed);
+        }
+        self.tokens.expect("{")?;
+        let number = self.prims.len();
+        self.prims.push(prim);
+        while !self.tokens.skip_if("}")? {
+            self.statement(number, depth)?;
+        }
+        Ok(())
+    }
+
+    /// Passes over the metadata of a prim; what in it brings more from elsewhere.
+    fn prim_metadata(&mut self) -> Result<Option<String>, RigError> {
+        let mut composed = None;
+        while !self.tokens.skip_if(")")? {
+            if let Token::Word(key) = self.tokens.next()? {
+                if matches!(
+                    key,
+                    "references"
+                        | "payload"
+                        | "inherits"
+                        | "specializes"
+                        | "variants"
+                        | "variantSets"
+                ) {
+                    composed = Some(format!(
+                        "it has {key}, which are not followed here: flatten the stage (usdcat --flatten)"
+                    ));
+                }
+                if self.tokens.skip_if("=")? {
+                    self.skip_value()?;
+                }
+            }
+        }
+        Ok(composed)
+    }
+
+    /// A prim or a property within prim `number`.
+    fn statement(&mut self, number: usize, depth: usize) -> Result<(), RigError> {
+        match self.tokens.peek()? {
+            Some(Token::Word("def" | "over" | "class")) => self.prim(Some(number), depth + 1),
+            Some(Token::Word("variantSet")) => self.variants(number),
+            Some(Token::Sign(";")) => self.tokens.next().map(drop),
+            Some(Token::Word(_)) => self.property(number),
+            _ => {
+                let found = self.tokens.next()?;
+                let problem = format!("expected a property or a prim, found {found}");
+                Err(self.tokens.wrong(problem))
+            }
+        }
+    }
+
+    fn variants(&mut self, number: usize) -> Result<(), RigError> {
+        self.tokens.next()?;
+        self.tokens.next()?;
+        self.tokens.expect("=")?;
+        self.skip_value()?;
+        let problem = "it has variants, which are not followed here: flatten the stage";
+        self.prims[number]
+            .obstacle
+            .get_or_insert(problem.to_owned());
+        Ok(())
+    }
+
+    /// `[words] type[] name[.timeSamples] [= value] [( … )]`.
+    fn property(&mut self, number: usize) -> Result<(), RigError> {
+        let mut name = "";
+        while let Some(Token::Word(word)) = self.tokens.peek()? {
+            // A new statement begins where the last one had no value.
+            if !name.is_empty() && self.tokens.is_at_line_start() {
+                break;
+            }
+            name = word;
+            self.tokens.next()?;
+            if self.tokens.skip_if("[")? {
+                self.tokens.expect("]")?;
+            }
+        }
+        if self.tokens.skip_if("=")? {
+            self.value_of(number, name)?;
+        }
+        if self.tokens.skip_if("(")? {
+            self.skip_to(")", 0)?;
+        }
+        Ok(())
+    }
+
+    fn value_of(&mut self, number: usize, name: &'a str) -> Result<(), RigError> {
+        if name == "xformOpOrder" {
+            let order = self.texts()?;
+            self.prims[number].order = Some(order);
+            return Ok(());
+        }
+        if !name.starts_with("xformOp:") {
+            return self.skip_value();
+        }
+        let line = self.tokens.line_of_last();
+        let (name, samples) = match name.strip_suffix(".timeSamples") {
+            Some(name) => (name, Samples::Timed(self.time_samples()?)),
+            None if name.ends_with(".connect") => {
+                self.skip_value()?;
+                let problem = format!("its {name} is not understood here: bake it to samples");
+                self.prims[number].obstacle = Some(problem);
+                return Ok(());
+            }
+            None => (name, Samples::Constant(self.numbers()?)),
+        };
+        self.prims[number].attributes.push(Attribute {
+            name: name.to_owned(),
+            samples,
+            line,
+        });
+        Ok(())
+    }
+
+    /// `{ code: value, … }`.
+    fn time_samples(&mut self) -> Result<Vec<(f64, Vec<f64>)>, RigError> {
+        self.tokens.expect("{")?;
+        let mut samples = Vec::new();
+        while !self.tokens.skip_if("}")? {
+            let code = self.tokens.number()?;
+            self.tokens.expect(":")?;
+            samples.push((code, self.numbers()?));
+            self.tokens.skip_if(",")?;
+        }
+        Ok(samples)
+    }
+
+    /// A number, or numbers in parentheses, one after another.
+    fn numbers(&mut self) -> Result<Vec<f64>, RigError> {
+        let mut numbers = Vec::new();
+        let mut depth = 0;
+        loop {
+            if self.tokens.skip_if("(")? {
+                depth += 1;
+            } else if depth > 0 && self.tokens.skip_if(")")? {
+                depth -= 1;
+            } else if depth == 0 || !self.tokens.skip_if(",")? {
+                numbers.push(self.tokens.number()?);
+            }
+            // No transform has more than the 16 numbers of a matrix.
+            if numbers.len() > 16 || depth > 2 {
+                return Err(self.tokens.wrong("a transform has too many numbers"));
+            }
+            if depth == 0 {
+                return Ok(numbers);
+            }
+        }
+    }
+
+    /// `["a", "b"]`.
+    fn texts(&mut self) -> Result<Vec<String>, RigError> {
+        self.tokens.expect("[")?;
+        let mut texts = Vec::new();
+        while !self.tokens.skip_if("]")? {
+            match self.tokens.next()? {
+                Token::Text(text) => texts.push(text.to_owned()),
+                Token::Sign(",") => {}
+                found => {
+                    let problem = format!("expected a text in quotes, found {found}");
+                    return Err(self.tokens.wrong(problem));
+                }
+            }
+        }
+        Ok(texts)
+    }
+
+    /// Passes over a value: one token, or all within its brackets.
+    fn skip_value(&mut self) -> Result<(), RigError> {
+        match self.tokens.next()? {
+            Token::Sign("(") => self.skip_to(")", 0),
+            Token::Sign("[") => self.skip_to("]", 0),
+            Token::Sign("{") => self.skip_to("}", 0),
+            // An asset may be followed by the path of a prim in it.
+            Token::Asset => match self.tokens.peek()? {
+                Some(Token::Path) => self.tokens.next().map(drop),
+                _ => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+
+    fn skip_to(&mut self, end: &str, depth: usize) -> Result<(), RigError> {
+        if depth > DEEPEST {
+            return Err(self.tokens.wrong("brackets are nested too deeply"));
+        }
+        loop {
+            match self.tokens.next()? {
+                Token::Sign(sign) if sign == end => return Ok(()),
+                Token::Sign("(") => self.skip_to(")", depth + 1)?,
+                Token::Sign("[") => self.skip_to("]", depth + 1)?,
+                Token::Sign("{") => self.skip_to("}", depth + 1)?,
+                Token::Sign(sign @ (")" | "]" | "}")) => {
+                    let problem = format!("expected {end}, found {sign}");
+                    return Err(self.tokens.wrong(problem));
+                }
+                _ => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! From the `xformOp:` attributes of a prim and their order to operations.
+
+use glam::{DMat4, DQuat, DVec3};
+
+use super::super::track::{Joined, Track, Value};
+use super::super::{Change, Direction, Operation};
+
+/// In an order: the prim is not moved by what it is in.
+pub(super) const RESET: &str = "!resetXformStack!";
+/// In an order: the operation is undone.
+const INVERSE: &str = "!invert!";
+
+/// An attribute of a prim.
+pub(super) struct Attribute {
+    /// With `xformOp:`, without `.timeSamples`.
+    pub(super) name: String,
+    pub(super) samples: Samples,
+    /// Where it stands.
+    pub(super) line: usize,
+}
+
+/// The values of an attribute, each as its numbers.
+pub(super) enum Samples {
+    Constant(Vec<f64>),
+    /// By time codes.
+    Timed(Vec<(f64, Vec<f64>)>),
+}
+
+/// The operations of a prim from the outermost to the innermost.
+///
+/// # Errors
+/// What cannot be understood.
+pub(super) fn operations_of(
+    attributes: &[Attribute],
+    order: Option<&[String]>,
+    rate: f64,
+) -> Result<Vec<Operation>, String> {
+    let mut operations = Vec::new();
+    for entry in order.unwrap_or_default() {
+        if entry == RESET {
+            operations.clear();
+            continue;
+        }
+        let (name, direction) = match entry.strip_prefix(INVERSE) {
+            Some(name) => (name, Direction::Inverse),
+            None => (entry.as_str(), Direction::Forward),
+        };
+        // Samples count where there is a constant too.
+        let named = || attributes.iter().filter(|attribute| attribute.name == name);
+        let timed = named().find(|a| matches!(a.samples, Samples::Timed(_)));
+        let attribute = timed
+            .or_else(|| named().next())
+            .ok_or_else(|| format!("its xformOpOrder names {name:?}, which it does not have"))?;
+        let change = change(attribute, rate)
+            .map_err(|problem| format!("{name} (line {}) {problem}", attribute.line))?;
+        operations.push(Operation { change, direction });
+    }
+    Ok(operations)
+}
+
+fn change(attribute: &Attribute, rate: f64) -> Result<Change, String> {
+    // xformOp:KIND or xformOp:KIND:NAME.
+    let kind = attribute.name.split(':').nth(1).unwrap_or_default();
+    let samples = &attribute.samples;
+    let angles = |order| Ok(Change::Angles(track(samples, rate, 3, point)?, order));
+    match kind {
+        "translate" => Ok(Change::Translation(track(samples, rate, 3, point)?)),
+        "scale" => Ok(Change::Scale(track(samples, rate, 3, point)?)),
+        "orient" => Ok(Change::Turn(track(samples, rate, 4, |q| {
+            DQuat::from_xyzw(q[1], q[2], q[3], q[0])
+        })?)),
+        "transform" => Ok(Change::Matrix(track(
+            samples,
+            rate,
+            16,
+            DMat4::from_cols_slice,
+        )?)),
+        "rotateX" => about(samples, rate, DVec3::X, &[0]),
+        "rotateY" => about(samples, rate, DVec3::Y, &[1]),
+        "rotateZ" => about(samples, rate, DVec3::Z, &[2]),
+        "rotateXYZ" => angles(&[0, 1, 2]),
+        "rotateXZY" => angles(&[0, 2, 1]),
+        "rotateYXZ" => angles(&[1, 0, 2]),
+        "rotateYZX" => angles(&[1, 2, 0]),
+        "rotateZXY" => angles(&[2, 0, 1]),
+        "rotateZYX" => angles(&[2, 1, 0]),
+        _ => Err("is an operation that is not understood here".to_owned()),
+    }
+}
+
+fn about(
+    samples: &Samples,
+    rate: f64,
+    axis: DVec3,
+    order: &'static [usize],
+) -> Result<Change, String> {
+    let angle = |numbers: &[f64]| numbers[0] * axis;
+    Ok(Change::Angles(track(samples, rate, 1, angle)?, order))
+}
+
+fn point(numbers: &[f64]) -> DVec3 {
+    DVec3::from_slice(numbers)
+}
+
+/// Values of `width` numbers over time; a time code is 1/`rate` s.
+fn track<T: Value>(
+    samples: &Samples,
+    rate: f64,
+    width: usize,
+    value: impl Fn(&[f64]) -> T,
+) -> Result<Track<T>, String> {
+    let read = |numbers: &Vec<f64>| match numbers.len() {
+        found if found == width => Ok(value(numbers)),
+        found => Err(format!("has a value of {found} numbers, expected {width}")),
+    };
+    let (times, values) = match samples {
+        Samples::Constant(numbers) => (vec![0.0], vec![read(numbers)?]),
+        Samples::Timed(samples) => {
+            let values: Result<Vec<T>, String> = samples.iter().map(|s| read(&s.1)).collect();
+            (samples.iter().map(|s| s.0 / rate).collect(), values?)
+        }
+    };
+    Track::new(times, values, Joined::Linearly).map_err(str::to_owned)
+}

@@ -1,0 +1,33 @@
+//! Which axis points up, here and elsewhere. Ours is y; what has z up is turned by a quarter about x.
+
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+
+/// Which axis of a foreign world points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UpAxis {
+    /// As here.
+    #[default]
+    Y,
+    /// As in ARCSim and Blender: their (x, y, z) is our (x, z, -y).
+    Z,
+}
+
+impl UpAxis {
+    /// A point of the foreign world in ours.
+    pub(crate) fn to_ours(self, p: DVec3) -> DVec3 {
+        match self {
+            Self::Y => p,
+            Self::Z => DVec3::new(p.x, p.z, -p.y),
+        }
+    }
+
+    /// A point of our world in the foreign one, exactly.
+    pub(crate) fn to_theirs(self, p: Vec3) -> Vec3 {
+        match self {
+            Self::Y => p,
+            Self::Z => Vec3::new(p.x, -p.z, p.y),
+        }
+    }
+}

@@ -1,0 +1,591 @@
+//! What is exported comes back: each format is read by a small reader of this file, written from the
+//! format's description and not from the writer, and has the positions of the trajectory.
+
+#![allow(clippy::unwrap_used)]
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+use selvedge_cloth::{Handles, Topology};
+use selvedge_data::export::{
+    ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, Normals, export, planned_bytes,
+};
+use selvedge_data::{Cloth, Provenance, Trajectory, UpAxis, read_obj};
+use serde_json::Value;
+
+const VERTICES: usize = 5;
+const FRAMES: usize = 7;
+
+/// A fan of four triangles around a middle, that sways and swells in awkward numbers.
+fn trajectory() -> Trajectory {
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]];
+    let flat: Vec<Vec2> = corners.map(Vec2::from_array).to_vec();
+    let faces = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+    let at = |frame: usize, c: &Vec2| {
+        let t = frame as f32 / 7.0;
+        Vec3::new(0.1 * t + 0.01 * c.x.sin(), c.y * (1.0 + t), 1e-7 * t - c.x) + 0.3 * t * Vec3::Z
+    };
+    let positions =
+        (0..FRAMES).flat_map(|k| flat.iter().map(move |c| at(k, c)).collect::<Vec<_>>());
+    let cloth = Cloth {
+        topology: Topology::new(VERTICES, &faces).unwrap(),
+        rest_positions: flat.iter().map(|c| at(0, c)).collect(),
+        material_coordinates: flat.clone(),
+        vertex_mass: vec![0.1; VERTICES],
+        face_area: vec![0.25; 4],
+        handles: Handles::new(&[3, 2], VERTICES).unwrap(),
+    };
+    let provenance = Provenance {
+        frame_rate: 60.0,
+        scene: Value::Null,
+        made_by: "a \"test\" \\ 1".to_owned(),
+    };
+    Trajectory::new(cloth, positions.collect(), provenance).unwrap()
+}
+
+fn options(format: ExportFormat) -> ExportOptions {
+    ExportOptions {
+        format,
+        frames: FrameSpan::default(),
+        up: UpAxis::Y,
+        normals: Normals::LeftOut,
+    }
+}
+
+fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
+    let mut beats = 0;
+    let end = export(trajectory, path, options, &mut || {
+        beats += 1;
+        ControlFlow::Continue(())
+    });
+    assert_eq!(end.unwrap(), ExportEnd::Complete);
+    assert_eq!(
+        beats,
+        options.frames.of(trajectory.frame_count()).unwrap().len()
+    );
+}
+
+/// Frames 1, 3 and 5.
+fn odd() -> FrameSpan {
+    FrameSpan {
+        every: 2,
+        ..FrameSpan::from_str_of("1..6")
+    }
+}
+
+trait Spelled {
+    fn from_str_of(text: &str) -> Self;
+}
+
+impl Spelled for FrameSpan {
+    fn from_str_of(text: &str) -> Self {
+        text.parse().unwrap()
+    }
+}
+
+#[test]
+fn spans_of_frames_are_read_and_checked() {
+    assert_eq!(odd().of(FRAMES).unwrap(), [1, 3, 5]);
+    let of = |text: &str| text.parse::<FrameSpan>().unwrap().of(4);
+    assert_eq!(of("2").unwrap(), [2]);
+    assert_eq!(of("..1").unwrap(), [0, 1]);
+    assert_eq!(of("2..").unwrap(), [2, 3]);
+    assert_eq!(of("..").unwrap(), [0, 1, 2, 3]);
+    let error = of("1..4").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "frame 4 was asked for, but the run has the frames 0 to 3"
+    );
+    assert!(of("3..2").unwrap_err().to_string().contains("3..2"));
+    for text in ["", "a", "1-2", "-1", "1..2..3", "1.5"] {
+        assert!(text.parse::<FrameSpan>().is_err(), "{text}");
+    }
+}
+
+/// The numbers in a text, in order.
+fn numbers(text: &str) -> Vec<f32> {
+    text.split(|c: char| !(c.is_ascii_digit() || "+-.eE".contains(c)))
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().unwrap())
+        .collect()
+}
+
+fn points(values: &[f32]) -> Vec<Vec3> {
+    values.chunks_exact(3).map(Vec3::from_slice).collect()
+}
+
+/// The samples of an attribute of USD text by time code.
+fn samples(text: &str, name: &str) -> Vec<(f64, Vec<Vec3>)> {
+    let after = text
+        .split(&format!("{name}.timeSamples = {{"))
+        .nth(1)
+        .unwrap();
+    let body = after.split('}').next().unwrap();
+    let lines = body.lines().map(str::trim).filter(|line| !line.is_empty());
+    lines
+        .map(|line| {
+            let (code, values) = line.split_once(':').unwrap();
+            (code.parse().unwrap(), points(&numbers(values)))
+        })
+        .collect()
+}
+
+#[test]
+fn usd_has_every_position_at_its_time_code() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.usda");
+    let all = ExportOptions {
+        normals: Normals::Written,
+        ..options(ExportFormat::Usda)
+    };
+    write(&trajectory, &path, &all);
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.starts_with("#usda 1.0\n"));
+    for said in [
+        "upAxis = \"Y\"",
+        "metersPerUnit = 1\n",
+        "timeCodesPerSecond = 60\n",
+        "framesPerSecond = 60\n",
+        "startTimeCode = 0\n",
+        "endTimeCode = 6\n",
+        "doubleSided = 1",
+        "doc = \"a \\\"test\\\" \\\\ 1\"",
+        "primvars:handle = [-1, -1, 1, 0, -1]",
+        "faceVertexCounts = [3, 3, 3, 3]\n",
+        "faceVertexIndices = [0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4]\n",
+        "primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.5)]",
+    ] {
+        assert!(text.contains(said), "{said}");
+    }
+    let written = samples(&text, "point3f[] points");
+    assert_eq!(written.len(), FRAMES);
+    for (number, (code, positions)) in written.iter().enumerate() {
+        assert_eq!(*code, number as f64);
+        assert_eq!(positions, trajectory.frame(number));
+    }
+    for (number, (_, normals)) in samples(&text, "normal3f[] normals").iter().enumerate() {
+        // Rounded to single precision three times.
+        assert!(
+            normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-6),
+            "{number}"
+        );
+        let [a, b, c] = [0, 1, 4].map(|v| trajectory.frame(number)[v]);
+        // Each face of this fan is seen from the same side as the middle vertex.
+        assert!(normals[4].dot((b - a).cross(c - a)) > 0.0);
+    }
+    for (number, (_, corners)) in samples(&text, "float3[] extent").iter().enumerate() {
+        let frame = trajectory.frame(number);
+        let low = frame.iter().copied().reduce(Vec3::min).unwrap();
+        let high = frame.iter().copied().reduce(Vec3::max).unwrap();
+        assert_eq!(corners, &[low, high]);
+    }
+    let handle = text.split("\"handle_1\"").nth(1).unwrap();
+    let path: Vec<Vec3> = samples(handle, "xformOp:translate")
+        .iter()
+        .map(|s| s.1[0])
+        .collect();
+    let expected: Vec<Vec3> = (0..FRAMES).map(|k| trajectory.frame(k)[2]).collect();
+    assert_eq!(path, expected);
+}
+
+#[test]
+fn frames_left_out_leave_time_as_it_is_and_z_can_point_up() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.usda");
+    let thin = ExportOptions {
+        frames: odd(),
+        up: UpAxis::Z,
+        ..options(ExportFormat::Usda)
+    };
+    write(&trajectory, &path, &thin);
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.contains("upAxis = \"Z\"") && text.contains("endTimeCode = 4\n"));
+    let written = samples(&text, "point3f[] points");
+    for ((code, positions), (expected, frame)) in written.iter().zip([(0.0, 1), (2.0, 3), (4.0, 5)])
+    {
+        assert_eq!(*code, expected);
+        let turned = trajectory
+            .frame(frame)
+            .iter()
+            .map(|p| Vec3::new(p.x, -p.z, p.y));
+        assert!(turned.eq(positions.iter().copied()));
+    }
+}
+
+/// A .glb in parts.
+struct Glb {
+    json: Value,
+    binary: Vec<u8>,
+}
+
+fn word(bytes: &[u8], at: usize) -> usize {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
+}
+
+impl Glb {
+    fn read(path: &Path) -> Self {
+        let bytes = std::fs::read(path).unwrap();
+        assert_eq!(&bytes[..4], b"glTF");
+        assert_eq!([word(&bytes, 4), word(&bytes, 8)], [2, bytes.len()]);
+        let length = word(&bytes, 12);
+        assert_eq!(&bytes[16..20], b"JSON");
+        assert_eq!(length % 4, 0);
+        let binary = 20 + length;
+        assert_eq!(&bytes[binary + 4..binary + 8], b"BIN\0");
+        assert_eq!(word(&bytes, binary), bytes.len() - binary - 8);
+        Self {
+            json: serde_json::from_slice(&bytes[20..binary]).unwrap(),
+            binary: bytes[binary + 8..].to_vec(),
+        }
+    }
+
+    fn number(&self, pointer: &str) -> usize {
+        let found = self.json.pointer(pointer).and_then(Value::as_u64);
+        found.unwrap_or_else(|| panic!("no {pointer}")) as usize
+    }
+
+    /// The floats of an accessor, and its bounds where it has some.
+    fn floats(&self, accessor: usize) -> Vec<f32> {
+        let at = |key: &str| self.number(&format!("/accessors/{accessor}/{key}"));
+        assert_eq!(at("componentType"), 5126);
+        let view = at("bufferView");
+        let start = self.number(&format!("/bufferViews/{view}/byteOffset")) + at("byteOffset");
+        let form = self.json["accessors"][accessor]["type"].as_str().unwrap();
+        let width = match form {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            other => panic!("{other}"),
+        };
+        let length = 4 * width * at("count");
+        let end = self.number(&format!("/bufferViews/{view}/byteOffset"))
+            + self.number(&format!("/bufferViews/{view}/byteLength"));
+        assert!(start + length <= end && end <= self.binary.len());
+        let bytes = &self.binary[start..start + length];
+        let values: Vec<f32> = bytes
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect();
+        for (bound, pick) in [("min", f32::min as fn(f32, f32) -> f32), ("max", f32::max)] {
+            if let Some(bounds) = self.json["accessors"][accessor][bound].as_array() {
+                let found =
+                    (0..width).map(|k| values.iter().skip(k).step_by(width).copied().reduce(pick));
+                let said = bounds.iter().map(|b| b.as_f64().map(|b| b as f32));
+                assert!(found.eq(said), "{bound} of accessor {accessor}");
+            }
+        }
+        values
+    }
+
+    /// Positions at each key: the mesh and its targets, each times its weight.
+    fn animated(&self) -> Vec<(f32, Vec<Vec3>)> {
+        let primitive = "/meshes/0/primitives/0";
+        let bounded = |accessor: usize| {
+            assert!(self.json["accessors"][accessor]["min"].is_array());
+            points(&self.floats(accessor))
+        };
+        let base = bounded(self.number(&format!("{primitive}/attributes/POSITION")));
+        let count = self.json["meshes"][0]["primitives"][0]["targets"]
+            .as_array()
+            .map_or(0, Vec::len);
+        let targets: Vec<Vec<Vec3>> = (0..count)
+            .map(|k| bounded(self.number(&format!("{primitive}/targets/{k}/POSITION"))))
+            .collect();
+        assert_eq!(
+            self.json["animations"][0]["channels"][0]["target"]["path"],
+            "weights"
+        );
+        let sampler = format!(
+            "/animations/0/samplers/{}",
+            self.number("/animations/0/channels/0/sampler")
+        );
+        let times = self.floats(self.number(&format!("{sampler}/input")));
+        let weights = self.floats(self.number(&format!("{sampler}/output")));
+        assert_eq!(weights.len(), times.len() * count);
+        let pose = |weights: &[f32]| {
+            let mut pose = base.clone();
+            for (target, &weight) in targets.iter().zip(weights) {
+                pose.iter_mut()
+                    .zip(target)
+                    .for_each(|(p, d)| *p += weight * *d);
+            }
+            pose
+        };
+        times
+            .iter()
+            .copied()
+            .zip(weights.chunks_exact(count).map(pose))
+            .collect()
+    }
+}
+
+#[test]
+fn gltf_has_every_frame_at_its_time() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.glb");
+    for (frames, normals, taken) in [
+        (
+            FrameSpan::default(),
+            Normals::Written,
+            vec![0, 1, 2, 3, 4, 5, 6],
+        ),
+        (odd(), Normals::LeftOut, vec![1, 3, 5]),
+    ] {
+        let options = ExportOptions {
+            frames,
+            normals,
+            ..options(ExportFormat::Glb)
+        };
+        write(&trajectory, &path, &options);
+        let planned = planned_bytes(&trajectory, &options).unwrap();
+        assert_eq!(planned, Some(std::fs::metadata(&path).unwrap().len()));
+        let glb = Glb::read(&path);
+        let animated = glb.animated();
+        assert_eq!(animated.len(), taken.len());
+        for ((time, positions), frame) in animated.iter().zip(&taken) {
+            let expected = (frame - taken[0]) as f32 / 60.0;
+            assert!((time - expected).abs() <= f32::EPSILON * expected, "{time}");
+            for (p, q) in positions.iter().zip(trajectory.frame(*frame)) {
+                // Two roundings of numbers below 2.
+                assert!(p.distance(*q) <= 2.0 * f32::EPSILON * 2.0, "{p} {q}");
+            }
+        }
+        let handles: Vec<Vec3> = points(&glb.floats(glb.number("/animations/0/samplers/2/output")));
+        let path = taken.iter().map(|&frame| trajectory.frame(frame)[2]);
+        assert!(path.eq(handles));
+        assert_eq!(glb.json["nodes"][2]["name"], "handle_1");
+    }
+}
+
+#[test]
+fn gltf_says_how_the_cloth_is_to_be_shown() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.glb");
+    let with_normals = ExportOptions {
+        normals: Normals::Written,
+        ..options(ExportFormat::Glb)
+    };
+    write(&trajectory, &path, &with_normals);
+    let glb = Glb::read(&path);
+    assert_eq!(glb.json["materials"][0]["doubleSided"], true);
+    let attribute = |name: &str| {
+        let pointer = format!("/meshes/0/primitives/0/attributes/{name}");
+        glb.floats(glb.number(&pointer))
+    };
+    let texture = attribute("TEXCOORD_0");
+    let material = &trajectory.cloth().material_coordinates;
+    let expected: Vec<f32> = material.iter().flat_map(|c| [c.x, 1.0 - c.y]).collect();
+    assert_eq!(texture, expected);
+    assert_eq!(attribute("_HANDLE"), [-1.0, -1.0, 1.0, 0.0, -1.0]);
+    let base = points(&attribute("NORMAL"));
+    for target in 0..FRAMES - 1 {
+        let pointer = format!("/meshes/0/primitives/0/targets/{target}/NORMAL");
+        let change = points(&glb.floats(glb.number(&pointer)));
+        for (n, d) in base.iter().zip(change) {
+            // Rounded to single precision four times.
+            assert!(((*n + d).length() - 1.0).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn one_frame_makes_a_gltf_without_animation() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.glb");
+    let one = ExportOptions {
+        frames: FrameSpan::from_str_of("4"),
+        ..options(ExportFormat::Glb)
+    };
+    write(&trajectory, &path, &one);
+    let glb = Glb::read(&path);
+    assert!(glb.json.get("animations").is_none() && glb.json["meshes"][0].get("weights").is_none());
+    let base = glb.floats(glb.number("/meshes/0/primitives/0/attributes/POSITION"));
+    assert_eq!(points(&base), trajectory.frame(4));
+}
+
+#[test]
+fn a_point_cache_has_every_position_and_its_mesh_is_beside_it() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.pc2");
+    let thin = ExportOptions {
+        frames: odd(),
+        ..options(ExportFormat::Pc2)
+    };
+    write(&trajectory, &path, &thin);
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(
+        planned_bytes(&trajectory, &thin).unwrap(),
+        Some(bytes.len() as u64)
+    );
+    assert_eq!(&bytes[..12], b"POINTCACHE2\0");
+    let float = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    assert_eq!(
+        [word(&bytes, 12), word(&bytes, 16), word(&bytes, 28)],
+        [1, VERTICES, 3]
+    );
+    assert_eq!([float(20), float(24)], [0.0, 2.0]);
+    let values: Vec<f32> = (32..bytes.len()).step_by(4).map(float).collect();
+    let expected = [1, 3, 5].map(|frame| trajectory.frame(frame)).concat();
+    assert_eq!(points(&values), expected);
+    let mesh = read_obj(&folder.path().join("a.obj")).unwrap().mesh;
+    assert!(
+        mesh.positions()
+            .iter()
+            .map(|p| p.as_vec3())
+            .eq(trajectory.frame(1).iter().copied())
+    );
+}
+
+#[test]
+fn meshes_in_a_folder_are_the_frames() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("frames");
+    let all = ExportOptions {
+        normals: Normals::Written,
+        frames: odd(),
+        ..options(ExportFormat::ObjSequence)
+    };
+    write(&trajectory, &path, &all);
+    for (number, frame) in [1, 3, 5].into_iter().enumerate() {
+        let file = path.join(format!("cloth_{number:04}.obj"));
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert_eq!(
+            text.lines().filter(|line| line.starts_with("vn ")).count(),
+            VERTICES
+        );
+        let mesh = read_obj(&file).unwrap().mesh;
+        assert!(
+            mesh.positions()
+                .iter()
+                .map(|p| p.as_vec3())
+                .eq(trajectory.frame(frame).iter().copied())
+        );
+        assert_eq!(mesh.topology().faces(), trajectory.topology().faces());
+    }
+    assert_eq!(std::fs::read_dir(&path).unwrap().count(), 3);
+    let again = export(&trajectory, &path, &all, &mut || ControlFlow::Continue(()));
+    assert!(again.unwrap_err().to_string().contains("not empty"));
+}
+
+/// The bytes of a stored entry of an archive, by the local headers alone.
+fn stored<'a>(archive: &'a [u8], name: &str) -> &'a [u8] {
+    let mut at = 0;
+    while &archive[at..at + 4] == b"PK\x03\x04" {
+        let length = word(archive, at + 18);
+        let name_length = usize::from(archive[at + 26]);
+        let start = at + 30 + name_length;
+        if &archive[at + 30..start] == name.as_bytes() {
+            return &archive[start..start + length];
+        }
+        at = start + length;
+    }
+    panic!("no {name}");
+}
+
+#[test]
+fn arrays_for_numpy_come_back() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.npz");
+    for up in [UpAxis::Y, UpAxis::Z] {
+        let options = ExportOptions {
+            up,
+            normals: Normals::Written,
+            ..options(ExportFormat::Npz)
+        };
+        write(&trajectory, &path, &options);
+        let bytes = std::fs::read(&path).unwrap();
+        let positions = stored(&bytes, "positions.npy");
+        let header = std::str::from_utf8(&positions[10..128]).unwrap();
+        let expected = "{'descr': '<f4', 'fortran_order': False, 'shape': (7, 5, 3), }";
+        assert_eq!(header.trim_end(), expected);
+        let values: Vec<f32> = positions[128..]
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect();
+        let turned = |p: &Vec3| match up {
+            UpAxis::Y => *p,
+            UpAxis::Z => Vec3::new(p.x, -p.z, p.y),
+        };
+        assert!(
+            trajectory
+                .positions()
+                .iter()
+                .map(turned)
+                .eq(points(&values))
+        );
+        let read = Trajectory::from_npz(&bytes).unwrap();
+        assert_eq!(read.cloth(), trajectory.cloth());
+        assert_eq!(read.positions(), trajectory.positions());
+        assert_eq!(read.frame_rate(), 60.0);
+        for cut in 0..bytes.len() {
+            assert!(Trajectory::from_npz(&bytes[..cut]).is_err(), "{cut}");
+        }
+    }
+}
+
+#[test]
+fn what_is_interrupted_leaves_nothing() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let formats = [
+        ("a.usda", ExportFormat::Usda),
+        ("a.glb", ExportFormat::Glb),
+        ("a.pc2", ExportFormat::Pc2),
+        ("a", ExportFormat::ObjSequence),
+        ("a.npz", ExportFormat::Npz),
+    ];
+    for (name, format) in formats {
+        let mut beats = 0;
+        let end = export(
+            &trajectory,
+            &folder.path().join(name),
+            &options(format),
+            &mut || {
+                beats += 1;
+                if beats == 3 {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            },
+        );
+        assert_eq!(end.unwrap(), ExportEnd::Stopped, "{name}");
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            0,
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn what_a_format_does_not_have_is_refused() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let attempt = |options: &ExportOptions, name: &str| {
+        let path = folder.path().join(name);
+        export(&trajectory, &path, options, &mut || {
+            ControlFlow::Continue(())
+        })
+        .unwrap_err()
+    };
+    let turned = ExportOptions {
+        up: UpAxis::Z,
+        ..options(ExportFormat::Glb)
+    };
+    assert!(matches!(attempt(&turned, "a.glb"), ExportError::YUp));
+    let all = options(ExportFormat::Obj);
+    assert!(matches!(
+        attempt(&all, "a.obj"),
+        ExportError::OneFrame { frames: FRAMES }
+    ));
+    let beyond = ExportOptions {
+        frames: FrameSpan::from_str_of("5..9"),
+        ..options(ExportFormat::Npz)
+    };
+    assert!(matches!(attempt(&beyond, "a.npz"), ExportError::Frames(_)));
+    for format in [ExportFormat::Usda, ExportFormat::ObjSequence] {
+        let error = attempt(&options(format), "none/such").to_string();
+        assert!(error.contains("none/such"), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}

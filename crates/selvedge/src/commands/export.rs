@@ -1,0 +1,66 @@
+//! `selvedge export`: a trajectory in the format of another program.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use selvedge_data::Trajectory;
+use serde::Serialize;
+
+use crate::cli::ExportArgs;
+use crate::exporting::{self, Choice, Wish};
+use crate::output::{Answer, End, Facts};
+
+#[derive(Serialize)]
+struct Report {
+    trajectory: PathBuf,
+    wrote: Vec<PathBuf>,
+    bytes: u64,
+    frames: usize,
+    seconds: f64,
+    interrupted: bool,
+}
+
+/// Writes what is asked for.
+///
+/// # Errors
+/// What is wrong with the call, the trajectory or the place.
+pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
+    let wish = Wish::new(&args.to, args.format)?.with(Choice {
+        frames: args.frames(),
+        up: args.up(),
+        normals: args.normals(),
+    });
+    let trajectory = Trajectory::read(&args.trajectory)?;
+    wish.check(trajectory.frame_count())?;
+    let started = Instant::now();
+    let end = wish.fulfil(&trajectory)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let wrote = match end {
+        End::Complete => wish.outputs(),
+        End::Interrupted => Vec::new(),
+    };
+    let report = Report {
+        trajectory: args.trajectory.clone(),
+        bytes: wrote.iter().map(|path| exporting::size_of(path)).sum(),
+        wrote,
+        frames: wish.count(trajectory.frame_count())?,
+        seconds,
+        interrupted: end == End::Interrupted,
+    };
+    Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+fn text(report: &Report) -> Facts {
+    let mut facts = Facts::new();
+    if report.interrupted {
+        facts.add("interrupted", "nothing was written");
+        return facts;
+    }
+    facts.add("frames", report.frames);
+    facts.add("size", exporting::bytes(report.bytes));
+    facts.add("time", format!("{:.2} s", report.seconds));
+    for path in &report.wrote {
+        facts.add("wrote", path.display());
+    }
+    facts
+}

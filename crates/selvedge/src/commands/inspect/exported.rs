@@ -1,0 +1,53 @@
+//! Files for and of other programs: archives of arrays (.npz), and nodes that move (.glb, .usda).
+
+use std::path::Path;
+
+use anyhow::Context;
+use selvedge_data::{Rig, Trajectory};
+use serde_json::json;
+
+use crate::output::{Answer, Facts};
+
+/// Reads an exported archive.
+///
+/// # Errors
+/// When it is none, or damaged.
+pub(super) fn read_npz(path: &Path) -> anyhow::Result<Trajectory> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    Trajectory::from_npz(&bytes).with_context(|| path.display().to_string())
+}
+
+/// Says which nodes a file has, and when they move.
+///
+/// # Errors
+/// What of it cannot be understood.
+pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
+    let rig = Rig::read(path)?;
+    let nodes: Vec<(&str, Option<[f64; 2]>)> = rig
+        .nodes()
+        .iter()
+        .enumerate()
+        .map(|(number, node)| (node.name.as_str(), rig.span(number)))
+        .collect();
+    let moving = nodes.iter().filter(|node| node.1.is_some()).count();
+    let mut facts = Facts::new();
+    facts.add("kind", "nodes of another program");
+    facts.add("file", path.display());
+    facts.add("nodes", format!("{}, {moving} of them moving", nodes.len()));
+    for (name, span) in &nodes {
+        let when = match span {
+            Some([from, to]) => format!("{name}: moves from {from:.3} to {to:.3} s"),
+            None => format!("{name}: stands"),
+        };
+        facts.add("node", when);
+    }
+    let nodes = nodes
+        .iter()
+        .map(|(name, span)| json!({ "name": name, "moves": span }));
+    let report = json!({
+        "kind": "rig",
+        "file": path,
+        "nodes": nodes.collect::<Vec<_>>(),
+    });
+    Answer::new(facts, &report)
+}

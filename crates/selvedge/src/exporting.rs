@@ -1,0 +1,271 @@
+//! Trajectories as files of other programs: which format a name asks for, checked before any work, and
+//! the work. Numbers are written by `selvedge-data`, pictures are drawn here ([`film`]).
+
+use std::path::{Path, PathBuf};
+
+use selvedge_data::export::{
+    ExportEnd, ExportFormat, ExportOptions, FrameSpan, Normals, export, planned_bytes,
+};
+use selvedge_data::{Trajectory, UpAxis};
+
+use crate::cli::FormatName;
+use crate::failure::WrongUsage;
+use crate::film::{self, Film};
+use crate::output::End;
+use crate::progress::Progress;
+use crate::{interrupt, place};
+
+/// A .glb of more bytes than this is better something else.
+const HEAVY: u64 = 500_000_000;
+
+/// A file or folder to be written.
+#[derive(Debug)]
+pub(crate) struct Wish {
+    path: PathBuf,
+    kind: Kind,
+    choice: Choice,
+}
+
+/// What can be chosen of any export.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Choice {
+    /// Which frames.
+    pub(crate) frames: FrameSpan,
+    /// Which axis points up.
+    pub(crate) up: UpAxis,
+    /// Whether normals are written; as the format has it, if nothing was said.
+    pub(crate) normals: Option<Normals>,
+}
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Numbers(ExportFormat),
+    /// One frame (.png).
+    Picture,
+    /// A folder of frames (.png).
+    Pictures,
+    Gif,
+    Mp4,
+}
+
+impl Wish {
+    /// All frames to `path`, in the `format` that is named or else as the name ends; what is in the
+    /// way shows now.
+    ///
+    /// # Errors
+    /// Wrong usage for a name that says no format; otherwise what is in the way.
+    pub(crate) fn new(path: &Path, format: Option<FormatName>) -> anyhow::Result<Self> {
+        let extension = path.extension().and_then(|e| e.to_str());
+        let named = extension.and_then(FormatName::of_extension);
+        let Some(format) = format.or(named) else {
+            return Err(WrongUsage::new(format!(
+                "{}: the name must end in .usda, .glb, .pc2, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
+                path.display()
+            ))
+            .into());
+        };
+        let is_folder = extension.is_none();
+        let kind = match format {
+            FormatName::Usda => Kind::Numbers(ExportFormat::Usda),
+            FormatName::Glb => Kind::Numbers(ExportFormat::Glb),
+            FormatName::Pc2 => Kind::Numbers(ExportFormat::Pc2),
+            FormatName::Npz => Kind::Numbers(ExportFormat::Npz),
+            FormatName::Obj if is_folder => Kind::Numbers(ExportFormat::ObjSequence),
+            FormatName::Obj => Kind::Numbers(ExportFormat::Obj),
+            FormatName::Png if is_folder => Kind::Pictures,
+            FormatName::Png => Kind::Picture,
+            FormatName::Gif => Kind::Gif,
+            FormatName::Mp4 => Kind::Mp4,
+        };
+        kind.check(path)?;
+        if kind == Kind::Mp4 {
+            film::check_ffmpeg()?;
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            kind,
+            choice: Choice::default(),
+        })
+    }
+
+    /// The same with what was chosen.
+    pub(crate) fn with(self, choice: Choice) -> Self {
+        Self { choice, ..self }
+    }
+
+    /// Checks what was asked for against a run of `frames`.
+    ///
+    /// # Errors
+    /// Wrong usage for frames that there are not, and for what the format does not have.
+    pub(crate) fn check(&self, frames: usize) -> anyhow::Result<()> {
+        let wrong = |problem: String| Err(WrongUsage::new(problem).into());
+        let count = match self.choice.frames.of(frames) {
+            Ok(frames) => frames.len(),
+            Err(error) => return wrong(format!("--frames: {error}")),
+        };
+        let is_one = matches!(self.kind, Kind::Picture | Kind::Numbers(ExportFormat::Obj));
+        if is_one && count > 1 {
+            return wrong(format!(
+                "{}: such a file holds one frame, and {count} were asked for: choose one with --frames, or name a folder with --format",
+                self.path.display()
+            ));
+        }
+        match self.kind {
+            Kind::Numbers(ExportFormat::Glb) if self.choice.up == UpAxis::Z => {
+                wrong("--up z: glTF has y up, and every reader turns it".to_owned())
+            }
+            Kind::Numbers(_) => Ok(()),
+            _ if self.choice.up == UpAxis::Z => wrong("--up z: a picture has no axes".to_owned()),
+            _ if self.choice.normals.is_some() => wrong("--normals: a picture has none".to_owned()),
+            _ => Ok(()),
+        }
+    }
+
+    /// How many frames of a run of `frames` are written.
+    ///
+    /// # Errors
+    /// Where the run does not have them.
+    pub(crate) fn count(&self, frames: usize) -> anyhow::Result<usize> {
+        Ok(self.choice.frames.of(frames)?.len())
+    }
+
+    /// All that is written.
+    pub(crate) fn outputs(&self) -> Vec<PathBuf> {
+        let mut outputs = vec![self.path.clone()];
+        if self.kind == Kind::Numbers(ExportFormat::Pc2) {
+            outputs.push(self.path.with_extension("obj"));
+        }
+        outputs
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// What cannot be written, and why; nothing is then left behind.
+    pub(crate) fn fulfil(&self, trajectory: &Trajectory) -> anyhow::Result<End> {
+        self.check(trajectory.frame_count())?;
+        let frames = self.choice.frames.of(trajectory.frame_count())?;
+        match self.kind {
+            Kind::Numbers(format) => self.write_numbers(trajectory, format, frames.len()),
+            Kind::Picture => {
+                Film::new(trajectory, &frames)?.write_png(&self.path)?;
+                Ok(End::Complete)
+            }
+            Kind::Pictures => Film::new(trajectory, &frames)?.write_pngs(&self.path),
+            Kind::Gif => Film::new(trajectory, &frames)?.write_gif(&self.path),
+            Kind::Mp4 => Film::new(trajectory, &frames)?.write_mp4(&self.path),
+        }
+    }
+
+    fn write_numbers(
+        &self,
+        trajectory: &Trajectory,
+        format: ExportFormat,
+        frames: usize,
+    ) -> anyhow::Result<End> {
+        let by_format = match format {
+            ExportFormat::Glb => Normals::Written,
+            _ => Normals::LeftOut,
+        };
+        let options = ExportOptions {
+            format,
+            frames: self.choice.frames,
+            up: self.choice.up,
+            normals: self.choice.normals.unwrap_or(by_format),
+        };
+        if let (ExportFormat::Glb, Some(bytes)) = (format, planned_bytes(trajectory, &options)?)
+            && bytes > HEAVY
+        {
+            tracing::warn!(
+                "{}: {:.1} GB, a morph target for each of {frames} frames: --every, .usda or .pc2 are lighter",
+                self.path.display(),
+                bytes as f64 / 1e9
+            );
+        }
+        let what = format!("writing {}", self.path.display());
+        let progress = Progress::new(what, frames, "frames");
+        let end = export(trajectory, &self.path, &options, &mut || {
+            progress.advance();
+            interrupt::flow()
+        })?;
+        Ok(match end {
+            ExportEnd::Complete => End::Complete,
+            ExportEnd::Stopped => End::Interrupted,
+        })
+    }
+}
+
+impl Kind {
+    /// Checks that `path` can be made.
+    fn check(self, path: &Path) -> anyhow::Result<()> {
+        match self {
+            Self::Pictures | Self::Numbers(ExportFormat::ObjSequence) => {
+                place::check_new_folder(path)
+            }
+            _ => place::check_new_file(path),
+        }
+    }
+}
+
+/// What `--export` asks for, each checked.
+///
+/// # Errors
+/// As [`Wish::new`]; wrong usage for a format of one frame.
+pub(crate) fn wishes(paths: &[PathBuf]) -> anyhow::Result<Vec<Wish>> {
+    let wish = |path: &PathBuf| {
+        let wish = Wish::new(path, None)?;
+        match wish.kind {
+            Kind::Picture | Kind::Numbers(ExportFormat::Obj) => Err(WrongUsage::new(format!(
+                "--export {}: such a file holds one frame: take `selvedge export`, which can choose one",
+                path.display()
+            ))
+            .into()),
+            _ => Ok(wish),
+        }
+    };
+    paths.iter().map(wish).collect()
+}
+
+/// Writes each wish of a run that ended so, and says where; nothing after an interruption.
+///
+/// # Errors
+/// As [`Wish::fulfil`].
+pub(crate) fn fulfil(
+    wishes: &[Wish],
+    trajectory: &Trajectory,
+    mut end: End,
+    wrote: &mut Vec<PathBuf>,
+) -> anyhow::Result<End> {
+    for wish in wishes {
+        if end == End::Interrupted {
+            break;
+        }
+        end = wish.fulfil(trajectory)?;
+        if end == End::Complete {
+            wrote.extend(wish.outputs());
+        }
+    }
+    Ok(end)
+}
+
+/// Bytes of a file, or of all files in a folder.
+pub(crate) fn size_of(path: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(path) else {
+        return std::fs::metadata(path).map_or(0, |found| found.len());
+    };
+    entries
+        .filter_map(|entry| entry.ok()?.metadata().ok())
+        .map(|found| found.len())
+        .sum()
+}
+
+/// Bytes as people read them.
+pub(crate) fn bytes(count: u64) -> String {
+    match count {
+        0..1_000 => format!("{count} bytes"),
+        1_000..1_000_000 => format!("{:.1} kB", count as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", count as f64 / 1e6),
+        _ => format!("{:.2} GB", count as f64 / 1e9),
+    }
+}

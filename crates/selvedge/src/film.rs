@@ -1,0 +1,236 @@
+//! Frames of a trajectory as pictures: one (.png), a folder of them, a clip (.gif), or a film (.mp4).
+//!
+//! Films are made by ffmpeg, a program that is not part of this one: it is given the pixels of each
+//! picture and writes a file beside the place of the film, which is then renamed.
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context, anyhow, bail};
+use selvedge_data::{
+    Trajectory, WriteError, write_atomically, write_beside, write_folder_atomically,
+};
+use selvedge_view::{
+    ClipEnd, ClipSettings, Colouring, EdgeLines, Image, Orbit, Panel, Renderer, Run, Stage,
+    Supersampling, write_clip,
+};
+
+use crate::interrupt;
+use crate::output::End;
+use crate::progress::Progress;
+
+/// Width and height of a picture [pixels]; even, as films want it.
+const SIZE: [u32; 2] = [960, 720];
+
+/// What is run to make films.
+const FFMPEG: &str = "ffmpeg";
+
+/// Frames to be drawn.
+pub(crate) struct Film<'a> {
+    run: Run<'a>,
+    title: String,
+}
+
+/// Why nothing was written: Ctrl-C, or something that went wrong.
+enum Halt {
+    Interrupted,
+    Failed(anyhow::Error),
+}
+
+impl From<WriteError> for Halt {
+    fn from(error: WriteError) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
+impl From<anyhow::Error> for Halt {
+    fn from(error: anyhow::Error) -> Self {
+        Self::Failed(error)
+    }
+}
+
+fn ended(result: Result<(), Halt>) -> anyhow::Result<End> {
+    match result {
+        Ok(()) => Ok(End::Complete),
+        Err(Halt::Interrupted) => Ok(End::Interrupted),
+        Err(Halt::Failed(error)) => Err(error),
+    }
+}
+
+/// Whether ffmpeg can be run.
+///
+/// # Errors
+/// When it cannot, with what to do.
+pub(crate) fn check_ffmpeg() -> anyhow::Result<()> {
+    let asked = Command::new(FFMPEG)
+        .arg("-version")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
+    match asked {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => bail!("an .mp4 is made by ffmpeg, and `ffmpeg -version` failed ({status})"),
+        Err(error) => Err(anyhow!(
+            "an .mp4 is made by ffmpeg, which cannot be run here ({error}): install it so that `ffmpeg -version` works, or export .gif, or pictures with --format png"
+        )),
+    }
+}
+
+impl<'a> Film<'a> {
+    /// These frames of `trajectory`.
+    pub(crate) fn new(trajectory: &'a Trajectory, frames: &[usize]) -> anyhow::Result<Self> {
+        // One frame has no rate; any two have that of the first two.
+        let step = frames.windows(2).map(|pair| pair[1] - pair[0]).next();
+        let rate = trajectory.frame_rate() / step.unwrap_or(1) as f64;
+        let run = Run::new(
+            trajectory.topology(),
+            frames.iter().map(|&frame| trajectory.frame(frame)),
+            trajectory.handles().vertices(),
+            rate,
+        )
+        .context("a run to draw")?;
+        let name = trajectory.provenance().scene["name"].as_str();
+        Ok(Self {
+            run,
+            title: name.unwrap_or_default().to_owned(),
+        })
+    }
+
+    /// Writes the first frame.
+    pub(crate) fn write_png(&self, path: &Path) -> anyhow::Result<()> {
+        let mut renderer = self.renderer(Supersampling::Four)?;
+        let png = renderer.render(&self.panel(), 0)?.to_png()?;
+        Ok(write_atomically(path, |out| out.write_all(&png))?)
+    }
+
+    /// Writes a folder with a picture per frame, as `cloth_0000.png`.
+    pub(crate) fn write_pngs(&self, path: &Path) -> anyhow::Result<End> {
+        let width = (self.run.frames().len() - 1).to_string().len().max(4);
+        ended(write_folder_atomically(path, |folder| {
+            self.draw_all(&mut |number, image| {
+                let file = folder.join(format!("cloth_{number:0width$}.png"));
+                let png = image.to_png()?;
+                std::fs::write(&file, png).with_context(|| path.display().to_string())
+            })
+        }))
+    }
+
+    /// Writes a clip in real time.
+    pub(crate) fn write_gif(&self, path: &Path) -> anyhow::Result<End> {
+        let settings = ClipSettings::default();
+        let panel = self.panel();
+        let seconds = self.run.time(self.run.frames().len() - 1);
+        let pictures = (1e3 * seconds / f64::from(settings.delay_ms)) as usize + 1;
+        let progress = Progress::new("drawing the clip", pictures, "pictures");
+        let draw = |part: &Path| {
+            let file = std::fs::File::create(part).context("the clip")?;
+            let mut out = io::BufWriter::new(file);
+            let panels = std::slice::from_ref(&panel);
+            let end = write_clip(&mut out, &self.title, panels, &settings, &mut |_| {
+                progress.advance();
+                interrupt::flow()
+            });
+            match end.context("the clip")? {
+                ClipEnd::Complete { .. } => {}
+                ClipEnd::Stopped { .. } => return Err(Halt::Interrupted),
+            }
+            let file = out.into_inner().map_err(io::IntoInnerError::into_error);
+            let synced = file.and_then(|file| file.sync_all());
+            Ok(synced.context("the clip")?)
+        };
+        ended(write_beside(path, draw))
+    }
+
+    /// Writes a film at the rate of the frames.
+    pub(crate) fn write_mp4(&self, path: &Path) -> anyhow::Result<End> {
+        ended(write_beside(path, |part| {
+            let mut child = self.start_ffmpeg(part)?;
+            let drawn = match child.stdin.take() {
+                Some(mut pipe) => self.draw_all(&mut |_, image| {
+                    let pixels = image.pixels().as_flattened();
+                    pipe.write_all(pixels).context("giving ffmpeg a picture")
+                }),
+                None => Err(Halt::Failed(anyhow!("ffmpeg takes no pictures"))),
+            };
+            if let Err(Halt::Interrupted) = drawn {
+                // It has written a part of a film that nobody wants.
+                let _ = child.kill();
+                let _ = child.wait();
+                return drawn;
+            }
+            let output = child.wait_with_output().context("waiting for ffmpeg")?;
+            if !output.status.success() {
+                let said = String::from_utf8_lossy(&output.stderr);
+                let said = said.lines().last().unwrap_or("nothing").to_owned();
+                let failed = anyhow!("ffmpeg failed ({}): it said {said:?}", output.status);
+                return Err(Halt::Failed(failed));
+            }
+            drawn
+        }))
+    }
+
+    fn start_ffmpeg(&self, part: &Path) -> anyhow::Result<Child> {
+        let [width, height] = SIZE;
+        let rate = self.run.frame_rate().to_string();
+        Command::new(FFMPEG)
+            .args([
+                "-loglevel",
+                "error",
+                "-y",
+                "-f",
+                "rawvideo",
+                "-pix_fmt",
+                "rgb24",
+            ])
+            .args(["-s", &format!("{width}x{height}"), "-r", &rate, "-i", "-"])
+            .args([
+                "-f",
+                "mp4",
+                "-pix_fmt",
+                "yuv420p",
+                "-movflags",
+                "+faststart",
+            ])
+            .arg(part)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .context("starting ffmpeg")
+    }
+
+    /// Draws every frame and gives it to `take`.
+    fn draw_all(
+        &self,
+        take: &mut dyn FnMut(usize, &Image) -> anyhow::Result<()>,
+    ) -> Result<(), Halt> {
+        let frames = self.run.frames().len();
+        let progress = Progress::new("drawing", frames, "pictures");
+        let mut renderer = self.renderer(Supersampling::Two)?;
+        for number in 0..frames {
+            let image = renderer.render(&self.panel(), number);
+            take(number, &image.context("a picture")?)?;
+            progress.advance();
+            if interrupt::requested() && number + 1 < frames {
+                return Err(Halt::Interrupted);
+            }
+        }
+        Ok(())
+    }
+
+    fn renderer(&self, samples: Supersampling) -> anyhow::Result<Renderer> {
+        let aspect = SIZE[0] as f32 / SIZE[1] as f32;
+        let stage = Stage::of_runs(&[&self.run], &Orbit::default(), aspect)?;
+        Ok(Renderer::new(&stage, SIZE, samples, EdgeLines::All)?)
+    }
+
+    fn panel(&self) -> Panel<'_> {
+        Panel {
+            label: "",
+            run: &self.run,
+            colouring: Colouring::Plain,
+        }
+    }
+}

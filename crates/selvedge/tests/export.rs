@@ -1,0 +1,292 @@
+//! `selvedge export`, `--export`, and rigs that drive the cloth, from outside: what is written comes
+//! back, a motion goes to another program's format and back again, and bad calls leave nothing.
+
+// A test that cannot be set up fails where it is set up.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{Desk, PUSH, PUSH_FRAMES, number};
+use selvedge_data::Trajectory;
+
+/// A desk with a simulated [`PUSH`] in `run.safetensors`.
+fn pushed() -> (Desk, Trajectory) {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    desk.json("simulate push.toml --out run.safetensors");
+    let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+    (desk, run)
+}
+
+/// [`PUSH`] with another motion.
+fn with_motion(motion: &str) -> String {
+    let own = PUSH.find("[motion.inline]").unwrap();
+    format!("{}motion = {motion}\n", &PUSH[..own])
+}
+
+#[test]
+fn a_run_goes_to_other_programs_and_its_handles_come_back() {
+    let (desk, run) = pushed();
+    let mut expected = None;
+    for (to, motion) in [
+        ("cloth.npz", r#"{ recorded = "cloth.npz" }"#),
+        ("turned.npz --up z", r#"{ recorded = "turned.npz" }"#),
+        ("cloth.usda --up z", r#"{ rig = { file = "cloth.usda" } }"#),
+        (
+            "cloth.glb",
+            r#"{ rig = { file = "cloth.glb", nodes = ["handle_0", "handle_1"] } }"#,
+        ),
+    ] {
+        let said = desk.json(&format!("export run.safetensors --to {to}"));
+        assert_eq!(number(&said, "/frames"), (PUSH_FRAMES + 1) as f64);
+        desk.write("again.toml", with_motion(motion));
+        desk.json("simulate again.toml --out again.safetensors");
+        let again = Trajectory::read(&desk.path("again.safetensors")).unwrap();
+        assert_eq!(again.frame_count(), run.frame_count(), "{to}");
+        for frame in 0..run.frame_count() {
+            for vertex in run.handles().vertices() {
+                let [a, b] = [&run, &again].map(|t| t.frame(frame)[vertex.index()]);
+                // Written in single precision, by numbers below 2.
+                assert!(a.distance(b) < 1e-6, "{to}: frame {frame}, {a} {b}");
+            }
+        }
+        // The motions differ by roundings, and so do the runs of the cloth that they drive.
+        let positions = again.positions().to_vec();
+        let first = expected.get_or_insert_with(|| run.positions().to_vec());
+        let apart = positions
+            .iter()
+            .zip(first.iter())
+            .map(|(a, b)| a.distance(*b));
+        assert!(apart.fold(0.0, f32::max) < 1e-3, "{to}");
+    }
+    let said = desk.json("inspect cloth.glb");
+    assert_eq!(said["nodes"][1]["name"], "handle_0");
+    assert_eq!(number(&said, "/nodes/1/moves/1"), 0.5);
+    assert_eq!(desk.json("inspect cloth.npz")["vertices"], 36);
+}
+
+#[test]
+fn an_artists_rig_drives_groups_of_handles() {
+    let desk = Desk::new();
+    let label = r#"handles = { label = "upper-corners" }"#;
+    let groups = "\n[[handles.groups]]\nname = \"left\"\nselect = { vertices = [0] }\n[[handles.groups]]\nname = \"right\"\nselect = { vertices = [5] }\n";
+    let scene = with_motion(r#"{ rig = { file = "hands.usda" } }"#).replace(label, "");
+    desk.write("scene.toml", format!("{scene}{groups}"));
+    // In a world of centimetres with z up: the right hand rises by 30 cm in half a second.
+    desk.write(
+        "hands.usda",
+        r#"#usda 1.0
+(
+    metersPerUnit = 0.01
+    timeCodesPerSecond = 30
+    upAxis = "Z"
+)
+def Xform "hands"
+{
+    def Xform "left"
+    {
+    }
+    def Xform "right"
+    {
+        double3 xformOp:translate.timeSamples = { 1: (5, 5, 5), 16: (5, 5, 35) }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+}
+"#,
+    );
+    desk.json("simulate scene.toml --out run.safetensors");
+    let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+    assert_eq!(run.frame_count(), 31);
+    for frame in 0..31 {
+        let [left, right] = [0, 5].map(|vertex| run.frame(frame)[vertex] - run.frame(0)[vertex]);
+        assert_eq!(left.length(), 0.0);
+        // Rounded to single precision at heights below 2 m.
+        let rise = 0.3 * frame as f32 / 30.0;
+        assert!(
+            (right.y - rise).abs() < 1e-6 && right.x == 0.0 && right.z.abs() < 1e-6,
+            "{right}"
+        );
+    }
+    desk.write("hands.usda", "#usda 1.0\ndef Xform \"left\" { }\n");
+    let words = [
+        "scene.toml",
+        "motion.rig",
+        "hands.usda",
+        "\"right\"",
+        "[left]",
+    ];
+    desk.fails("simulate scene.toml --out x.safetensors", 1, &words);
+}
+
+#[test]
+fn simulate_and_rollout_export_as_they_go() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let said = desk
+        .json("simulate push.toml --out run.safetensors --frames 4 --export a.glb --export a.pc2");
+    let exported: Vec<&str> = said["exported"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| p.as_str().unwrap())
+        .collect();
+    assert_eq!(exported, ["a.glb", "a.pc2", "a.obj"]);
+    assert_eq!(
+        desk.names(),
+        ["a.glb", "a.obj", "a.pc2", "push.toml", "run.safetensors"]
+    );
+    desk.json("export run.safetensors --to b.pc2");
+    assert_eq!(desk.read("a.pc2"), desk.read("b.pc2"));
+    assert_eq!(desk.read("a.pc2").len(), 32 + 12 * 36 * 5);
+}
+
+#[test]
+fn pictures_are_one_per_frame() {
+    let (desk, _) = pushed();
+    desk.json("export run.safetensors --to pictures --format png --frames 0..20 --every 10");
+    assert_eq!(
+        common::names_in(&desk.path("pictures")),
+        ["cloth_0000.png", "cloth_0001.png", "cloth_0002.png"]
+    );
+    desk.json("export run.safetensors --to one.png --frames 20");
+    for picture in [desk.read("one.png"), desk.read("pictures/cloth_0002.png")] {
+        assert_eq!(&picture[1..4], b"PNG");
+        // Width and height stand in the first chunk.
+        assert_eq!(picture[16..24], [0, 0, 3, 192, 0, 0, 2, 208]);
+    }
+    desk.json("export run.safetensors --to clip.gif --frames ..20");
+    assert_eq!(&desk.read("clip.gif")[..6], b"GIF89a");
+}
+
+#[test]
+fn bad_calls_are_told_and_leave_nothing() {
+    let (desk, _) = pushed();
+    std::fs::create_dir(desk.path("full")).unwrap();
+    desk.write("full/mine.txt", "mine");
+    let names = desk.names();
+    for (call, code, words) in [
+        ("--to cloth.fbx", 2, &["cloth.fbx", ".usda", ".glb"][..]),
+        ("--to cloth", 2, &["--format"]),
+        ("--to cloth.obj", 2, &["one frame", "31", "--frames"]),
+        ("--to cloth.glb --up z", 2, &["--up z", "glTF"]),
+        ("--to cloth.gif --normals yes", 2, &["--normals"]),
+        ("--to cloth.usda --frames 31", 2, &["frame 31", "0 to 30"]),
+        ("--to cloth.usda --frames 9..3", 2, &["9..3"]),
+        ("--to none/cloth.usda", 1, &["there is no folder none"]),
+        ("--to full --format obj", 1, &["full", "not empty"]),
+        ("--to full --format glb", 1, &["full", "is a folder"]),
+        ("--to push.toml --format png", 2, &["one frame"]),
+    ] {
+        desk.fails(&format!("export run.safetensors {call}"), code, words);
+        assert_eq!(desk.names(), names, "{call}");
+    }
+    for frames in ["a..b", "-1"] {
+        let said = desk.run(&format!(
+            "export run.safetensors --to a.usda --frames {frames}"
+        ));
+        assert_eq!(said.code, Some(2), "{}", said.err);
+        assert!(said.err.contains("20..80"), "{}", said.err);
+    }
+    desk.fails("export push.toml --to a.usda", 1, &["push.toml"]);
+    let wish = "simulate push.toml --out x.safetensors --export";
+    desk.fails(&format!("{wish} a.fbx"), 2, &["a.fbx", ".usda"]);
+    desk.fails(&format!("{wish} a.png"), 2, &["a.png", "one frame"]);
+    desk.fails(&format!("{wish} none/a.glb"), 1, &["none"]);
+    assert_eq!(desk.names(), names);
+}
+
+#[test]
+fn without_ffmpeg_a_film_is_refused_in_a_clear_word() {
+    let (desk, _) = pushed();
+    let mut command = desk.command("export run.safetensors --to film.mp4");
+    let output = command.env("PATH", desk.path("nothing")).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said.contains("ffmpeg") && said.contains(".gif"), "{said}");
+    assert!(!desk.path("film.mp4").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_film_is_what_ffmpeg_makes_of_every_pixel() {
+    use std::os::unix::fs::PermissionsExt;
+    let (desk, _) = pushed();
+    // In the place of ffmpeg: keeps what it is given, at the path that it is told.
+    std::fs::create_dir(desk.path("bin")).unwrap();
+    let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\nexec /bin/cat > \"$last\"\n";
+    desk.write("bin/ffmpeg", script);
+    let executable = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(desk.path("bin/ffmpeg"), executable).unwrap();
+    let run = |call: &str| {
+        let mut command = desk.command(call);
+        command.env("PATH", desk.path("bin")).output().unwrap()
+    };
+    let call = "export run.safetensors --to film.mp4 --frames 0..3";
+    assert!(run(call).status.success());
+    assert_eq!(desk.read("film.mp4").len(), 4 * 960 * 720 * 3);
+    desk.write(
+        "bin/ffmpeg",
+        script.replace("exec", "echo no such codec >&2; exit 3 #"),
+    );
+    let output = run(&call.replace("film", "other"));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said.contains("ffmpeg"), "{said}");
+    assert!(!desk.path("other.mp4").exists());
+    assert_eq!(
+        desk.names(),
+        ["bin", "film.mp4", "push.toml", "run.safetensors"]
+    );
+}
+
+#[test]
+fn every_file_can_be_looked_at() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    desk.json("simulate push.toml --out run.safetensors --frames 6 --states states.safetensors --export run.npz");
+    desk.json("sag push.toml --out rest.obj");
+    desk.model();
+    for (file, picture) in [
+        ("run.safetensors", "a.png"),
+        ("run.npz", "b.png"),
+        ("rest.obj", "c.png"),
+        ("push.toml", "d.png"),
+        ("states.safetensors", "e.png"),
+        ("states.safetensors", "e.svg"),
+        ("run", "f.png"),
+        ("run", "f.svg"),
+        ("run/model.safetensors", "g.png"),
+        ("tiny", "h.png"),
+    ] {
+        let said = desk.json(&format!("inspect {file} --picture {picture}"));
+        assert_eq!(said["picture"], picture, "{file}");
+        let start: &[u8] = if picture.ends_with("svg") {
+            b"<svg"
+        } else {
+            b"\x89PNG"
+        };
+        assert!(desk.read(picture).starts_with(start), "{file}");
+    }
+    assert_eq!(desk.json("inspect run")["kind"], "training-folder");
+    assert_eq!(
+        desk.json("inspect run/checkpoint.safetensors")["kind"],
+        "checkpoint"
+    );
+    let names = desk.names();
+    desk.fails(
+        "inspect run.safetensors --picture x.svg",
+        2,
+        &["x.svg", ".png"],
+    );
+    desk.fails(
+        "inspect run.safetensors --picture x.jpg",
+        2,
+        &["x.jpg", ".png"],
+    );
+    desk.fails(
+        "inspect run/checkpoint.safetensors --picture x.png",
+        1,
+        &["checkpoint", "training"],
+    );
+    assert_eq!(desk.names(), names);
+}
