@@ -12,8 +12,8 @@ use super::{Rig, RigError};
 /// Frames at most that a rig may last.
 const MOST_FRAMES: usize = 100_000;
 
-/// Beyond this a key is taken to be after a frame [frames].
-const SLACK: f64 = 1e-6;
+/// A key that is so near to a frame is taken to be at it [frames]: glTF has times in single precision.
+const SLACK: f64 = 1e-2;
 
 /// Handles and what they follow.
 pub(crate) struct Followers<'a> {
