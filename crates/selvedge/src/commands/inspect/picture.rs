@@ -105,13 +105,15 @@ fn weights_page(weights: &[f32], path: &Path) -> anyhow::Result<Image> {
     const BINS: usize = 96;
     let largest = weights
         .iter()
-        .fold(f32::MIN_POSITIVE, |a, w| a.max(w.abs()));
+        .fold(0.0_f64, |a, w| a.max(f64::from(*w).abs()));
+    // A range that reads well.
+    let largest = (10.0 * largest).ceil().max(1.0) / 10.0;
     let mut counts = vec![0_u64; BINS];
     for weight in weights {
-        let share = f64::from(weight / largest).midpoint(1.0);
+        let share = (f64::from(*weight) / largest).midpoint(1.0);
         counts[((share * BINS as f64) as usize).min(BINS - 1)] += 1;
     }
-    let range = [-f64::from(largest), f64::from(largest)];
+    let range = [-largest, largest];
     let plot = HistogramPlot {
         title: "weights",
         unit: "no unit",
