@@ -85,21 +85,12 @@ fn write_archive_of(
 }
 
 fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
-    let cloth = take.trajectory().cloth();
-    let (vertices, faces) = (take.trajectory().vertex_count(), cloth.face_area.len());
     let by_frame = |name, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
         name,
         kind: "<f4",
-        shape: vec![take.len(), vertices, 3],
+        shape: vec![take.len(), take.trajectory().vertex_count(), 3],
         chunks: take.len(),
         chunk: of,
-    };
-    let at_once = |name, kind, shape: &[usize], bytes: Vec<u8>| EntryOut {
-        name,
-        kind,
-        shape: shape.to_vec(),
-        chunks: 1,
-        chunk: Box::new(move |_| bytes.clone()),
     };
     let positions = by_frame("positions", Box::new(|k| floats3(&take.positions(k))));
     let mut entries = vec![positions];
@@ -107,47 +98,47 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
         let normals = move |k| floats3(&take.normals_at(&take.positions(k)));
         entries.push(by_frame("normals", Box::new(normals)));
     }
-    let face_indices = cloth.topology.face_indices();
-    let face_bytes = integers(face_indices.as_flattened());
-    let coordinates = cloth.material_coordinates.iter().flat_map(|c| c.to_array());
+    entries.extend(unchanging(take));
+    entries
+}
+
+/// What there is once.
+fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
+    let cloth = take.trajectory().cloth();
+    let (vertices, faces) = (cloth.vertex_mass.len(), cloth.face_area.len());
+    let entry = |name, kind, shape: &[usize], bytes: Vec<u8>| EntryOut {
+        name,
+        kind,
+        shape: shape.to_vec(),
+        chunks: 1,
+        chunk: Box::new(move |_| bytes.clone()),
+    };
+    let corners = cloth.topology.face_indices();
+    let rest = floats3(&take.rest_positions());
+    let material = floats(cloth.material_coordinates.iter().flat_map(|c| c.to_array()));
+    let mass = floats(cloth.vertex_mass.iter().copied());
+    let area = floats(cloth.face_area.iter().copied());
     let handles: Vec<u32> = cloth.handles.vertices().iter().map(|v| v.0).collect();
+    let fps = take.trajectory().frame_rate() / take.every() as f64;
     let up = match take.up() {
         UpAxis::Y => 1,
         UpAxis::Z => 2,
     };
-    // Rounded away from the rate itself only where frames are left out.
-    let fps = take.trajectory().frame_rate() / take.every() as f64;
-    entries.extend([
-        at_once("faces", "<i4", &[faces, 3], face_bytes),
-        at_once(
-            "rest_positions",
-            "<f4",
-            &[vertices, 3],
-            floats3(&take.rest_positions()),
+    [
+        entry(
+            "faces",
+            "<i4",
+            &[faces, 3],
+            integers(corners.as_flattened()),
         ),
-        at_once(
-            "material_coordinates",
-            "<f4",
-            &[vertices, 2],
-            floats(coordinates),
-        ),
-        at_once(
-            "vertex_mass",
-            "<f4",
-            &[vertices],
-            floats(cloth.vertex_mass.iter().copied()),
-        ),
-        at_once(
-            "face_area",
-            "<f4",
-            &[faces],
-            floats(cloth.face_area.iter().copied()),
-        ),
-        at_once("handles", "<i4", &[handles.len()], integers(&handles)),
-        at_once("fps", "<f8", &[1], fps.to_le_bytes().to_vec()),
-        at_once("up_axis", "<i4", &[1], integers(&[up])),
-    ]);
-    entries
+        entry("rest_positions", "<f4", &[vertices, 3], rest),
+        entry("material_coordinates", "<f4", &[vertices, 2], material),
+        entry("vertex_mass", "<f4", &[vertices], mass),
+        entry("face_area", "<f4", &[faces], area),
+        entry("handles", "<i4", &[handles.len()], integers(&handles)),
+        entry("fps", "<f8", &[1], fps.to_le_bytes().to_vec()),
+        entry("up_axis", "<i4", &[1], integers(&[up])),
+    ]
 }
 
 fn floats(values: impl IntoIterator<Item = f32>) -> Vec<u8> {

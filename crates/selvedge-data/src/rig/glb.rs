@@ -324,31 +324,11 @@ impl File<'_> {
         if found.sparse.is_some() {
             return Err(wrong("it is sparse, which is not understood here"));
         }
-        let view = found
-            .buffer_view
-            .and_then(|view| document.buffer_views.get(view));
-        let view = view.ok_or_else(|| wrong("it has no view of the binary part"))?;
-        let in_file = document
-            .buffers
-            .get(view.buffer)
-            .is_some_and(|b| b.uri.is_none());
-        if view.buffer != 0 || !in_file {
-            return Err(wrong("its buffer is in another file: export as one .glb"));
-        }
-        if let Some(name) = view.extensions.keys().next() {
-            return Err(wrong(&format!(
-                "it is packed by {name}, which is not understood here: export without"
-            )));
-        }
+        let (view, bytes) = self.view(found).map_err(|problem| wrong(&problem))?;
         let (size, read) = component(found)
             .ok_or_else(|| wrong("it has numbers of a type that animations do not have"))?;
         let stride = view.byte_stride.unwrap_or(size * width);
-        let cut = || wrong("it reaches beyond the end of the file");
-        let end = view
-            .byte_offset
-            .checked_add(view.byte_length)
-            .ok_or_else(cut)?;
-        let bytes = self.binary.get(view.byte_offset..end).ok_or_else(cut)?;
+        let cut = || wrong(CUT);
         if found.count > bytes.len() {
             return Err(cut());
         }
@@ -364,7 +344,30 @@ impl File<'_> {
         }
         Ok(numbers)
     }
+
+    /// The view of an accessor, and its bytes.
+    fn view(&self, accessor: &Accessor) -> Result<(&View, &[u8]), String> {
+        let document = &self.document;
+        let number = accessor.buffer_view;
+        let view = number
+            .and_then(|number| document.buffer_views.get(number))
+            .ok_or("it has no view of the binary part")?;
+        let buffer = document.buffers.get(view.buffer);
+        if view.buffer != 0 || buffer.is_none_or(|buffer| buffer.uri.is_some()) {
+            return Err("its buffer is in another file: export as one .glb".to_owned());
+        }
+        if let Some(name) = view.extensions.keys().next() {
+            return Err(format!(
+                "it is packed by {name}, which is not understood here: export without"
+            ));
+        }
+        let end = view.byte_offset.checked_add(view.byte_length).ok_or(CUT)?;
+        let bytes = self.binary.get(view.byte_offset..end).ok_or(CUT)?;
+        Ok((view, bytes))
+    }
 }
+
+const CUT: &str = "it reaches beyond the end of the file";
 
 /// How many bytes a number has, and how it is read.
 type Component = (usize, fn(&[u8]) -> f64);

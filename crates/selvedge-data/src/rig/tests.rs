@@ -196,7 +196,7 @@ fn gltf_splines_go_through_their_keys() {
 /// As Blender writes: z up, centimetres here, a rotated root, and much that has nothing to do with it.
 const STAGE: &str = r#"#usda 1.0
 (
-    defaultPrim = "root"
+    defaultPrim = "world"
     doc = """Blender "4.2" """
     metersPerUnit = 0.01
     timeCodesPerSecond = 24
@@ -204,7 +204,7 @@ const STAGE: &str = r#"#usda 1.0
     upAxis = "Z"
 )
 
-def Xform "root" (
+def Xform "world" (
     customData = {
         dictionary Blender = { bool generated = 1 }
     }
@@ -212,7 +212,7 @@ def Xform "root" (
 )
 {
     custom string userProperties:a = "def Xform \"none\" {"
-    rel material:binding = </root/x>
+    rel material:binding = </world/x>
     float3 xformOp:rotateXYZ = (0, 0, 90)
     uniform token[] xformOpOrder = ["xformOp:rotateXYZ"]
 
@@ -235,7 +235,7 @@ def Xform "root" (
             asset inputs:file = @a]b.png@</x>
             token visibility.timeSamples = { 0: "inherited", 5: None }
             rel proxyPrim
-            token outputs:surface.connect = </root/x.outputs:surface>
+            token outputs:surface.connect = </world/x.outputs:surface>
         }
     }
 
@@ -251,7 +251,7 @@ def Xform "root" (
 fn usd_text_is_read_with_its_axes_units_and_time() {
     let rig = usda::parse(STAGE.as_bytes()).unwrap();
     let names: Vec<&str> = rig.nodes().iter().map(|node| node.name.as_str()).collect();
-    assert_eq!(names, ["root", "hand", "sheet", "ghost"]);
+    assert_eq!(names, ["world", "hand", "sheet", "ghost"]);
     assert_eq!(rig.span(2), Some([0.5, 1.0]));
     // Turned by 90° about z, (100, 0, 0) cm is (0, 1, 0) m with z up, and (0, 0, -1) with y up.
     let place = rig.placement(1, 0.5).transform_point3(DVec3::ZERO);
@@ -331,7 +331,7 @@ fn what_is_not_understood_is_named_with_its_line() {
     assert!(error("def Xform \"hand\"", "deff Xform \"hand\"").contains("hand"));
     let rig = usda::parse(STAGE.as_bytes()).unwrap();
     assert!(problem(&rig, &["ghost"]).contains("over"));
-    assert!(problem(&rig, &["none"]).contains("[root, hand, sheet, ghost]"));
+    assert!(problem(&rig, &["none"]).contains("[world, hand, sheet, ghost]"));
     let shear = STAGE.replace("xformOp:orient", "xformOp:shear");
     let rig = usda::parse(shear.as_bytes()).unwrap();
     let found = problem(&rig, &["hand"]);
