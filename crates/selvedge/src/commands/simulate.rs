@@ -29,6 +29,8 @@ struct Report {
     /// Mean speed of the vertices in the last second `[m/s]`.
     final_speed: f64,
     clip: Option<PathBuf>,
+    /// What the scene asks for and cannot have, or can hardly mean.
+    warnings: Vec<String>,
     interrupted: bool,
 }
 
@@ -44,6 +46,17 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     if let Some(states) = &args.states {
         place::check_file(states, "--states", &["safetensors"])?;
     }
+    let outputs = [
+        ("--out", Some(args.out.as_path())),
+        ("--states", args.states.as_deref()),
+        ("--clip", args.clip.as_deref()),
+        ("--state", args.from().file()),
+    ];
+    let outputs = outputs.into_iter();
+    let files: Vec<_> = outputs
+        .filter_map(|(flag, path)| Some((flag, path?)))
+        .collect();
+    place::check_distinct(&files)?;
     let mut loaded = scenes::open(&args.scene)?;
     choose_start(&mut loaded, args.from())?;
     let (rest, start) = rest_and_start(&loaded)?;
@@ -92,6 +105,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         sag_residual: rest.as_ref().map(|rest| rest.residual),
         largest_strain: reference::largest_strain(&trajectory)?,
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
+        warnings: loaded.warnings.clone(),
         interrupted: run.end == End::Interrupted,
     };
     Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
@@ -130,6 +144,9 @@ fn choose_start(loaded: &mut LoadedScene, from: From<'_>) -> anyhow::Result<()> 
     Ok(())
 }
 
+/// What can be done about a rest pose that is not found.
+const ELSEWHERE: &str = "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene)";
+
 /// The sagged rest pose, and where the run starts. A cloth that nothing holds has no rest pose: it can
 /// only be let go where it starts, and is then at rest there. So is one whose rest pose is not needed
 /// for the run and not found.
@@ -147,7 +164,7 @@ fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, S
     } else {
         match reference::rest_pose(scene) {
             Ok(rest) => Some(rest),
-            Err(error) if from_rest => return Err(error),
+            Err(error) if from_rest => return Err(error.context(ELSEWHERE)),
             Err(error) => {
                 tracing::warn!("{error:#}: the file has the mesh as rest positions");
                 None
