@@ -6,6 +6,11 @@ use thiserror::Error;
 
 use crate::Gust;
 
+/// Fastest wind `[m/s]`, some ten hurricanes, and its gusts.
+const FASTEST_WIND: f64 = 1e3;
+/// Strongest gravity `[m/s²]`.
+const STRONGEST_GRAVITY: f64 = 1e6;
+
 /// What acts on the cloth from outside. Defaults: gravity (0, -9.8, 0), still air of density 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -60,16 +65,30 @@ impl Environment {
         }
     }
 
-    /// Checks that every value is finite, no density negative, and a gust's period positive.
+    /// Checks that every value is finite and within reason, no density negative, and a gust's period
+    /// positive.
     ///
     /// # Errors
     /// Names the field, what it must be and what was found.
     pub fn validate(&self) -> Result<(), EnvironmentError> {
-        for (field, vector) in [("gravity", self.gravity), ("wind", self.wind)] {
-            if !vector.is_finite() {
+        for (field, vector, most, expected) in [
+            (
+                "gravity",
+                self.gravity,
+                STRONGEST_GRAVITY,
+                "finite, of at most 1e6 m/s²",
+            ),
+            (
+                "wind",
+                self.wind,
+                FASTEST_WIND,
+                "finite, of at most 1000 m/s",
+            ),
+        ] {
+            if !(0.0..=most).contains(&vector.length()) {
                 return Err(EnvironmentError {
                     field,
-                    expected: "finite",
+                    expected,
                     found: vector.to_string(),
                 });
             }
@@ -94,10 +113,11 @@ impl Environment {
 }
 
 fn validate_gust(gust: &Gust) -> Result<(), EnvironmentError> {
-    if !(gust.speed.is_finite() && gust.speed.min_element() >= 0.0) {
+    let is_within_reason = (0.0..=FASTEST_WIND).contains(&gust.speed.length());
+    if !(is_within_reason && gust.speed.min_element() >= 0.0) {
         return Err(EnvironmentError {
             field: "gust.speed",
-            expected: "finite and not negative along each axis",
+            expected: "finite, not negative along each axis, and of at most 1000 m/s",
             found: gust.speed.to_string(),
         });
     }
@@ -128,9 +148,14 @@ mod tests {
     #[test]
     fn wrong_values_are_named() {
         Environment::default().validate().unwrap();
-        let wrong: [(&str, Spoil); 8] = [
+        let wrong: [(&str, Spoil); 11] = [
             ("environment.gravity", |e| e.gravity.y = f64::NAN),
+            ("environment.gravity", |e| e.gravity.x = 1e7),
             ("environment.wind", |e| e.wind.x = f64::INFINITY),
+            ("environment.wind", |e| e.wind.x = -1001.0),
+            ("environment.gust.speed", |e| {
+                e.gust = gusty(DVec3::X * 1e4, 1.0);
+            }),
             ("environment.air_density", |e| e.air_density = -1.0),
             ("environment.air_density", |e| e.air_density = f64::NAN),
             ("environment.air_drag", |e| e.air_drag = -0.1),

@@ -29,6 +29,10 @@ pub enum HandleError {
     #[error("the target of handle {handle} is not finite: {target}")]
     NonFinite { handle: usize, target: DVec3 },
     #[error(
+        "the target of handle {handle} is more than 1e6 m from the origin: {target}; check the motion's units"
+    )]
+    TooFar { handle: usize, target: DVec3 },
+    #[error(
         "handle {handle} is let go, which only the physics can follow: give every handle a motion without releases, or use `selvedge simulate`"
     )]
     Released { handle: usize },

@@ -51,6 +51,10 @@ pub enum SceneError {
     Physics(#[from] PhysicsError),
     #[error("frame_rate must be between 1 and 100000 frames per second, found {found}")]
     FrameRate { found: f64 },
+    #[error(
+        "environment.gust.period must be at least a frame, {least} s, because the wind is held over each; found {found} s"
+    )]
+    GustPeriod { least: f64, found: f64 },
 }
 
 impl Scene {
@@ -71,8 +75,20 @@ impl Scene {
                 found: self.frame_rate,
             });
         }
+        self.check_gusts()?;
         self.handle_path()?;
         Ok(())
+    }
+
+    fn check_gusts(&self) -> Result<(), SceneError> {
+        let least = 1.0 / self.frame_rate;
+        match self.environment.gust {
+            Some(gust) if gust.period < least => Err(SceneError::GustPeriod {
+                least,
+                found: gust.period,
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// The path of the handles, from where they start.
@@ -98,7 +114,7 @@ impl Scene {
 mod tests {
     use super::*;
     use crate::generate::{SquareSpec, square};
-    use crate::{BendTable, Release, StretchTable};
+    use crate::{BendTable, Gust, Release, StretchTable};
 
     fn scene() -> Scene {
         let spec = SquareSpec {
@@ -159,6 +175,15 @@ mod tests {
         assert!(matches!(wrong, SceneError::Material(_)));
         let wrong = error(|s| s.environment.air_drag = -1.0);
         assert!(matches!(wrong, SceneError::Environment(_)));
+        let wrong = error(|s| {
+            s.environment.gust = Some(Gust {
+                speed: glam::DVec3::X,
+                period: 1.0 / 61.0,
+                seed: 0,
+            });
+        });
+        let (least, found) = (1.0 / 60.0, 1.0 / 61.0);
+        assert_eq!(wrong, SceneError::GustPeriod { least, found });
         let wrong = error(|s| s.motion = Motion::still(0.0));
         assert!(matches!(wrong, SceneError::Motion(_)));
         for spoil in [(|s| s.physics.substeps = 0) as fn(&mut Scene), |s| {

@@ -25,7 +25,7 @@ pub struct Release {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct HandleSchedule {
-    /// In any order; spans of one handle may touch or overlap.
+    /// In any order; spans of one handle may touch, but not overlap.
     pub releases: Vec<Release>,
 }
 
@@ -47,6 +47,15 @@ pub enum ScheduleError {
         field: &'static str,
         expected: &'static str,
         found: f64,
+    },
+    #[error(
+        "released[{later}].from is {from}, before released[{earlier}] of the same handle {handle} has ended: make one span of them, or let one end before the other begins"
+    )]
+    Overlap {
+        handle: usize,
+        earlier: usize,
+        later: usize,
+        from: f64,
     },
 }
 
@@ -84,6 +93,28 @@ impl HandleSchedule {
                     return Err(error("to", "finite and later than from", to));
                 }
                 _ => {}
+            }
+        }
+        self.check_overlaps()
+    }
+
+    fn check_overlaps(&self) -> Result<(), ScheduleError> {
+        let mut spans: Vec<(usize, usize)> = Vec::new();
+        for (release, span) in self.releases.iter().enumerate() {
+            spans.extend(span.handles.iter().map(|&handle| (handle, release)));
+        }
+        let from = |release: usize| self.releases[release].from;
+        spans.sort_by(|a, b| a.0.cmp(&b.0).then(from(a.1).total_cmp(&from(b.1))));
+        for pair in spans.windows(2) {
+            let [(handle, earlier), (same, later)] = [pair[0], pair[1]];
+            let end = self.releases[earlier].to.unwrap_or(f64::INFINITY);
+            if handle == same && from(later) < end {
+                return Err(ScheduleError::Overlap {
+                    handle,
+                    earlier,
+                    later,
+                    from: from(later),
+                });
             }
         }
         Ok(())
@@ -146,6 +177,16 @@ mod tests {
     }
 
     #[test]
+    fn spans_of_a_handle_may_touch() {
+        let mut schedule = schedule();
+        schedule.releases[0].to = Some(0.2);
+        schedule.releases[1].handles = vec![0];
+        schedule.validate(3).unwrap();
+        schedule.releases.reverse();
+        schedule.validate(3).unwrap();
+    }
+
+    #[test]
     fn wrong_releases_are_named() {
         let error = |spoil: fn(&mut HandleSchedule)| {
             let mut schedule = schedule();
@@ -161,6 +202,10 @@ mod tests {
             (|s| s.releases[1].from = -1.0, "released[1].from must be"),
             (|s| s.releases[0].to = Some(0.1), "released[0].to must be"),
             (|s| s.releases[0].to = Some(f64::NAN), "released[0].to must"),
+            (
+                |s| s.releases[1].handles = vec![1, 2],
+                "released[1].from is 0.2, before released[0] of the same handle 2 has ended",
+            ),
         ] {
             let text = error(spoil);
             assert!(text.starts_with(expected), "{text}");

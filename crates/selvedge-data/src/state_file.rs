@@ -106,14 +106,25 @@ pub enum StateError {
     },
     #[error("has the states of frames {known}: say which, as frame")]
     Frame { known: String },
-    #[error("array {name}: vertex {vertex} is not finite in this state")]
-    NonFinite { name: String, vertex: usize },
+    #[error(
+        "array {name}: the entry of vertex {vertex} must be finite and at most 1e6 long, found {found}"
+    )]
+    Value {
+        name: String,
+        vertex: usize,
+        found: DVec3,
+    },
+    #[error("array {name}: frame {frame} stands twice: which state is meant cannot be told")]
+    RepeatedFrame { name: String, frame: i64 },
     #[error("has changed since the scene was resolved (hash {found}, expected {expected})")]
     Changed { expected: String, found: String },
 }
 
 /// The format that a file of states names in its metadata.
 pub const STATES_FORMAT: &str = "selvedge-states";
+
+/// Farthest from the origin `[m]`, and fastest `[m/s]`, that a vertex of a saved state may be.
+const LARGEST: f64 = 1e6;
 
 const PAIRS: [[&str; 3]; 2] = [
     ["positions", "velocities", "frames"],
@@ -209,26 +220,35 @@ impl StateRun {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StateError> {
         let file = SafeTensors::deserialize(bytes).map_err(StateError::Container)?;
         let container = Container::Safetensors(file);
-        let frames = container.integers("frames")?;
-        let vectors = |name: &str| -> Result<Vec<DVec3>, StateError> {
-            let array = container.floats(name)?;
-            match array.shape[..] {
-                [states, _, 3] if states == frames.len() => Ok(array
-                    .values
-                    .chunks_exact(3)
-                    .map(DVec3::from_slice)
-                    .collect()),
-                _ => Err(StateError::Array {
-                    name: name.to_owned(),
-                    expected: format!("[{}, vertices, 3]", frames.len()),
-                    found: format!("{:?}", array.shape),
-                }),
-            }
+        let positions = container.floats("positions")?;
+        let [states, _, 3] = positions.shape[..] else {
+            return Err(wrong_shape(
+                "positions",
+                "[states, vertices, 3]",
+                &positions,
+            ));
+        };
+        let velocities = container.floats("velocities")?;
+        if velocities.shape != positions.shape {
+            let expected = format!("{:?}", positions.shape);
+            return Err(wrong_shape("velocities", &expected, &velocities));
+        }
+        let mut frames = Vec::with_capacity(states);
+        for frame in container.frames("frames", states)? {
+            frames.push(u32::try_from(frame).map_err(|_| StateError::Array {
+                name: "frames".to_owned(),
+                expected: "numbers from 0 to 4294967295".to_owned(),
+                found: frame.to_string(),
+            })?);
+        }
+        let vectors = |array: Floats| {
+            let entries = array.values.chunks_exact(3);
+            entries.map(DVec3::from_slice).collect()
         };
         Ok(Self {
-            positions: vectors("positions")?,
-            velocities: vectors("velocities")?,
-            frames: frames.into_iter().map(|frame| frame as u32).collect(),
+            positions: vectors(positions),
+            velocities: vectors(velocities),
+            frames,
         })
     }
 
@@ -298,9 +318,9 @@ fn select(
         [states, _, _] => Some(states),
         _ => None,
     };
-    let frames = match frames_name.filter(|name| has(name) && count.is_some()) {
-        Some(name) => Some(container.integers(name)?),
-        None => None,
+    let frames = match (frames_name.filter(|name| has(name)), count) {
+        (Some(name), Some(count)) => Some(container.frames(name, count)?),
+        _ => None,
     };
     let (index, frame) = place(choice.frame, count, frames.as_deref())?;
     let [positions, velocities] = [0, 1].map(|k| entry(&pair[k], &arrays[k], index, vertices));
@@ -359,21 +379,20 @@ fn entry(
         _ => (0, 0),
     };
     if found != vertices || index >= count {
-        return Err(StateError::Array {
-            name: name.to_owned(),
-            expected: format!("[{vertices}, 3] or [states, {vertices}, 3]"),
-            found: format!("{:?}", array.shape),
-        });
+        let expected = format!("[{vertices}, 3] or [states, {vertices}, 3]");
+        return Err(wrong_shape(name, &expected, array));
     }
     let start = 3 * vertices * index;
     let state: Vec<DVec3> = array.values[start..start + 3 * vertices]
         .chunks_exact(3)
         .map(DVec3::from_slice)
         .collect();
-    match state.iter().position(|value| !value.is_finite()) {
-        Some(vertex) => Err(StateError::NonFinite {
+    let is_usable = |value: &DVec3| (0.0..=LARGEST).contains(&value.length());
+    match state.iter().position(|value| !is_usable(value)) {
+        Some(vertex) => Err(StateError::Value {
             name: name.to_owned(),
             vertex,
+            found: state[vertex],
         }),
         None => Ok(state),
     }
@@ -433,6 +452,27 @@ impl<'a> Container<'a> {
         }
     }
 
+    /// The frame of each of `states` states: none twice.
+    fn frames(&self, name: &str, states: usize) -> Result<Vec<i64>, StateError> {
+        let frames = self.integers(name)?;
+        if frames.len() != states {
+            return Err(StateError::Array {
+                name: name.to_owned(),
+                expected: format!("[{states}], a frame for each state"),
+                found: format!("{} of them", frames.len()),
+            });
+        }
+        let mut sorted = frames.clone();
+        sorted.sort_unstable();
+        match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(StateError::RepeatedFrame {
+                name: name.to_owned(),
+                frame: pair[0],
+            }),
+            None => Ok(frames),
+        }
+    }
+
     fn integers(&self, name: &str) -> Result<Vec<i64>, StateError> {
         match self {
             Self::Npz(npz) => {
@@ -458,6 +498,14 @@ impl<'a> Container<'a> {
                 }
             }
         }
+    }
+}
+
+fn wrong_shape(name: &str, expected: &str, array: &Floats) -> StateError {
+    StateError::Array {
+        name: name.to_owned(),
+        expected: expected.to_owned(),
+        found: format!("{:?}", array.shape),
     }
 }
 

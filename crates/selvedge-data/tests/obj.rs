@@ -120,6 +120,10 @@ fn what_is_not_a_cloth_is_named() {
             "is not flat",
         ),
         (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n",
+            "line 4: this face names vertex 2 twice",
+        ),
+        (
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0 1\nvt 1 0\nf 1/1 2/2 3/3\n",
             "face 0 is clockwise",
         ),

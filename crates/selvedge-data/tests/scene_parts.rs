@@ -109,7 +109,7 @@ fn wrong_materials_are_named() {
             (&ratio, "material: isotropic.poissons_ratio must be between"),
             (&missing, "material: density is missing"),
             (&rubber(", colour = 3"), "unknown field `colour`"),
-            (&rubber(", damping = -1"), "damping must be finite and not"),
+            (&rubber(", damping = -1"), "damping must be between 0 and 100 s"),
             (
                 &rubber(", stretch_multiplier = 0"),
                 "material: stretch_multiplier must be finite and positive, found 0",
@@ -188,8 +188,17 @@ fn wrong_groups_are_named() {
         parse(&[GRAY, &edited(GROUPS), &edited(MOVES)]).unwrap_err()
     };
     for (from, to, expected) in [
-        ("to = 0.75", "to = 0.25", "handles: released[0].to must be"),
+        (
+            "to = 0.75",
+            "to = 0.25",
+            "handles.groups: \"left\": released[0].to must be",
+        ),
         ("from = 1.5", "from = -1", "released[1].from must be finite"),
+        (
+            "from = 1.5",
+            "from = 0.7",
+            "\"left\": released[1].from is 0.7, before released[0] of the same handle 0 has ended",
+        ),
         (
             "\"right\"\nsel",
             "\"left\"\nsel",
@@ -240,6 +249,10 @@ fn gusts_are_part_of_the_environment() {
     refuses(
         windy,
         &[
+            (
+                "gust = { speed = [1, 0, 0], period = 0.001, seed = 1 }",
+                "environment.gust.period must be at least a frame",
+            ),
             (
                 "gust = { speed = [1, 0, 0], period = 0, seed = 1 }",
                 "environment.gust.period",

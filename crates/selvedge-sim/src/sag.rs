@@ -8,9 +8,11 @@
 //! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
 //! law), it begins later, the last step has a say in the next ([`crate::inertia`]), and h is halved. The bulge decides to which side the
 //! cloth buckles. Where there are several equilibria, [`SagMethod::Motion`] begins with the motion
-//! that a simulation makes (see [`crate::fall`]). Wind acts as on cloth that does not move, without its gusts.
+//! that a simulation makes (see [`crate::fall`]).
 //!
-//! What holds the cloth are the handles that hold at the start of the motion. A sheet that none of
+//! The rest pose belongs to the cloth and its handles: the air is still, because cloth in wind
+//! flutters and has no equilibrium (from some 3 m/s on), and damping, which no static force knows, is
+//! left out. What holds the cloth are the handles that hold at the start of the motion. A sheet that none of
 //! them holds has no rest pose: it stays where it starts. A material with strain limits comes to rest
 //! within them: see [`crate::settle`].
 
@@ -84,20 +86,27 @@ pub fn sag_with_progress(
     progress: &mut dyn FnMut(SagProgress),
 ) -> Result<SaggedRest, SagError> {
     scene.validate()?;
-    let scene = &standing(scene)?;
-    let rest = relax(scene, progress)?;
+    let scene = &mut standing(scene)?;
+    let start = match scene.sag.method {
+        SagMethod::Equilibrium => (bulged(scene), 0),
+        SagMethod::Motion => fall(scene, bulged(scene), progress)?,
+    };
+    // Only on the way to rest is there motion that it could damp.
+    scene.material.damping = 0.0;
+    let rest = relax(scene, start, progress)?;
     match scene.material.strain_limits {
         Some(_) => settle(scene, rest, progress),
         None => Ok(rest),
     }
 }
 
-/// The pose in which no free vertex is accelerated, without regard to limits.
-fn relax(scene: &Scene, progress: &mut dyn FnMut(SagProgress)) -> Result<SaggedRest, SagError> {
-    let (start, mut solves) = match scene.sag.method {
-        SagMethod::Equilibrium => (bulged(scene), 0),
-        SagMethod::Motion => fall(scene, bulged(scene), progress)?,
-    };
+/// The pose in which no free vertex is accelerated, without regard to limits; from `start` `[m]`,
+/// `[vertices]`, which took so many solves.
+fn relax(
+    scene: &Scene,
+    (start, mut solves): (Vec<DVec3>, u32),
+    progress: &mut dyn FnMut(SagProgress),
+) -> Result<SaggedRest, SagError> {
     let mut relaxation = Relaxation::new(scene, start)?;
     let tolerance = scene.sag.tolerance;
     loop {
@@ -260,10 +269,12 @@ impl Relaxation {
     }
 }
 
-/// The scene as it stands at its start: only handles that hold then, and those of a sheet without
-/// any are all its vertices.
+/// The scene as it stands at its start, in still air: only handles that hold then, and those of a
+/// sheet without any are all its vertices.
 fn standing(scene: &Scene) -> Result<Scene, SagError> {
     let mut scene = scene.clone();
+    scene.environment.wind = DVec3::ZERO;
+    scene.environment.gust = None;
     let released = scene
         .schedule
         .released(0, scene.frame_rate, scene.handles.len());

@@ -26,9 +26,9 @@ use crate::threads::Threads;
 /// Stiffness of a spring handle, per axis `[N/m]`.
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 
-/// Vertices from which the automatic choice is conjugate gradients. They are quicker from 150 on
-/// (`docs/benchmarks.md`); a small cloth is solved exactly all the same, so that data sets made of
-/// it stay what they are.
+/// Vertices from which the automatic choice is conjugate gradients. They are quicker at any size
+/// (`docs/simulator.md`); a small cloth is solved exactly all the same, because closed forms are tested
+/// on it to the last digits, and so that data sets made of it stay what they are.
 const ITERATIVE_FROM: usize = 600;
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.

@@ -216,6 +216,16 @@ pub(crate) enum From<'a> {
     State(&'a Path, Option<usize>),
 }
 
+impl<'a> From<'a> {
+    /// The file of the saved state.
+    pub(crate) fn file(self) -> Option<&'a Path> {
+        match self {
+            Self::State(path, _) => Some(path),
+            Self::Scene | Self::Rest | Self::Start => None,
+        }
+    }
+}
+
 impl SimulateArgs {
     /// Where to start.
     pub(crate) fn from(&self) -> From<'_> {

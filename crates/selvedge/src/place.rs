@@ -1,7 +1,9 @@
 //! Where results go: checked before the work begins, so that an hour is not spent on a file that
 //! cannot be written.
 
-use std::path::Path;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
@@ -62,10 +64,7 @@ pub(crate) fn check_new_folder(path: &Path) -> anyhow::Result<()> {
 }
 
 fn check_folder_above(path: &Path) -> anyhow::Result<()> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     if !folder.is_dir() {
         bail!(
             "{}: there is no folder {}: make it first",
@@ -76,11 +75,57 @@ fn check_folder_above(path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Checks that no two of `files`, each with its flag, are one and the same, however they are written:
+/// what is written last would be all that is left.
+///
+/// # Errors
+/// Wrong usage that names both flags.
+pub(crate) fn check_distinct(files: &[(&str, &Path)]) -> anyhow::Result<()> {
+    let places: Vec<PathBuf> = files.iter().map(|(_, path)| place_of(path)).collect();
+    for (k, (flag, path)) in files.iter().enumerate() {
+        if let Some(other) = places[..k].iter().position(|place| *place == places[k]) {
+            let problem = format!(
+                "{} and {flag} are the same file, {}: give each a name of its own",
+                files[other].0,
+                path.display()
+            );
+            return Err(WrongUsage::new(problem).into());
+        }
+    }
+    Ok(())
+}
+
+/// Where the bytes of a file at `path` end up: links followed, whether or not there is a file yet.
+fn place_of(path: &Path) -> PathBuf {
+    /// Links that are followed before they are taken to go round in a circle, as Linux does.
+    const MOST_LINKS: usize = 40;
+    let mut path = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        let folder = folder_of(&path);
+        match fs::read_link(&path) {
+            Ok(target) => path = folder.join(target),
+            Err(_) => {
+                let folder = folder.canonicalize().unwrap_or(folder);
+                return folder.join(path.file_name().unwrap_or(OsStr::new("..")));
+            }
+        }
+    }
+    path
+}
+
+/// The folder that `path` is in.
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
 /// Makes the folder `path` and those above it.
 ///
 /// # Errors
 /// What is in the way.
 pub(crate) fn make_folder(path: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(path)
+    fs::create_dir_all(path)
         .with_context(|| format!("{}: the folder cannot be made", path.display()))
 }

@@ -98,6 +98,62 @@ fn a_sag_that_does_not_come_to_rest_says_what_to_change() {
         "name = \"push\"\nsag = { max_steps = 3 }",
     );
     refuses(&desk, &["sag.max_steps", "push"]);
+    refuses(&desk, &["--from-start", "start = \"mesh\""]);
+    // Where the rest pose is not needed for the run, it goes on without.
+    let report = desk.json("simulate scene.toml --out run.safetensors --from-start --frames 2");
+    assert!(report["sag_solves"].is_null());
+}
+
+#[test]
+fn two_outputs_are_never_one_file() {
+    let desk = desk_with("name = \"push\"", "name = \"push\"");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("q.safetensors", desk.path("link.safetensors")).unwrap();
+    std::fs::create_dir(desk.path("folder")).unwrap();
+    let names = desk.names();
+    for other in [
+        "q.safetensors",
+        "./q.safetensors",
+        "folder/../q.safetensors",
+        #[cfg(unix)]
+        "link.safetensors",
+    ] {
+        for flag in ["--states", "--state"] {
+            let call = format!("simulate scene.toml --out q.safetensors {flag} {other}");
+            desk.fails(&call, 2, &["--out", flag, "the same file", other]);
+        }
+    }
+    desk.fails(
+        "evaluate --model none --data none --report folder --curves folder/means.csv",
+        2,
+        &["--report", "--curves", "means.csv"],
+    );
+    assert_eq!(desk.names(), names);
+    desk.json("simulate scene.toml --out folder/q.safetensors --states q.safetensors --frames 1");
+}
+
+#[test]
+fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
+    let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
+    let scene = String::from_utf8(desk.read("scene.toml")).unwrap();
+    let scene = scene.replace("label = \"upper-corners\"", "vertices = [2, 3]");
+    desk.write("scene.toml", &scene);
+    // Two metres, and texture coordinates from 0 to 1.
+    let cloth = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+        f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    desk.write("cloth.obj", cloth);
+    let said = desk.run("simulate scene.toml --out run.safetensors --from-start --frames 1 --json");
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    for told in [&said.out, &said.err] {
+        assert!(told.contains("2.000 × their material length"), "{told}");
+        assert!(told.contains("mesh.texture ="), "{told}");
+    }
+    desk.write(
+        "scene.toml",
+        scene.replace("cloth.obj\"", "cloth.obj\", texture = \"fit\""),
+    );
+    let report = desk.json("inspect scene.toml");
+    assert_eq!(report["warnings"].as_array().unwrap().len(), 0);
 }
 
 #[test]

@@ -10,7 +10,8 @@ use glam::DVec3;
 
 use super::pace::Progress;
 use super::{
-    Block, MotionError, Rotation, Translation, TurnSense, turned, value_error, whole_frames,
+    Block, FARTHEST, MotionError, Rotation, Translation, TurnSense, turned, value_error,
+    whole_frames,
 };
 
 /// Blocks bound to handles.
@@ -50,8 +51,9 @@ impl BlockPath {
             let field = format!("blocks[{number}]");
             let segment = Segment::new(&field, block, begin, positions)?;
             positions = segment.at(segment.frames as f64);
-            if let Some(bad) = positions.iter().find(|p| !p.is_finite()) {
-                let expected = "a move that ends at a finite position";
+            let is_usable = |p: &&DVec3| (0.0..=FARTHEST).contains(&p.length());
+            if let Some(bad) = positions.iter().find(|p| !is_usable(p)) {
+                let expected = "a move that ends at most 1e6 m from the origin";
                 return Err(value_error(field, expected, bad.to_string()));
             }
             begin += segment.frames;

@@ -8,7 +8,8 @@
 use glam::{DQuat, DVec3};
 
 use super::{
-    Keyframe, KeyframeGroup, KeyframeMotion, MotionError, turned, value_error, whole_frames,
+    DISPLACEMENT, FARTHEST, Keyframe, KeyframeGroup, KeyframeMotion, MotionError, turned,
+    value_error, whole_frames,
 };
 
 /// Keyframes bound to handles.
@@ -144,9 +145,9 @@ fn check_keyframes(
     for (k, keyframe) in group.keyframes.iter().enumerate() {
         let field = |key: &str| format!("groups[{number}].keyframes[{k}].{key}");
         let time = keyframe.time;
-        if !keyframe.translation.is_finite() {
+        if !(0.0..=FARTHEST).contains(&keyframe.translation.length()) {
             let found = keyframe.translation.to_string();
-            return Err(value_error(field("translation"), "finite", found));
+            return Err(value_error(field("translation"), DISPLACEMENT, found));
         }
         if !keyframe.rotation_deg.is_finite() {
             let found = keyframe.rotation_deg.to_string();

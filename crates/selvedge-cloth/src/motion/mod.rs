@@ -31,6 +31,11 @@ use crate::{HandleError, HandleSchedule, HandleTargets};
 /// Frames per second in which durations are counted and speeds are given.
 pub(crate) const MOTION_RATE: f64 = 60.0;
 
+/// Farthest from the origin that a handle may be led `[m]`, and the longest displacement: far beyond
+/// any cloth, near enough for f64 to tell micrometres.
+const FARTHEST: f64 = 1e6;
+const DISPLACEMENT: &str = "finite and at most 1e6 m long";
+
 /// Longest duration of one block or one keyframed motion `[s]`: a day.
 const LONGEST: f64 = 86_400.0;
 
@@ -220,8 +225,10 @@ pub enum MotionError {
         expected: usize,
         found: usize,
     },
-    #[error("motion: the position of handle {handle} in frame {frame} is not finite: {position}")]
-    NonFinite {
+    #[error(
+        "motion: the position of handle {handle} in frame {frame} must be finite and at most 1e6 m from the origin, found {position}"
+    )]
+    Position {
         frame: usize,
         handle: usize,
         position: DVec3,
@@ -388,13 +395,19 @@ impl HandlePath {
     /// once), the last at the end of the step.
     ///
     /// # Errors
-    /// [`HandleError::NonFinite`].
+    /// [`HandleError::NonFinite`] or [`HandleError::TooFar`].
     pub fn targets(&self, frame: usize, samples: usize) -> Result<HandleTargets, HandleError> {
         let count = samples.max(1);
         let mut positions = Vec::with_capacity(count * self.handle_count);
         for k in 1..=count {
             let frames = frame as f64 + k as f64 / count as f64;
             positions.extend(self.at(frames / self.frame_rate));
+        }
+        if let Some(far) = positions.iter().position(|p| p.length() > FARTHEST) {
+            return Err(HandleError::TooFar {
+                handle: far % self.handle_count,
+                target: positions[far],
+            });
         }
         let targets = HandleTargets::sampled(positions, self.handle_count)?;
         if self.schedule.is_empty() {

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::{MotionError, RecordedMotion, split_place, value_error};
+use super::{FARTHEST, MotionError, RecordedMotion, split_place, value_error};
 
 /// How far a recording may start from where the handles stand `[m]`. Positions in files are
 /// often rounded to a tenth of a millimetre; more than this is another scene.
@@ -62,8 +62,9 @@ fn check_frame(frame: usize, positions: &[DVec3], expected: usize) -> Result<(),
             found: positions.len(),
         });
     }
-    match positions.iter().position(|p| !p.is_finite()) {
-        Some(handle) => Err(MotionError::NonFinite {
+    let is_usable = |p: &DVec3| (0.0..=FARTHEST).contains(&p.length());
+    match positions.iter().position(|p| !is_usable(p)) {
+        Some(handle) => Err(MotionError::Position {
             frame,
             handle,
             position: positions[handle],

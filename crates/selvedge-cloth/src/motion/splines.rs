@@ -10,7 +10,9 @@
 use glam::{DQuat, DVec3, DVec4};
 
 use super::keyframes::claim_handles;
-use super::{LONGEST, MotionError, PoseKeyframe, SplineMotion, value_error};
+use super::{
+    DISPLACEMENT, FARTHEST, LONGEST, MotionError, PoseKeyframe, SplineMotion, value_error,
+};
 
 /// Splines bound to handles.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,8 +180,9 @@ fn check_pose(group: usize, k: usize, keyframe: &PoseKeyframe) -> Result<Pose, M
     if !(keyframe.scale.is_finite() && keyframe.scale > 0.0) {
         return error("scale", "finite and positive", keyframe.scale.to_string());
     }
-    if !keyframe.translation.is_finite() {
-        return error("translation", "finite", keyframe.translation.to_string());
+    if !(0.0..=FARTHEST).contains(&keyframe.translation.length()) {
+        let found = keyframe.translation.to_string();
+        return error("translation", DISPLACEMENT, found);
     }
     if !keyframe.angle_deg.is_finite() {
         return error("angle_deg", "finite", keyframe.angle_deg.to_string());

@@ -15,6 +15,7 @@ pub(super) fn assemble(mut statements: Statements, options: ObjOptions) -> Resul
     if statements.polygons.is_empty() {
         return Err(ObjError::NoFaces);
     }
+    check_corners(&statements.polygons)?;
     let mut corners = statements.polygons.iter().flat_map(|p| &p.corners);
     let coordinates = if corners.any(|corner| corner.texture.is_some()) {
         if options.seams == Seams::Cut {
@@ -41,6 +42,21 @@ pub(super) fn assemble(mut statements: Statements, options: ObjOptions) -> Resul
         mesh: Mesh::new(&faces, coordinates, statements.positions)?,
         labels,
     })
+}
+
+/// That no face names a vertex twice: it would have no area, whatever else is wrong.
+fn check_corners(polygons: &[Polygon]) -> Result<(), ObjError> {
+    for polygon in polygons {
+        let mut vertices: Vec<u32> = polygon.corners.iter().map(|c| c.vertex).collect();
+        vertices.sort_unstable();
+        if let Some(pair) = vertices.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(ObjError::RepeatedVertex {
+                line: polygon.line,
+                vertex: pair[0] as usize + 1,
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Gives every further texture coordinate of a vertex a vertex of its own at the same place, with

@@ -82,6 +82,8 @@ pub enum ObjError {
     Line { line: usize, problem: String },
     #[error("has no faces")]
     NoFaces,
+    #[error("line {line}: this face names vertex {vertex} twice: remove it, or mend its corners")]
+    RepeatedVertex { line: usize, vertex: usize },
     #[error(
         "vertex {vertex} has the texture coordinates {first} and {second}: a cloth must be cut along such a seam, each side with vertices of its own (a scene does that with mesh.seams = \"cut\"), or its texture made to agree"
     )]

@@ -29,6 +29,7 @@ use super::physics_file::PhysicsFile;
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
 use super::start::StartFile;
+use super::strained;
 use crate::obj::{ObjOptions, Seams, TextureUnit};
 use crate::state_file::SavedState;
 
@@ -41,7 +42,7 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// The state in which a run starts, if it starts in a saved one.
     pub state: Option<SavedState>,
-    /// What the file asks for and cannot have.
+    /// What the file asks for and cannot have, or can hardly mean.
     pub warnings: Vec<String>,
 }
 
@@ -54,6 +55,16 @@ impl LoadedScene {
             state: None,
             warnings: Vec::new(),
         }
+    }
+
+    /// The same, with a warning where the cloth starts far from its material size; `remedy` says how
+    /// its file can be mended.
+    pub(super) fn looked_over(mut self, remedy: &str) -> Self {
+        let mesh = &self.scene.mesh;
+        let state = self.state.as_ref();
+        let start = state.map_or(mesh.positions(), |state| &state.positions);
+        self.warnings.extend(strained::warning(mesh, start, remedy));
+        self
     }
 }
 
@@ -80,6 +91,8 @@ pub enum SceneProblem {
     Toml(#[source] Box<toml::de::Error>),
     #[error("is no JSON: {0}")]
     Json(#[source] serde_json::Error),
+    #[error(transparent)]
+    RepeatedKey(serde_json::Error),
     #[error("{key}: {problem}")]
     Key { key: String, problem: String },
     #[error("{field}: {problem}")]
@@ -141,6 +154,9 @@ struct MeshFile {
     #[serde(default)]
     transform: Transform,
 }
+
+/// How a mesh comes to its material size.
+const REMEDY: &str = "set mesh.texture = \"fit\" for an obj, or mesh.transform.material_scale";
 
 fn sixty() -> f64 {
     60.0
@@ -224,10 +240,11 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         start,
     };
     let scene = spec.with_mesh(mesh)?;
-    Ok(LoadedScene {
+    let loaded = LoadedScene {
         state,
         ..LoadedScene::new(spec, scene)
-    })
+    };
+    Ok(loaded.looked_over(REMEDY))
 }
 
 impl SettingFile {

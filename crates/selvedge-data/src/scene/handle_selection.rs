@@ -90,7 +90,14 @@ impl HandleSelection {
                 from: span.from,
                 to: span.to,
             });
-            selected.schedule.releases.extend(releases);
+            let schedule = HandleSchedule {
+                releases: releases.collect(),
+            };
+            schedule.validate(handles.end).map_err(|error| {
+                let problem = format!("{:?}: {error}", group.name);
+                field("handles.groups", problem)
+            })?;
+            selected.schedule.releases.extend(schedule.releases);
             selected.groups.push((group.name.clone(), handles));
         }
         Ok(selected)

@@ -12,6 +12,7 @@ mod recorded_csv;
 mod shipped;
 mod spec;
 mod start;
+mod strained;
 
 pub use file::{LoadedScene, SceneFileError, SceneProblem, open_scene, parse_scene, read_scene};
 pub(crate) use file::{SettingFile, field, parse_toml, read_text};

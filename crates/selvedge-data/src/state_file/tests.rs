@@ -66,6 +66,20 @@ fn every_bit_of_a_run_comes_back() {
 }
 
 #[test]
+fn a_run_that_has_a_frame_twice_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("states.safetensors");
+    let mut twice = run();
+    twice.frames[2] = 4;
+    twice.write(&path, &provenance()).unwrap();
+    let error = StateRun::from_bytes(&std::fs::read(&path).unwrap()).unwrap_err();
+    assert!(
+        error.to_string().contains("frame 4 stands twice"),
+        "{error}"
+    );
+}
+
+#[test]
 fn checkpoints_of_an_archive_are_found_by_their_frames() {
     let folder = tempfile::tempdir().unwrap();
     let frames: Vec<u8> = [60_i32, 120].iter().flat_map(|f| f.to_le_bytes()).collect();
@@ -118,6 +132,25 @@ fn what_is_no_state_is_named() {
         "nan.npz",
         &archive(&[("positions", nan.clone()), ("velocities", nan)]),
     );
+    let at_rest = floats("(1, 3)", &[0.0; 3]);
+    let fast = floats("(1, 3)", &[0.0, 1e30, 0.0]);
+    write(
+        "fast.npz",
+        &archive(&[("positions", at_rest), ("velocities", fast)]),
+    );
+    for (path, frames) in [("few.npz", &[7_i32][..]), ("twice.npz", &[7, 7])] {
+        let bytes: Vec<u8> = frames.iter().flat_map(|f| f.to_le_bytes()).collect();
+        let both = floats("(2, 1, 3)", &[0.0; 6]);
+        let shape = format!("({},)", frames.len());
+        write(
+            path,
+            &archive(&[
+                ("positions", both.clone()),
+                ("velocities", both),
+                ("frames", npy("<i4", &shape, &bytes)),
+            ]),
+        );
+    }
     write(
         "alone.npz",
         &archive(&[("positions", floats("(1, 3)", &[0.0; 3]))]),
@@ -126,7 +159,13 @@ fn what_is_no_state_is_named() {
         ("x.txt", "read from .npz or .safetensors"),
         ("cut.npz", "no complete .npz archive"),
         ("cut.safetensors", "no complete safetensors"),
-        ("nan.npz", "array positions: vertex 0 is not finite"),
+        ("nan.npz", "array positions: the entry of vertex 0 must be"),
+        (
+            "fast.npz",
+            "array velocities: the entry of vertex 0 must be",
+        ),
+        ("few.npz", "array frames: expected [2], a frame for each"),
+        ("twice.npz", "array frames: frame 7 stands twice"),
         (
             "alone.npz",
             "no velocities beside positions (found positions)",

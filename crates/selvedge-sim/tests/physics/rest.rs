@@ -1,7 +1,7 @@
 //! The sagged rest pose.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleConstraint, Handles, SagMethod, Scene};
+use selvedge_cloth::{Gust, HandleConstraint, Handles, SagMethod, Scene};
 use selvedge_sim::{SagError, SagProgress, Simulator, sag, sag_with_progress};
 
 use crate::scenes::{DENIM, NAVY, hanging, material};
@@ -28,6 +28,28 @@ fn nothing_moves_in_the_rest_pose() {
         // dt² K/M < 1e-6 at this dt, and rounding of F/m is 1e-10 m/s².
         let measured = residual(&scene, &rest.positions);
         assert!((measured - rest.residual).abs() < 1e-5 * scene.sag.tolerance.max(measured));
+    }
+}
+
+#[test]
+fn wind_and_damping_are_no_part_of_the_rest_pose() {
+    for method in [SagMethod::Equilibrium, SagMethod::Motion] {
+        let mut scene = hanging(5);
+        scene.sag.method = method;
+        scene.environment.air_density = 20.0;
+        let still = sag(&scene).unwrap();
+        // Wind in which it flutters.
+        scene.environment.wind = DVec3::new(4.0, 0.0, 1.0);
+        scene.environment.gust = Some(Gust {
+            speed: DVec3::ONE,
+            period: 1.0,
+            seed: 1,
+        });
+        assert_eq!(sag(&scene).unwrap(), still);
+        if method == SagMethod::Equilibrium {
+            scene.material.damping = 50.0;
+            assert_eq!(sag(&scene).unwrap(), still);
+        }
     }
 }
 

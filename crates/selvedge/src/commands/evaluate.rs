@@ -60,6 +60,13 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     if let Some(curves) = &args.curves {
         place::check_file(curves, "--curves", &["csv"])?;
     }
+    if let (Some(curves), Some(folder)) = (&args.curves, &args.report) {
+        let curves = ("--curves", curves.as_path());
+        for file in report::TABLES {
+            let table = folder.join(file);
+            place::check_distinct(&[("--report", &table), curves])?;
+        }
+    }
     if let Some(folder) = &args.report {
         place::make_folder(folder)?;
     }

@@ -32,6 +32,8 @@ struct Report {
     largest_strain: f64,
     comparison: Option<Comparison>,
     wrote: Vec<PathBuf>,
+    /// What the scene asks for and cannot have, or can hardly mean.
+    warnings: Vec<String>,
     interrupted: bool,
 }
 
@@ -103,6 +105,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         largest_strain: reference::largest_strain(&prediction.trajectory)?,
         comparison,
         wrote,
+        warnings: stage.loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))

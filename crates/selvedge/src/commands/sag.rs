@@ -23,6 +23,8 @@ struct Report {
     largest_strain: f64,
     solves: u32,
     residual: f64,
+    /// What the scene asks for and cannot have, or can hardly mean.
+    warnings: Vec<String>,
 }
 
 /// Finds the rest pose and writes it.
@@ -52,6 +54,7 @@ pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
         largest_strain,
         solves: rest.solves,
         residual: rest.residual,
+        warnings: loaded.warnings.clone(),
     };
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);

@@ -30,6 +30,8 @@ struct Report {
     final_speed: f64,
     clip: Option<PathBuf>,
     exported: Vec<PathBuf>,
+    /// What the scene asks for and cannot have, or can hardly mean.
+    warnings: Vec<String>,
     interrupted: bool,
 }
 
@@ -46,6 +48,18 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         place::check_file(states, "--states", &["safetensors"])?;
     }
     let wishes = exporting::wishes(&args.export)?;
+    let outputs = [
+        ("--out", Some(args.out.as_path())),
+        ("--states", args.states.as_deref()),
+        ("--clip", args.clip.as_deref()),
+        ("--state", args.from().file()),
+    ];
+    let exports = args.export.iter().map(|path| ("--export", Some(path.as_path())));
+    let outputs = outputs.into_iter().chain(exports);
+    let files: Vec<_> = outputs
+        .filter_map(|(flag, path)| Some((flag, path?)))
+        .collect();
+    place::check_distinct(&files)?;
     let mut loaded = scenes::open(&args.scene)?;
     choose_start(&mut loaded, args.from())?;
     let (rest, start) = rest_and_start(&loaded)?;
@@ -97,6 +111,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         largest_strain: reference::largest_strain(&trajectory)?,
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
         exported,
+        warnings: loaded.warnings.clone(),
         interrupted: run.end == End::Interrupted,
     };
     Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
@@ -135,6 +150,9 @@ fn choose_start(loaded: &mut LoadedScene, from: From<'_>) -> anyhow::Result<()> 
     Ok(())
 }
 
+/// What can be done about a rest pose that is not found.
+const ELSEWHERE: &str = "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene)";
+
 /// The sagged rest pose, and where the run starts. A cloth that nothing holds has no rest pose: it can
 /// only be let go where it starts, and is then at rest there. So is one whose rest pose is not needed
 /// for the run and not found.
@@ -152,7 +170,7 @@ fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, S
     } else {
         match reference::rest_pose(scene) {
             Ok(rest) => Some(rest),
-            Err(error) if from_rest => return Err(error),
+            Err(error) if from_rest => return Err(error.context(ELSEWHERE)),
             Err(error) => {
                 tracing::warn!("{error:#}: the file has the mesh as rest positions");
                 None

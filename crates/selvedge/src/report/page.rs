@@ -6,6 +6,15 @@ use crate::evaluation::Timing;
 /// The name of the page.
 const PAGE: &str = "report.md";
 
+/// The files of numbers that every report has.
+pub(crate) const TABLES: [&str; 5] = [
+    "means.csv",
+    "motions.csv",
+    "steps.csv",
+    "curves.csv",
+    "times.csv",
+];
+
 /// A report under way.
 pub(crate) struct Page {
     text: String,
@@ -59,11 +68,16 @@ impl Page {
         let table = markdown::times_table(timings);
         self.say_of_times(&format!("{PER_FRAME}\n{table}"));
         let mut report = self.report;
-        report.add("means.csv", csv::means_csv(contest));
-        report.add("motions.csv", csv::motions_csv(contest));
-        report.add("steps.csv", csv::steps_csv(contest));
-        report.add("curves.csv", csv::curves_csv(contest));
-        report.add("times.csv", csv::times_csv(timings));
+        let tables = [
+            csv::means_csv(contest),
+            csv::motions_csv(contest),
+            csv::steps_csv(contest),
+            csv::curves_csv(contest),
+            csv::times_csv(timings),
+        ];
+        for (name, text) in TABLES.into_iter().zip(tables) {
+            report.add(name, text);
+        }
         report.add("times.md", self.times);
         report.add(PAGE, self.text);
         report

@@ -115,7 +115,7 @@ fn wrong_blocks_are_errors() {
     );
     let text = error(Motion::Blocks { blocks: vec![] });
     assert!(text.contains("at least one block"), "{text}");
-    let far = Pace::Distance { distance: 1e308 };
+    let far = Pace::Distance { distance: 6e5 };
     let twice = vec![translation_block(1.0, DVec3::X, far); 2];
     let text = error(Motion::Blocks { blocks: twice });
     assert!(text.contains("blocks[1]"), "{text}");

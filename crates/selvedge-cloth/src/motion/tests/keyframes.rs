@@ -75,6 +75,8 @@ fn wrong_keyframes_are_errors() {
     assert!(jump.contains("cannot jump"), "{jump}");
     let nan = error(keyframed(vec![0], &[(1.0, 1.0, f64::NAN)]));
     assert!(nan.contains("rotation_deg"), "{nan}");
+    let far = error(keyframed(vec![0], &[(1.0, 1.1e6, 0.0)]));
+    assert!(far.contains("keyframes[0].translation"), "{far}");
     let nobody = error(keyframed(vec![], &[(1.0, 1.0, 0.0)]));
     assert!(nobody.contains("groups[0].handles"), "{nobody}");
 }

@@ -46,12 +46,17 @@ fn wrong_recordings_are_errors() {
     let nan = error(recording(|p| p[3][1].y = f64::NAN));
     assert!(matches!(
         nan,
-        MotionError::NonFinite {
+        MotionError::Position {
             frame: 3,
             handle: 1,
             ..
         }
     ));
+    let far = error(recording(|p| p[1][0].z = -1.1e6)).to_string();
+    assert!(
+        far.contains("handle 0 in frame 1") && far.contains("1e6"),
+        "{far}"
+    );
     let away = error(recording(|p| p[0][1].y = 0.002)).to_string();
     assert!(
         away.contains("handle 1") && away.contains("2.000 mm"),

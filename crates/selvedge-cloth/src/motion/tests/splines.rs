@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::super::{Motion, PoseKeyframe, SplineGroup, SplineMotion};
 use super::corners;
+use crate::HandleError;
 
 fn pose(time: f64, translation: DVec3, angle_deg: f64) -> PoseKeyframe {
     PoseKeyframe {
@@ -83,6 +84,20 @@ fn handles_are_where_the_mesh_has_them_when_they_are_taken() {
     assert!(path.at(0.7)[1].distance(corners()[1]) < 1e-15);
     assert!(path.at(1.5)[1].distance(corners()[1]) > 0.1);
     assert_eq!(path.at(1.5)[0], corners()[0]);
+}
+
+#[test]
+fn handles_are_not_led_out_of_sight() {
+    let mut keyframes = vec![pose(0.0, DVec3::ZERO, 0.0), pose(1.0, DVec3::ZERO, 0.0)];
+    keyframes[1].scale = 1e7;
+    let path = Motion::Splines(motion(keyframes));
+    let path = path.bind(&corners(), 60.0).unwrap();
+    assert!(path.targets(0, 4).is_ok());
+    let error = path.targets(60, 4).unwrap_err();
+    assert!(
+        matches!(error, HandleError::TooFar { handle: 0, .. }),
+        "{error}"
+    );
 }
 
 #[test]

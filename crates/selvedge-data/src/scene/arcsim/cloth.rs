@@ -1,5 +1,6 @@
 //! The cloth of an ARCSim scene: its mesh and how it is placed, and its material.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use glam::DVec3;
@@ -12,6 +13,11 @@ use super::super::mesh_spec::{MeshSource, MeshSpec, Rotate, Transform};
 use super::object::{Object, numbers, parse_json};
 use super::{Parts, SceneProblem, find_file};
 use crate::obj::ObjOptions;
+
+/// What a material can be multiplied by; its mass per area `[kg/m²]`; its damping `[s]`.
+const FACTORS: RangeInclusive<f64> = 1e-6..=1e6;
+const DENSITIES: RangeInclusive<f64> = 1e-6..=1e6;
+const DAMPING: RangeInclusive<f64> = 0.0..=100.0;
 
 /// What a scene says of its cloth.
 pub(super) struct Cloth {
@@ -95,12 +101,15 @@ fn read_material(
 ) -> Result<Material, SceneProblem> {
     let path = used.text("data")?.ok_or_else(|| used.missing("data"))?;
     let mut material = read_data(path, &used, folder, warnings)?;
-    let mut factor = |key| -> Result<f64, SceneProblem> { Ok(used.number(key)?.unwrap_or(1.0)) };
+    let mut factor = |key, range| -> Result<f64, SceneProblem> {
+        Ok(used.number_within(key, range)?.unwrap_or(1.0))
+    };
     let [density, stretching, bending, layers] = [
-        factor("density_mult")?,
-        factor("stretching_mult")?,
-        factor("bending_mult")?,
-        factor("thicken")?,
+        factor("density_mult", &FACTORS)?,
+        factor("stretching_mult", &FACTORS)?,
+        // A cloth that does not resist bending is one that can be run.
+        factor("bending_mult", &(0.0..=*FACTORS.end()))?,
+        factor("thicken", &FACTORS)?,
     ];
     material.density *= density * layers;
     for stiffness in material.stretch.0.as_flattened_mut() {
@@ -109,7 +118,7 @@ fn read_material(
     for stiffness in material.bend.0.as_flattened_mut() {
         *stiffness *= bending * layers;
     }
-    if let Some(damping) = used.number("damping")? {
+    if let Some(damping) = used.number_within("damping", &DAMPING)? {
         material.damping = damping;
     }
     let limits = used.numbers::<2>("strain_limits")?;
@@ -166,7 +175,9 @@ pub(super) fn parse_material(
     let material = Material {
         name: name.to_owned(),
         source: format!("{name}.json"),
-        density: data.needed_number("density")?,
+        density: data
+            .number_within("density", &DENSITIES)?
+            .ok_or_else(|| data.missing("density"))?,
         damping: 0.0,
         strain_limits: None,
         stretch: StretchTable(rows(&mut data, "stretching")?),

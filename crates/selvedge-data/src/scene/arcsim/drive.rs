@@ -95,6 +95,10 @@ fn read_releases(
 ) -> Result<Vec<(f64, Option<f64>)>, SceneProblem> {
     let start = handle.number("start_time")?.unwrap_or(0.0);
     let end = handle.number("end_time")?.unwrap_or(f64::INFINITY);
+    if end <= start.max(0.0) {
+        let must = "must be later than the start, or the handle never holds";
+        return Err(handle.wrong("end_time", must, &end));
+    }
     let fade = handle.number("fade_time")?.unwrap_or(0.0);
     let mut releases = Vec::new();
     if start > 0.0 {

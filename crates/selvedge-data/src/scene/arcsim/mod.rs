@@ -10,7 +10,9 @@ mod cloth;
 mod drive;
 mod object;
 mod parts;
+mod unique;
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{Environment, Motion, PhysicsMode, PhysicsSettings, SagSettings};
@@ -23,6 +25,15 @@ use super::start::StartSpec;
 
 /// Seconds that a scene lasts that does not say how long.
 const DEFAULT_SECONDS: f64 = 10.0;
+
+/// Frame times `[s]` and solves per frame that can be run.
+const FRAME_TIMES: RangeInclusive<f64> = 1e-5..=1.0;
+const MOST_STEPS: u32 = 1000;
+
+/// What gravity `[m/s²]` and wind `[m/s]` are at most, and the density of air and its drag.
+const STRONGEST_GRAVITY: f64 = 1e6;
+const FASTEST_WIND: f64 = 1e3;
+const AIR: RangeInclusive<f64> = 0.0..=1e6;
 
 /// The pace of a scene.
 struct Times {
@@ -70,21 +81,21 @@ pub(super) fn parse_arcsim(
         start: StartSpec::Mesh,
     };
     let scene = spec.build(folder)?;
-    Ok(LoadedScene {
+    let loaded = LoadedScene {
         warnings,
         ..LoadedScene::new(spec, scene)
-    })
+    };
+    Ok(loaded.looked_over("scale the texture coordinates of the mesh's file"))
 }
 
 fn read_times(scene: &mut Object<'_>, warnings: &mut Vec<String>) -> Result<Times, SceneProblem> {
-    let frame_time = scene.needed_number("frame_time")?;
-    if frame_time <= 0.0 {
-        return Err(scene.wrong("frame_time", "must be positive", &frame_time));
-    }
+    let frame_time = scene
+        .number_within("frame_time", &FRAME_TIMES)?
+        .ok_or_else(|| scene.missing("frame_time"))?;
     let steps = scene.whole("frame_steps")?.unwrap_or(1);
     let substeps = match u32::try_from(steps) {
-        Ok(steps) if steps > 0 => steps,
-        _ => return Err(scene.wrong("frame_steps", "must be 1 or more", &steps)),
+        Ok(steps @ 1..=MOST_STEPS) => steps,
+        _ => return Err(scene.wrong("frame_steps", "must be 1 to 1000", &steps)),
     };
     let end = scene.whole("end_frame")?.map(|n| n as f64 * frame_time);
     let ends = [
@@ -114,13 +125,16 @@ fn read_environment(
     warnings: &mut Vec<String>,
 ) -> Result<Environment, SceneProblem> {
     let mut environment = Environment {
-        gravity: scene.vector("gravity")?.unwrap_or_default(),
+        gravity: scene
+            .vector_up_to("gravity", STRONGEST_GRAVITY)?
+            .unwrap_or_default(),
         ..Environment::default()
     };
     if let Some(mut wind) = scene.child("wind")? {
-        environment.wind = wind.vector("velocity")?.unwrap_or_default();
-        environment.air_density = wind.number("density")?.unwrap_or(1.0);
-        environment.air_drag = wind.number("drag")?.unwrap_or(0.0);
+        let velocity = wind.vector_up_to("velocity", FASTEST_WIND)?;
+        environment.wind = velocity.unwrap_or_default();
+        environment.air_density = wind.number_within("density", &AIR)?.unwrap_or(1.0);
+        environment.air_drag = wind.number_within("drag", &AIR)?.unwrap_or(0.0);
         wind.finish(warnings);
     }
     Ok(environment)

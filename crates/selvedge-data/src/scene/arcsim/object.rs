@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
+use std::ops::RangeInclusive;
 
 use glam::DVec3;
 use serde_json::{Map, Value};
 
 use super::SceneProblem;
+use super::unique::Unique;
 
 /// An object of the file.
 pub(super) struct Object<'a> {
@@ -16,9 +18,14 @@ pub(super) struct Object<'a> {
     read: BTreeSet<&'a str>,
 }
 
-/// Reads JSON in which `//` and `/* */` are comments.
+/// Reads JSON in which `//` and `/* */` are comments, and in which no key stands twice.
 pub(super) fn parse_json(text: &str) -> Result<Value, SceneProblem> {
-    serde_json::from_str(&without_comments(text)).map_err(SceneProblem::Json)
+    match serde_json::from_str(&without_comments(text)) {
+        Ok(Unique(value)) => Ok(value),
+        // Any value is taken: only a repeated key is no syntax.
+        Err(error) if error.is_data() => Err(SceneProblem::RepeatedKey(error)),
+        Err(error) => Err(SceneProblem::Json(error)),
+    }
 }
 
 /// The text with blanks for comments, so that lines and columns stay.
@@ -100,6 +107,21 @@ impl<'a> Object<'a> {
             .transpose()
     }
 
+    /// A number that must be in `range`.
+    pub(super) fn number_within(
+        &mut self,
+        key: &'a str,
+        range: &RangeInclusive<f64>,
+    ) -> Result<Option<f64>, SceneProblem> {
+        match self.number(key)? {
+            Some(number) if !range.contains(&number) => {
+                let must = format!("must be between {} and {}", range.start(), range.end());
+                Err(self.wrong(key, &must, &number))
+            }
+            number => Ok(number),
+        }
+    }
+
     pub(super) fn needed_number(&mut self, key: &'a str) -> Result<f64, SceneProblem> {
         self.number(key)?.ok_or_else(|| self.missing(key))
     }
@@ -139,6 +161,21 @@ impl<'a> Object<'a> {
 
     pub(super) fn vector(&mut self, key: &'a str) -> Result<Option<DVec3>, SceneProblem> {
         Ok(self.numbers::<3>(key)?.map(DVec3::from_array))
+    }
+
+    /// A vector of at most this length.
+    pub(super) fn vector_up_to(
+        &mut self,
+        key: &'a str,
+        most: f64,
+    ) -> Result<Option<DVec3>, SceneProblem> {
+        match self.vector(key)? {
+            Some(vector) if vector.length() > most => {
+                let must = format!("must be at most {most} long");
+                Err(self.wrong(key, &must, &vector))
+            }
+            vector => Ok(vector),
+        }
     }
 
     /// The entries of a list; none where there is no list.

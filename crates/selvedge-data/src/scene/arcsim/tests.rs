@@ -159,6 +159,9 @@ fn handles_let_go_and_take_hold_and_strain_is_limited() {
 #[test]
 fn what_is_not_supported_is_named() {
     let desk = Desk::new();
+    // A sheet of two metres whose texture coordinates run from 0 to 1.
+    let double = SQUARE.replace("v 1", "v 2").replace(" 1 0\n", " 2 0\n");
+    desk.write("double.obj", &double.replace("vt 2 0", "vt 1 0"));
     for (from, to, warning) in [
         (
             "\"gravity\"",
@@ -200,6 +203,11 @@ fn what_is_not_supported_is_named() {
         ),
         ("\"end_time\": 2,", "", "neither end_time nor end_frame"),
         (
+            "square.obj",
+            "double.obj",
+            "half of the edges start at 2.000 × their material length or more",
+        ),
+        (
             "felt.json",
             "materials/11oz-black-denim.json",
             "the shipped material 11oz-black-denim",
@@ -228,11 +236,65 @@ fn wrong_values_are_errors_that_name_file_and_key() {
     let desk = Desk::new();
     for (from, to, named) in [
         ("\"frame_time\": 0.04,", "", "frame_time: is missing"),
-        ("0.04", "-1", "frame_time: must be positive, found -1"),
+        (
+            "0.04",
+            "-1",
+            "frame_time: must be between 0.00001 and 1, found -1",
+        ),
         (
             "\"frame_steps\": 8",
             "\"frame_steps\": 0",
-            "frame_steps: must be 1 or more",
+            "frame_steps: must be 1 to 1000",
+        ),
+        (
+            "\"stretching_mult\": 3",
+            "\"stretching_mult\": -3",
+            "cloths[0].materials[0].stretching_mult: must be between 0.000001 and 1000000, found -3",
+        ),
+        (
+            "\"bending_mult\": 5",
+            "\"bending_mult\": -5",
+            "cloths[0].materials[0].bending_mult: must be",
+        ),
+        (
+            "\"thicken\": 2",
+            "\"thicken\": 0",
+            "cloths[0].materials[0].thicken: must be",
+        ),
+        (
+            "\"density_mult\": 1.5",
+            "\"density_mult\": 1e300",
+            "cloths[0].materials[0].density_mult: must be",
+        ),
+        (
+            "\"damping\": 0.001",
+            "\"damping\": 1e9",
+            "cloths[0].materials[0].damping: must be between 0 and 100, found 1000000000",
+        ),
+        (
+            "\"velocity\": [0, 0, 1]",
+            "\"velocity\": [0, 0, 1e7]",
+            "wind.velocity: must be at most 1000 long",
+        ),
+        (
+            "\"density\": 1.2",
+            "\"density\": -1.2",
+            "wind.density: must be",
+        ),
+        (
+            "\"end_time\": 70",
+            "\"start_time\": 3, \"end_time\": 1",
+            "handles[1].end_time: must be later than the start, or the handle never holds, found 1",
+        ),
+        (
+            "\"friction\": 0.6",
+            "\"friction\": 0.6, \"wind\": {}",
+            "the key \"wind\" stands twice in one object: keep one at line",
+        ),
+        (
+            "\"thicken\": 2",
+            "\"thicken\": 2, \"thicken\": 3",
+            "the key \"thicken\" stands twice",
         ),
         (
             "square.obj",
@@ -299,5 +361,9 @@ fn wrong_values_are_errors_that_name_file_and_key() {
     desk.write("felt.json", &FELT.replace(",4e-6,6e-6]", "]"));
     let error = desk.read(SCENE).unwrap_err();
     let named = "materials[0].data: felt.json: bending: must be 3 rows of 5 numbers";
+    assert!(error.contains(named), "{error}");
+    desk.write("felt.json", &FELT.replace("0.2", "-0.2"));
+    let error = desk.read(SCENE).unwrap_err();
+    let named = "materials[0].data: felt.json: density: must be between";
     assert!(error.contains(named), "{error}");
 }

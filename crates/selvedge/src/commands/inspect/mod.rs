@@ -285,6 +285,7 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
         "vertices": topology.vertex_count(),
         "faces": topology.faces().len(),
         "frames": frames,
+        "warnings": loaded.warnings,
         "scene": loaded.spec.to_json()?,
     });
     Answer::new(facts, &report)
