@@ -28,6 +28,16 @@ pub enum RestSource {
     Obj(PathBuf),
 }
 
+/// What a data set is to be used for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// Something must be there to train on.
+    #[default]
+    Training,
+    /// To measure models that were trained elsewhere: what there is to train on is left out.
+    Testing,
+}
+
 /// Which axis of the foreign world points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -64,6 +74,8 @@ pub struct ImportOptions {
     pub up: Option<UpAxis>,
     /// At most so many trajectories of each split.
     pub limit: Option<usize>,
+    /// Which of them are imported.
+    pub purpose: Purpose,
     /// Trajectories to test on, by name, for released folders that are not already in `train` and
     /// `test`.
     pub test: Vec<String>,
