@@ -1,10 +1,15 @@
 //! A data set: a folder with `index.json` and one trajectory file per motion, split into training
 //! and test. What is opened here is complete; [`DatasetWriter`](crate::DatasetWriter) makes it.
 //!
+//! Of the index nothing is taken on trust: what it says of itself is checked when it is opened, what
+//! it says of a file when that is read.
+//!
 //! The index carries format name and version, the resolved configuration that it was made from,
 //! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
 
-use std::path::{Component, Path, PathBuf};
+pub(crate) mod check;
+
+use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -111,15 +116,15 @@ pub enum DatasetError {
         #[source]
         source: std::io::Error,
     },
-    #[error("{}: {problem}", path.display())]
+    #[error("{}: {problem}: restore the index, or make the data set again", path.display())]
     Index { path: PathBuf, problem: String },
-    #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected})", path.display())]
+    #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected}): restore it, or make the data set again", path.display())]
     Hash {
         path: PathBuf,
         expected: String,
         found: String,
     },
-    #[error("{}: has {found}, the index says {expected}", path.display())]
+    #[error("{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again", path.display())]
     Entry {
         path: PathBuf,
         expected: String,
@@ -150,8 +155,9 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Opens the data set in `folder` and checks its index: format, version, sections within
-    /// their trajectories, files that exist. It does not read the trajectories.
+    /// Opens the data set in `folder` and checks its index: format and version, names, files that
+    /// exist, trajectories that are there once, sections within them, counts. It does not read the
+    /// trajectories.
     ///
     /// # Errors
     /// [`DatasetError`] names the file and what is wrong.
@@ -162,7 +168,8 @@ impl Dataset {
             folder: folder.to_owned(),
             index,
         };
-        dataset.check(&path)?;
+        let problem = |problem| DatasetError::Index { path, problem };
+        check::check(folder, &dataset.index).map_err(problem)?;
         Ok(dataset)
     }
 
@@ -198,7 +205,7 @@ impl Dataset {
         self.index.sections.iter().flat_map(Section::samples)
     }
 
-    /// Reads a trajectory and checks its hash and size against the index.
+    /// Reads a trajectory and checks its hash, size and frame rate against the index.
     ///
     /// # Errors
     /// [`DatasetError`] names the file and what is wrong.
@@ -209,17 +216,32 @@ impl Dataset {
             path: path.clone(),
             source,
         })?;
+        let differs = |expected, found| DatasetError::Entry {
+            path,
+            expected,
+            found,
+        };
         let size = |frames, vertices| format!("{frames} frames of {vertices} vertices");
         let expected = size(entry.frames, entry.vertices);
         let found = size(trajectory.frame_count(), trajectory.vertex_count());
         if found != expected {
-            return Err(DatasetError::Entry {
-                path,
-                expected,
-                found,
-            });
+            return Err(differs(expected, found));
         }
-        Ok(trajectory)
+        let (expected, found) = (self.frame_rate(), trajectory.frame_rate());
+        match expected.filter(|&expected| expected != found) {
+            Some(expected) => {
+                let rate = |rate| format!("{rate} frames per second");
+                Err(differs(rate(expected), rate(found)))
+            }
+            None => Ok(trajectory),
+        }
+    }
+
+    /// Frames per second, where the configuration has them.
+    fn frame_rate(&self) -> Option<f64> {
+        let places = ["/setting/frame_rate", "/import/frame_rate"].into_iter();
+        let mut rates = places.filter_map(|place| self.index.config.pointer(place)?.as_f64());
+        rates.next()
     }
 
     /// Reads every file and compares its hash with the index.
@@ -233,34 +255,6 @@ impl Dataset {
             .iter()
             .chain(&splits.test)
             .try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
-    }
-
-    fn check(&self, path: &Path) -> Result<(), DatasetError> {
-        let problem = |problem| DatasetError::Index {
-            path: path.to_owned(),
-            problem,
-        };
-        let splits = &self.index.splits;
-        for entry in splits.train.iter().chain(&splits.test) {
-            if !is_inside(Path::new(&entry.file)) {
-                let text = format!("file {:?} is not inside the data set's folder", entry.file);
-                return Err(problem(text));
-            }
-            if !self.folder.join(&entry.file).is_file() {
-                return Err(problem(format!("file {:?} is missing", entry.file)));
-            }
-        }
-        for (number, section) in self.index.sections.iter().enumerate() {
-            let frames = splits.train.get(section.trajectory).map(|e| e.frames);
-            if section.start >= section.end || frames.is_none_or(|frames| section.end > frames) {
-                let text = format!(
-                    "section {number}: frames {}..{} of training trajectory {} do not exist",
-                    section.start, section.end, section.trajectory
-                );
-                return Err(problem(text));
-            }
-        }
-        Ok(())
     }
 }
 
@@ -338,9 +332,4 @@ pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, Datase
 
 pub(crate) fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
-}
-
-fn is_inside(file: &Path) -> bool {
-    let mut parts = file.components();
-    parts.clone().next().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::atomic::write_atomically;
+use crate::dataset::check::{check_names, file_of, folder_of};
 use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
     VERSION, read_checked, read_index, read_json,
@@ -66,22 +67,12 @@ impl DatasetPlan {
     }
 
     fn validate(&self) -> Result<(), DatasetError> {
-        let error = |motion: &str, problem| DatasetError::Motion {
-            motion: motion.to_owned(),
-            problem,
-        };
         for split in [Split::Train, Split::Test] {
-            let motions = self.motions(split);
-            for (number, motion) in motions.iter().enumerate() {
-                let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-                if motion.starts_with('.') || !motion.chars().all(is_plain) || motion.is_empty() {
-                    let problem = "names of motions become file names: use letters, digits, - _ .";
-                    return Err(error(motion, problem));
-                }
-                if motions[..number].contains(motion) {
-                    return Err(error(motion, "is twice in one split"));
-                }
-            }
+            let motions = self.motions(split).iter().map(String::as_str);
+            check_names(motions).map_err(|(motion, problem)| DatasetError::Motion {
+                motion: motion.to_owned(),
+                problem,
+            })?;
         }
         Ok(())
     }
@@ -134,7 +125,8 @@ impl DatasetWriter {
     /// Writes a trajectory, in place of an earlier one of the same motion.
     ///
     /// # Errors
-    /// [`DatasetError`] when the motion is not in the plan, or writing fails.
+    /// [`DatasetError`] when the motion is not in the plan, the trajectory is too short for its
+    /// sections, or writing fails.
     pub fn add(
         &mut self,
         split: Split,
@@ -146,6 +138,10 @@ impl DatasetWriter {
                 motion: motion.to_owned(),
                 problem: "is not in the plan of this split",
             });
+        }
+        if split == Split::Train {
+            let rule = self.plan.sections;
+            rule.sections(&[(motion, trajectory.frame_count())])?;
         }
         let file = file_of(split, motion);
         let path = self.folder.join(&file);
@@ -182,6 +178,19 @@ impl DatasetWriter {
         // The finished index is in place: a partial one that cannot be removed is only untidy.
         let _ = std::fs::remove_file(self.folder.join(PARTIAL));
         Dataset::open(&self.folder)
+    }
+
+    /// Takes away what [`Self::open`] made, where no trajectory has been written: a plan alone is
+    /// nothing to go on with.
+    pub fn withdraw(self) {
+        if self.done != Splits::default() {
+            return;
+        }
+        // What cannot be taken away is only untidy.
+        let _ = std::fs::remove_file(self.folder.join(PARTIAL));
+        for name in [Split::Train, Split::Test].map(folder_of) {
+            let _ = std::fs::remove_dir(self.folder.join(name));
+        }
     }
 
     fn resume_partial(&mut self, path: &Path) -> Result<(), DatasetError> {
@@ -352,15 +361,4 @@ fn statistics(splits: &Splits, sections: &[Section]) -> DatasetStatistics {
         max_speed: splits.train.iter().map(|e| e.max_speed).fold(0.0, f64::max),
         mean_edge_length: mean(|entry| entry.mean_edge_length),
     }
-}
-
-fn folder_of(split: Split) -> &'static str {
-    match split {
-        Split::Train => "train",
-        Split::Test => "test",
-    }
-}
-
-fn file_of(split: Split, motion: &str) -> String {
-    format!("{}/{motion}.safetensors", folder_of(split))
 }

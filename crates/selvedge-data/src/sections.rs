@@ -39,12 +39,17 @@ pub enum SectionRule {
 
 /// A trajectory cannot be cut as the rule says.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("trajectory {motion} has {frames} frames, but the section rule needs at least {needed}")]
+#[error(
+    "trajectory {motion} has {frames} frames, but the section rule needs at least {needed}: record a longer one, or leave it out"
+)]
 pub struct SectionError {
     motion: String,
     frames: usize,
     needed: usize,
 }
+
+/// Frames that make a sample.
+pub(crate) const SAMPLE_FRAMES: usize = 3;
 
 /// From rest into motion, and from motion to rest: of every trajectory.
 const OF_ALL: [(usize, usize); 2] = [(50, 162), (650, 802)];
@@ -92,7 +97,8 @@ impl SectionRule {
         let mut sections = Vec::new();
         for (trajectory, &(motion, frames)) in trajectories.iter().enumerate() {
             let ranges = self.ranges(motion, frames);
-            let needed = ranges.iter().map(|range| range.1).max().unwrap_or(0);
+            let last = ranges.iter().map(|range| range.1).max().unwrap_or(0);
+            let needed = last.max(SAMPLE_FRAMES);
             if needed > frames {
                 return Err(SectionError {
                     motion: motion.to_owned(),
@@ -148,10 +154,10 @@ mod tests {
 
     #[test]
     fn whole_trajectories_give_all_samples_but_the_two_ends() {
-        let sections = SectionRule::Whole.sections(&[("a", 5), ("b", 2)]).unwrap();
+        let sections = SectionRule::Whole.sections(&[("a", 5), ("b", 3)]).unwrap();
         let samples: Vec<Sample> = sections.iter().flat_map(Section::samples).collect();
-        let expected = [1, 2, 3].map(|current| Sample {
-            trajectory: 0,
+        let expected = [(0, 1), (0, 2), (0, 3), (1, 1)].map(|(trajectory, current)| Sample {
+            trajectory,
             current,
         });
         assert_eq!(samples, expected);
@@ -176,6 +182,9 @@ mod tests {
             .unwrap_err();
         let expected =
             "trajectory forward has 900 frames, but the section rule needs at least 1202";
-        assert_eq!(error.to_string(), expected);
+        assert!(error.to_string().starts_with(expected), "{error}");
+        let error = SectionRule::Whole.sections(&[("a", 2)]).unwrap_err();
+        let expected = "trajectory a has 2 frames, but the section rule needs at least 3";
+        assert!(error.to_string().starts_with(expected), "{error}");
     }
 }

@@ -228,6 +228,51 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
         ),
         ("train/b.safetensors", "../b.safetensors", "not inside"),
         ("train/b.safetensors", "train/c.safetensors", "is missing"),
+        (
+            "train/b.safetensors",
+            "train/a.safetensors",
+            "file \"train/a.safetensors\" is not that of motion \"b\"",
+        ),
+        (
+            "\"motion\": \"b\"",
+            "\"motion\": \"../../evil\"",
+            "motion \"../../evil\" is no name",
+        ),
+        (
+            "\"motion\": \"b\"",
+            "\"motion\": \"a\"",
+            "motion \"a\" is twice in one split",
+        ),
+        (
+            "\"motion\": \"b\"",
+            "\"motion\": \"c\"",
+            "is not that of motion \"c\"",
+        ),
+        (
+            "\"start\": 0,\n      \"end\": 9",
+            "\"start\": 7,\n      \"end\": 9",
+            "section 1: frames 7..9 are fewer than the 3 of a sample",
+        ),
+        (
+            "\"samples\": 8",
+            "\"samples\": 9",
+            "statistics.samples is 9, but its trajectories and sections have 8",
+        ),
+        (
+            "\"train_frames\": 12",
+            "\"train_frames\": 11",
+            "statistics.train_frames is 11",
+        ),
+        (
+            "\"trajectories\": 3",
+            "\"trajectories\": 2",
+            "statistics.trajectories is 2",
+        ),
+        (
+            "\"frames\": 9",
+            "\"frames\": 18446744073709551615",
+            "statistics.train_frames is 12, but its trajectories and sections have 18446744073709551618",
+        ),
     ];
     for (from, to, expected) in cases {
         let folder = tempfile::tempdir().unwrap();
@@ -238,16 +283,125 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
             text.contains("index.json: ") && text.contains(expected),
             "{text}"
         );
+        assert!(text.ends_with("restore the index, or make the data set again"));
     }
     let folder = tempfile::tempdir().unwrap();
     make(folder.path());
     edit_index(folder.path(), "\"frames\": 9", "\"frames\": 10");
+    edit_index(
+        folder.path(),
+        "\"train_frames\": 12",
+        "\"train_frames\": 13",
+    );
     let dataset = Dataset::open(folder.path()).unwrap();
     let text = dataset
         .read(&dataset.entries(Split::Train)[1])
         .unwrap_err()
         .to_string();
     assert!(text.contains("has 9 frames of 3 vertices"), "{text}");
+}
+
+/// The index, changed and written again; what opening it says.
+fn opened_with(change: impl Fn(&mut serde_json::Value)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    let path = folder.path().join("index.json");
+    let mut index = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    change(&mut index);
+    std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
+    Dataset::open(folder.path()).unwrap_err().to_string()
+}
+
+#[test]
+fn a_trajectory_or_a_sample_that_is_there_twice_is_named() {
+    let text = opened_with(|index| {
+        let hash = index["splits"]["train"][1]["blake3"].clone();
+        index["splits"]["test"][0]["blake3"] = hash;
+    });
+    let expected =
+        "files \"train/b.safetensors\" and \"test/a.safetensors\" are the same trajectory";
+    assert!(text.contains(expected), "{text}");
+    // 0..9 has the samples about frames 1 to 7; 7..9 would be too short, 6..9 is about frame 7.
+    for start in [0, 3, 6] {
+        let text = opened_with(|index| {
+            let section = json!({"trajectory": 1, "start": start, "end": 9});
+            index["sections"].as_array_mut().unwrap().push(section);
+        });
+        let pair = "sections 1 and 2 of training trajectory 1 have samples in common";
+        assert!(text.contains(pair), "{text}");
+    }
+}
+
+#[test]
+fn sections_that_meet_share_frames_but_no_sample() {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    let path = folder.path().join("index.json");
+    let mut index: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    // About frames 1 to 3 and 4 to 7: those of the whole, in two parts.
+    index["sections"] = json!([
+        {"trajectory": 0, "start": 0, "end": 3},
+        {"trajectory": 1, "start": 3, "end": 9},
+        {"trajectory": 1, "start": 0, "end": 5},
+    ]);
+    std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.samples().count(), 8);
+}
+
+#[test]
+fn a_frame_rate_that_is_not_the_configurations_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (place, rate, refused) in [
+        ("setting", 2.0, false),
+        ("setting", 60.0, true),
+        ("import", 60.0, true),
+    ] {
+        make(folder.path());
+        let path = folder.path().join("index.json");
+        let mut index: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let original = index.clone();
+        index["config"] = json!({place: {"frame_rate": rate}});
+        std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
+        let dataset = Dataset::open(folder.path()).unwrap();
+        let read = dataset.read(&dataset.entries(Split::Train)[0]);
+        assert_eq!(read.is_err(), refused);
+        if let Err(error) = read {
+            let text = error.to_string();
+            let expected = "train/a.safetensors: has 2 frames per second, the index says 60 frames";
+            assert!(text.contains(expected), "{text}");
+        }
+        std::fs::write(&path, serde_json::to_vec(&original).unwrap()).unwrap();
+    }
+}
+
+#[test]
+fn a_trajectory_that_is_too_short_is_refused_before_it_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    let error = writer.add(Split::Train, "a", &trajectory(2, 0.25));
+    let text = error.unwrap_err().to_string();
+    assert!(text.contains("trajectory a has 2 frames"), "{text}");
+    assert!(!folder.path().join("train/a.safetensors").exists());
+    // To test on, two frames are enough.
+    writer.add(Split::Test, "a", &trajectory(2, 0.25)).unwrap();
+}
+
+#[test]
+fn a_plan_of_which_nothing_was_written_can_be_withdrawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let count = || std::fs::read_dir(folder.path()).unwrap().count();
+    DatasetWriter::open(folder.path(), plan())
+        .unwrap()
+        .withdraw();
+    assert_eq!(count(), 0);
+    let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    writer.add(Split::Test, "a", &trajectory(4, 1.0)).unwrap();
+    writer.withdraw();
+    let writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    assert!(writer.written(Split::Test, "a").is_some());
 }
 
 #[test]

@@ -3,6 +3,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
 
+#[path = "foreign/contents.rs"]
+mod contents;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,9 @@
-//! How much arithmetic a network needs for a frame, from its spec alone.
+//! How much arithmetic a network needs for a frame, and how much memory to learn from one, from its
+//! spec alone.
 //!
-//! Counted are the products, two operations for each multiplication with its addition, as is
-//! common; features, activations, normalisation and sums of messages are left out, which are a few
-//! percent.
+//! Of the arithmetic the products are counted, two operations for each multiplication with its
+//! addition, as is common; features, activations, normalisation and sums of messages are left out,
+//! which are a few percent. Of the memory all is counted that a [`Workspace`](crate::Workspace) holds.
 
 use crate::network::OUTPUTS;
 use crate::spec::{Encoder, ModelSpec};
@@ -68,9 +69,91 @@ fn encoder(spec: &ModelSpec, width: usize) -> u64 {
     }
 }
 
+/// Numbers that a pass to learn from keeps, by what they grow with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Activations {
+    /// For each vertex.
+    pub vertex: u64,
+    /// For each arc.
+    pub arc: u64,
+}
+
+impl Activations {
+    /// Those of a cloth.
+    #[must_use]
+    pub fn of(self, vertices: usize, arcs: usize) -> u64 {
+        self.vertex * vertices as u64 + self.arc * arcs as u64
+    }
+}
+
+/// What a workspace of this spec holds after a pass to learn from and its way back.
+#[must_use]
+pub fn activations(spec: &ModelSpec) -> Activations {
+    let (latent, blocks, window) = (spec.latent as u64, spec.blocks as u64, spec.window() as u64);
+    // Two hidden layers, the normalised output and its deviation.
+    let perceptron = 3 * latent + 1;
+    let encoder = match spec.encoder {
+        Encoder::Mlp { .. } => perceptron,
+        // Of each of two layers the states and four gates; between them, into the gates, the output.
+        Encoder::Gru { .. } => (2 * (window + 1 + 4 * window) + 4 * window + 4) * latent + 1,
+    };
+    let outputs = OUTPUTS as u64;
+    let decoder = 2 * latent + outputs + 1;
+    Activations {
+        // A block keeps its input, the sums of messages and its perceptron. Beside the blocks: the
+        // latent vertices twice, three sums of a block at a time, the output.
+        vertex: encoder + blocks * (2 * latent + perceptron) + decoder + 5 * latent + outputs,
+        arc: encoder + blocks * (latent + perceptron) + 2 * latent,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::connectivity::Connectivity;
+    use crate::graph::ClothGraph;
+    use crate::network::{Gradients, Input, Network, Pass, Workspace};
+    use crate::test_cloth::parts;
+
+    #[test]
+    fn a_workspace_holds_what_is_counted() {
+        for (side, seed) in [(3, 1), (5, 2)] {
+            let graph = ClothGraph::new(parts(side, seed)).expect("a cloth");
+            let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+            for encoder in [
+                Encoder::MLP,
+                Encoder::Mlp { window: 3 },
+                Encoder::Gru { window: 2 },
+                Encoder::Gru { window: 5 },
+            ] {
+                let spec = ModelSpec::physical(encoder, 4 + seed as usize, 1 + side);
+                let network = Network::new(&spec).expect("a network");
+                let weights = network.initialise(&mut || 0.5);
+                let rows =
+                    |count: usize, width: usize| vec![0.1_f32; spec.window() * count * width];
+                let nodes = rows(vertices, spec.node_width());
+                let edges = rows(arcs, spec.edge_width());
+                let input = Input {
+                    nodes: &nodes,
+                    edges: &edges,
+                };
+                let connectivity = Connectivity::of(graph.topology());
+                let mut workspace = Workspace::new();
+                let pass = Pass::Training(None);
+                network.forward(&weights, &connectivity, input, pass, &mut workspace);
+                let mut gradient = vec![0.0; weights.len()];
+                let gradients = Gradients {
+                    weights: &mut gradient,
+                    input: None,
+                };
+                let output = vec![1.0; 3 * vertices];
+                let both = (&weights[..], gradients);
+                network.backward(both, &connectivity, input, &output, &mut workspace);
+                let counted = activations(&spec).of(vertices, arcs);
+                assert_eq!(workspace.number_count() as u64, counted, "{spec:?}");
+            }
+        }
+    }
 
     #[test]
     fn a_small_network_costs_what_a_hand_counts() {

@@ -27,7 +27,7 @@ mod test_cloth;
 mod window;
 
 pub use connectivity::Connectivity;
-pub use cost::{FirstEdgeLayer, Flops, flops};
+pub use cost::{Activations, FirstEdgeLayer, Flops, activations, flops};
 pub use features::backward::{PoseGradient, edge_features_backward, node_features_backward};
 pub use features::{
     Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,

@@ -123,6 +123,19 @@ impl<T: Real> Workspace<T> {
     pub fn new() -> Self {
         Self::default()
     }
+
+    /// Numbers held.
+    #[cfg(test)]
+    pub(crate) fn number_count(&self) -> usize {
+        let encoders = [&self.node_encoder, &self.edge_encoder];
+        let blocks = self.blocks.iter().map(BlockRecord::number_count);
+        let flat = [&self.nodes, &self.edges, &self.decoded, &self.output];
+        encoders.iter().map(|e| e.number_count()).sum::<usize>()
+            + blocks.sum::<usize>()
+            + self.scratch.number_count()
+            + self.decoder.number_count()
+            + flat.iter().map(|numbers| numbers.len()).sum::<usize>()
+    }
 }
 
 impl Network {

@@ -1,8 +1,11 @@
 //! What the network sees of a cloth does not depend on where the cloth stands, which way it faces,
-//! how its vertices are numbered, in which order its faces come or which corner each begins with.
+//! how its vertices are numbered, in which order its faces come, which corner each begins with or
+//! which way its edges run.
 //!
-//! Renumbering also turns edges round: the end with the smaller number comes first. Arcs are matched
-//! by their ends.
+//! An edge runs counter-clockwise through the first of its faces, so the order of faces turns the
+//! edges between two of them round; those on the boundary run as their only face does, and turn only
+//! with all faces. A hinge begins at its smaller vertex, so renumbering turns hinges round. Arcs are
+//! matched by their ends.
 
 use std::collections::BTreeMap;
 
@@ -226,6 +229,102 @@ proptest! {
             prop_assert!(apart(row, &after.arcs[&ends]) < 2e-4, "{ends:?}");
         }
     }
+
+    #[test]
+    fn the_two_arcs_of_an_edge_are_each_others_reverse(seed in 0..5_u64, noise in noise()) {
+        let seen = seen(&case(SIDE, seed, &noise), WIND);
+        let signs = signs_of_reversal();
+        for (&(sender, receiver), row) in &seen.arcs {
+            let back = &seen.arcs[&(receiver, sender)];
+            prop_assert_eq!(row.len() % signs.len(), 0);
+            for (k, (there, back)) in row.iter().zip(back).enumerate() {
+                prop_assert_eq!(*there, signs[k % signs.len()] * back, "column {}", k);
+            }
+        }
+    }
+
+    #[test]
+    fn the_way_that_edges_between_faces_run_does_not_show(seed in 0..5_u64, noise in noise()) {
+        let start = case(SIDE, seed, &noise);
+        let mut reversed = start.clone();
+        reversed.faces.reverse();
+        reversed.area.reverse();
+        let ends = ends_of_edges(&start).into_iter().zip(ends_of_edges(&reversed));
+        for ((there, back), boundary) in ends.zip(is_boundary(&start)) {
+            let expected = if boundary { there } else { [there[1], there[0]] };
+            prop_assert_eq!(back, expected, "otherwise nothing is turned round");
+        }
+        let (before, after) = (seen(&start, WIND), seen(&reversed, WIND));
+        for (a, b) in before.nodes.iter().zip(&after.nodes) {
+            // Forces are sums over faces in another order.
+            prop_assert!(apart(a, b) < 1e-7);
+        }
+        prop_assert_eq!(before.arcs, after.arcs);
+    }
+
+    #[test]
+    fn turning_all_faces_over_turns_every_edge_and_shows_in_the_sign_of_bending_alone(
+        seed in 0..5_u64, noise in noise(),
+    ) {
+        let start = case(SIDE, seed, &noise);
+        let mut over = start.clone();
+        for face in &mut over.faces {
+            face.swap(1, 2);
+        }
+        let ends = ends_of_edges(&start).into_iter().zip(ends_of_edges(&over));
+        for (there, back) in ends {
+            prop_assert_eq!(back, [there[1], there[0]], "the boundary, too");
+        }
+        let (before, after) = (seen(&start, WIND), seen(&over, WIND));
+        for (a, b) in before.nodes.iter().zip(&after.nodes) {
+            // The air presses on either side of a face alike; its velocity is a sum of three.
+            prop_assert!(apart(a, b) < 2e-6);
+        }
+        let signs = signs_of_turning_over();
+        for (ends, row) in &before.arcs {
+            for (k, (a, b)) in row.iter().zip(&after.arcs[ends]).enumerate() {
+                let difference = a - signs[k % signs.len()] * b;
+                // π and -π are the same fold; angles at slivers are off by some tens of roundings.
+                let whole = std::f32::consts::TAU * (difference / std::f32::consts::TAU).round();
+                prop_assert!((difference - whole).abs() < 2e-4, "{ends:?}, column {k}");
+            }
+        }
+    }
+}
+
+/// What each column of an arc becomes in the reverse arc: vectors turn round, scalars stay.
+fn signs_of_reversal() -> Vec<f32> {
+    let spec = spec();
+    let signs = spec.edge_features.iter().flat_map(|feature| match feature {
+        EdgeFeature::Vector | EdgeFeature::RestVector => vec![-1.0, -1.0, -1.0, 1.0],
+        EdgeFeature::MaterialVector => vec![-1.0, -1.0, 1.0],
+        EdgeFeature::Elongation | EdgeFeature::BendingAngle => vec![1.0],
+    });
+    signs.collect()
+}
+
+/// What each column of an arc becomes when all faces are turned over: a ridge is then a valley.
+fn signs_of_turning_over() -> Vec<f32> {
+    let spec = spec();
+    let signs = spec.edge_features.iter().flat_map(|feature| match feature {
+        EdgeFeature::Vector | EdgeFeature::RestVector => vec![1.0; 4],
+        EdgeFeature::MaterialVector => vec![1.0; 3],
+        EdgeFeature::Elongation => vec![1.0],
+        EdgeFeature::BendingAngle => vec![-1.0],
+    });
+    signs.collect()
+}
+
+/// The first and the second end of every edge; the numbers of edges do not depend on faces.
+fn ends_of_edges(case: &Case) -> Vec<[u32; 2]> {
+    let topology = Topology::new(case.rest.len(), &case.faces).expect("a cloth");
+    let edges = topology.edges().iter();
+    edges.map(|edge| edge.vertices.map(|v| v.0)).collect()
+}
+
+fn is_boundary(case: &Case) -> Vec<bool> {
+    let topology = Topology::new(case.rest.len(), &case.faces).expect("a cloth");
+    topology.edges().iter().map(|e| e.is_boundary()).collect()
 }
 
 /// Vertex v becomes vertex `order[v]`.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use selvedge_data::{Dataset, Section, TensorOut, TensorValues, WriteError, write_tensors};
-use selvedge_model::{ModelSpec, Network, RunningStatistics};
+use selvedge_model::{ModelSpec, RunningStatistics};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
@@ -17,7 +17,7 @@ use crate::corpus::Corpus;
 use crate::lane::LaneState;
 use crate::losses::RunningLossStatistics;
 use crate::optimizer::Adam;
-use crate::trainer::{Parts, TrainError, Trainer};
+use crate::trainer::{Parts, TrainError, Trainer, prepare};
 
 /// What the metadata `format` of a checkpoint says.
 pub const CHECKPOINT_FORMAT: &str = "selvedge-checkpoint";
@@ -59,6 +59,10 @@ pub enum ResumeError {
         expected: String,
         found: String,
     },
+    #[error(
+        "{path} is of another model: {differences}: set these values as they are there, or train without it"
+    )]
+    OtherModel { path: PathBuf, differences: String },
     #[error(
         "{path} was made on other data (data set \"{found}\", now \"{expected}\", or its files or sections have changed): give the same, or train into a new folder"
     )]
@@ -161,8 +165,7 @@ impl Trainer {
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let corpus = Corpus::load(dataset).map_err(TrainError::from)?;
-        let network = Network::new(&cfg.model).map_err(TrainError::from)?;
+        let (corpus, network) = prepare(&cfg, dataset)?;
         let count = network.parameter_count();
         let moments = [
             file.numbers("first_moment", count)?,
@@ -206,23 +209,10 @@ impl Trainer {
         let bytes = read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         let made: TrainConfig = file.json("config")?;
-        let network = |cfg: &TrainConfig| ModelSpec {
-            edge_limits: None,
-            ..cfg.model.clone()
-        };
-        if network(&made) != network(&cfg) {
-            let text = |cfg| toml::to_string(&network(cfg)).unwrap_or_default();
-            return Err(ResumeError::Configuration {
-                path: path.to_owned(),
-                field: "model".to_owned(),
-                expected: text(&cfg),
-                found: text(&made),
-            });
-        }
+        file.check_network(&made, &cfg)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let corpus = Corpus::load(dataset).map_err(TrainError::from)?;
-        let network = Network::new(&cfg.model).map_err(TrainError::from)?;
+        let (corpus, network) = prepare(&cfg, dataset)?;
         let weights = file.numbers("weights", network.parameter_count())?;
         let parts = Parts {
             adam: Adam::new(cfg.optimizer, weights.len()).map_err(TrainError::from)?,
@@ -314,12 +304,13 @@ impl<'a> CheckpointFile<'a> {
             };
             serde_json::to_value(free).map_err(|error| self.content("config", error))
         };
-        if let Some((field, found, expected)) = difference(&value(&made)?, &value(cfg)?) {
+        let differences = differences(&value(&made)?, &value(cfg)?);
+        if let Some(first) = differences.into_iter().next() {
             return Err(ResumeError::Configuration {
                 path: path(),
-                field,
-                expected,
-                found,
+                field: first.path,
+                expected: first.now,
+                found: first.made,
             });
         }
         let now = fingerprint(dataset).map_err(|error| self.content("dataset", error))?;
@@ -333,6 +324,30 @@ impl<'a> CheckpointFile<'a> {
             });
         }
         Ok(())
+    }
+
+    /// That the network is the same, but for what keeps its rollouts within bounds.
+    fn check_network(&self, made: &TrainConfig, cfg: &TrainConfig) -> Result<(), ResumeError> {
+        let network = |cfg: &TrainConfig| {
+            let spec = ModelSpec {
+                edge_limits: None,
+                ..cfg.model.clone()
+            };
+            serde_json::to_value(spec).map_err(|error| self.content("config", error))
+        };
+        let differences: Vec<String> = differences(&network(made)?, &network(cfg)?)
+            .into_iter()
+            .map(|Difference { path, made, now }| {
+                format!("model.{path} is {made} there, {now} here")
+            })
+            .collect();
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(ResumeError::OtherModel {
+            path: self.path.to_owned(),
+            differences: differences.join("; "),
+        })
     }
 
     /// That the statistics are of the columns that the configuration has.
@@ -424,25 +439,37 @@ fn fingerprint(dataset: &Dataset) -> Result<String, serde_json::Error> {
     Ok(text)
 }
 
-/// The first place where two values differ: its path, and what stands there in each. Tables of
-/// other keys (another kind of schedule) differ as a whole.
-fn difference(made: &Value, now: &Value) -> Option<(String, String, String)> {
+/// A place where two values differ, and what stands there in each.
+struct Difference {
+    path: String,
+    made: String,
+    now: String,
+}
+
+/// The places where two values differ. Tables of other keys (another kind of schedule) differ as a
+/// whole.
+fn differences(made: &Value, now: &Value) -> Vec<Difference> {
     if made == now {
-        return None;
+        return Vec::new();
     }
     if let (Value::Object(made), Value::Object(now)) = (made, now)
         && made.keys().eq(now.keys())
     {
-        let pairs = made.iter().zip(now.values());
-        return pairs
-            .filter_map(|((key, made), now)| Some((key, difference(made, now)?)))
-            .map(|(key, (rest, found, expected))| {
-                let dot = if rest.is_empty() { "" } else { "." };
-                (format!("{key}{dot}{rest}"), found, expected)
+        let fields = made.iter().zip(now.values());
+        let within = fields.flat_map(|((key, made), now)| {
+            differences(made, now).into_iter().map(move |inner| {
+                let dot = if inner.path.is_empty() { "" } else { "." };
+                let path = format!("{key}{dot}{}", inner.path);
+                Difference { path, ..inner }
             })
-            .next();
+        });
+        return within.collect();
     }
-    Some((String::new(), made.to_string(), now.to_string()))
+    vec![Difference {
+        path: String::new(),
+        made: made.to_string(),
+        now: now.to_string(),
+    }]
 }
 
 #[cfg(test)]

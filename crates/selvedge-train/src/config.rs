@@ -10,8 +10,17 @@ use thiserror::Error;
 
 use crate::losses::{LossWeights, LossWeightsError};
 use crate::optimizer::{AdamError, AdamSettings};
-use crate::schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
+use crate::schedule::{LearningRate, MOST_STEPS, ScheduleError, TruthProbability, UnrollFrames};
 pub use setting::{Setting, SettingError};
+
+/// Most samples per optimiser step. That they fit into memory is checked with the data.
+const MOST_SAMPLES: usize = 65_536;
+/// Most samples that statistics are taken from.
+const MOST_STATISTICS_SAMPLES: usize = 1_000_000;
+/// Most steps between two lines of the log, which are kept until then.
+const MOST_LOG_EVERY: u64 = 100_000;
+/// Most predictions in a row.
+const MOST_IN_A_ROW: u32 = 1_000_000;
 
 /// Everything that decides a training besides its data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -160,6 +169,12 @@ pub enum InvalidConfig {
     Optimizer(#[from] AdamError),
     #[error(transparent)]
     Schedule(#[from] ScheduleError),
+    #[error("{field} must be between 1 and {most}, found {found}")]
+    Count {
+        field: &'static str,
+        most: u64,
+        found: u64,
+    },
     #[error("{field} must be {expected}, found {found}")]
     Value {
         field: &'static str,
@@ -238,9 +253,10 @@ impl TrainConfig {
         self.losses.validate()?;
         self.optimizer.validate()?;
         self.learning_rate.validate()?;
-        at_least_one("steps", self.steps as f64)?;
-        at_least_one("statistics_samples", self.statistics_samples as f64)?;
-        at_least_one("log_every", self.log_every as f64)?;
+        count("steps", self.steps, MOST_STEPS)?;
+        let (statistics, most) = (self.statistics_samples, MOST_STATISTICS_SAMPLES);
+        count("statistics_samples", statistics as u64, most as u64)?;
+        count("log_every", self.log_every, MOST_LOG_EVERY)?;
         if let Some(limit) = self.gradient_clip {
             positive("gradient_clip", limit)?;
         }
@@ -268,7 +284,7 @@ impl TrainConfig {
 
 impl BatchConfig {
     fn validate(&self) -> Result<(), InvalidConfig> {
-        at_least_one("batch.samples", self.samples as f64)?;
+        count("batch.samples", self.samples as u64, MOST_SAMPLES as u64)?;
         let fits = (1..=self.samples).contains(&self.shard);
         let expected = "between 1 and batch.samples";
         require(fits, "batch.shard", expected, self.shard as f64)
@@ -287,14 +303,18 @@ impl NoiseConfig {
 impl ScheduledSampling {
     fn validate(&self) -> Result<(), InvalidConfig> {
         self.truth.validate()?;
-        at_least_one("scheduled_sampling.longest", f64::from(self.longest))?;
+        let (longest, most) = (self.longest.into(), MOST_IN_A_ROW.into());
+        count("scheduled_sampling.longest", longest, most)?;
         positive("scheduled_sampling.farthest", self.farthest)?;
         part("scheduled_sampling.correction", self.correction)
     }
 }
 
-fn at_least_one(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
-    require(found >= 1.0, field, "at least 1", found)
+fn count(field: &'static str, found: u64, most: u64) -> Result<(), InvalidConfig> {
+    if (1..=most).contains(&found) {
+        return Ok(());
+    }
+    Err(InvalidConfig::Count { field, most, found })
 }
 
 fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {

@@ -43,7 +43,9 @@ pub enum CorpusError {
         motion: String,
         source: serde_json::Error,
     },
-    #[error("the data set has no samples: every section needs at least three frames")]
+    #[error(
+        "the data set has no samples: it has nothing to train on, give one with training trajectories"
+    )]
     NoSamples,
 }
 
@@ -120,6 +122,11 @@ impl Corpus {
             sections,
             first_sample,
         })
+    }
+
+    /// The graphs of all trajectories.
+    pub(crate) fn graphs(&self) -> impl Iterator<Item = &ClothGraph> {
+        self.motions.iter().map(|motion| &*motion.graph)
     }
 
     pub(crate) fn motion(&self, trajectory: usize) -> &Motion {

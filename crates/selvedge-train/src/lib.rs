@@ -4,8 +4,10 @@
 mod checkpoint;
 mod config;
 mod corpus;
+mod gathering;
 mod lane;
 mod losses;
+mod memory;
 mod optimizer;
 mod run;
 mod schedule;
@@ -21,11 +23,13 @@ pub use config::{
     TrainConfig,
 };
 pub use corpus::{CorpusError, cloth_graph, graph_of};
+pub use gathering::Gathered;
 pub use losses::{
     LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError, Report,
     RunningLossStatistics, Triplet,
 };
+pub use memory::MemoryError;
 pub use optimizer::{Adam, AdamError, AdamSettings, clip_norm};
-pub use run::{Limits, RunEnd, RunError, files, run};
+pub use run::{Kept, Limits, RunEnd, RunError, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use trainer::{StepReport, TrainError, Trainer};

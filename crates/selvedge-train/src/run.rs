@@ -4,6 +4,7 @@
 //! The folder holds `config.toml` (resolved), `log.jsonl` (a line every `log_every` steps),
 //! `checkpoint.safetensors` (to go on from) and `model.safetensors` (to use), each written whole.
 
+use std::fmt;
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write};
 use std::ops::ControlFlow;
@@ -50,12 +51,42 @@ pub enum RunEnd {
     Stopped,
 }
 
-/// Why a run failed; the last checkpoint is whole.
+/// What there is to go on from after a run that failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Nothing yet.
+    Nothing,
+    /// A checkpoint of an earlier step, whole.
+    Checkpoint(PathBuf),
+}
+
+impl Kept {
+    fn in_folder(folder: &Path) -> Self {
+        let path = folder.join(files::CHECKPOINT);
+        match path.is_file() {
+            true => Self::Checkpoint(path),
+            false => Self::Nothing,
+        }
+    }
+}
+
+impl fmt::Display for Kept {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => write!(f, "there is no checkpoint yet"),
+            Self::Checkpoint(path) => {
+                write!(f, "{} is of an earlier step and whole", path.display())
+            }
+        }
+    }
+}
+
+/// Why a run failed; a checkpoint that was there is whole.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RunError {
-    #[error(transparent)]
-    Train(#[from] TrainError),
+    #[error("{source}; {kept}")]
+    Train { source: TrainError, kept: Kept },
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error("the log {path} cannot be kept: {source}")]
@@ -88,7 +119,7 @@ struct LogLine {
 /// Trains until the last step, a limit, or until `observe` breaks; it is called after each step.
 ///
 /// # Errors
-/// [`RunError`]; the last checkpoint is then whole.
+/// [`RunError`]; a checkpoint that was there is then whole.
 pub fn run(
     trainer: &mut Trainer,
     dataset: &Dataset,
@@ -109,7 +140,7 @@ pub fn run(
         if limits.time.is_some_and(|time| started.elapsed() >= time) {
             break RunEnd::TimeUp;
         }
-        let report = trainer.step()?;
+        let report = trainer.step().map_err(|source| failed(folder, source))?;
         let flow = observe(&report);
         since_line.push(report);
         if trainer
@@ -131,6 +162,11 @@ pub fn run(
     Ok(end)
 }
 
+fn failed(folder: &Path, source: TrainError) -> RunError {
+    let kept = Kept::in_folder(folder);
+    RunError::Train { source, kept }
+}
+
 /// Writes checkpoint and model. The model comes first into memory: it refuses weights that are not
 /// finite, and they must not replace a good checkpoint.
 fn save(trainer: &Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
@@ -139,7 +175,8 @@ fn save(trainer: &Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunEr
         "steps_done": trainer.steps_done(),
         "dataset": dataset.index().name,
     });
-    let bytes = trainer.model(account.to_string())?.to_bytes()?;
+    let model = trainer.model(account.to_string());
+    let bytes = model.map_err(|source| failed(folder, source))?.to_bytes()?;
     trainer.save(&folder.join(files::CHECKPOINT), dataset)?;
     write_atomically(&folder.join(files::MODEL), |out| out.write_all(&bytes))?;
     Ok(())

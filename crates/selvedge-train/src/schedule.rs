@@ -7,6 +7,9 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// Most steps of a training, and the last step at which something may change.
+pub(crate) const MOST_STEPS: u64 = 1_000_000_000;
+
 /// The learning rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
@@ -93,9 +96,12 @@ impl UnrollFrames {
             error("unroll", "frames", "between 1 and 1000", most)
         })?;
         match *self {
-            Self::Growing { start, end, .. } => check(end > start, || {
-                error("unroll", "end", format!("after start = {start}"), end)
-            }),
+            Self::Growing { start, end, .. } => {
+                check(end > start, || {
+                    error("unroll", "end", format!("after start = {start}"), end)
+                })?;
+                within_training("unroll", "end", end)
+            }
             Self::Constant { .. } => Ok(()),
         }
     }
@@ -145,7 +151,9 @@ impl LearningRate {
         };
         match *self {
             Self::Constant { rate } => positive("rate", rate),
-            Self::Drop { from, to, .. } => positive("from", from).and(positive("to", to)),
+            Self::Drop { from, to, at } => positive("from", from)
+                .and(positive("to", to))
+                .and(within_training("learning_rate", "at", at)),
             Self::Cosine {
                 warmup,
                 from,
@@ -159,7 +167,8 @@ impl LearningRate {
                 check(end > warmup, || {
                     let expected = format!("after the warm-up of {warmup} steps");
                     error("learning_rate", "end", expected, end)
-                })
+                })?;
+                within_training("learning_rate", "end", end)
             }
         }
     }
@@ -223,7 +232,8 @@ impl TruthProbability {
                 format!("after its start {start}"),
                 end,
             )
-        })
+        })?;
+        within_training("scheduled_sampling", "end", end)
     }
 
     /// The probability at step `step`, counted from 0 `[eq:scheduled-sampling]`:
@@ -247,6 +257,16 @@ fn progress(step: u64, start: u64, end: u64) -> f64 {
         return 1.0;
     }
     step.saturating_sub(start) as f64 / end.saturating_sub(start) as f64
+}
+
+fn within_training(
+    schedule: &'static str,
+    field: &'static str,
+    step: u64,
+) -> Result<(), ScheduleError> {
+    check(step <= MOST_STEPS, || {
+        error(schedule, field, format!("at most {MOST_STEPS}"), step)
+    })
 }
 
 fn check(holds: bool, error: impl FnOnce() -> ScheduleError) -> Result<(), ScheduleError> {

@@ -4,20 +4,21 @@
 //! Threads share shards. What a shard computes and the order in which shards are added do not depend
 //! on their number, so the same seed gives the same bytes with any number of threads.
 
+use std::ops::ControlFlow;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use selvedge_data::Dataset;
-use selvedge_model::{
-    Model, ModelError, Network, Normalizers, Place, RunningStatistics, SpecError, Window,
-    edge_groups, node_groups,
-};
+use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::corpus::{Corpus, CorpusError};
-use crate::lane::{LaneState, Shown, rng_of};
+use crate::gathering::{Gathered, Gathering, Statistics};
+use crate::lane::LaneState;
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
+use crate::memory::{MemoryError, Need};
 use crate::optimizer::{Adam, AdamError, clip_norm};
 use crate::shard::{Context, Shard};
 
@@ -68,10 +69,10 @@ pub enum TrainError {
     #[error(transparent)]
     Corpus(#[from] CorpusError),
     #[error(transparent)]
+    Memory(#[from] MemoryError),
+    #[error(transparent)]
     Model(#[from] ModelError),
-    #[error(
-        "step {step}: the loss is not finite: lower learning_rate or set gradient_clip; the last checkpoint is whole"
-    )]
+    #[error("step {step}: the loss is not finite: lower learning_rate or set gradient_clip")]
     NotFinite { step: u64 },
 }
 
@@ -79,29 +80,54 @@ impl Trainer {
     /// A training at its first step: fresh weights, statistics from `statistics_samples` samples.
     ///
     /// # Errors
-    /// [`TrainError`] when the configuration or the data set cannot be used.
+    /// [`TrainError`] when the configuration or the data set cannot be used, or there is not enough
+    /// memory for both.
     pub fn new(cfg: TrainConfig, dataset: &Dataset) -> Result<Self, TrainError> {
-        cfg.validate()?;
-        let corpus = Corpus::load(dataset)?;
-        let network = Network::new(&cfg.model)?;
+        let (corpus, network) = prepare(&cfg, dataset)?;
+        let mut gathering = Gathering::new(&cfg, &corpus);
+        while gathering.advance().is_some() {}
+        let statistics = gathering.finish();
+        Self::begin(cfg, corpus, network, statistics)
+    }
+
+    /// The same; `observe` hears of every sample of the statistics and may stop, which gives none.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn new_observed(
+        cfg: TrainConfig,
+        dataset: &Dataset,
+        observe: &mut dyn FnMut(Gathered) -> ControlFlow<()>,
+    ) -> Result<Option<Self>, TrainError> {
+        let (corpus, network) = prepare(&cfg, dataset)?;
+        let mut gathering = Gathering::new(&cfg, &corpus);
+        while let Some(gathered) = gathering.advance() {
+            if observe(gathered).is_break() {
+                return Ok(None);
+            }
+        }
+        let statistics = gathering.finish();
+        Self::begin(cfg, corpus, network, statistics).map(Some)
+    }
+
+    fn begin(
+        cfg: TrainConfig,
+        corpus: Corpus,
+        network: Network,
+        (inputs, targets): Statistics,
+    ) -> Result<Self, TrainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
         let weights = network.initialise(&mut || rng.random::<f64>());
-        let (inputs, targets) = gather(&cfg, &corpus);
-        let adam = Adam::new(cfg.optimizer, weights.len())?;
-        let lanes = vec![LaneState::new(); cfg.batch.samples];
-        Ok(Self::assemble(
-            cfg,
-            corpus,
-            Parts {
-                network,
-                weights,
-                adam,
-                inputs,
-                targets,
-                lanes,
-                step: 0,
-            },
-        ))
+        let parts = Parts {
+            adam: Adam::new(cfg.optimizer, weights.len())?,
+            lanes: vec![LaneState::new(); cfg.batch.samples],
+            network,
+            weights,
+            inputs,
+            targets,
+            step: 0,
+        };
+        Ok(Self::assemble(cfg, corpus, parts))
     }
 
     pub(crate) fn assemble(cfg: TrainConfig, corpus: Corpus, parts: Parts) -> Self {
@@ -242,6 +268,20 @@ impl Trainer {
     }
 }
 
+/// The data and the network of a training whose configuration is good and for which there is room.
+pub(crate) fn prepare(
+    cfg: &TrainConfig,
+    dataset: &Dataset,
+) -> Result<(Corpus, Network), TrainError> {
+    cfg.validate()?;
+    let network = Network::new(&cfg.model)?;
+    let need = Need::before_reading(cfg, &network, dataset);
+    need.check(cfg)?;
+    let corpus = Corpus::load(dataset)?;
+    need.with_lanes(cfg, &corpus).check(cfg)?;
+    Ok((corpus, network))
+}
+
 /// What a training consists of besides configuration and data.
 pub(crate) struct Parts {
     pub(crate) network: Network,
@@ -251,29 +291,6 @@ pub(crate) struct Parts {
     pub(crate) targets: RunningLossStatistics,
     pub(crate) lanes: Vec<LaneState>,
     pub(crate) step: u64,
-}
-
-/// Statistics of inputs and targets over samples drawn as in training, before the first step.
-fn gather(cfg: &TrainConfig, corpus: &Corpus) -> ([RunningStatistics; 2], RunningLossStatistics) {
-    let spec = &cfg.model;
-    let mut nodes = RunningStatistics::new(&node_groups(spec));
-    let mut edges = RunningStatistics::new(&edge_groups(spec));
-    let mut targets = RunningLossStatistics::default();
-    let (mut shown, mut window) = (Shown::default(), Window::default());
-    // The last streams: no training reaches them.
-    let stream = u64::MAX / cfg.batch.samples as u64 - 1 - cfg.statistics_samples as u64;
-    for number in 0..cfg.statistics_samples as u64 {
-        let mut rng = rng_of(cfg.seed, stream + number, 0, cfg.batch.samples);
-        LaneState::new().show(cfg, corpus, &mut rng, &mut shown);
-        let graph = &*corpus.motion(shown.trajectory).graph;
-        let place = Place::alone(graph);
-        window.fit(spec, &place);
-        window.write(spec, graph, shown.window(), &place);
-        nodes.add(&window.nodes);
-        edges.add(&window.edges);
-        targets.add(&shown.triplet(graph));
-    }
-    ([nodes, edges], targets)
 }
 
 #[cfg(test)]

@@ -146,6 +146,42 @@ fn foreign_data_become_a_data_set() {
     desk.model();
     let evaluate = "evaluate --model run/model.safetensors --data flag";
     desk.json(evaluate);
+    // To measure with, a set needs nothing to train on.
+    let all = format!("{released}-all --handles 6,8 --test side,forward");
+    desk.fails(&all, 1, &["nothing to train on", "--test-only"]);
+    let report = desk.json(&format!("{all} --test-only"));
+    assert_eq!(
+        (number(&report, "/train"), number(&report, "/test")),
+        (0.0, 2.0)
+    );
+    desk.json("evaluate --model run/model.safetensors --data released-all");
+}
+
+#[test]
+fn an_import_that_fails_at_once_leaves_nothing_behind() {
+    let desk = Desk::new();
+    let fixtures = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../selvedge-data/tests/fixtures/foreign/released"
+    );
+    std::fs::create_dir(desk.path("foreign")).unwrap();
+    for motion in ["forward", "side"] {
+        let to = desk.path(&format!("foreign/{motion}"));
+        std::fs::create_dir(&to).unwrap();
+        for entry in std::fs::read_dir(format!("{fixtures}/{motion}")).unwrap() {
+            let path = entry.unwrap().path();
+            std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+        }
+    }
+    let import = "dataset import released foreign --handles 6,8 --out sets/new";
+    // The second of two: what was written before it is kept.
+    desk.write("foreign/side/face.npy", "no array");
+    desk.fails(import, 1, &["side/face.npy"]);
+    assert!(desk.path("sets/new/train/forward.safetensors").is_file());
+    std::fs::remove_dir_all(desk.path("sets")).unwrap();
+    desk.write("foreign/forward/face.npy", "no array");
+    desk.fails(import, 1, &["forward/face.npy"]);
+    assert!(!desk.path("sets").exists());
 }
 
 #[test]

@@ -43,6 +43,81 @@ fn a_resumed_training_ends_with_the_same_weights() {
         1,
         &["checkpoint.safetensors"],
     );
+    // What failed before it wrote anything leaves no folder behind, nor those above it.
+    desk.fails(
+        "train moment.toml --data tiny --out deep/other --from run --set model.latent=16",
+        1,
+        &["run/checkpoint.safetensors is of another model: model.latent is 8 there, 16 here"],
+    );
+    for folder in ["nothing", "deep"] {
+        assert!(!desk.path(folder).exists(), "{folder}");
+    }
+}
+
+#[test]
+fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
+    let desk = Desk::new();
+    desk.tiny();
+    desk.write("moment.toml", common::TRAINING);
+    let train = "train moment.toml --data tiny --out run";
+    for (setting, expected) in [
+        (
+            "batch.samples=1000000000000000",
+            "batch.samples must be between 1 and 65536",
+        ),
+        (
+            "statistics_samples=10000000",
+            "statistics_samples must be between 1 and 1000000",
+        ),
+        (
+            "log_every=10000000",
+            "log_every must be between 1 and 100000",
+        ),
+        (
+            "model.blocks=100000",
+            "model.blocks must be between 1 and 256",
+        ),
+    ] {
+        desk.fails(&format!("{train} --set {setting}"), 1, &[expected]);
+    }
+    let large = "--set model.latent=4096 --set model.blocks=256 --set batch.samples=65536";
+    desk.fails(
+        &format!("{train} {large}"),
+        1,
+        &[
+            "GiB of memory",
+            "for 65536 samples per step",
+            "lower batch.samples",
+        ],
+    );
+    assert!(!desk.path("run").exists());
+}
+
+/// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
+#[cfg(unix)]
+#[test]
+fn statistics_can_be_interrupted() {
+    use std::process::{Command, Stdio};
+
+    let desk = Desk::new();
+    desk.tiny();
+    desk.write("moment.toml", common::TRAINING);
+    // Hours of them, if it went on.
+    let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000 --set model.encoder.window=64";
+    let mut command = desk.command(&format!("{train} --json"));
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    while !desk.path("run").is_dir() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended early");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let pid = child.id().to_string();
+    Command::new("kill").args(["-INT", &pid]).status().unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["interrupted"], true);
+    assert_eq!(number(&report, "/steps_done"), 0.0);
+    assert!(!desk.path("run").exists(), "there was nothing to keep");
 }
 
 #[test]

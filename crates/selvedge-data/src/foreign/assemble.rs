@@ -11,6 +11,8 @@ use crate::trajectory::{Cloth, Provenance, Trajectory};
 
 /// How far the sum of given areas may be from that in material space, as a share.
 const AREA_TOLERANCE: f64 = 0.01;
+/// How far from the origin a cloth may be along an axis `[m]`: `f32` steps by 6 cm there.
+const FARTHEST: f64 = 1e6;
 
 /// What a foreign trajectory consists of, y up, in metres.
 pub(super) struct Parts {
@@ -38,6 +40,7 @@ pub(super) enum Weight {
 impl Parts {
     pub(super) fn trajectory(self) -> Result<Trajectory, ForeignProblem> {
         let vertices = self.material.len();
+        self.check()?;
         let handles = Handles::new(&self.handles, vertices)?;
         let faces = counter_clockwise(self.faces, &self.material)?;
         let mesh = Mesh::new(&faces, self.material, self.rest)?;
@@ -75,6 +78,41 @@ impl Parts {
         };
         Ok(Trajectory::new(cloth, positions, provenance)?)
     }
+
+    /// That faces name vertices that exist, and that no vertex is beyond all bounds.
+    fn check(&self) -> Result<(), ForeignProblem> {
+        let vertices = self.material.len();
+        let corners = self.faces.iter().enumerate();
+        let mut corners = corners.flat_map(|(face, corners)| corners.map(|vertex| (face, vertex)));
+        if let Some((face, vertex)) = corners.find(|(_, vertex)| *vertex as usize >= vertices) {
+            return Err(ForeignProblem::FaceVertex {
+                face,
+                vertex,
+                vertices,
+            });
+        }
+        check_near("the rest pose", &self.rest)?;
+        let frames = self.positions.chunks(vertices.max(1)).enumerate();
+        for (frame, positions) in frames {
+            check_near(&format!("frame {frame}"), positions)?;
+        }
+        Ok(())
+    }
+}
+
+/// That `positions` `[m]` are not farther than a cloth can be. What is not finite has an error of
+/// its own.
+fn check_near(place: &str, positions: &[DVec3]) -> Result<(), ForeignProblem> {
+    let is_far = |p: &DVec3| p.is_finite() && p.abs().max_element() > FARTHEST;
+    match positions.iter().position(is_far) {
+        None => Ok(()),
+        Some(vertex) => Err(ForeignProblem::Far {
+            place: place.to_owned(),
+            vertex,
+            position: positions[vertex],
+            farthest: FARTHEST,
+        }),
+    }
 }
 
 /// The material coordinates hanging flat as a generated sheet does.
@@ -94,8 +132,7 @@ fn counter_clockwise(
     faces: Vec<[u32; 3]>,
     material: &[DVec2],
 ) -> Result<Vec<[u32; 3]>, ForeignProblem> {
-    // Vertices that do not exist are named by the mesh.
-    let corner = |v: u32| material.get(v as usize).copied().unwrap_or_default();
+    let corner = |v: u32| material[v as usize];
     let is_clockwise = |face: &[u32; 3]| {
         let [a, b, c] = face.map(corner);
         signed_area_2d(a, b, c) < 0.0

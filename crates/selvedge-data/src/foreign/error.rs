@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use glam::DVec3;
 use selvedge_cloth::{HandleError, MeshError};
 use thiserror::Error;
 
@@ -66,6 +67,23 @@ pub enum ForeignProblem {
         unit: &'static str,
         expected: usize,
         found: usize,
+    },
+    #[error(
+        "face {face} names vertex {vertex}, but there are {vertices} vertices, numbered from 0"
+    )]
+    FaceVertex {
+        face: usize,
+        vertex: u32,
+        vertices: usize,
+    },
+    #[error(
+        "{place}: vertex {vertex} is at {position} m, more than {farthest} m from the origin: positions must be in metres"
+    )]
+    Far {
+        place: String,
+        vertex: usize,
+        position: DVec3,
+        farthest: f64,
     },
     #[error("face {face} is clockwise in material space, others are not: turn all one way")]
     Orientation { face: usize },

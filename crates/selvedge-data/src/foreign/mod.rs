@@ -19,5 +19,5 @@ mod source;
 mod tfrecord;
 
 pub use error::{ForeignError, ForeignProblem, RecordProblem};
-pub use options::{ForeignFormat, ImportOptions, RestSource};
+pub use options::{ForeignFormat, ImportOptions, Purpose, RestSource};
 pub use source::{ForeignRun, ForeignSource};

@@ -28,6 +28,16 @@ pub enum RestSource {
     Obj(PathBuf),
 }
 
+/// What a data set is to be used for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Purpose {
+    /// Something must be there to train on.
+    #[default]
+    Training,
+    /// To measure models that were trained elsewhere: what there is to train on is left out.
+    Testing,
+}
+
 /// What is said about foreign data. `None` takes the default, where there is one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions {
@@ -54,6 +64,8 @@ pub struct ImportOptions {
     pub up: Option<UpAxis>,
     /// At most so many trajectories of each split.
     pub limit: Option<usize>,
+    /// Which of them are imported.
+    pub purpose: Purpose,
     /// Trajectories to test on, by name, for released folders that are not already in `train` and
     /// `test`.
     pub test: Vec<String>,

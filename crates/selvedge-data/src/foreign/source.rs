@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::{FlagSimple, record_files};
-use super::options::{ForeignFormat, ImportOptions};
+use super::options::{ForeignFormat, ImportOptions, Purpose};
 use super::released::{POSITIONS, Released};
 use super::tfrecord::{self, RecordPlace};
 use crate::dataset::Split;
@@ -51,7 +51,8 @@ impl ForeignSource {
     ///
     /// Of `flag_simple`, `train.tfrecord` is learned from and every other .tfrecord file tested on;
     /// trajectories are called by file and record, as `valid-0007`. Of released folders those in
-    /// `train` and `test` are, or else those beside each other, tested on where the options say so.
+    /// `train` and `test` are, or else those beside each other, tested on where the options say so;
+    /// a folder among them that is no trajectory is an error, unless its name begins with a dot.
     ///
     /// # Errors
     /// [`ForeignError`] names the file, the record and the byte, or the option.
@@ -75,6 +76,9 @@ impl ForeignSource {
                 (Reader::Released(reader), runs)
             }
         };
+        if options.purpose == Purpose::Testing {
+            runs.retain(|run| run.split == Split::Test);
+        }
         if let Some(limit) = options.limit {
             let mut kept = [0; 2];
             runs.retain(|run| {
@@ -83,6 +87,7 @@ impl ForeignSource {
                 *count <= limit
             });
         }
+        check_purpose(format, options.purpose, &runs).map_err(at_folder)?;
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let named = named.file_name().map(|name| name.to_string_lossy());
         let name = options.name.clone();
@@ -158,6 +163,36 @@ impl ForeignSource {
     }
 }
 
+/// That there is something for what the data are wanted for.
+fn check_purpose(
+    format: ForeignFormat,
+    purpose: Purpose,
+    runs: &[ForeignRun],
+) -> Result<(), ForeignProblem> {
+    let split = match purpose {
+        Purpose::Training => Split::Train,
+        Purpose::Testing => Split::Test,
+    };
+    if runs.iter().any(|run| run.split == split) {
+        return Ok(());
+    }
+    let problem = match (purpose, format) {
+        (Purpose::Training, ForeignFormat::FlagSimple) => {
+            "has nothing to train on, as train.tfrecord is not there: add it, or import what there is with --test-only"
+        }
+        (Purpose::Training, ForeignFormat::Released) => {
+            "has nothing to train on: name fewer with --test or add a folder train, or import what there is to test on with --test-only"
+        }
+        (Purpose::Testing, ForeignFormat::FlagSimple) => {
+            "has nothing to test on: add valid.tfrecord or test.tfrecord, or leave --test-only out"
+        }
+        (Purpose::Testing, ForeignFormat::Released) => {
+            "has nothing to test on: name some with --test or add a folder test, or leave --test-only out"
+        }
+    };
+    Err(ForeignProblem::Layout(problem.to_owned()))
+}
+
 /// The records of all TFRecord files in `folder`.
 fn records(folder: &Path) -> Result<Vec<ForeignRun>, ForeignError> {
     let at = |path: &Path, problem| ForeignError {
@@ -197,6 +232,7 @@ fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
     let [train_folder, test_folder] = ["train", "test"].map(|name| folder.join(name));
     let mut runs = Vec::new();
     if train_folder.is_dir() || test_folder.is_dir() {
+        check_alone(folder)?;
         if !test.is_empty() {
             return Err(wrong(
                 "has folders train and test, which say what to test on: leave --test out"
@@ -227,28 +263,61 @@ fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
     Ok(runs)
 }
 
-/// The folders in `folder` that have positions, by name.
-fn folders_of(
-    folder: &Path,
-    split: impl Fn(&str) -> Split,
-) -> Result<Vec<ForeignRun>, ForeignError> {
+/// That nothing stands beside the folders `train` and `test` that would be left out unseen.
+fn check_alone(folder: &Path) -> Result<(), ForeignError> {
+    for path in folders_in(folder)? {
+        if !["train", "test"].iter().any(|name| path.ends_with(name)) {
+            let problem = "stands beside train and test, and is neither: put what is in it into one of them, or move it elsewhere";
+            return Err(ForeignError {
+                path,
+                problem: ForeignProblem::Layout(problem.to_owned()),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The folders in `folder` whose names do not begin with a dot, by name.
+fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
     let read = |source| ForeignError {
         path: folder.to_owned(),
         problem: ForeignProblem::Read(source),
     };
-    let mut runs = Vec::new();
+    let mut folders = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(read)? {
         let path = entry.map_err(read)?.path();
-        if path.join(POSITIONS).is_file() {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let name = name.into_owned();
-            runs.push(ForeignRun {
-                split: split(&name),
-                name,
-                place: Place::Folder(path),
-            });
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() && !name.starts_with('.') {
+            folders.push(path);
         }
     }
-    runs.sort_by(|a, b| a.name.cmp(&b.name));
+    folders.sort();
+    Ok(folders)
+}
+
+/// The folders in `folder`, each a trajectory, by name.
+fn folders_of(
+    folder: &Path,
+    split: impl Fn(&str) -> Split,
+) -> Result<Vec<ForeignRun>, ForeignError> {
+    let mut runs = Vec::new();
+    for path in folders_in(folder)? {
+        if !path.join(POSITIONS).is_file() {
+            let problem = format!(
+                "has no file {POSITIONS}: every folder here is taken for a trajectory, so add the file, or move the folder elsewhere"
+            );
+            return Err(ForeignError {
+                path,
+                problem: ForeignProblem::Layout(problem),
+            });
+        }
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = name.into_owned();
+        runs.push(ForeignRun {
+            split: split(&name),
+            name,
+            place: Place::Folder(path),
+        });
+    }
     Ok(runs)
 }

@@ -58,6 +58,14 @@ pub(crate) struct Latents<'a, T> {
 }
 
 impl<T: Real> BlockScratch<T> {
+    /// Numbers held.
+    #[cfg(test)]
+    pub(crate) fn number_count(&self) -> usize {
+        let vertices = [&self.at_sender, &self.at_receiver, &self.incoming];
+        let held: usize = vertices.iter().map(|numbers| numbers.len()).sum();
+        held + self.messages.len()
+    }
+
     fn fit(&mut self, vertices: usize, arcs: usize, latent: usize) {
         resize(&mut self.at_sender, vertices * latent);
         resize(&mut self.at_receiver, vertices * latent);
@@ -67,6 +75,14 @@ impl<T: Real> BlockScratch<T> {
 }
 
 impl<T: Real> BlockRecord<T> {
+    /// Numbers held.
+    #[cfg(test)]
+    pub(crate) fn number_count(&self) -> usize {
+        let latents = [&self.nodes, &self.edges, &self.incoming];
+        let held: usize = latents.iter().map(|numbers| numbers.len()).sum();
+        held + self.edge.number_count() + self.node.number_count()
+    }
+
     fn fit(&mut self, block: &Block, vertices: usize, arcs: usize) {
         let latent = block.node.first.outputs;
         resize(&mut self.nodes, vertices * latent);

@@ -34,6 +34,14 @@ pub(crate) struct EncoderEnds<'a, T> {
     pub(crate) output: &'a mut [T],
 }
 
+#[cfg(test)]
+impl<T: Real> EncoderRecord<T> {
+    /// Numbers held.
+    pub(crate) fn number_count(&self) -> usize {
+        self.mlp.number_count() + self.gru.number_count()
+    }
+}
+
 impl EncoderLayers {
     pub(crate) fn new(
         layout: &mut LayoutBuilder,

@@ -91,6 +91,20 @@ impl<T: Real> GruScratch<T> {
 }
 
 impl<T: Real> GruRecord<T> {
+    /// Numbers held.
+    #[cfg(test)]
+    pub(crate) fn number_count(&self) -> usize {
+        let twice = self.states.iter().chain(&self.kept);
+        let once = [
+            &self.between,
+            &self.from_input,
+            &self.from_hidden,
+            &self.normal,
+            &self.inverse_deviation,
+        ];
+        twice.chain(once).map(Vec::len).sum()
+    }
+
     /// Makes room for `rows` rows.
     pub(crate) fn fit(&mut self, encoder: &GruEncoder, rows: usize) {
         let (steps, hidden) = (encoder.steps, encoder.linear.inputs);

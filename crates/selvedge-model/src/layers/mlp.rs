@@ -57,6 +57,14 @@ impl<T: Real> MlpScratch<T> {
 }
 
 impl<T: Real> MlpRecord<T> {
+    /// Numbers held.
+    #[cfg(test)]
+    pub(crate) fn number_count(&self) -> usize {
+        let rows = [&self.hidden1, &self.hidden2, &self.normal];
+        let held: usize = rows.iter().map(|numbers| numbers.len()).sum();
+        held + self.inverse_deviation.len()
+    }
+
     /// Makes room for `rows` rows.
     pub(crate) fn fit(&mut self, mlp: &Mlp, rows: usize) {
         resize(&mut self.hidden1, rows * mlp.first.outputs);

@@ -1,7 +1,7 @@
 //! A resumed training is the uninterrupted one, bit for bit; what it cannot go on from is refused.
 
 use selvedge_data::SectionRule;
-use selvedge_model::Encoder;
+use selvedge_model::{EdgeLimits, Encoder};
 
 use super::*;
 use crate::schedule::LearningRate;
@@ -147,7 +147,37 @@ fn another_configuration_is_refused_by_its_field() {
     let mut cfg = busy(Encoder::MLP);
     cfg.log_every = 0;
     let text = refusal(cfg, &data, &bytes);
-    assert_eq!(text, "log_every must be at least 1, found 0");
+    assert_eq!(text, "log_every must be between 1 and 100000, found 0");
+}
+
+#[test]
+fn another_model_is_refused_by_all_its_fields() {
+    let data = two_cloths();
+    let (path, _) = five(busy(Encoder::Mlp { window: 1 }), &data);
+    let from = |edit: fn(&mut TrainConfig)| {
+        let mut cfg = busy(Encoder::Mlp { window: 1 });
+        edit(&mut cfg);
+        Trainer::start_from(cfg, &data.dataset, &path).map_err(|error| error.to_string())
+    };
+    // What is no part of the network may be another.
+    let trainer = from(|cfg| {
+        cfg.seed = 9;
+        cfg.model.edge_limits = Some(EdgeLimits {
+            least: 0.9,
+            most: 1.1,
+            sweeps: 3,
+        });
+    });
+    assert_eq!(trainer.expect("the same network").steps_done(), 0);
+    let text = from(|cfg| {
+        cfg.model.latent = 16;
+        cfg.model.blocks = 3;
+        cfg.model.encoder = Encoder::Mlp { window: 4 };
+    });
+    let text = text.err().expect("another network");
+    let expected = "is of another model: model.blocks is 2 there, 3 here; model.encoder.window is 1 there, 4 here; model.latent is 8 there, 16 here: set these values as they are there, or train without it";
+    assert!(text.ends_with(expected), "{text}");
+    assert!(!text.contains('\n'));
 }
 
 #[test]

@@ -55,13 +55,19 @@ fn unknown_keys_and_missing_files_are_named() {
 #[test]
 fn values_out_of_range_are_named() {
     type Edit = fn(&mut TrainConfig);
-    let cases: [(Edit, &str); 16] = [
-        (|c| c.steps = 0, "steps must be at least 1, found 0"),
+    let cases: [(Edit, &str); 24] = [
+        (
+            |c| c.steps = 0,
+            "steps must be between 1 and 1000000000, found 0",
+        ),
         (
             |c| c.statistics_samples = 0,
-            "statistics_samples must be at least 1, found 0",
+            "statistics_samples must be between 1 and 1000000, found 0",
         ),
-        (|c| c.log_every = 0, "log_every must be at least 1, found 0"),
+        (
+            |c| c.log_every = 0,
+            "log_every must be between 1 and 100000, found 0",
+        ),
         (
             |c| c.gradient_clip = Some(-1.0),
             "gradient_clip must be finite and positive, found -1",
@@ -80,11 +86,11 @@ fn values_out_of_range_are_named() {
         ),
         (
             |c| c.scheduled_sampling.longest = 0,
-            "scheduled_sampling.longest must be at least 1, found 0",
+            "scheduled_sampling.longest must be between 1 and 1000000, found 0",
         ),
         (
             |c| c.batch.samples = 0,
-            "batch.samples must be at least 1, found 0",
+            "batch.samples must be between 1 and 65536, found 0",
         ),
         (
             |c| c.batch.shard = 4,
@@ -109,6 +115,57 @@ fn values_out_of_range_are_named() {
         (
             |c| c.scheduled_sampling.farthest = f64::INFINITY,
             "scheduled_sampling.farthest must be finite and positive, found inf",
+        ),
+        (
+            |c| c.steps = u64::MAX,
+            "steps must be between 1 and 1000000000, found 18446744073709551615",
+        ),
+        (
+            |c| c.statistics_samples = 1_000_001,
+            "statistics_samples must be between 1 and 1000000, found 1000001",
+        ),
+        (
+            |c| c.log_every = 100_001,
+            "log_every must be between 1 and 100000, found 100001",
+        ),
+        (
+            |c| c.scheduled_sampling.longest = u32::MAX,
+            "scheduled_sampling.longest must be between 1 and 1000000, found 4294967295",
+        ),
+        (
+            |c| c.batch.samples = 1_000_000_000_000_000,
+            "batch.samples must be between 1 and 65536, found 1000000000000000",
+        ),
+        (
+            |c| {
+                c.learning_rate = LearningRate::Cosine {
+                    warmup: 3,
+                    from: 1.0,
+                    to: 0.1,
+                    end: u64::MAX,
+                }
+            },
+            "learning_rate.end must be at most 1000000000, found 18446744073709551615",
+        ),
+        (
+            |c| {
+                c.scheduled_sampling.truth = TruthProbability::Linear {
+                    start: 0,
+                    end: 2_000_000_000,
+                    probability: 0.5,
+                };
+            },
+            "scheduled_sampling.end must be at most 1000000000, found 2000000000",
+        ),
+        (
+            |c| {
+                c.unroll = UnrollFrames::Growing {
+                    start: 0,
+                    end: u64::MAX,
+                    frames: 9,
+                }
+            },
+            "unroll.end must be at most 1000000000, found 18446744073709551615",
         ),
         (
             |c| c.model.latent = 1,

@@ -63,8 +63,8 @@ fn trajectories_of_one_cloth_share_its_graph() {
 }
 
 #[test]
-fn sections_without_a_sample_are_refused() {
-    let data = swinging(&[("a", 9, 2)], SectionRule::Whole);
+fn a_set_without_anything_to_train_on_is_refused() {
+    let data = swinging(&[], SectionRule::Whole);
     let error = Corpus::load(&data.dataset).err().expect("no samples");
     assert!(matches!(error, CorpusError::NoSamples));
 }

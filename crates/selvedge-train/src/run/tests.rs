@@ -231,17 +231,39 @@ fn a_training_that_blows_up_keeps_the_last_good_files() {
     case.cfg.learning_rate = LearningRate::Constant { rate: 1e30 };
     let error = case.run(&mut case.trainer(), NO_LIMITS, u64::MAX);
     let error = error.expect_err("weights of 1e30");
+    let text = error.to_string();
     assert!(matches!(
         error,
-        RunError::Train(TrainError::NotFinite { step: 2 })
+        RunError::Train {
+            source: TrainError::NotFinite { step: 2 },
+            kept: Kept::Checkpoint(_)
+        }
     ));
+    assert!(text.starts_with("step 2: the loss is not finite: lower learning_rate"));
+    assert!(text.ends_with("checkpoint.safetensors is of an earlier step and whole"));
     unchanged(&case);
     // Weights that are infinite after the first step, which is the last: there is no second loss.
     case.cfg.learning_rate = LearningRate::Constant { rate: 1e300 };
     case.cfg.steps = 1;
     let error = case.run(&mut case.trainer(), NO_LIMITS, u64::MAX);
-    assert!(matches!(error, Err(RunError::Train(TrainError::Model(_)))));
+    let is_model = |error: &RunError| {
+        matches!(
+            error,
+            RunError::Train {
+                source: TrainError::Model(_),
+                ..
+            }
+        )
+    };
+    assert!(error.is_err_and(|error| is_model(&error)));
     unchanged(&case);
+    // Before the first checkpoint there is nothing to praise.
+    let mut fresh = self::case(100);
+    fresh.cfg.learning_rate = LearningRate::Constant { rate: 1e30 };
+    let error = fresh.run(&mut fresh.trainer(), NO_LIMITS, u64::MAX);
+    let text = error.expect_err("weights of 1e30").to_string();
+    assert!(text.ends_with("there is no checkpoint yet"), "{text}");
+    assert!(!fresh.path(files::CHECKPOINT).exists());
 }
 
 #[test]

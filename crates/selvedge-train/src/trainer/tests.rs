@@ -148,6 +148,49 @@ fn statistics_come_from_the_samples_and_are_those_of_the_model() {
 }
 
 #[test]
+fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
+    let data = two_cloths();
+    let cfg = || config(Encoder::MLP);
+    let mut heard = Vec::new();
+    let mut listen = |gathered| {
+        heard.push(gathered);
+        ControlFlow::Continue(())
+    };
+    let observed = Trainer::new_observed(cfg(), &data.dataset, &mut listen);
+    let observed = observed.expect("a training").expect("nobody stopped it");
+    let expected = (1..=12).map(|done| Gathered { done, samples: 12 });
+    assert!(heard.into_iter().eq(expected));
+    let plain = Trainer::new(cfg(), &data.dataset).expect("a training");
+    assert_eq!(observed.inputs, plain.inputs);
+    assert_eq!(observed.weights, plain.weights);
+    let mut count = 0;
+    let mut stop = |gathered: Gathered| {
+        count = gathered.done;
+        match gathered.done {
+            5 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    };
+    let stopped = Trainer::new_observed(cfg(), &data.dataset, &mut stop).expect("good");
+    assert!(stopped.is_none());
+    assert_eq!(count, 5);
+}
+
+#[test]
+fn statistics_have_streams_of_their_own_within_all_bounds() {
+    // The most samples per step and the most of statistics: no number wraps round.
+    let data = two_cloths();
+    let mut cfg = config(Encoder::MLP);
+    cfg.statistics_samples = 1_000_000;
+    cfg.batch.samples = 65_536;
+    cfg.batch.shard = 65_536;
+    cfg.validate().expect("within its bounds");
+    let mut stop = |_| ControlFlow::Break(());
+    let stopped = Trainer::new_observed(cfg, &data.dataset, &mut stop);
+    assert!(stopped.expect("room").is_none());
+}
+
+#[test]
 fn a_lane_in_a_run_goes_where_the_rollout_goes() {
     let data = swinging(&[("a", 9, 14)], SectionRule::Whole);
     let mut carried = config(Encoder::Mlp { window: 2 });

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
-use selvedge_data::foreign::{ForeignFormat, ImportOptions, RestSource};
+use selvedge_data::foreign::{ForeignFormat, ImportOptions, Purpose, RestSource};
 
 /// Make a data set from data of another project.
 ///
@@ -56,6 +56,9 @@ pub(crate) struct ImportArgs {
     /// Trajectories to test on, separated by commas (released, without folders train and test).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) test: Vec<String>,
+    /// Import only what is to be tested on; without this, nothing to train on is an error.
+    #[arg(long)]
+    pub(crate) test_only: bool,
 }
 
 /// A format of another project.
@@ -103,6 +106,10 @@ impl ImportArgs {
                 UpName::Z => UpAxis::Z,
             }),
             limit: self.limit.map(|limit| limit as usize),
+            purpose: match self.test_only {
+                true => Purpose::Testing,
+                false => Purpose::Training,
+            },
             test: self.test.clone(),
         }
     }

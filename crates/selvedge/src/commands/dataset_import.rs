@@ -38,22 +38,13 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let source = ForeignSource::open(args.format(), &args.source, &args.options())?;
     let plan = source.plan();
     let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
-    place::make_folder(&args.out)?;
+    let _claimed = place::claim_folder(&args.out)?;
     let mut writer = DatasetWriter::open(&args.out, plan)?;
     let missing = writer.missing().len();
-    let progress = Progress::new("importing", missing, "trajectories");
-    for run in source.runs() {
-        if interrupt::requested() {
-            break;
-        }
-        if writer.written(run.split, &run.name).is_some() {
-            continue;
-        }
-        let trajectory = source.read(run)?;
-        writer.add(run.split, &run.name, &trajectory)?;
-        progress.advance();
+    if let Err(error) = write(&source, &mut writer) {
+        writer.withdraw();
+        return Err(error);
     }
-    drop(progress);
     let trajectories_missing = writer.missing().len();
     let mut report = Report {
         name,
@@ -75,6 +66,23 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     }
     report.seconds = started.elapsed().as_secs_f64();
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Reads and writes what is missing, one trajectory after another, until an end is asked for.
+fn write(source: &ForeignSource, writer: &mut DatasetWriter) -> anyhow::Result<()> {
+    let progress = Progress::new("importing", writer.missing().len(), "trajectories");
+    for run in source.runs() {
+        if interrupt::requested() {
+            break;
+        }
+        if writer.written(run.split, &run.name).is_some() {
+            continue;
+        }
+        let trajectory = source.read(run)?;
+        writer.add(run.split, &run.name, &trajectory)?;
+        progress.advance();
+    }
+    Ok(())
 }
 
 fn text(report: &Report) -> Facts {

@@ -34,6 +34,15 @@ struct Report {
     interrupted: bool,
 }
 
+/// A training that was interrupted before its first step.
+#[derive(Serialize)]
+struct Stopped {
+    out: PathBuf,
+    steps_done: u64,
+    steps: u64,
+    interrupted: bool,
+}
+
 /// Trains, or goes on with training.
 ///
 /// # Errors
@@ -48,8 +57,17 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         cfg.steps = steps;
     }
     let data = dataset::open(&args.data)?;
-    place::make_folder(&args.out)?;
-    let mut trainer = trainer(cfg, &data, args)?;
+    let _claimed = place::claim_folder(&args.out)?;
+    let steps = cfg.steps;
+    let Some(mut trainer) = trainer(cfg, &data, args)? else {
+        let report = Stopped {
+            out: args.out.clone(),
+            steps_done: 0,
+            steps,
+            interrupted: true,
+        };
+        return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
+    };
     let limits = Limits {
         time: args.span,
         checkpoint_every: CHECKPOINT_EVERY,
@@ -86,10 +104,11 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&report), &report)?.ended(ended))
 }
 
-fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result<Trainer> {
+/// None where an end was asked for before the first step.
+fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result<Option<Trainer>> {
     let checkpoint = args.out.join(files::CHECKPOINT);
     if args.resume {
-        return Ok(Trainer::resume(cfg, data, &checkpoint)?);
+        return Ok(Some(Trainer::resume(cfg, data, &checkpoint)?));
     }
     if checkpoint.exists() {
         bail!(
@@ -97,10 +116,24 @@ fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result
             args.out.display()
         );
     }
-    Ok(match &args.from {
-        Some(folder) => Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT))?,
-        None => Trainer::new(cfg, data)?,
-    })
+    if let Some(folder) = &args.from {
+        let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT))?;
+        return Ok(Some(trainer));
+    }
+    let progress = Progress::new("gathering statistics", cfg.statistics_samples, "samples");
+    let trainer = Trainer::new_observed(cfg, data, &mut |_| {
+        progress.advance();
+        interrupt::flow()
+    })?;
+    Ok(trainer)
+}
+
+fn stopped(steps: u64) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("steps", format!("0 of {steps}"));
+    let how = "the same command: statistics were being gathered, and nothing is written yet";
+    facts.add("to go on", how);
+    facts
 }
 
 fn text(report: &Report) -> Facts {

@@ -1,0 +1,150 @@
+//! What the index of a data set says of itself, checked without reading a trajectory: names and
+//! files, trajectories that are there once, sections within them, counts that are those of its lists.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path};
+
+use super::{DatasetIndex, Entry, Split};
+use crate::sections::{SAMPLE_FRAMES, Section};
+
+/// Says what is wrong with the index of the data set in `folder`.
+pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
+    let splits = [
+        (Split::Train, &index.splits.train),
+        (Split::Test, &index.splits.test),
+    ];
+    for (split, entries) in splits {
+        check_names(entries.iter().map(|entry| entry.motion.as_str()))
+            .map_err(|(motion, problem)| format!("motion {motion:?} {problem}"))?;
+        for entry in entries {
+            check_file(folder, split, entry)?;
+        }
+    }
+    check_once(index)?;
+    check_sections(index)?;
+    check_counts(index)
+}
+
+/// Where the trajectory of a motion is, relative to the folder.
+pub(crate) fn file_of(split: Split, motion: &str) -> String {
+    format!("{}/{motion}.safetensors", folder_of(split))
+}
+
+/// Where the trajectories of a split are, relative to the folder.
+pub(crate) fn folder_of(split: Split) -> &'static str {
+    match split {
+        Split::Train => "train",
+        Split::Test => "test",
+    }
+}
+
+/// That the motions of a split can be names of files and are all different; else which, and why.
+pub(crate) fn check_names<'a>(
+    motions: impl Iterator<Item = &'a str>,
+) -> Result<(), (&'a str, &'static str)> {
+    let mut seen = BTreeSet::new();
+    for motion in motions {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if motion.starts_with('.') || !motion.chars().all(is_plain) || motion.is_empty() {
+            let problem =
+                "is no name: names of motions become file names, of letters, digits, - _ .";
+            return Err((motion, problem));
+        }
+        if !seen.insert(motion) {
+            return Err((motion, "is twice in one split"));
+        }
+    }
+    Ok(())
+}
+
+fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), String> {
+    let file = &entry.file;
+    if !is_inside(Path::new(file)) {
+        return Err(format!("file {file:?} is not inside the data set's folder"));
+    }
+    if !folder.join(file).is_file() {
+        return Err(format!("file {file:?} is missing"));
+    }
+    let expected = file_of(split, &entry.motion);
+    if *file != expected {
+        let motion = &entry.motion;
+        return Err(format!(
+            "file {file:?} is not that of motion {motion:?}, {expected:?}"
+        ));
+    }
+    Ok(())
+}
+
+fn is_inside(file: &Path) -> bool {
+    let mut parts = file.components();
+    parts.clone().next().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
+}
+
+/// That no trajectory is there twice, neither in a split nor in both.
+fn check_once(index: &DatasetIndex) -> Result<(), String> {
+    let mut seen: BTreeMap<&str, &Entry> = BTreeMap::new();
+    for entry in index.splits.train.iter().chain(&index.splits.test) {
+        if let Some(other) = seen.insert(&entry.blake3, entry) {
+            return Err(format!(
+                "files {:?} and {:?} are the same trajectory (hash {})",
+                other.file, entry.file, entry.blake3
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_sections(index: &DatasetIndex) -> Result<(), String> {
+    for (number, section) in index.sections.iter().enumerate() {
+        let &Section {
+            trajectory,
+            start,
+            end,
+        } = section;
+        let frames = index.splits.train.get(trajectory).map(|entry| entry.frames);
+        if start >= end || frames.is_none_or(|frames| end > frames) {
+            return Err(format!(
+                "section {number}: frames {start}..{end} of training trajectory {trajectory} do not exist"
+            ));
+        }
+        if end - start < SAMPLE_FRAMES {
+            return Err(format!(
+                "section {number}: frames {start}..{end} are fewer than the {SAMPLE_FRAMES} of a sample"
+            ));
+        }
+    }
+    // Sections may share the frames at their ends, but not samples, whose frames are one less at each.
+    let mut order: Vec<(usize, &Section)> = index.sections.iter().enumerate().collect();
+    order.sort_by_key(|(_, section)| (section.trajectory, section.start, section.end));
+    for pair in order.windows(2) {
+        let ((first, a), (second, b)) = (pair[0], pair[1]);
+        if a.trajectory == b.trajectory && b.start + 2 < a.end {
+            let trajectory = a.trajectory;
+            return Err(format!(
+                "sections {first} and {second} of training trajectory {trajectory} have samples in common"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_counts(index: &DatasetIndex) -> Result<(), String> {
+    let (splits, statistics) = (&index.splits, &index.statistics);
+    // What an index says may be too much for one word.
+    let train_frames: u128 = splits.train.iter().map(|entry| entry.frames as u128).sum();
+    let samples_of = |section: &Section| (section.frame_count() + 1 - SAMPLE_FRAMES) as u128;
+    let samples: u128 = index.sections.iter().map(samples_of).sum();
+    let trajectories = (splits.train.len() + splits.test.len()) as u128;
+    for (field, said, counted) in [
+        ("trajectories", statistics.trajectories, trajectories),
+        ("train_frames", statistics.train_frames, train_frames),
+        ("samples", statistics.samples, samples),
+    ] {
+        if said as u128 != counted {
+            return Err(format!(
+                "statistics.{field} is {said}, but its trajectories and sections have {counted}"
+            ));
+        }
+    }
+    Ok(())
+}

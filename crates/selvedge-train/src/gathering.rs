@@ -1,0 +1,79 @@
+//! Statistics of inputs and targets over samples drawn as in training, before the first step: sample by
+//! sample, so that whoever waits hears of each and may stop.
+
+use selvedge_model::{Place, RunningStatistics, Window, edge_groups, node_groups};
+
+use crate::config::TrainConfig;
+use crate::corpus::Corpus;
+use crate::lane::{LaneState, Shown, rng_of};
+use crate::losses::RunningLossStatistics;
+
+/// How far the statistics are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gathered {
+    /// Samples so far.
+    pub done: usize,
+    /// Samples in all.
+    pub samples: usize,
+}
+
+/// Statistics on their way.
+pub(crate) struct Gathering<'a> {
+    cfg: &'a TrainConfig,
+    corpus: &'a Corpus,
+    done: usize,
+    nodes: RunningStatistics,
+    edges: RunningStatistics,
+    targets: RunningLossStatistics,
+    shown: Shown,
+    window: Window,
+}
+
+/// Those of vertices and of arcs, and of the targets.
+pub(crate) type Statistics = ([RunningStatistics; 2], RunningLossStatistics);
+
+impl<'a> Gathering<'a> {
+    /// Statistics of no sample yet.
+    pub(crate) fn new(cfg: &'a TrainConfig, corpus: &'a Corpus) -> Self {
+        Self {
+            cfg,
+            corpus,
+            done: 0,
+            nodes: RunningStatistics::new(&node_groups(&cfg.model)),
+            edges: RunningStatistics::new(&edge_groups(&cfg.model)),
+            targets: RunningLossStatistics::default(),
+            shown: Shown::default(),
+            window: Window::default(),
+        }
+    }
+
+    /// Takes the next sample; none when there are as many as the configuration wants.
+    pub(crate) fn advance(&mut self) -> Option<Gathered> {
+        let (cfg, spec) = (self.cfg, &self.cfg.model);
+        if self.done >= cfg.statistics_samples {
+            return None;
+        }
+        // The last streams: no training reaches them. The bounds of both counts leave room.
+        let last = u64::MAX / cfg.batch.samples as u64 - 1;
+        let stream = last - cfg.statistics_samples as u64 + self.done as u64;
+        let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
+        LaneState::new().show(cfg, self.corpus, &mut rng, &mut self.shown);
+        let graph = &*self.corpus.motion(self.shown.trajectory).graph;
+        let place = Place::alone(graph);
+        self.window.fit(spec, &place);
+        self.window.write(spec, graph, self.shown.window(), &place);
+        self.nodes.add(&self.window.nodes);
+        self.edges.add(&self.window.edges);
+        self.targets.add(&self.shown.triplet(graph));
+        self.done += 1;
+        Some(Gathered {
+            done: self.done,
+            samples: cfg.statistics_samples,
+        })
+    }
+
+    /// What was gathered.
+    pub(crate) fn finish(self) -> Statistics {
+        ([self.nodes, self.edges], self.targets)
+    }
+}
