@@ -44,6 +44,8 @@ export class Panel {
   }
 
   offer(catalogue: Catalogue): void {
+    // What was chosen is to be shown anew.
+    this.state = null;
     const fill = (id: string, names: (string | number)[], first?: string) => {
       const options = names.map((name) => new Option(String(name), String(name)));
       if (first !== undefined) options.unshift(new Option(first, ""));
