@@ -189,6 +189,11 @@ export class ClothObject {
           } else if (!gl_FrontFacing) {
             diffuseColor.rgb = backColour;
           }`,
+        )
+        .replace(
+          "#include <emissivemap_fragment>",
+          // A number must be read in the shade, too.
+          "if (fieldShown > 0.5) totalEmissiveRadiance += 0.3 * diffuseColor.rgb;",
         );
     };
     return material;

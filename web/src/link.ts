@@ -36,7 +36,13 @@ export class Link {
       this.onStatus("open", "");
     };
     socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
-      const message = protocol.decode(event.data);
+      let message: protocol.Message;
+      try {
+        message = protocol.decode(event.data);
+      } catch (error) {
+        this.onStatus("refused", String(error));
+        return;
+      }
       if (message.kind === "frame") {
         // Says that this page keeps up; without it the session sends no more.
         this.send(protocol.ready(message.frame.number));

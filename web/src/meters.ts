@@ -12,17 +12,13 @@ export class Meters {
   /** From the event of a drag to after the picture that follows it, ms; the latest last. */
   readonly latencies: number[] = [];
   fps = 0;
-  framesPerSecond = 0;
   private drawn = 0;
-  private numbers: [first: number, last: number] = [0, 0];
   private since = performance.now();
   private awaited: { at: number } | null = null;
 
   constructor(private readonly hands: Hands) {}
 
   frame(frame: Frame, client: number): void {
-    if (this.numbers[0] === 0) this.numbers[0] = frame.number;
-    this.numbers[1] = frame.number;
     if (frame.client !== client) return;
     const sent = this.hands.sent;
     const index = sent.findIndex((drag) => drag.number > frame.drag);
@@ -50,13 +46,11 @@ export class Meters {
     const seconds = (now - this.since) / 1000;
     if (seconds >= 0.95) {
       this.fps = this.drawn / seconds;
-      this.framesPerSecond = (this.numbers[1] - this.numbers[0]) / seconds;
       this.drawn = 0;
-      this.numbers[0] = this.numbers[1];
       this.since = now;
     }
     element("fps").textContent = `${this.fps < 9.5 ? this.fps.toFixed(1) : Math.round(this.fps)} fps`;
-    element("steps").textContent = `${Math.round(this.framesPerSecond)} /s`;
+    element("steps").textContent = state.running ? `${Math.round(state.kept * state.rate * state.frame_rate)} /s` : "paused";
     const times = state.tracks.filter((track) => track.kind !== null).map((track) => track.step_ms.toFixed(1));
     element("step-ms").textContent = times.length > 0 ? `${times.join(" + ")} ms` : "–";
     this.trust(state);

@@ -44,6 +44,8 @@ export class Panel {
   }
 
   offer(catalogue: Catalogue): void {
+    // What was chosen is to be shown anew.
+    this.state = null;
     const fill = (id: string, names: (string | number)[], first?: string) => {
       const options = names.map((name) => new Option(String(name), String(name)));
       if (first !== undefined) options.unshift(new Option(first, ""));
@@ -120,8 +122,10 @@ export class Panel {
   private fold(away: boolean): void {
     document.body.classList.toggle("wide", away);
     element("settings").setAttribute("aria-expanded", String(!away));
-    const beside = !away && !matchMedia("(max-width: 760px)").matches;
-    this.stage.cover(beside ? 316 : 0);
+    const narrow = matchMedia("(max-width: 760px)").matches;
+    const panel = element("panel").getBoundingClientRect();
+    if (narrow) this.stage.cover(0, away ? 74 : innerHeight - panel.top);
+    else this.stage.cover(away ? 0 : 316, 0);
   }
 
   private choices(): void {

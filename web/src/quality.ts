@@ -5,7 +5,8 @@ const SLOW = 42;
 /** So many pictures are looked at before something is left out, and so much time at least, ms. */
 const PICTURES = 4;
 const TIME = 800;
-const LEAST = 3;
+/** The level at which everything that can be is left out. */
+export const LEAST = 3;
 
 export class Quality {
   level = 0;
@@ -13,8 +14,17 @@ export class Quality {
   private last = 0;
   private pictures = 0;
 
-  /** A picture was drawn; says whether something more is to be left out. */
-  drawn(): boolean {
+  /** Nothing is ever left out where `full` says so. */
+  constructor(private readonly full: boolean) {}
+
+  /** Begins at a level; says whether that leaves something out. */
+  begin(level: number): boolean {
+    if (!this.full) this.level = level;
+    return this.level > 0;
+  }
+
+  /** Another picture is to be drawn; says whether something more is to be left out of it. */
+  next(): boolean {
     const now = performance.now();
     // A page that was hidden draws nothing, and is not slow.
     if (now - this.last > 3000 || document.hidden) {
@@ -29,7 +39,7 @@ export class Quality {
     const each = over / this.pictures;
     this.since = now;
     this.pictures = 0;
-    if (each < SLOW || this.level >= LEAST) return false;
+    if (this.full || each < SLOW || this.level >= LEAST) return false;
     this.level = Math.min(this.level + (each > 4 * SLOW ? 2 : 1), LEAST);
     return true;
   }

@@ -4,7 +4,7 @@ import * as three from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { ClothObject, weave, type Look, type Shared } from "./cloth";
 import { Floor } from "./floor";
-import { Quality } from "./quality";
+import { LEAST, Quality } from "./quality";
 import { Edges, colourMap, difference, speed, type Colouring } from "./colours";
 import type { Cloth, Frame, Goal } from "./protocol";
 
@@ -82,7 +82,7 @@ export class Stage {
   private readonly sun = new three.DirectionalLight(0xfff4e6, 2.6);
   private readonly sky = new three.HemisphereLight(0xf3f6ff, 0xb5a794, 1.5);
   private readonly floor = new Floor();
-  private readonly quality = new Quality();
+  private readonly quality = new Quality(new URLSearchParams(location.search).has("full"));
   private readonly shared: Shared = { map: colourMap(), weave: weave() };
   private readonly knobs: three.InstancedMesh;
   private readonly leads: three.LineSegments;
@@ -92,7 +92,7 @@ export class Stage {
   private before: Frame | null = null;
   private theme: Theme = THEMES.light;
   private width = 1;
-  private covered = 0;
+  private covered = { right: 0, bottom: 0 };
   private readonly center = new three.Vector3();
   private followed = performance.now();
   private fitted = false;
@@ -119,6 +119,7 @@ export class Stage {
     this.leads.frustumCulled = false;
     this.scene.add(this.sun, this.sun.target, this.sky, this.floor.group, this.knobs, this.leads);
     this.setTheme("light");
+    if (isSoftware(this.renderer.getContext()) && this.quality.begin(LEAST)) this.lower();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
     this.resize();
   }
@@ -155,6 +156,8 @@ export class Stage {
 
   /** Puts everything where the latest frame has it, and draws. */
   draw(): void {
+    // Before the drawing: a canvas of another size is empty.
+    if (this.quality.next()) this.lower();
     this.controls.update();
     if (this.frame && this.cloth) {
       this.arrange(this.frame);
@@ -162,7 +165,6 @@ export class Stage {
       else this.follow();
     }
     this.renderer.render(this.scene, this.camera);
-    if (this.quality.drawn()) this.lower();
   }
 
   /** How much is left out of the picture so that it keeps up, from 0. */
@@ -294,7 +296,7 @@ export class Stage {
     this.sun.shadow.radius = level >= 2 ? 3 : 6;
     this.sun.shadow.map?.dispose();
     this.sun.shadow.map = null;
-    this.sun.castShadow = level < 3;
+    this.sun.castShadow = level < LEAST;
     this.objects.forEach((object) => object.simplify(level));
     this.resize(false);
   }
@@ -324,9 +326,9 @@ export class Stage {
     return knobs;
   }
 
-  /** How much of the room the panel covers on the right, in pixels. */
-  cover(pixels: number): void {
-    this.covered = pixels;
+  /** How much of the room is covered on the right and below, in pixels. */
+  cover(right: number, bottom: number): void {
+    this.covered = { right, bottom };
     this.resize();
   }
 
@@ -336,9 +338,9 @@ export class Stage {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, most));
     this.renderer.setSize(width, height, false);
     // What the panel covers is not looked at: the middle of the view is that of the rest.
-    const covered = Math.min(this.covered, width / 2);
-    this.camera.aspect = (width - covered) / Math.max(height, 1);
-    this.camera.setViewOffset(width - covered, height, 0, 0, width, height);
+    const seen = [width - this.covered.right, Math.max(height - this.covered.bottom, 120)] as const;
+    this.camera.aspect = seen[0] / seen[1];
+    this.camera.setViewOffset(seen[0], seen[1], 0, 0, width, height);
     if (anew && this.frame && this.objects.length > 0) this.fit();
   }
 
@@ -445,6 +447,13 @@ export class Stage {
     }
     return best;
   }
+}
+
+/** Whether pictures are computed by the processor: then most is left out from the start. */
+function isSoftware(context: WebGLRenderingContext | WebGL2RenderingContext): boolean {
+  const about = context.getExtension("WEBGL_debug_renderer_info");
+  const name: unknown = context.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : context.RENDERER);
+  return /swiftshader|llvmpipe|software/i.test(String(name));
 }
 
 function away(point: three.Vector3, goal: Goal, offset: number): number {

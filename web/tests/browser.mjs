@@ -9,6 +9,9 @@ import { chromium } from "playwright-core";
 /** The program to try: SELVEDGE, or the release build. */
 export const program = process.env.SELVEDGE ?? "../target/release/selvedge";
 
+/** How long anything may take, ms; PATIENCE (s) says so where a machine is busy with other things. */
+const patience = 1000 * Number(process.env.PATIENCE ?? 60);
+
 /** Starts `selvedge view` with `args`; gives its address and a way to end it. */
 export async function start(args = [], address = "127.0.0.1:0") {
   const began = performance.now();
@@ -38,6 +41,7 @@ export async function browser(size = { width: 1360, height: 850 }, more = {}) {
   const context = await chromium.launchPersistentContext(profile, {
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
     headless: true,
+    timeout: patience,
     viewport: size,
     args: [
       "--no-sandbox",
@@ -53,6 +57,8 @@ export async function browser(size = { width: 1360, height: 850 }, more = {}) {
     ],
     ...more,
   });
+  context.setDefaultTimeout(patience);
+  context.setDefaultNavigationTimeout(patience);
   const close = async () => {
     await context.close();
     rmSync(profile, { recursive: true, force: true });
@@ -66,7 +72,7 @@ export async function open(context, url, errors = []) {
   page.on("console", (message) => message.type() === "error" && errors.push(message.text()));
   page.on("pageerror", (error) => errors.push(String(error)));
   await page.goto(url);
-  await page.waitForFunction(() => window.selvedge?.stage.trackCount > 0, null, { timeout: 60_000 });
+  await page.waitForFunction(() => window.selvedge?.stage.trackCount > 0, null, { timeout: patience });
   return page;
 }
 
@@ -89,4 +95,4 @@ export function position(page, vertex, track = 0) {
 }
 
 /** Waits until `check`, evaluated in the page with `argument`, holds. */
-export const until = (page, check, argument = null) => page.waitForFunction(check, argument, { timeout: 60_000 });
+export const until = (page, check, argument = null) => page.waitForFunction(check, argument, { timeout: patience });

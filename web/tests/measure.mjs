@@ -1,7 +1,11 @@
 // Measures what docs/viewer.md says of the live viewer: node tests/measure.mjs [start|drag|playback]
 // Needs the release build (or SELVEDGE=PATH) and Debian's Chromium; draws with software GL.
 import { spawnSync } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { browser, open, place, program, start, until } from "./browser.mjs";
+import { writeRecording } from "./recording.mjs";
 
 const what = process.argv.slice(2);
 const wanted = (name) => what.length === 0 || what.includes(name);
@@ -35,7 +39,27 @@ async function pace(page, seconds) {
   return { steps_per_second: (1000 * (after.number - before.number)) / (after.at - before.at), drawn_per_second: after.fps };
 }
 
-/** The shipped model on 400 vertices: from a pointer's move to the picture that follows it. */
+/** Leaves the drawing itself out: software GL takes the processor that a graphics card would spare. */
+const withoutDrawing = (page) => page.evaluate(() => (window.selvedge.stage.renderer.render = () => {}));
+
+/** Drags a handle in circles for `seconds`: from a pointer's move to the picture that follows it. */
+async function circles(page, vertex, seconds) {
+  const from = await place(page, vertex);
+  await page.evaluate(() => (window.selvedge.meters.latencies.length = 0));
+  await page.mouse.move(from.x, from.y);
+  await page.mouse.down();
+  const kept = pace(page, seconds);
+  const began = performance.now();
+  for (let k = 0; performance.now() - began < 1000 * seconds; k++) {
+    await page.mouse.move(from.x + 40 * Math.sin(k / 10), from.y - 30 + 30 * Math.cos(k / 10));
+    await page.waitForTimeout(16);
+  }
+  await page.mouse.up();
+  const latencies = await page.evaluate(() => window.selvedge.meters.latencies);
+  return { drags: latencies.length, median_ms: median(latencies), ...(await kept) };
+}
+
+/** The shipped model on 400 vertices under a hand. */
 async function dragTime() {
   const { context, close } = await browser(small);
   const served = await start();
@@ -45,45 +69,43 @@ async function dragTime() {
   await until(page, () => window.selvedge.state.order.mesh?.vertices === 400 && !window.selvedge.state.busy);
   await page.waitForTimeout(2000);
   const vertex = await page.evaluate(() => window.selvedge.stage.frame.goals[0].vertex);
-  const from = await place(page, vertex);
-  await page.mouse.move(from.x, from.y);
-  await page.mouse.down();
-  const began = performance.now();
-  const kept = pace(page, 10);
-  for (let k = 0; performance.now() - began < 10_000; k++) {
-    await page.mouse.move(from.x + 40 * Math.sin(k / 10), from.y - 30 + 30 * Math.cos(k / 10));
-    await page.waitForTimeout(16);
-  }
-  await page.mouse.up();
-  const latencies = await page.evaluate(() => window.selvedge.meters.latencies);
+  const drawn = await circles(page, vertex, 10);
+  await withoutDrawing(page);
+  await page.keyboard.press("Home");
+  await page.waitForTimeout(1000);
+  const undrawn = await circles(page, vertex, 10);
   const step_ms = await page.evaluate(() => window.selvedge.state.tracks[0].step_ms);
   const vertices = await page.evaluate(() => window.selvedge.stage.frame.tracks[0].length / 3);
-  const answer = { vertices, drags: latencies.length, median_ms: median(latencies), step_ms, ...(await kept) };
   await close();
   await served.stop();
-  return answer;
+  return { vertices, step_ms, drawn, undrawn };
 }
 
 /** A recording of 10,000 vertices over the socket. */
 async function playback() {
-  const file = process.env.RECORDING;
-  if (!file) return "RECORDING=FILE names a trajectory to play";
+  const folder = mkdtempSync(join(tmpdir(), "selvedge-recording-"));
+  const file = join(folder, "wave.safetensors");
+  writeRecording(file, 100, 240);
   const served = await start([file]);
   const { context, close } = await browser(small);
   const page = await open(context, served.url);
   await page.waitForTimeout(2000);
   const vertices = await page.evaluate(() => window.selvedge.stage.frame.tracks[0].length / 3);
-  const answer = { vertices, ...(await pace(page, 10)), taken_up: await taken(page, 5) };
+  const drawn = { ...(await pace(page, 8)), taken_up: await taken(page, 5) };
+  await withoutDrawing(page);
+  const undrawn = { ...(await pace(page, 8)), taken_up: await taken(page, 5) };
   await close();
   await served.stop();
-  return answer;
+  rmSync(folder, { recursive: true });
+  return { vertices, drawn, undrawn };
 }
 
 /** Frames per second that arrive in the page, drawn or not. */
 async function taken(page, seconds) {
   await page.evaluate(() => {
     const { meters } = window.selvedge;
-    const frame = meters.frame.bind(meters);
+    window.inner ??= meters.frame.bind(meters);
+    const frame = window.inner;
     window.arrived = 0;
     meters.frame = (...rest) => {
       window.arrived += 1;

@@ -262,13 +262,7 @@ impl Session {
     /// Goes on with the vertices `all` held, where `held` were before.
     fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), String> {
         self.unfollow();
-        if self.recorder.is_some() {
-            self.stop_recording();
-            self.notify(
-                Level::Good,
-                "the recording ended: a file has the same handles from start to end",
-            );
-        }
+        self.end_recording("a recording has the same handles from start to end: ");
         let Some(stage) = &mut self.stage else {
             return Ok(());
         };
@@ -282,6 +276,7 @@ impl Session {
         let places = stage.places(&stage.hold().handles);
         self.hands = self.hands.rearranged(&places, &kept);
         self.tell_soon = true;
+        self.publish_frame();
         Ok(())
     }
 
@@ -297,6 +292,11 @@ impl Session {
 
     /// Ends a recording, if there is one, and writes it.
     pub(super) fn stop_recording(&mut self) {
+        self.end_recording("");
+    }
+
+    /// As [`Self::stop_recording`]; `why` goes before what is told of it.
+    pub(super) fn end_recording(&mut self, why: &str) {
         let (Some(recorder), Some(stage)) = (self.recorder.take(), &self.stage) else {
             return;
         };
@@ -310,7 +310,10 @@ impl Session {
                 self.replay = Some(tape);
                 self.recorded = files;
                 let names = names.join(" and ");
-                self.notify(Level::Good, format!("wrote {frames} frames to {names}"));
+                self.notify(
+                    Level::Good,
+                    format!("{why}wrote {frames} frames to {names}"),
+                );
             }
             Err(problem) => self.notify(Level::Bad, problem),
         }

@@ -36,6 +36,9 @@ impl Session {
     /// Follows the motion of that name: the scene's own from the start, another from where the handles
     /// come to rest.
     pub(super) fn follow(&mut self, name: String) -> Result<(), String> {
+        if name == SCENE_MOTION {
+            self.end_recording("the scene's own motion starts from its beginning: ");
+        }
         let stage = self.stage.as_mut().ok_or("there is no cloth yet")?;
         let path = if name == SCENE_MOTION {
             let path = stage.bench().scene_path()?;
