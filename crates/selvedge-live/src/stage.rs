@@ -26,13 +26,13 @@ pub(crate) struct Stage {
     bench: Box<dyn Bench>,
     mover: Mover,
     hold: Hold,
-    lanes: Vec<Lane>,
+    all: Vec<Driven>,
     gauge: StrainGauge,
     frame: usize,
 }
 
 /// One stepper.
-struct Lane {
+struct Driven {
     kind: MoverKind,
     stepper: Box<dyn LiveStepper>,
     /// The last frames, oldest first.
@@ -59,7 +59,7 @@ impl Stage {
             bench,
             mover,
             hold,
-            lanes: Vec::new(),
+            all: Vec::new(),
             gauge,
             frame: 0,
         };
@@ -79,35 +79,35 @@ impl Stage {
             handles: self.bench.cloth().handles.clone(),
             environment: self.hold.environment,
         };
-        let lane = |&kind: &MoverKind| {
+        let one = |&kind: &MoverKind| {
             let stepper = self.bench.start(kind, Start::Beginning, &hold)?;
-            Ok(Lane::new(kind, stepper, VecDeque::new(), &self.gauge))
+            Ok(Driven::new(kind, stepper, VecDeque::new(), &self.gauge))
         };
-        let lanes: Result<Vec<Lane>, String> = mover.kinds().iter().map(lane).collect();
-        (self.lanes, self.hold, self.mover, self.frame) = (lanes?, hold, mover, 0);
+        let all: Result<Vec<Driven>, String> = mover.kinds().iter().map(one).collect();
+        (self.all, self.hold, self.mover, self.frame) = (all?, hold, mover, 0);
         Ok(())
     }
 
     /// Lets `mover` go on from here. Who moves the cloth already stays; who joins takes up the motion of
     /// the first.
     pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), String> {
-        let first = self.lanes.iter().find(|lane| lane.stopped.is_none());
+        let first = self.all.iter().find(|one| one.stopped.is_none());
         let frames: Vec<Vec<Vec3>> = match first {
-            Some(lane) => lane.recent.iter().cloned().collect(),
+            Some(one) => one.recent.iter().cloned().collect(),
             None => return self.restart(mover),
         };
         let mut joining = Vec::new();
         for &kind in mover.kinds() {
-            if !self.lanes.iter().any(|lane| lane.is_usable(kind)) {
+            if !self.all.iter().any(|one| one.is_usable(kind)) {
                 let stepper = self.bench.start(kind, Start::Frames(&frames), &self.hold)?;
                 let recent = frames.iter().cloned().collect();
-                joining.push(Lane::new(kind, stepper, recent, &self.gauge));
+                joining.push(Driven::new(kind, stepper, recent, &self.gauge));
             }
         }
-        joining.extend(std::mem::take(&mut self.lanes));
+        joining.extend(std::mem::take(&mut self.all));
         for &kind in mover.kinds() {
-            if let Some(at) = joining.iter().position(|lane| lane.is_usable(kind)) {
-                self.lanes.push(joining.swap_remove(at));
+            if let Some(at) = joining.iter().position(|one| one.is_usable(kind)) {
+                self.all.push(joining.swap_remove(at));
             }
         }
         self.mover = mover;
@@ -135,12 +135,12 @@ impl Stage {
 
     fn change(&mut self, hold: Hold) -> Result<(), String> {
         let changed: Result<Vec<_>, String> = self
-            .lanes
+            .all
             .iter()
-            .map(|lane| lane.stepper.changed(&hold))
+            .map(|one| one.stepper.changed(&hold))
             .collect();
-        for (lane, stepper) in self.lanes.iter_mut().zip(changed?) {
-            lane.stepper = stepper;
+        for (one, stepper) in self.all.iter_mut().zip(changed?) {
+            one.stepper = stepper;
         }
         self.hold = hold;
         self.take_hold();
@@ -150,24 +150,24 @@ impl Stage {
     /// A vertex is taken hold of where it is in each cloth, though all follow one hand.
     fn take_hold(&mut self) {
         let places = self.places(&self.hold.handles);
-        for lane in &mut self.lanes {
-            let own = self.hold.handles.select(lane.stepper.positions());
+        for one in &mut self.all {
+            let own = self.hold.handles.select(one.stepper.positions());
             let offset = |(own, place): (&Vec3, &DVec3)| own.as_dvec3() - *place;
-            lane.offsets = own.iter().zip(&places).map(offset).collect();
+            one.offsets = own.iter().zip(&places).map(offset).collect();
         }
     }
 
     /// One frame on, the handles to `targets`. A stepper that fails stops where it is; the other goes on.
     pub(crate) fn step(&mut self, targets: &HandleTargets) {
-        for lane in &mut self.lanes {
-            lane.step(targets, &self.gauge);
+        for one in &mut self.all {
+            one.step(targets, &self.gauge);
         }
         self.frame += 1;
     }
 
     /// Whether anyone still moves.
     pub(crate) fn is_moving(&self) -> bool {
-        self.lanes.iter().any(|lane| lane.stopped.is_none())
+        self.all.iter().any(|one| one.stopped.is_none())
     }
 
     pub(crate) fn bench(&self) -> &dyn Bench {
@@ -189,17 +189,14 @@ impl Stage {
 
     /// Positions now `[m]`, `[tracks][vertices]`.
     pub(crate) fn positions(&self) -> Vec<&[Vec3]> {
-        self.lanes
-            .iter()
-            .map(|lane| lane.stepper.positions())
-            .collect()
+        self.all.iter().map(|one| one.stepper.positions()).collect()
     }
 
     /// Where vertices are now in the first cloth `[m]`.
     pub(crate) fn places(&self, handles: &Handles) -> Vec<DVec3> {
-        match self.lanes.first() {
-            Some(lane) => {
-                let selected = handles.select(lane.stepper.positions());
+        match self.all.first() {
+            Some(one) => {
+                let selected = handles.select(one.stepper.positions());
                 selected.iter().map(|p| p.as_dvec3()).collect()
             }
             None => Vec::new(),
@@ -207,11 +204,11 @@ impl Stage {
     }
 
     pub(crate) fn tracks(&self) -> Vec<Track> {
-        self.lanes.iter().map(Lane::track).collect()
+        self.all.iter().map(Driven::track).collect()
     }
 }
 
-impl Lane {
+impl Driven {
     fn new(
         kind: MoverKind,
         stepper: Box<dyn LiveStepper>,

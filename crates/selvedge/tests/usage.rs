@@ -29,6 +29,8 @@ fn wrong_calls_exit_with_2_and_say_why() {
         ("train a.toml --data d --out o --for soon", "1h30m"),
         ("dataset generate tiny --out d --threads 0", "--threads"),
         ("rollout --truth --no-truth", "--no-truth"),
+        ("view default --beside a.safetensors", "--beside"),
+        ("view --address here", "--address"),
     ] {
         let said = desk.run(call);
         assert_eq!(said.code, Some(2), "{call}");
@@ -44,6 +46,7 @@ fn every_command_has_help() {
     for call in [
         "",
         "rollout",
+        "view",
         "simulate",
         "sag",
         "dataset",

@@ -5,3 +5,6 @@ mod movers;
 mod workshop;
 
 pub(crate) use workshop::ViewWorkshop;
+
+#[cfg(test)]
+mod tests;
