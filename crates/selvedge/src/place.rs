@@ -53,7 +53,7 @@ pub(crate) fn check_new_folder(path: &Path) -> anyhow::Result<()> {
     if path.exists() && !path.is_dir() {
         bail!("{}: there is a file of this name", path.display());
     }
-    let mut found = std::fs::read_dir(path).into_iter().flatten();
+    let mut found = fs::read_dir(path).into_iter().flatten();
     if found.next().is_some() {
         bail!(
             "{}: there is such a folder already, and it is not empty: choose another name, or remove it",
@@ -140,7 +140,7 @@ pub(crate) struct ClaimedFolder {
 impl Drop for ClaimedFolder {
     fn drop(&mut self) {
         // Only empty folders go.
-        let _ = self.made.iter().try_for_each(std::fs::remove_dir);
+        let _ = self.made.iter().try_for_each(fs::remove_dir);
     }
 }
 
@@ -169,9 +169,9 @@ mod tests {
         drop(claim_folder(&inner).unwrap());
         assert!(!folder.path().join("a").exists());
         assert!(folder.path().is_dir());
-        std::fs::create_dir(folder.path().join("a")).unwrap();
+        fs::create_dir(folder.path().join("a")).unwrap();
         let claimed = claim_folder(&inner).unwrap();
-        std::fs::write(folder.path().join("a/b/file"), "").unwrap();
+        fs::write(folder.path().join("a/b/file"), "").unwrap();
         drop(claimed);
         assert!(!inner.exists());
         assert!(folder.path().join("a/b/file").is_file());
