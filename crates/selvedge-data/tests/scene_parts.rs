@@ -109,7 +109,10 @@ fn wrong_materials_are_named() {
             (&ratio, "material: isotropic.poissons_ratio must be between"),
             (&missing, "material: density is missing"),
             (&rubber(", colour = 3"), "unknown field `colour`"),
-            (&rubber(", damping = -1"), "damping must be between 0 and 100 s"),
+            (
+                &rubber(", damping = -1"),
+                "damping must be between 0 and 100 s",
+            ),
             (
                 &rubber(", stretch_multiplier = 0"),
                 "material: stretch_multiplier must be finite and positive, found 0",

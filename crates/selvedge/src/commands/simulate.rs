@@ -54,7 +54,10 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         ("--clip", args.clip.as_deref()),
         ("--state", args.from().file()),
     ];
-    let exports = args.export.iter().map(|path| ("--export", Some(path.as_path())));
+    let exports = args
+        .export
+        .iter()
+        .map(|path| ("--export", Some(path.as_path())));
     let outputs = outputs.into_iter().chain(exports);
     let files: Vec<_> = outputs
         .filter_map(|(flag, path)| Some((flag, path?)))
