@@ -264,6 +264,7 @@ fn names_frame_and_cause(error: &StepError, now: usize) -> Result<(), TestCaseEr
 /// Measured with this seed: of 46 scenes with one linear solve per substep all came to their end, of
 /// 18 with Newton's method 10; in the others it did not get to 1e-6 m/s within its 50 iterations.
 #[test]
+#[allow(clippy::print_stdout, reason = "the shares, for the docs")]
 fn a_scene_comes_to_its_end_or_says_in_which_frame_and_why_not() {
     let config = ProptestConfig {
         cases: SCENES,
