@@ -13,7 +13,7 @@ mod rollout;
 mod sag;
 mod simulate;
 mod study;
-mod train;
+pub(crate) mod train;
 mod view;
 
 use crate::cli::{Command, DatasetCommand};

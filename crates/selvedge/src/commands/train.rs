@@ -120,6 +120,14 @@ fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result
         let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT))?;
         return Ok(Some(trainer));
     }
+    fresh(cfg, data)
+}
+
+/// A training at its beginning, with its statistics gathered. None where an end was asked for.
+///
+/// # Errors
+/// What of the configuration or the data went wrong.
+pub(crate) fn fresh(cfg: TrainConfig, data: &Dataset) -> anyhow::Result<Option<Trainer>> {
     let progress = Progress::new("gathering statistics", cfg.statistics_samples, "samples");
     let trainer = Trainer::new_observed(cfg, data, &mut |_| {
         progress.advance();

@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::file::{Budget, Finished, Training};
 use super::{Desk, StudyData, kept};
 use crate::progress::Progress;
-use crate::{interrupt, place};
+use crate::{commands, interrupt, place};
 
 /// Between two checkpoints; a training that is limited in time also notes its time so often.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
@@ -135,7 +135,9 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     if record.model.is_some() {
         return Ok(Some(record));
     }
-    let mut trainer = trainer(desk, entry, cfg, data)?;
+    let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
+        return Ok(None);
+    };
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
     let progress = progress(&entry.name, &trainer, &record)?;
@@ -225,24 +227,26 @@ fn check_same(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()>
     )
 }
 
-/// At the checkpoint of its folder, at the end of the training that it goes on from, or new.
+/// At the checkpoint of its folder, at the end of the training that it goes on from, or new. None where
+/// an end was asked for.
 fn trainer(
     desk: &Desk<'_>,
     entry: &Training,
     cfg: TrainConfig,
     data: &StudyData,
-) -> anyhow::Result<Trainer> {
+) -> anyhow::Result<Option<Trainer>> {
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
     if own.is_file() {
-        return Ok(Trainer::resume(cfg, &data.set, &own)?);
+        return Ok(Some(Trainer::resume(cfg, &data.set, &own)?));
     }
     match &entry.after {
         Some(before) => {
             let checkpoint = folder(desk, before).join(files::CHECKPOINT);
-            Trainer::resume(cfg, &data.set, &checkpoint)
-                .with_context(|| format!("going on after training {before:?}"))
+            let trainer = Trainer::resume(cfg, &data.set, &checkpoint)
+                .with_context(|| format!("going on after training {before:?}"))?;
+            Ok(Some(trainer))
         }
-        None => Ok(Trainer::new(cfg, &data.set)?),
+        None => commands::train::fresh(cfg, &data.set),
     }
 }
 
