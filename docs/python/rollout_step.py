@@ -257,6 +257,8 @@ class Model:
         self.network.eval()
 
     def history(self):
+        if self.spec["encoder"]["kind"] == "streaming-gru":
+            sys.exit("a stream carries states from frame to frame: no step of it can be taken by itself")
         return self.spec["encoder"].get("window", 1) + 1 + ("acceleration" in self.spec["node_features"])
 
     def normalised(self, name, rows):
@@ -270,7 +272,9 @@ class Model:
         yaw = cloth.yaw(current[cloth.handles])
         window = range(len(frames) - self.spec["encoder"].get("window", 1), len(frames))
         nodes = [node_columns(self.spec, cloth, frames, k, yaw, next_handles) for k in window]
-        edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in window]
+        # "node-gru" sees the newest frame of arcs only.
+        seen = window[-1:] if self.spec["encoder"]["kind"] == "node-gru" else window
+        edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in seen]
         nodes, edges = self.normalised("nodes", np.array(nodes)), self.normalised("edges", np.array(edges))
         senders, receivers = torch.from_numpy(cloth.arcs.T.copy())
         with torch.no_grad():

@@ -21,7 +21,10 @@ def perceptron(inputs, latent, outputs, norm):
 
 
 class GruEncoder(nn.Module):
-    """Two layers of gated recurrent units over the window, then Linear and LayerNorm on the last state."""
+    """Two layers of gated recurrent units over the window, then Linear and LayerNorm on the last state.
+
+    The states of both layers after the window stay in `state`; a stream gives them to the next frame's pass.
+    """
 
     def __init__(self, width, latent):
         super().__init__()
@@ -29,8 +32,8 @@ class GruEncoder(nn.Module):
         self.linear = nn.Linear(latent, latent)
         self.norm = nn.LayerNorm(latent)
 
-    def forward(self, window):  # [window, rows, width]
-        states, _ = self.gru(window)
+    def forward(self, window, state=None):  # [window, rows, width], [2, rows, latent]
+        states, self.state = self.gru(window, state)
         return self.norm(self.linear(states[-1]))
 
 
@@ -40,7 +43,7 @@ class MlpEncoder(nn.Sequential):
     def __init__(self, window, width, latent):
         super().__init__(*perceptron(window * width, latent, latent, norm=True))
 
-    def forward(self, window):  # [window, rows, width]
+    def forward(self, window, state=None):  # [window, rows, width]
         return super().forward(torch.cat(list(window), dim=-1))
 
 
@@ -69,17 +72,23 @@ class Network(nn.Module):
         super().__init__()
         latent, kind = spec["latent"], spec["encoder"]["kind"]
 
-        def encoder(width):
-            if kind == "gru":
-                return GruEncoder(width, latent)
-            return MlpEncoder(spec["encoder"]["window"], width, latent)
+        # "node-gru" sees the window of vertices and the newest frame of arcs.
+        recurrent = {"mlp": (), "node-gru": ("nodes",)}.get(kind, ("nodes", "edges"))
 
-        self.encoder = nn.ModuleDict({"nodes": encoder(node_width), "edges": encoder(edge_width)})
+        def encoder(rows, width):
+            if rows in recurrent:
+                return GruEncoder(width, latent)
+            window = 1 if kind == "node-gru" else spec["encoder"].get("window", 1)
+            return MlpEncoder(window, width, latent)
+
+        widths = {"nodes": node_width, "edges": edge_width}
+        self.encoder = nn.ModuleDict({rows: encoder(rows, width) for rows, width in widths.items()})
         self.processor = nn.ModuleList(Block(latent) for _ in range(spec["blocks"]))
         self.decoder = perceptron(latent, latent, 3, norm=False)
 
-    def forward(self, nodes, edges, senders, receivers):
-        nodes, edges = self.encoder["nodes"](nodes), self.encoder["edges"](edges)
+    def forward(self, nodes, edges, senders, receivers, states=(None, None)):
+        nodes = self.encoder["nodes"](nodes, states[0])
+        edges = self.encoder["edges"](edges, states[1])
         for block in self.processor:
             nodes, edges = block(nodes, edges, senders, receivers)
         return self.decoder(nodes)

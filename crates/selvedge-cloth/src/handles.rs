@@ -101,10 +101,18 @@ impl Handles {
         mask
     }
 
+    /// The entries of `positions` (`[vertices]`) at the handles, one after the other.
+    pub fn of<'a, T: Copy>(
+        &'a self,
+        positions: &'a [T],
+    ) -> impl ExactSizeIterator<Item = T> + Clone + 'a {
+        self.vertices.iter().map(|v| positions[v.index()])
+    }
+
     /// The entries of `positions` (`[vertices]`) at the handles, `[handles]`.
     #[must_use]
     pub fn select<T: Copy>(&self, positions: &[T]) -> Vec<T> {
-        self.vertices.iter().map(|v| positions[v.index()]).collect()
+        self.of(positions).collect()
     }
 }
 

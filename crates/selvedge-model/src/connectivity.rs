@@ -3,6 +3,8 @@
 
 use selvedge_cloth::Topology;
 
+use crate::leaves::{Leaf, leaves};
+
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
 /// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,6 +14,7 @@ pub struct Connectivity {
     pub(crate) receivers: Vec<u32>,
     pub(crate) first_arc: Vec<u32>,
     pub(crate) twins: Vec<u32>,
+    pub(crate) leaves: Vec<Leaf>,
 }
 
 impl Connectivity {
@@ -41,6 +44,7 @@ impl Connectivity {
             vertex_count: topology.vertex_count(),
             senders: arcs.iter().map(|arc| arc.sender.0).collect(),
             receivers: arcs.iter().map(|arc| arc.receiver.0).collect(),
+            leaves: leaves(&first_arc),
             first_arc,
             twins,
         }
@@ -56,6 +60,7 @@ impl Connectivity {
             receivers: Vec::new(),
             first_arc: vec![0],
             twins: Vec::new(),
+            leaves: Vec::new(),
         };
         for part in parts {
             let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
@@ -71,6 +76,7 @@ impl Connectivity {
                 .extend(part.first_arc[1..].iter().map(|a| a + arcs));
             whole.twins.extend(part.twins.iter().map(|a| a + arcs));
         }
+        whole.leaves = leaves(&whole.first_arc);
         whole
     }
 

@@ -5,6 +5,7 @@
 //! addition, as is common; features, activations, normalisation and sums of messages are left out,
 //! which are a few percent. Of the memory all is counted that a [`Workspace`](crate::Workspace) holds.
 
+use crate::layers::encoder::RowEncoder;
 use crate::network::OUTPUTS;
 use crate::spec::{Encoder, ModelSpec};
 
@@ -48,23 +49,29 @@ pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
             arc += square;
         }
     }
+    let [nodes, edges] = spec.encoder.rows();
     let decoder = 2 * square + latent * OUTPUTS as u64;
     Flops {
-        vertex: 2 * (encoder(spec, spec.node_width()) + blocks * vertex + decoder),
-        arc: 2 * (encoder(spec, spec.edge_width()) + blocks * arc),
+        vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
+        arc: 2 * (encoder(spec, edges, spec.edge_width()) + blocks * arc),
     }
 }
 
-/// Multiplications that encode one row of `width` columns per frame of the window.
-fn encoder(spec: &ModelSpec, width: usize) -> u64 {
+/// Multiplications that encode one row of `width` columns per frame of the window; a state that is
+/// carried over spares all but one frame.
+fn encoder(spec: &ModelSpec, rows: RowEncoder, width: usize) -> u64 {
     let (latent, width) = (spec.latent as u64, width as u64);
     let square = latent * latent;
-    match spec.encoder {
-        Encoder::Mlp { window } => window as u64 * width * latent + 2 * square,
-        Encoder::Gru { window } => {
+    match rows {
+        RowEncoder::Mlp(window) => window as u64 * width * latent + 2 * square,
+        RowEncoder::Gru => {
             let first = 3 * latent * (width + latent);
             let second = 3 * latent * (latent + latent);
-            window as u64 * (first + second) + square
+            let steps = match spec.encoder {
+                Encoder::StreamingGru { .. } => 1,
+                _ => spec.window() as u64,
+            };
+            steps * (first + second) + square
         }
     }
 }
@@ -86,24 +93,34 @@ impl Activations {
     }
 }
 
-/// What a workspace of this spec holds after a pass to learn from and its way back.
+/// What a workspace of this spec holds for the rows of its graph after a pass to learn from, with
+/// dropout, and its way back.
 #[must_use]
 pub fn activations(spec: &ModelSpec) -> Activations {
     let (latent, blocks, window) = (spec.latent as u64, spec.blocks as u64, spec.window() as u64);
     // Two hidden layers, the normalised output and its deviation.
     let perceptron = 3 * latent + 1;
-    let encoder = match spec.encoder {
-        Encoder::Mlp { .. } => perceptron,
-        // Of each of two layers the states and four gates; between them, into the gates, the output.
-        Encoder::Gru { .. } => (2 * (window + 1 + 4 * window) + 4 * window + 4) * latent + 1,
+    let [of_vertex, of_arc] = spec.encoder.rows().map(|rows| match rows {
+        RowEncoder::Mlp(_) => perceptron,
+        // Of each of two layers the states and four gates; what is dropped between them; the output.
+        RowEncoder::Gru => (2 * (window + 1 + 4 * window) + window + 1) * latent + 1,
+    });
+    let carried = match spec.encoder {
+        Encoder::StreamingGru { .. } => 2 * latent,
+        _ => 0,
     };
-    let outputs = OUTPUTS as u64;
-    let decoder = 2 * latent + outputs + 1;
+    let decoder = 2 * latent;
     Activations {
         // A block keeps its input, the sums of messages and its perceptron. Beside the blocks: the
-        // latent vertices twice, three sums of a block at a time, the output.
-        vertex: encoder + blocks * (2 * latent + perceptron) + decoder + 5 * latent + outputs,
-        arc: encoder + blocks * (latent + perceptron) + 2 * latent,
+        // latent vertices, what two blocks' arcs gather of them, the output.
+        vertex: of_vertex
+            + blocks * (2 * latent + perceptron)
+            + decoder
+            + 5 * latent
+            + OUTPUTS as u64
+            + carried,
+        // The latent arcs and the gradients of their first layer.
+        arc: of_arc + blocks * (latent + perceptron) + 2 * latent + carried,
     }
 }
 
@@ -112,8 +129,9 @@ mod tests {
     use super::*;
     use crate::connectivity::Connectivity;
     use crate::graph::ClothGraph;
-    use crate::network::{Gradients, Input, Network, Pass, Workspace};
+    use crate::network::{Dropout, Gradients, Input, Network, Pass};
     use crate::test_cloth::parts;
+    use crate::workspace::Workspace;
 
     #[test]
     fn a_workspace_holds_what_is_counted() {
@@ -125,21 +143,22 @@ mod tests {
                 Encoder::Mlp { window: 3 },
                 Encoder::Gru { window: 2 },
                 Encoder::Gru { window: 5 },
+                Encoder::NodeGru { window: 3 },
+                Encoder::StreamingGru { window: 2 },
             ] {
                 let spec = ModelSpec::physical(encoder, 4 + seed as usize, 1 + side);
                 let network = Network::new(&spec).expect("a network");
                 let weights = network.initialise(&mut || 0.5);
-                let rows =
-                    |count: usize, width: usize| vec![0.1_f32; spec.window() * count * width];
-                let nodes = rows(vertices, spec.node_width());
-                let edges = rows(arcs, spec.edge_width());
+                let [node_width, edge_width] = [spec.node_width(), spec.edge_width()];
+                let nodes = vec![0.1_f32; spec.node_window() * vertices * node_width];
+                let edges = vec![0.1_f32; spec.edge_window() * arcs * edge_width];
                 let input = Input {
                     nodes: &nodes,
                     edges: &edges,
                 };
                 let connectivity = Connectivity::of(graph.topology());
                 let mut workspace = Workspace::new();
-                let pass = Pass::Training(None);
+                let pass = Pass::Training(Some(Dropout { rate: 0.5, seed: 1 }));
                 network.forward(&weights, &connectivity, input, pass, &mut workspace);
                 let mut gradient = vec![0.0; weights.len()];
                 let gradients = Gradients {

@@ -154,12 +154,21 @@ impl LocalFrame {
     /// When there are not as many positions as handles.
     #[must_use]
     pub fn yaw(&self, handle_positions: &[Vec3], previous: Yaw) -> Yaw {
+        self.yaw_of(handle_positions.iter().copied(), previous)
+    }
+
+    /// [`Self::yaw`] of positions that come one after the other.
+    pub(crate) fn yaw_of(
+        &self,
+        handle_positions: impl ExactSizeIterator<Item = Vec3> + Clone,
+        previous: Yaw,
+    ) -> Yaw {
         assert_eq!(
             handle_positions.len(),
             self.rest.len(),
             "one position per handle"
         );
-        let Some(&anchor) = handle_positions.first() else {
+        let Some(anchor) = handle_positions.clone().next() else {
             return previous;
         };
         // Σ a = 0, so that b may be taken from any origin: the first handle keeps it small.

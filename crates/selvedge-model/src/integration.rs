@@ -41,9 +41,13 @@ fn places(
     next_handles: &[Vec3],
     yaw: Yaw,
 ) -> [(DVec3, Yaw); 3] {
-    let place = |handles: &[Vec3]| (centroid(handles), graph.frame().yaw(handles, yaw));
-    let [before, now] = frames.map(|positions| place(&graph.handles().select(positions)));
-    [before, now, place(next_handles)]
+    let [before, now] = frames.map(|positions| {
+        let handles = graph.handles().of(positions);
+        let centre = centroid(handles.clone());
+        (centre, graph.frame().yaw_of(handles, yaw))
+    });
+    let next = centroid(next_handles.iter().copied());
+    [before, now, (next, graph.frame().yaw(next_handles, yaw))]
 }
 
 /// A rigid motion of the handles: a turn about the vertical through `from`, then to `to`.
@@ -78,7 +82,7 @@ impl Integration {
             return;
         };
         let rest = (
-            centroid(&graph.handles().select(graph.rest_positions())),
+            centroid(graph.handles().of(graph.rest_positions())),
             graph.frame().rest_yaw(),
         );
         let [before, now, next] = places(graph, [previous, current], next_handles, yaw);
@@ -130,8 +134,9 @@ pub(crate) fn carried_rest(
         return;
     }
     let positions = graph.rest_positions();
-    let start = centroid(&graph.handles().select(positions));
-    let from_rest = carry((start, graph.frame().rest_yaw()), (centroid(handles), yaw));
+    let start = centroid(graph.handles().of(positions));
+    let there = centroid(handles.iter().copied());
+    let from_rest = carry((start, graph.frame().rest_yaw()), (there, yaw));
     rest.extend(positions.iter().map(|&r| from_rest.point(r).as_vec3()));
 }
 
@@ -171,9 +176,9 @@ fn carry(from: (DVec3, Yaw), to: (DVec3, Yaw)) -> Carry {
 }
 
 /// The mean of `positions`; the origin where there are none.
-fn centroid(positions: &[Vec3]) -> DVec3 {
-    let sum: DVec3 = positions.iter().map(|p| p.as_dvec3()).sum();
-    sum / positions.len().max(1) as f64
+fn centroid(positions: impl ExactSizeIterator<Item = Vec3>) -> DVec3 {
+    let count = positions.len().max(1) as f64;
+    positions.map(|p| p.as_dvec3()).sum::<DVec3>() / count
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! Model files: one `.safetensors` with the weights under their module paths (f32), the
+//! Model files: one `.safetensors` with the weights under their module paths (f32, or in half the size f16 or
+//! bf16, which are f32 again once they are read), the
 //! normaliser's statistics (f64), and metadata: format, version, the resolved spec and how the
 //! model was trained, both as JSON.
 //!
@@ -7,6 +8,7 @@
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
 
+use crate::half::{WeightType, bf16_bits, bf16_value, f16_bits, f16_value};
 use crate::model::{Model, ModelError, Normalizers};
 use crate::network::{Network, OUTPUTS};
 use crate::normalizer::{Normalizer, NormalizerError};
@@ -51,6 +53,15 @@ pub enum ModelFileError {
         found_dtype: Dtype,
         found: Vec<usize>,
     },
+    #[error(
+        "weight {name}[{index}] is {found}, more than {to} holds: keep this model in f32, or in bf16"
+    )]
+    TooLarge {
+        name: String,
+        index: usize,
+        found: f32,
+        to: &'static str,
+    },
     #[error("normalizer.{name}: {source}")]
     Normalizer {
         name: &'static str,
@@ -75,11 +86,10 @@ impl Model {
         let spec: ModelSpec = serde_json::from_str(text("spec").ok_or(ModelFileError::NoSpec)?)?;
         let network = Network::new(&spec)?;
         check_names(&network, &tensors)?;
-        let read_weight = |p: &Parameter| read(&tensors, &p.name, Dtype::F32, &p.shape);
-        let parts = network.parameters().iter().map(read_weight);
-        let parts: Vec<&[u8]> = parts.collect::<Result<_, _>>()?;
-        let numbers = parts.iter().flat_map(|bytes| bytes.as_chunks().0);
-        let weights = numbers.map(|b| f32::from_le_bytes(*b)).collect();
+        let mut weights = Vec::new();
+        for parameter in network.parameters() {
+            read_weight(&tensors, parameter, &mut weights)?;
+        }
         let [nodes, edges, acceleration] =
             statistics(&spec).map(|(name, width)| read_normalizer(&tensors, name, width));
         let normalizers = Normalizers {
@@ -99,6 +109,14 @@ impl Model {
     /// # Errors
     /// [`ModelFileError::SpecText`] when the header cannot be written as JSON.
     pub fn to_bytes(&self) -> Result<Vec<u8>, ModelFileError> {
+        self.to_bytes_as(WeightType::F32)
+    }
+
+    /// The same with the weights rounded to another type.
+    ///
+    /// # Errors
+    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight that the type has no number for.
+    pub fn to_bytes_as(&self, weights: WeightType) -> Result<Vec<u8>, ModelFileError> {
         let mut header = serde_json::Map::new();
         let mut body = Vec::new();
         let mut add = |name: String, dtype: &str, shape: &[usize], bytes: &[u8]| {
@@ -114,8 +132,8 @@ impl Model {
         }
         for parameter in self.network().parameters() {
             let values = &self.weights()[parameter.range.clone()];
-            let bytes = bytes_of(values, f32::to_le_bytes);
-            add(parameter.name.clone(), "F32", &parameter.shape, &bytes);
+            let (dtype, bytes) = weight_bytes(weights, &parameter.name, values)?;
+            add(parameter.name.clone(), dtype, &parameter.shape, &bytes);
         }
         let metadata = serde_json::json!({
             "format": MODEL_FORMAT,
@@ -170,6 +188,61 @@ fn statistics_bytes(model: &Model) -> Vec<(String, Vec<u8>)> {
 
 fn bytes_of<T: Copy, const N: usize>(values: &[T], to: impl Fn(T) -> [u8; N]) -> Vec<u8> {
     values.iter().flat_map(|&x| to(x)).collect()
+}
+
+/// Weights as they stand in a file, and what their type is called there.
+fn weight_bytes(
+    weights: WeightType,
+    name: &str,
+    values: &[f32],
+) -> Result<(&'static str, Vec<u8>), ModelFileError> {
+    let half = |to: &'static str, bits: fn(f32) -> Option<u16>| {
+        let mut bytes = Vec::with_capacity(2 * values.len());
+        for (index, &found) in values.iter().enumerate() {
+            let too_large = || ModelFileError::TooLarge {
+                name: name.to_owned(),
+                index,
+                found,
+                to,
+            };
+            bytes.extend(bits(found).ok_or_else(too_large)?.to_le_bytes());
+        }
+        Ok((to, bytes))
+    };
+    match weights {
+        WeightType::F32 => Ok(("F32", bytes_of(values, f32::to_le_bytes))),
+        WeightType::F16 => half("F16", f16_bits),
+        WeightType::Bf16 => half("BF16", bf16_bits),
+    }
+}
+
+/// Adds the numbers of a weight, in whichever of the types it is.
+fn read_weight(
+    tensors: &SafeTensors<'_>,
+    parameter: &Parameter,
+    weights: &mut Vec<f32>,
+) -> Result<(), ModelFileError> {
+    let (name, shape) = (&parameter.name, &parameter.shape);
+    let found = tensors.tensor(name).map(|view| view.dtype());
+    let half = |bytes: &[u8], value: fn(u16) -> f32| {
+        let numbers = bytes.as_chunks().0.iter();
+        numbers
+            .map(|b| value(u16::from_le_bytes(*b)))
+            .collect::<Vec<f32>>()
+    };
+    match found {
+        Ok(dtype @ Dtype::F16) => {
+            weights.extend(half(read(tensors, name, dtype, shape)?, f16_value));
+        }
+        Ok(dtype @ Dtype::BF16) => {
+            weights.extend(half(read(tensors, name, dtype, shape)?, bf16_value));
+        }
+        _ => {
+            let numbers = read(tensors, name, Dtype::F32, shape)?.as_chunks().0.iter();
+            weights.extend(numbers.map(|b| f32::from_le_bytes(*b)));
+        }
+    }
+    Ok(())
 }
 
 fn check_kind<'a>(text: impl Fn(&str) -> Option<&'a str>) -> Result<(), ModelFileError> {

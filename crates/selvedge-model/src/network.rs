@@ -1,16 +1,26 @@
 //! The whole network: encoders, processor, decoder (Encode-Process-Decode), forward and backward
 //! on one flat array of weights, in `f32` or `f64`.
 
-use crate::connectivity::Connectivity;
-use crate::layers::block::{Block, BlockRecord, BlockScratch, Latents};
-use crate::layers::encoder::{EncoderEnds, EncoderLayers, EncoderRecord, mlp_tiles};
-use crate::layers::mlp::{Mlp, MlpRecord, MlpScratch};
-use crate::layers::{TILE, resize, tiles};
+mod backward;
+mod forward;
+pub(crate) mod passes;
+
+use std::ops::Range;
+
+use crate::layers::block::{Block, BlockRecord};
+use crate::layers::encoder::EncoderLayers;
+use crate::layers::mlp::Mlp;
+use crate::packed::{ModuleSize, Packer, Piece};
 use crate::parameters::{LayoutBuilder, Parameter, Start};
-use crate::product::Store;
 use crate::real::Real;
-use crate::spec::{ModelSpec, SpecError};
-use rayon::prelude::*;
+use crate::spec::{Encoder, ModelSpec, SpecError};
+use crate::workspace::Workspace;
+pub use backward::StateGradients;
+
+/// Modules: both encoders, the blocks, the decoder.
+const NODE_ENCODER: usize = 0;
+const EDGE_ENCODER: usize = 1;
+const FIRST_BLOCK: usize = 2;
 
 /// Columns of the output: an acceleration.
 pub(crate) const OUTPUTS: usize = 3;
@@ -24,6 +34,10 @@ pub struct Network {
     edge_encoder: EncoderLayers,
     blocks: Vec<Block>,
     decoder: Mlp,
+    decoder_first: Piece,
+    sizes: Vec<ModuleSize>,
+    /// Where the weights of each module begin, and where the last ones end.
+    ends: Vec<usize>,
 }
 
 /// Normalised features of a window of frames, oldest first.
@@ -99,45 +113,6 @@ fn split_mix(number: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Everything that a pass writes: allocated on the first pass of a size, then reused.
-#[derive(Default)]
-pub struct Workspace<T> {
-    nodes: Vec<T>,
-    edges: Vec<T>,
-    node_encoder: EncoderRecord<T>,
-    edge_encoder: EncoderRecord<T>,
-    blocks: Vec<BlockRecord<T>>,
-    scratch: BlockScratch<T>,
-    decoder: MlpRecord<T>,
-    /// Latent vertices before the decoder.
-    decoded: Vec<T>,
-    output: Vec<T>,
-    dropout: Option<Dropout>,
-    /// Whether the activations are those of a training pass that no backward pass has used up.
-    kept: bool,
-}
-
-impl<T: Real> Workspace<T> {
-    /// An empty workspace.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Numbers held.
-    #[cfg(test)]
-    pub(crate) fn number_count(&self) -> usize {
-        let encoders = [&self.node_encoder, &self.edge_encoder];
-        let blocks = self.blocks.iter().map(BlockRecord::number_count);
-        let flat = [&self.nodes, &self.edges, &self.decoded, &self.output];
-        encoders.iter().map(|e| e.number_count()).sum::<usize>()
-            + blocks.sum::<usize>()
-            + self.scratch.number_count()
-            + self.decoder.number_count()
-            + flat.iter().map(|numbers| numbers.len()).sum::<usize>()
-    }
-}
-
 impl Network {
     /// Lays out the network of `spec`.
     ///
@@ -146,15 +121,34 @@ impl Network {
     pub fn new(spec: &ModelSpec) -> Result<Self, SpecError> {
         spec.validate()?;
         let mut layout = LayoutBuilder::default();
+        let (mut sizes, mut ends) = (Vec::new(), vec![0]);
         let latent = spec.latent;
-        let mut encoder =
-            |path, width| EncoderLayers::new(&mut layout, path, [width, latent], spec.encoder);
-        let node_encoder = encoder("encoder.nodes", spec.node_width());
-        let edge_encoder = encoder("encoder.edges", spec.edge_width());
-        let blocks = (0..spec.blocks)
-            .map(|number| Block::new(&mut layout, &format!("processor.{number}"), latent))
-            .collect();
-        let decoder = Mlp::plain(&mut layout, "decoder", latent, [latent, OUTPUTS]);
+        let mut module = |layout: &mut LayoutBuilder, size| {
+            sizes.push(size);
+            ends.push(layout.length());
+        };
+        let [nodes, edges] = spec.encoder.rows();
+        let mut encoder = |path, width, rows| {
+            let mut size = ModuleSize::default();
+            let to = (&mut layout, &mut size);
+            let layers = EncoderLayers::new(to, path, [width, latent], rows);
+            module(&mut layout, size);
+            layers
+        };
+        let node_encoder = encoder("encoder.nodes", spec.node_width(), nodes);
+        let edge_encoder = encoder("encoder.edges", spec.edge_width(), edges);
+        let mut blocks = Vec::with_capacity(spec.blocks);
+        for number in 0..spec.blocks {
+            let mut size = ModuleSize::default();
+            let path = format!("processor.{number}");
+            blocks.push(Block::new((&mut layout, &mut size), &path, latent));
+            module(&mut layout, size);
+        }
+        let mut size = ModuleSize::default();
+        let to = (&mut layout, &mut size);
+        let decoder = Mlp::plain(to, "decoder", latent, [latent, OUTPUTS]);
+        let decoder_first = Piece::whole(&mut size, &decoder.first);
+        module(&mut layout, size);
         Ok(Self {
             spec: spec.clone(),
             parameters: layout.finish(),
@@ -162,6 +156,9 @@ impl Network {
             edge_encoder,
             blocks,
             decoder,
+            decoder_first,
+            sizes,
+            ends,
         })
     }
 
@@ -195,158 +192,64 @@ impl Network {
         weights
     }
 
-    /// Normalised accelerations `[vertices, 3]` for normalised features.
-    ///
-    /// # Panics
-    /// When the lengths of `weights` or `input` are not those of the spec and the graph.
-    pub fn forward<'w, T: Real>(
-        &self,
-        weights: &[T],
-        graph: &Connectivity,
-        input: Input<'_, T>,
-        pass: Pass,
-        workspace: &'w mut Workspace<T>,
-    ) -> &'w [T] {
-        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-        let (spec, latent) = (&self.spec, self.spec.latent);
-        assert_eq!(weights.len(), self.parameter_count());
-        assert_eq!(
-            input.nodes.len(),
-            spec.window() * vertices * spec.node_width()
-        );
-        assert_eq!(input.edges.len(), spec.window() * arcs * spec.edge_width());
-        let w = workspace;
-        let records = match pass {
-            Pass::Inference => 1,
-            Pass::Training(_) => self.blocks.len(),
-        };
-        w.blocks.resize_with(records, BlockRecord::default);
-        w.kept = matches!(pass, Pass::Training(_));
-        w.dropout = match pass {
-            Pass::Inference => None,
-            Pass::Training(dropout) => dropout.filter(|dropout| dropout.rate > 0.0),
-        };
-        resize(&mut w.nodes, vertices * latent);
-        resize(&mut w.edges, arcs * latent);
-        let nodes = (input.nodes, spec.node_width());
-        self.node_encoder
-            .forward(weights, nodes, w.dropout, &mut w.node_encoder, &mut w.nodes);
-        let edges = (input.edges, spec.edge_width());
-        let dropout = w.dropout.map(Dropout::other);
-        self.edge_encoder
-            .forward(weights, edges, dropout, &mut w.edge_encoder, &mut w.edges);
-        for (number, block) in self.blocks.iter().enumerate() {
-            let mut latents = Latents {
-                nodes: &mut w.nodes,
-                edges: &mut w.edges,
-            };
-            let record = &mut w.blocks[number % records];
-            block.forward(weights, graph, &mut latents, record, &mut w.scratch);
+    /// Whether its encoders carry a state from frame to frame.
+    #[must_use]
+    pub fn streams(&self) -> bool {
+        matches!(self.spec.encoder, Encoder::StreamingGru { .. })
+    }
+
+    /// Lengths of the packed matrices of each module: both encoders, the blocks, the decoder.
+    pub(crate) fn module_sizes(&self) -> &[ModuleSize] {
+        &self.sizes
+    }
+
+    /// Packs the matrices of a module.
+    pub(crate) fn pack_module<T: Real>(&self, number: usize, packer: &mut Packer<'_, T>) {
+        match number {
+            NODE_ENCODER => self.node_encoder.pack(packer),
+            EDGE_ENCODER => self.edge_encoder.pack(packer),
+            _ => match self.blocks.get(number - FIRST_BLOCK) {
+                Some(block) => block.pack(packer),
+                None => {
+                    self.decoder_first.pack(packer);
+                    self.decoder.pack(packer);
+                }
+            },
         }
-        self.decode(weights, w);
-        &w.output
     }
 
-    fn decode<T: Real>(&self, weights: &[T], w: &mut Workspace<T>) {
-        let latent = self.spec.latent;
-        let vertices = w.nodes.len() / latent;
-        resize(&mut w.output, vertices * OUTPUTS);
-        w.decoder.fit(&self.decoder, vertices);
-        (
-            mlp_tiles(&mut w.decoder, latent),
-            w.nodes.par_chunks(TILE * latent),
-            w.output.par_chunks_mut(TILE * OUTPUTS),
-        )
-            .into_par_iter()
-            .for_each(|(tile, nodes, out)| {
-                let nodes = (nodes, Store::Replace);
-                self.decoder
-                    .first_product(weights, (0, latent), nodes, tile.hidden1);
-                self.decoder.finish(weights, tile, out);
-            });
+    /// Where the weights of modules `first..=last` lie.
+    fn weights_of(&self, first: usize, last: usize) -> Range<usize> {
+        self.ends[first]..self.ends[last + 1]
     }
 
-    /// The derivatives of Σ `output` ∘ out, where out is what the last [`Self::forward`] with
-    /// [`Pass::Training`] on the same arguments gave; its activations are used up.
-    ///
-    /// # Panics
-    /// When the lengths are not those of the spec and the graph, or the last pass was not a
-    /// forward one with [`Pass::Training`].
-    pub fn backward<T: Real>(
-        &self,
-        (weights, gradients): (&[T], Gradients<'_, T>),
-        graph: &Connectivity,
-        input: Input<'_, T>,
-        output: &[T],
-        workspace: &mut Workspace<T>,
-    ) {
-        let w = workspace;
-        let (gradient, to_nodes, to_edges) = match gradients.input {
-            Some(input) => (gradients.weights, Some(input.nodes), Some(input.edges)),
-            None => (gradients.weights, None, None),
-        };
-        let (spec, latent) = (&self.spec, self.spec.latent);
-        assert!(
-            std::mem::take(&mut w.kept),
-            "a forward pass to learn from comes first"
-        );
-        assert_eq!(output.len(), graph.vertex_count() * OUTPUTS);
-        assert_eq!(gradient.len(), weights.len());
-        self.decode_backward((weights, gradient), output, w);
-        w.edges.fill(T::ZERO);
-        for (block, record) in self.blocks.iter().zip(&mut w.blocks).rev() {
-            let mut gradients = Latents {
-                nodes: &mut w.nodes,
-                edges: &mut w.edges,
-            };
-            block.backward(
-                (weights, gradient),
-                graph,
-                &mut gradients,
-                record,
-                &mut w.scratch,
-            );
+    /// Widths of the rows of encoders that are put side by side, and of those of their states.
+    pub(crate) fn scratch_widths(&self) -> (usize, usize) {
+        let spec = &self.spec;
+        let joined =
+            (spec.node_window() * spec.node_width()).max(spec.edge_window() * spec.edge_width());
+        match spec.encoder {
+            Encoder::Mlp { .. } => (joined, 0),
+            _ => (joined, spec.latent),
         }
-        debug_assert_eq!(w.nodes.len(), graph.vertex_count() * latent);
-        let nodes = (input.nodes, spec.node_width());
-        let (encoder, record) = (&self.node_encoder, &mut w.node_encoder);
-        let ends = EncoderEnds {
-            to_input: to_nodes,
-            output: &mut w.nodes,
-        };
-        encoder.backward((weights, gradient), nodes, w.dropout, record, ends);
-        let edges = (input.edges, spec.edge_width());
-        let dropout = w.dropout.map(Dropout::other);
-        let (encoder, record) = (&self.edge_encoder, &mut w.edge_encoder);
-        let ends = EncoderEnds {
-            to_input: to_edges,
-            output: &mut w.edges,
-        };
-        encoder.backward((weights, gradient), edges, dropout, record, ends);
     }
 
-    /// Leaves the gradient of the latent vertices before the decoder in their place.
-    fn decode_backward<T: Real>(
+    pub(crate) fn fit_records<T: Real>(
         &self,
-        (weights, gradient): (&[T], &mut [T]),
-        output: &[T],
         w: &mut Workspace<T>,
+        [vertices, arcs]: [usize; 2],
+        windows: [usize; 2],
     ) {
-        let latent = self.spec.latent;
-        let mut scratch = MlpScratch::new(latent);
-        let mut tile_output = [T::ZERO; TILE * OUTPUTS];
-        w.decoded.clone_from(&w.nodes);
-        for rows in tiles(output.len() / OUTPUTS) {
-            let tile_output = &mut tile_output[..rows.len() * OUTPUTS];
-            tile_output.copy_from_slice(&output[rows.start * OUTPUTS..rows.end * OUTPUTS]);
-            let tile = w.decoder.tile(&self.decoder, &rows);
-            self.decoder
-                .finish_backward(weights, &tile, tile_output, &mut scratch, gradient);
-            let range = rows.start * latent..rows.end * latent;
-            let pair = (&scratch.first[..range.len()], &w.decoded[range.clone()]);
-            let to_nodes = Some((&mut w.nodes[range], Store::Replace));
-            self.decoder
-                .first_backward(weights, (0, latent), pair, gradient, to_nodes);
+        let dropout = w.dropout;
+        w.node_encoder
+            .fit(&self.node_encoder, (vertices, windows[0]), dropout);
+        w.edge_encoder
+            .fit(&self.edge_encoder, (arcs, windows[1]), dropout);
+        w.blocks
+            .resize_with(self.blocks.len(), BlockRecord::default);
+        for (record, block) in w.blocks.iter_mut().zip(&self.blocks) {
+            record.fit(block, vertices, arcs);
         }
+        w.decoder.fit(&self.decoder, vertices);
     }
 }

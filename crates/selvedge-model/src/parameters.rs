@@ -6,6 +6,11 @@
 
 use std::ops::Range;
 
+use crate::kernels::add_column_sums;
+use crate::lanes::Instructions;
+use crate::product::{Columns, Sums, add_outer};
+use crate::real::Real;
+
 /// One named tensor of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
@@ -34,6 +39,52 @@ pub enum Start {
     },
 }
 
+/// The gradient of a module's weights, which lie side by side.
+pub(crate) struct ModuleGradient<'a, T> {
+    values: &'a mut [T],
+    /// Number of the first weight of the module.
+    first: usize,
+}
+
+impl<'a, T: Real> ModuleGradient<'a, T> {
+    /// `values` are the gradient of the weights from number `first` on.
+    pub(crate) fn new(values: &'a mut [T], first: usize) -> Self {
+        Self { values, first }
+    }
+
+    /// Those of the weights of these numbers.
+    pub(crate) fn at(&mut self, weights: Range<usize>) -> &mut [T] {
+        &mut self.values[weights.start - self.first..weights.end - self.first]
+    }
+
+    /// Those of weight and bias, which lie side by side.
+    pub(crate) fn layer_norm(&mut self, norm: &LayerNorm) -> (&mut [T], &mut [T]) {
+        let both = norm.weight..norm.weight + 2 * norm.width;
+        self.at(both).split_at_mut(norm.width)
+    }
+
+    /// Adds the gradients of weight and bias for an output gradient and the layer's input.
+    pub(crate) fn add_linear(
+        &mut self,
+        using: Instructions,
+        linear: &Linear,
+        output: &[T],
+        input: &[T],
+    ) {
+        add_column_sums(using, self.at(linear.bias_range()), output);
+        let sums = Sums {
+            rows: self.at(linear.weight_range()),
+            stride: linear.inputs,
+            first: 0,
+        };
+        let (left, right) = (
+            Columns::all(output, linear.outputs),
+            Columns::all(input, linear.inputs),
+        );
+        add_outer(using, sums, left, right);
+    }
+}
+
 /// Builds the table while the layers are described.
 #[derive(Default)]
 pub(crate) struct LayoutBuilder {
@@ -42,6 +93,11 @@ pub(crate) struct LayoutBuilder {
 }
 
 impl LayoutBuilder {
+    /// Weights so far.
+    pub(crate) fn length(&self) -> usize {
+        self.length
+    }
+
     fn add(&mut self, name: String, shape: &[usize], start: Start) -> usize {
         let offset = self.length;
         self.length += shape.iter().product::<usize>();

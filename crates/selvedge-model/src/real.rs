@@ -7,9 +7,14 @@ use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+use crate::lanes::Lanes;
+use crate::network::passes::Passes;
+
 /// A floating-point type that the network can be evaluated in.
 pub trait Real:
-    Copy
+    Lanes
+    + Passes
+    + Copy
     + Debug
     + Default
     + PartialOrd

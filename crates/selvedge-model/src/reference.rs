@@ -4,8 +4,8 @@
 //! Weights are found by name, as a PyTorch module would find them.
 
 use crate::connectivity::Connectivity;
+use crate::layers::encoder::RowEncoder;
 use crate::network::{Input, Network};
-use crate::spec::Encoder;
 
 type Rows = Vec<Vec<f64>>;
 
@@ -72,19 +72,26 @@ impl Weights<'_> {
         inputs.pop().unwrap_or_default()
     }
 
-    fn encode(&self, path: &str, input: &[f64], width: usize, rows: usize) -> Rows {
-        let spec = self.network.spec();
+    fn encode(
+        &self,
+        (path, encoder): (&str, RowEncoder),
+        input: &[f64],
+        width: usize,
+        rows: usize,
+    ) -> Rows {
+        let latent = self.network.spec().latent;
         (0..rows)
             .map(|row| {
                 let at = |step: usize| &input[(step * rows + row) * width..][..width];
-                match spec.encoder {
-                    Encoder::Mlp { window } => {
+                match encoder {
+                    RowEncoder::Mlp(window) => {
                         let joined: Vec<f64> = (0..window).flat_map(at).copied().collect();
                         self.normalised_mlp(path, &joined)
                     }
-                    Encoder::Gru { window } => {
-                        let window: Vec<&[f64]> = (0..window).map(at).collect();
-                        let last = self.gru(&format!("{path}.gru"), &window, spec.latent);
+                    RowEncoder::Gru => {
+                        let frames = input.len() / (rows * width);
+                        let window: Vec<&[f64]> = (0..frames).map(at).collect();
+                        let last = self.gru(&format!("{path}.gru"), &window, latent);
                         let out = self.linear(&format!("{path}.linear"), "", &last);
                         self.layer_norm(&format!("{path}.norm"), &out)
                     }
@@ -94,7 +101,8 @@ impl Weights<'_> {
     }
 }
 
-/// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them.
+/// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent encoder goes
+/// from zero through as many frames as the input has: what a stream carries is what those before left.
 #[must_use]
 pub fn forward(
     network: &Network,
@@ -108,8 +116,11 @@ pub fn forward(
         values: weights,
     };
     let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-    let mut nodes = weights.encode("encoder.nodes", input.nodes, spec.node_width(), vertices);
-    let mut edges = weights.encode("encoder.edges", input.edges, spec.edge_width(), arcs);
+    let [of_nodes, of_edges] = spec.encoder.rows();
+    let (path, width) = (("encoder.nodes", of_nodes), spec.node_width());
+    let mut nodes = weights.encode(path, input.nodes, width, vertices);
+    let (path, width) = (("encoder.edges", of_edges), spec.edge_width());
+    let mut edges = weights.encode(path, input.edges, width, arcs);
     for block in 0..spec.blocks {
         let mut incoming = vec![vec![0.0; spec.latent]; vertices];
         for (arc, edge) in edges.iter_mut().enumerate() {

@@ -12,9 +12,12 @@ use thiserror::Error;
 use crate::connectivity::Connectivity;
 use crate::frame::Yaw;
 use crate::graph::ClothGraph;
+use crate::lanes::Instructions;
 use crate::model::Model;
-use crate::network::{Input, Pass, Workspace};
-use crate::window::{Frames, Place, Window};
+use crate::network::{Input, Pass};
+use crate::packed::{PackedWeights, Purpose};
+use crate::window::{Extent, Frames, Place, Window};
+use crate::workspace::{EncoderState, Workspace};
 
 /// A cloth that a trained model moves.
 pub struct LearnedStepper {
@@ -25,11 +28,16 @@ pub struct LearnedStepper {
     /// oldest buffer receives the next frame.
     history: Vec<Vec<Vec3>>,
     next: Vec<Vec3>,
+    next_handles: Vec<Vec3>,
     reference: Vec<Vec3>,
     yaw: Yaw,
     frame: usize,
     features: Window,
+    weights: PackedWeights<f32>,
     workspace: Workspace<f32>,
+    /// What a streaming network's encoders carry; that before the last step is kept until the step
+    /// is known to be good.
+    state: EncoderState<f32>,
     acceleration: Vec<f32>,
 }
 
@@ -78,11 +86,19 @@ impl LearnedStepper {
                 .map(<[_]>::to_vec)
                 .collect(),
             next: vec![Vec3::ZERO; expected],
+            next_handles: Vec::new(),
             reference: Vec::new(),
             yaw: graph.frame().rest_yaw(),
             frame: 0,
             features: Window::default(),
+            weights: PackedWeights::new(
+                model.network(),
+                model.weights(),
+                Purpose::Inference,
+                Instructions::Detected,
+            ),
             workspace: Workspace::new(),
+            state: EncoderState::new(),
             acceleration: Vec::new(),
             model,
             graph,
@@ -102,18 +118,24 @@ impl LearnedStepper {
             next_handles,
             yaw,
         };
-        self.features.fit(spec, &place);
+        let extent = if self.state.is_zero() {
+            Extent::Whole
+        } else {
+            Extent::Newest
+        };
+        self.features.fit_extent(spec, &place, extent);
         self.features.write(spec, &self.graph, frames, &place);
         let normalizers = self.model.normalizers();
         self.features
             .normalize(&normalizers.nodes, &normalizers.edges);
-        let out = self.model.network().forward(
-            self.model.weights(),
+        let input = Input {
+            nodes: &self.features.nodes,
+            edges: &self.features.edges,
+        };
+        let out = self.model.network().forward_carried(
+            &self.weights,
             &self.connectivity,
-            Input {
-                nodes: &self.features.nodes,
-                edges: &self.features.edges,
-            },
+            (input, &self.state),
             Pass::Inference,
             &mut self.workspace,
         );
@@ -150,9 +172,11 @@ impl Stepper for LearnedStepper {
         targets
             .require_all_hold()
             .map_err(|source| StepError::Handles { frame, source })?;
-        let handles_now = self.handles().select(self.positions());
-        let yaw = self.graph.frame().yaw(&handles_now, self.yaw);
-        let next_handles: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();
+        let handles_now = self.handles().of(self.positions());
+        let yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
+        let mut next_handles = std::mem::take(&mut self.next_handles);
+        next_handles.clear();
+        next_handles.extend(targets.end().iter().map(|p| p.as_vec3()));
         self.predict(&next_handles, yaw);
         let newest = self.history.len() - 1;
         let [previous, current] = [&*self.history[newest - 1], &*self.history[newest]];
@@ -164,6 +188,7 @@ impl Stepper for LearnedStepper {
             yaw,
             reference,
         );
+        self.next_handles = next_handles;
         integrate(
             &self.acceleration,
             yaw,
@@ -182,6 +207,9 @@ impl Stepper for LearnedStepper {
         }
         self.history.rotate_left(1);
         std::mem::swap(&mut self.history[newest], &mut self.next);
+        if self.model.network().streams() {
+            self.workspace.swap_end_state(&mut self.state);
+        }
         self.yaw = yaw;
         self.frame = frame;
         Ok(())

@@ -7,6 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use crate::integration::Integration;
+use crate::layers::encoder::RowEncoder;
 use crate::limits::EdgeLimits;
 
 /// The full description of a learned simulator, as it stands in a training configuration and in
@@ -89,6 +90,18 @@ pub enum Encoder {
         /// Frames in the window, at least 1.
         window: usize,
     },
+    /// The recurrent network for vertices only; arcs, of which there are six times as many, go through
+    /// the perceptron with their current frame.
+    NodeGru {
+        /// Frames in the window of the vertices, at least 1.
+        window: usize,
+    },
+    /// The recurrent network, but its states are carried from frame to frame instead of begun anew for
+    /// every window: a frame costs one step of it.
+    StreamingGru {
+        /// Frames that the states are begun with where there are none to carry, at least 1.
+        window: usize,
+    },
 }
 
 fn one() -> usize {
@@ -115,6 +128,26 @@ where
 impl Encoder {
     /// A perceptron on the current frame, as in MeshGraphNets.
     pub const MLP: Self = Self::Mlp { window: 1 };
+
+    /// Frames in its window.
+    #[must_use]
+    pub fn window(self) -> usize {
+        match self {
+            Self::Mlp { window }
+            | Self::Gru { window }
+            | Self::NodeGru { window }
+            | Self::StreamingGru { window } => window,
+        }
+    }
+
+    /// How vertices and arcs are encoded.
+    pub(crate) fn rows(self) -> [RowEncoder; 2] {
+        match self {
+            Self::Mlp { window } => [RowEncoder::Mlp(window); 2],
+            Self::Gru { .. } | Self::StreamingGru { .. } => [RowEncoder::Gru; 2],
+            Self::NodeGru { .. } => [RowEncoder::Gru, RowEncoder::Mlp(1)],
+        }
+    }
 }
 
 /// A spec that no network can be built from.
@@ -256,8 +289,21 @@ impl ModelSpec {
     /// Frames that the encoder sees, the current one included.
     #[must_use]
     pub fn window(&self) -> usize {
+        self.encoder.window()
+    }
+
+    /// Frames of vertices that the encoder sees.
+    #[must_use]
+    pub fn node_window(&self) -> usize {
+        self.window()
+    }
+
+    /// Frames of arcs that the encoder sees, the latest ones of the window.
+    #[must_use]
+    pub fn edge_window(&self) -> usize {
         match self.encoder {
-            Encoder::Mlp { window } | Encoder::Gru { window } => window,
+            Encoder::NodeGru { .. } => 1,
+            _ => self.window(),
         }
     }
 

@@ -78,12 +78,22 @@ impl<F: AsRef<[Vec3]>> Frames<'_, F> {
         self.positions[number].as_ref()
     }
 
-    /// The numbers of the frames of the window itself.
-    fn of_window(&self, spec: &ModelSpec) -> std::ops::Range<usize> {
+    /// The numbers of the last `count` frames.
+    fn last(&self, spec: &ModelSpec, count: usize) -> std::ops::Range<usize> {
         let history = self.positions.len();
         assert_eq!(history, spec.history(), "frames of a window");
-        history - spec.window()..history
+        history - count..history
     }
+}
+
+/// Which frames of a window there are features of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Extent {
+    /// All that the encoder sees.
+    #[default]
+    Whole,
+    /// The newest: where the encoder's states of those before are carried over.
+    Newest,
 }
 
 /// Features of a window of frames of all cloths of a union.
@@ -93,17 +103,32 @@ pub struct Window {
     pub nodes: Vec<f32>,
     /// `[window, arcs, edge width]`.
     pub edges: Vec<f32>,
+    extent: Extent,
     compared: Compared,
 }
 
 impl Window {
     /// Makes room for a union.
     pub fn fit(&mut self, spec: &ModelSpec, place: &Place) {
-        let window = spec.window();
+        self.fit_extent(spec, place, Extent::Whole);
+    }
+
+    /// Makes room for these frames of a union.
+    pub fn fit_extent(&mut self, spec: &ModelSpec, place: &Place, extent: Extent) {
+        self.extent = extent;
+        let [nodes, edges] = self.counts(spec);
         self.nodes
-            .resize(window * place.vertex_count * spec.node_width(), 0.0);
+            .resize(nodes * place.vertex_count * spec.node_width(), 0.0);
         self.edges
-            .resize(window * place.arc_count * spec.edge_width(), 0.0);
+            .resize(edges * place.arc_count * spec.edge_width(), 0.0);
+    }
+
+    /// Frames of vertices and of arcs.
+    fn counts(&self, spec: &ModelSpec) -> [usize; 2] {
+        match self.extent {
+            Extent::Whole => [spec.node_window(), spec.edge_window()],
+            Extent::Newest => [1, 1],
+        }
     }
 
     /// Writes the features of one cloth, not yet normalised.
@@ -118,12 +143,17 @@ impl Window {
         place: &Place,
     ) {
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
-        for (step, current) in frames.of_window(spec).enumerate() {
+        let [nodes, edges] = self.counts(spec);
+        for (step, current) in frames.last(spec, nodes).enumerate() {
             self.compared.compute(spec, graph, &frames, current);
             let pose = self.compared.pose(&frames, current);
             let row = step * place.vertex_count + place.first_vertex;
             let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
             node_features(spec, graph, pose, rows);
+            // Of the last frames only, where arcs have fewer.
+            let Some(step) = (step + edges).checked_sub(nodes) else {
+                continue;
+            };
             let row = step * place.arc_count + place.first_arc;
             let rows = &mut self.edges[row * edge_width..][..graph.arc_count() * edge_width];
             edge_features(spec, graph, pose, rows);
@@ -146,7 +176,8 @@ impl Window {
     ) {
         let nodes = graph.vertex_count() * spec.node_width();
         let edges = graph.arc_count() * spec.edge_width();
-        for (step, current) in frames.of_window(spec).enumerate() {
+        let [node_steps, edge_steps] = self.counts(spec);
+        for (step, current) in frames.last(spec, node_steps).enumerate() {
             self.compared.compute(spec, graph, &frames, current);
             let pose = self.compared.pose(&frames, current);
             let [mut by_before, mut by_reference] =
@@ -160,8 +191,10 @@ impl Window {
             };
             let rows = &gradient.nodes[step * nodes..][..nodes];
             node_features_backward(spec, graph, pose, rows, &mut by_pose);
-            let rows = &gradient.edges[step * edges..][..edges];
-            edge_features_backward(spec, graph, pose, rows, by_pose.current);
+            if let Some(step) = (step + edge_steps).checked_sub(node_steps) {
+                let rows = &gradient.edges[step * edges..][..edges];
+                edge_features_backward(spec, graph, pose, rows, by_pose.current);
+            }
             self.compared
                 .backward([&by_before, &by_reference], &mut to[..=current]);
         }

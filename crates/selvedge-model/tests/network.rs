@@ -5,8 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 use selvedge_model::{
-    Connectivity, Dropout, Encoder, Gradients, Input, InputGradient, ModelSpec, Network, Pass,
-    Workspace, reference,
+    Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient, Instructions,
+    ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients, Workspace, reference,
 };
 
 /// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
@@ -46,8 +46,8 @@ fn case(spec: &ModelSpec, columns: u32, seed: u64) -> Case {
             .map(|_| 2.0 * rng.random::<f64>() - 1.0)
             .collect()
     };
-    let nodes = numbers(spec.window() * graph.vertex_count() * spec.node_width());
-    let edges = numbers(spec.window() * graph.arc_count() * spec.edge_width());
+    let nodes = numbers(spec.node_window() * graph.vertex_count() * spec.node_width());
+    let edges = numbers(spec.edge_window() * graph.arc_count() * spec.edge_width());
     Case {
         network,
         graph,
@@ -87,6 +87,8 @@ fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
         ModelSpec::physical(Encoder::Mlp { window: 3 }, 6, 1),
+        ModelSpec::physical(Encoder::NodeGru { window: 3 }, 6, 1),
+        ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
     ]
 }
 
@@ -154,7 +156,8 @@ fn f32_agrees_with_f64() {
 #[test]
 fn gradients_match_finite_differences_in_every_tensor() {
     let dropout = Dropout { rate: 0.2, seed: 7 };
-    for (spec, dropout) in specs().iter().zip([None, Some(dropout), None, None, None]) {
+    for (number, spec) in specs().iter().enumerate() {
+        let dropout = [1, 5].contains(&number).then_some(dropout);
         let mut case = case(spec, 4, 3);
         let mut workspace = Workspace::new();
         let pass = Pass::Training(dropout);
@@ -255,8 +258,7 @@ fn a_union_computes_what_its_parts_compute() {
         let parts = &[case(&spec, 3, 5), case(&spec, 50, 6)];
         let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
         // Window-major inputs: the parts' rows alternate step by step.
-        let window = spec.window();
-        let join = |of: fn(&Case) -> &[f64]| {
+        let join = |of: fn(&Case) -> &[f64], window: usize| {
             let steps = (0..window).flat_map(|step| {
                 parts.iter().flat_map(move |part| {
                     let rows = of(part).len() / window;
@@ -265,7 +267,8 @@ fn a_union_computes_what_its_parts_compute() {
             });
             steps.collect::<Vec<f64>>()
         };
-        let (nodes, edges) = (join(|c| &c.nodes), join(|c| &c.edges));
+        let nodes = join(|c| &c.nodes, spec.node_window());
+        let edges = join(|c| &c.edges, spec.edge_window());
         let input = Input {
             nodes: &nodes,
             edges: &edges,
@@ -282,6 +285,189 @@ fn a_union_computes_what_its_parts_compute() {
         for (a, b) in together.iter().zip(&apart) {
             assert!((a - b).abs() < 1e-11);
         }
+    }
+}
+
+#[test]
+fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
+    for spec in specs() {
+        let case = case(&spec, 60, 10);
+        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
+        let (weights, nodes, edges) = (
+            narrow(&case.weights),
+            narrow(&case.nodes),
+            narrow(&case.edges),
+        );
+        let input = Input {
+            nodes: &nodes,
+            edges: &edges,
+        };
+        let output: Vec<f32> = (0..3 * case.graph.vertex_count())
+            .map(|k| coefficient(k) as f32)
+            .collect();
+        let [wide, plain] = [Instructions::Detected, Instructions::Plain].map(|instructions| {
+            let mut workspace = Workspace::with_instructions(instructions);
+            let (network, graph, pass) = (&case.network, &case.graph, Pass::Training(None));
+            let out = network.forward(&weights, graph, input, pass, &mut workspace);
+            let out = out.to_vec();
+            let mut gradient = vec![0.0; weights.len()];
+            let gradients = Gradients {
+                weights: &mut gradient,
+                input: None,
+            };
+            let both = (&*weights, gradients);
+            network.backward(both, graph, input, &output, &mut workspace);
+            [out, gradient]
+        });
+        for (wide, plain) in wide.iter().zip(&plain) {
+            let scale = plain.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+            for (a, b) in wide.iter().zip(plain) {
+                // As f32 against f64.
+                assert!((a - b).abs() < 1e-5 * scale, "{spec:?}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// A stream's two frames after its window of two, and a window of the four frames at once.
+struct Stream {
+    whole: Case,
+    begun: Network,
+    packed: PackedWeights<f64>,
+}
+
+impl Stream {
+    fn new() -> Self {
+        let of = |window| ModelSpec::physical(Encoder::StreamingGru { window }, 6, 2);
+        let whole = case(&of(4), 20, 11);
+        let begun = Network::new(&of(2)).expect("a valid spec");
+        let (purpose, instructions) = (Purpose::Training, Instructions::Detected);
+        Self {
+            packed: PackedWeights::new(&begun, &whole.weights, purpose, instructions),
+            whole,
+            begun,
+        }
+    }
+
+    /// The two frames that it begins with, then one and one.
+    fn inputs(&self) -> [Input<'_, f64>; 3] {
+        let (nodes, edges) = (self.whole.nodes.len() / 4, self.whole.edges.len() / 4);
+        [(0, 2), (2, 1), (3, 1)].map(|(first, count)| Input {
+            nodes: &self.whole.nodes[first * nodes..(first + count) * nodes],
+            edges: &self.whole.edges[first * edges..(first + count) * edges],
+        })
+    }
+
+    /// Runs all passes; gives each one's workspace and the state it began with.
+    fn run(&self) -> Vec<(Workspace<f64>, EncoderState<f64>)> {
+        let mut state = EncoderState::new();
+        let pass = |input| {
+            let mut workspace = Workspace::new();
+            let (given, graph) = ((input, &state), &self.whole.graph);
+            let pass = Pass::Training(None);
+            self.begun
+                .forward_carried(&self.packed, graph, given, pass, &mut workspace);
+            let after = workspace.end_state().clone();
+            (workspace, std::mem::replace(&mut state, after))
+        };
+        self.inputs().into_iter().map(pass).collect()
+    }
+}
+
+#[test]
+fn a_stream_is_a_window_that_grows() {
+    let stream = Stream::new();
+    let whole = &stream.whole;
+    let mut workspace = Workspace::new();
+    let pass = Pass::Training(None);
+    let expected = whole
+        .network
+        .forward(
+            &whole.weights,
+            &whole.graph,
+            whole.input(),
+            pass,
+            &mut workspace,
+        )
+        .to_vec();
+    let mut passes = stream.run();
+    let (last, state) = passes.last_mut().expect("three passes");
+    let [.., input] = stream.inputs();
+    let given = (input, &*state);
+    let found = stream
+        .begun
+        .forward_carried(&stream.packed, &whole.graph, given, pass, last);
+    // The same arithmetic in the same order.
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn the_gradient_of_a_stream_is_that_of_the_window() {
+    let stream = Stream::new();
+    let whole = &stream.whole;
+    let output: Vec<f64> = (0..3 * whole.graph.vertex_count())
+        .map(coefficient)
+        .collect();
+    let mut workspace = Workspace::new();
+    let mut expected = vec![0.0; whole.weights.len()];
+    whole.objective(&whole.weights, Pass::Training(None), &mut workspace);
+    let both = (&*whole.weights, weights_only(&mut expected));
+    whole
+        .network
+        .backward(both, &whole.graph, whole.input(), &output, &mut workspace);
+    // Only the last frame is judged: the others' gradients come through the states.
+    let mut passes = stream.run();
+    let mut found = vec![0.0; whole.weights.len()];
+    let silent = vec![0.0; output.len()];
+    let mut later = EncoderState::new();
+    for (number, input) in stream.inputs().into_iter().enumerate().rev() {
+        let (workspace, state) = &mut passes[number];
+        let mut earlier = EncoderState::new();
+        let states = StateGradients {
+            end: (number < 2).then_some(&later),
+            start: Some(&mut earlier),
+        };
+        let output = if number == 2 { &output } else { &silent };
+        let both = (&stream.packed, weights_only(&mut found));
+        let given = (input, &*state, states);
+        stream
+            .begun
+            .backward_carried(both, &whole.graph, given, output, workspace);
+        later = earlier;
+    }
+    for (found, expected) in found.iter().zip(&expected) {
+        // Sums of a few thousand terms in another order.
+        assert!((found - expected).abs() < 1e-11 * (1.0 + expected.abs()));
+    }
+}
+
+#[test]
+fn a_frame_in_f32_is_the_same_bytes_on_any_number_of_threads() {
+    for spec in specs() {
+        let case = case(&spec, 100, 12);
+        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
+        let (weights, nodes, edges) = (
+            narrow(&case.weights),
+            narrow(&case.nodes),
+            narrow(&case.edges),
+        );
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("a pool").install(|| {
+                let input = Input {
+                    nodes: &nodes,
+                    edges: &edges,
+                };
+                let (network, mut workspace) = (&case.network, Workspace::new());
+                let pass = Pass::Inference;
+                network
+                    .forward(&weights, &case.graph, input, pass, &mut workspace)
+                    .to_vec()
+            })
+        };
+        let one = run(1);
+        assert_eq!(one, run(2));
+        assert_eq!(one, run(3));
     }
 }
 

@@ -266,7 +266,7 @@ impl TrainConfig {
         let kept = (0.0..1.0).contains(&self.dropout);
         let expected = "at least 0 and below 1";
         require(kept, "dropout", expected, self.dropout)?;
-        let recurrent = matches!(self.model.encoder, Encoder::Gru { .. });
+        let recurrent = !matches!(self.model.encoder, Encoder::Mlp { .. });
         let expected = "0 where model.encoder is no gru: it acts between recurrent layers";
         let has_place = recurrent || self.dropout == 0.0;
         require(has_place, "dropout", expected, self.dropout)?;

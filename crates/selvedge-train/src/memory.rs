@@ -47,8 +47,9 @@ impl Need {
         let entries = dataset.entries(Split::Train).iter();
         let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
         let shards = shard_count(cfg) as f64;
-        // Weights, their gradient and two moments; three copies where a checkpoint is written.
-        let copies = 4.0 + 3.0 + shards;
+        // Weights, their gradient and two moments; three copies packed for the engine, three where a
+        // checkpoint is written.
+        let copies = 4.0 + 3.0 + 3.0 + shards;
         Self {
             trajectories: POSITION * positions,
             weights: NUMBER * copies * network.parameter_count() as f64,

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 use selvedge_model::{
-    ClothGraph, Connectivity, Dropout, Gradients, Input, Network, Normalizers, Pass, Place, Window,
-    Workspace,
+    ClothGraph, Connectivity, Dropout, Gradients, Input, Network, Normalizers, PackedWeights, Pass,
+    Place, Window, Workspace,
 };
 
 use crate::config::TrainConfig;
@@ -38,7 +38,7 @@ pub(crate) struct Context<'a> {
     pub(crate) cfg: &'a TrainConfig,
     pub(crate) corpus: &'a Corpus,
     pub(crate) network: &'a Network,
-    pub(crate) weights: &'a [f32],
+    pub(crate) weights: &'a PackedWeights<f32>,
     pub(crate) normalizers: &'a Normalizers,
     pub(crate) statistics: &'a LossStatistics,
     pub(crate) step: u64,
@@ -149,7 +149,7 @@ impl Shard {
             rate: context.cfg.dropout,
             seed: self.shown[0].dropout_seed,
         };
-        let out = context.network.forward(
+        let out = context.network.forward_packed(
             context.weights,
             &self.connectivity,
             input_of(&self.window),
@@ -166,7 +166,7 @@ impl Shard {
             weights: &mut self.gradient,
             input: None,
         };
-        context.network.backward(
+        context.network.backward_packed(
             (context.weights, gradients),
             &self.connectivity,
             input_of(&self.window),

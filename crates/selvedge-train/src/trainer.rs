@@ -10,7 +10,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use selvedge_data::Dataset;
-use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
+use selvedge_model::{
+    Instructions, Model, ModelError, Network, Normalizers, PackedWeights, Purpose,
+    RunningStatistics, SpecError,
+};
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
@@ -28,6 +31,7 @@ pub struct Trainer {
     corpus: Corpus,
     network: Network,
     pub(crate) weights: Vec<f32>,
+    packed: PackedWeights<f32>,
     pub(crate) adam: Adam,
     pub(crate) inputs: [RunningStatistics; 2],
     pub(crate) targets: RunningLossStatistics,
@@ -148,7 +152,9 @@ impl Trainer {
                 )
             })
             .collect();
+        let (purpose, using) = (Purpose::Training, Instructions::Detected);
         Self {
+            packed: PackedWeights::new(&parts.network, &parts.weights, purpose, using),
             gradient: vec![0.0; parts.weights.len()],
             network: parts.network,
             weights: parts.weights,
@@ -172,11 +178,12 @@ impl Trainer {
     /// moved on: a checkpoint is what to go on from.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
+        self.packed.update(&self.network, &self.weights);
         let context = Context {
             cfg: &self.cfg,
             corpus: &self.corpus,
             network: &self.network,
-            weights: &self.weights,
+            weights: &self.packed,
             normalizers: &self.normalizers,
             statistics: &self.statistics,
             step,

@@ -13,7 +13,8 @@
 use glam::{DVec3, Vec3};
 use rand_chacha::ChaCha8Rng;
 use selvedge_model::{
-    ClothGraph, Dropout, Gradients, Input, InputGradient, Pass, Place, Window, Workspace,
+    ClothGraph, Dropout, EncoderState, Extent, Gradients, Input, InputGradient, Pass, Place,
+    StateGradients, Window, Workspace,
 };
 
 use crate::corpus::Motion;
@@ -32,6 +33,8 @@ pub(crate) struct Unroll {
     /// Of the total loss with respect to the positions of all frames, the history of the first one
     /// included, in the world, `[frames][vertices]`.
     by_position: Vec<Vec<Vec3>>,
+    /// Of the total loss with respect to what a streaming network carries into a frame, and out of it.
+    by_state: [EncoderState<f32>; 2],
 }
 
 /// What the way back needs of one frame.
@@ -40,6 +43,9 @@ struct FrameBuffers {
     shown: Shown,
     window: Window,
     workspace: Workspace<f32>,
+    /// What a streaming network carries into this frame: nothing into the first one, which it begins
+    /// with a window of the frames before.
+    state: EncoderState<f32>,
     /// The normalised prediction, `[vertices, 3]`.
     output: Vec<f32>,
     /// The gradient of this frame's own loss with respect to it, `[vertices, 3]`.
@@ -52,6 +58,14 @@ struct InputBuffers {
     nodes: Vec<f32>,
     edges: Vec<f32>,
 }
+
+/// Gradients of a frame's input, where wanted, of the positions of its history and of what it predicts,
+/// and of what it carries.
+type FrameGradients<'a> = (
+    Option<&'a mut InputBuffers>,
+    &'a mut [Vec<Vec3>],
+    StateGradients<'a, f32>,
+);
 
 impl Unroll {
     /// Takes `lane` through up to `count` frames and adds the gradient of their loss to `gradient`;
@@ -71,14 +85,20 @@ impl Unroll {
         let kept = 1.0 - lane.correction(cfg);
         let mut start = Vec::new();
         let mut terms: Vec<(f64, LossTerms)> = Vec::with_capacity(count);
-        for frame in &mut self.frames[..count] {
+        for number in 0..count {
+            let (before, frame) = self.frames[..=number].split_at_mut(number);
+            let frame = &mut frame[0];
+            frame.state.clear();
+            if let Some(before) = before.last().filter(|_| context.network.streams()) {
+                frame.state.clone_from(before.workspace.end_state());
+            }
             lane.show(cfg, corpus, rng, &mut frame.shown);
             if terms.is_empty() {
                 start = lane.offset(corpus, frame.shown.yaw);
                 let graph = &corpus.motion(frame.shown.trajectory).graph;
                 smooth(graph, &mut start);
             }
-            let number = terms.len() as f64 + 1.0;
+            let number = number as f64 + 1.0;
             lane.aim(corpus, (&start, kept.powf(number)), &mut frame.shown);
             frame.forward(context);
             terms.push((number.powi(-2), frame.judge(context, losses)));
@@ -113,7 +133,14 @@ impl Unroll {
             frame.judge_position(context, motion, weight as f32, &mut by_frames[history]);
             // What the first frame starts from is given.
             let input = (number > 0).then_some(&mut self.input);
-            frame.backward(context, motion, (input, by_frames), gradient);
+            let [before, after] = &mut self.by_state;
+            let carries = context.network.streams();
+            let states = StateGradients {
+                end: (carries && number + 1 < weights.len()).then_some(&*after),
+                start: (carries && number > 0).then_some(before),
+            };
+            frame.backward(context, motion, (input, by_frames, states), gradient);
+            self.by_state.swap(0, 1);
         }
     }
 }
@@ -125,7 +152,12 @@ impl FrameBuffers {
             context.corpus.motion(self.shown.trajectory),
         );
         let place = Place::alone(&motion.graph);
-        self.window.fit(spec, &place);
+        let extent = if self.state.is_zero() {
+            Extent::Whole
+        } else {
+            Extent::Newest
+        };
+        self.window.fit_extent(spec, &place, extent);
         self.window
             .write(spec, &motion.graph, self.shown.window(), &place);
         let normalizers = context.normalizers;
@@ -135,10 +167,10 @@ impl FrameBuffers {
             rate: context.cfg.dropout,
             seed: self.shown.dropout_seed,
         };
-        let out = context.network.forward(
+        let out = context.network.forward_carried(
             context.weights,
             &motion.connectivity,
-            input_of(&self.window),
+            (input_of(&self.window), &self.state),
             Pass::Training(Some(dropout)),
             &mut self.workspace,
         );
@@ -192,7 +224,7 @@ impl FrameBuffers {
         &mut self,
         context: &Context<'_>,
         motion: &Motion,
-        (input, by_frames): (Option<&mut InputBuffers>, &mut [Vec<Vec3>]),
+        (input, by_frames, states): FrameGradients<'_>,
         gradient: &mut [f32],
     ) {
         let Some(input) = input else {
@@ -200,7 +232,7 @@ impl FrameBuffers {
                 weights: gradient,
                 input: None,
             };
-            self.network_backward(context, motion, gradients);
+            self.network_backward(context, motion, (gradients, states));
             return;
         };
         input.nodes.resize(self.window.nodes.len(), 0.0);
@@ -209,7 +241,7 @@ impl FrameBuffers {
             weights: gradient,
             input: Some(input.gradient()),
         };
-        self.network_backward(context, motion, gradients);
+        self.network_backward(context, motion, (gradients, states));
         let normalizers = context.normalizers;
         normalizers.nodes.scale_gradient(&mut input.nodes);
         normalizers.edges.scale_gradient(&mut input.edges);
@@ -246,12 +278,12 @@ impl FrameBuffers {
         &mut self,
         context: &Context<'_>,
         motion: &Motion,
-        gradients: Gradients<'_, f32>,
+        (gradients, states): (Gradients<'_, f32>, StateGradients<'_, f32>),
     ) {
-        context.network.backward(
+        context.network.backward_carried(
             (context.weights, gradients),
             &motion.connectivity,
-            input_of(&self.window),
+            (input_of(&self.window), &self.state, states),
             &self.by_output,
             &mut self.workspace,
         );

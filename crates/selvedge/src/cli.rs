@@ -1,5 +1,6 @@
 //! What can be asked, and the help that teaches it.
 
+mod bench;
 mod evaluate;
 mod export;
 mod import;
@@ -11,6 +12,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Parser, Subcommand};
 use selvedge_train::Setting;
 
+pub(crate) use self::bench::{BenchCommand, EngineArgs, ScaleArgs};
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::import::ImportArgs;
@@ -79,6 +81,8 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     Export(ExportArgs),
     Inspect(InspectArgs),
+    #[command(subcommand)]
+    Bench(BenchCommand),
     /// List the shipped training configurations: their networks, and what these cost.
     ///
     /// Operations per vertex, per arc and per frame of a cloth of 1024 vertices and 5898 arcs (the

@@ -56,6 +56,9 @@ fn every_command_has_help() {
         "evaluate",
         "compare",
         "inspect",
+        "bench",
+        "bench engine",
+        "bench scale",
     ] {
         let said = desk.run(&format!("{call} --help"));
         assert_eq!(said.code, Some(0), "{call}");

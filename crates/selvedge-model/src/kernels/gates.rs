@@ -1,80 +1,235 @@
-//! The gates of a recurrent unit, forward and backward, on rows of one step.
+//! The gates of a recurrent unit: a step forward with its products, all gates in one pass, and the
+//! gradient of the gates.
+//!
+//! For a vector of units there are four sums: r, z, and the input's and the state's part of n. The
+//! products with the input add to three of them, those with the state to three; the gates
+//! follow while the sums are at hand.
 
-use super::vectorised;
+use pulp::{Simd, WithSimd};
+
+use crate::lanes::{Instructions, Lanes, MOST_LANES};
+use crate::product::{LaneCount, Slot};
 use crate::real::Real;
 
-// Slices of one known length, so that the loops over them need no bounds checks and vectorise.
+/// Most rows that are summed at a time.
+const ROWS: usize = 6;
 
-#[inline(always)]
-fn thirds<T>(row: &[T], width: usize) -> [&[T]; 3] {
-    [0, 1, 2].map(|k| &row[k * width..][..width])
-}
-
-#[inline(always)]
-fn halves_mut<T>(row: &mut [T], width: usize) -> [&mut [T]; 2] {
-    let (first, second) = row.split_at_mut(width);
-    [&mut first[..width], &mut second[..width]]
-}
-
-/// The gates of one step of a recurrent unit, rows of `hidden` values each.
-pub(crate) struct Gates<'a, T> {
-    /// In: input part with its bias, `[rows, 3 hidden]`, gates r, z, n.
-    pub(crate) from_input: &'a [T],
-    /// In: hidden part without its bias, `[rows, 3 hidden]`.
-    pub(crate) from_hidden: &'a [T],
-    /// In: bias of the hidden part, `[3 hidden]`.
-    pub(crate) bias_hidden: &'a [T],
-    /// In: the state before, `[rows, hidden]`.
-    pub(crate) before: &'a [T],
-    /// Out: r, z, n and W_hn h + b_hn, kept for the backward pass, `[rows, 4 hidden]`.
-    pub(crate) kept: &'a mut [T],
-    /// Out: the state after, `[rows, hidden]`.
+/// One step of a layer of recurrent units, rows of `hidden` values each.
+pub(crate) struct GruStep<'a, T> {
+    /// In: `[rows, inputs]`.
+    pub(crate) input: &'a [T],
+    pub(crate) inputs: usize,
+    /// In: the state before `[rows, hidden]`; none is zero.
+    pub(crate) before: Option<&'a [T]>,
+    /// In: weights as [`pack_gates`] leaves them.
+    pub(crate) packed: &'a [T],
+    /// In: biases as [`pack_biases`] leaves them.
+    pub(crate) biases: &'a [T],
+    pub(crate) hidden: usize,
+    /// Out: the state after `[rows, hidden]`.
     pub(crate) after: &'a mut [T],
+    /// Out, unless empty: r, z, n and W_hn h + b_hn for the backward pass, `[rows, 4 hidden]`.
+    pub(crate) kept: &'a mut [T],
+}
+
+/// Packs the weights of a layer, gates r, z, n: for each vector of units the weights of the input,
+/// then those of the state. `slot` has depth inputs + hidden and columns 3 hidden.
+pub(crate) fn pack_gates<T: Real>(
+    instructions: Instructions,
+    (inputs, hidden): (usize, usize),
+    [weight_ih, weight_hh]: [&[T]; 2],
+    out: &mut [T],
+) {
+    let lanes = instructions.run(LaneCount::<T>::default());
+    let mut rows = out.chunks_exact_mut(3 * lanes);
+    for first in (0..hidden).step_by(lanes) {
+        for (weight, count) in [(weight_ih, inputs), (weight_hh, hidden)] {
+            for (l, row) in rows.by_ref().take(count).enumerate() {
+                for (gate, part) in row.chunks_exact_mut(lanes).enumerate() {
+                    for (lane, to) in part.iter_mut().enumerate() {
+                        let unit = first + lane;
+                        *to = if unit < hidden {
+                            weight[(gate * hidden + unit) * count + l]
+                        } else {
+                            T::ZERO
+                        };
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Room for the packed weights and biases of a layer.
+pub(crate) fn gate_slots(
+    size: &mut crate::packed::ModuleSize,
+    inputs: usize,
+    hidden: usize,
+) -> [Slot; 2] {
+    let padded = hidden.next_multiple_of(MOST_LANES);
+    [
+        size.forward(inputs + hidden, 3 * padded),
+        size.forward(1, 4 * padded),
+    ]
+}
+
+/// Packs the biases: for each vector of units those of r and z, summed, then both of n.
+pub(crate) fn pack_biases<T: Real>(
+    instructions: Instructions,
+    hidden: usize,
+    [bias_ih, bias_hh]: [&[T]; 2],
+    out: &mut [T],
+) {
+    let lanes = instructions.run(LaneCount::<T>::default());
+    let vectors = out.chunks_exact_mut(4 * lanes);
+    for (number, vector) in vectors.take(hidden.div_ceil(lanes)).enumerate() {
+        for lane in 0..lanes {
+            let unit = number * lanes + lane;
+            let at = |bias: &[T], gate: usize| {
+                if unit < hidden {
+                    bias[gate * hidden + unit]
+                } else {
+                    T::ZERO
+                }
+            };
+            vector[lane] = at(bias_ih, 0) + at(bias_hh, 0);
+            vector[lanes + lane] = at(bias_ih, 1) + at(bias_hh, 1);
+            vector[2 * lanes + lane] = at(bias_ih, 2);
+            vector[3 * lanes + lane] = at(bias_hh, 2);
+        }
+    }
 }
 
 /// One step of a gated recurrent unit as PyTorch defines it (Cho et al. 2014) `[eq:gru]`:
 /// r, z = σ(..), n = tanh(W_in x + b_in + r ∘ (W_hn h + b_hn)), h' = (1 - z) ∘ n + z ∘ h.
-pub(crate) fn gru_gates<T: Real>(gates: Gates<'_, T>, hidden: usize) {
-    vectorised(
-        #[inline(always)]
-        || {
-            let rows = gates
-                .from_input
-                .chunks_exact(3 * hidden)
-                .zip(gates.from_hidden.chunks_exact(3 * hidden))
-                .zip(gates.before.chunks_exact(hidden))
-                .zip(gates.kept.chunks_exact_mut(4 * hidden))
-                .zip(gates.after.chunks_exact_mut(hidden));
-            let [bias_r, bias_z, bias_n] = thirds(gates.bias_hidden, hidden);
-            for ((((input, state), before), kept), after) in rows {
-                let [input_r, input_z, input_n] = thirds(input, hidden);
-                let [state_r, state_z, state_n] = thirds(state, hidden);
-                let (gates_rz, rest) = kept.split_at_mut(2 * hidden);
-                let [r, z] = halves_mut(gates_rz, hidden);
-                let [n, recurrent] = halves_mut(rest, hidden);
-                let (before, after) = (&before[..hidden], &mut after[..hidden]);
-                // Short loops over few slices: one over all of them does not vectorise.
-                for (((r, &i), &s), &b) in r.iter_mut().zip(input_r).zip(state_r).zip(bias_r) {
-                    *r = (i + s + b).sigmoid();
-                }
-                for (((z, &i), &s), &b) in z.iter_mut().zip(input_z).zip(state_z).zip(bias_z) {
-                    *z = (i + s + b).sigmoid();
-                }
-                for ((x, &s), &b) in recurrent.iter_mut().zip(state_n).zip(bias_n) {
-                    *x = s + b;
-                }
-                for (((n, &i), &r), &x) in n.iter_mut().zip(input_n).zip(&*r).zip(&*recurrent) {
-                    *n = (i + r * x).tanh();
-                }
-                for (((a, &n), &z), &b) in after.iter_mut().zip(&*n).zip(&*z).zip(before) {
-                    *a = n + z * (b - n);
-                }
-            }
-        },
-    );
+pub(crate) fn gru_step<T: Real>(instructions: Instructions, step: GruStep<'_, T>) {
+    let rows = step.after.len() / step.hidden;
+    assert_eq!(step.input.len(), rows * step.inputs, "rows of an input");
+    instructions.run(step);
 }
 
-/// Buffers of the gradient of [`gru_gates`].
+impl<T: Real> WithSimd for GruStep<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let rows = self.after.len() / self.hidden;
+        for first in (0..self.hidden).step_by(T::lanes::<S>()) {
+            let mut row = 0;
+            while S::REGISTER_COUNT >= 32 && row + ROWS <= rows {
+                self.units::<S, ROWS>(simd, row, first);
+                row += ROWS;
+            }
+            while row + 2 <= rows {
+                self.units::<S, 2>(simd, row, first);
+                row += 2;
+            }
+            if row < rows {
+                self.units::<S, 1>(simd, row, first);
+            }
+        }
+    }
+}
+
+/// The four sums of some rows and a vector of units, row after row.
+type Sums<T> = [[T; ROWS * MOST_LANES]; 4];
+
+impl<T: Real> GruStep<'_, T> {
+    /// `M` rows and the units `first..` of a vector.
+    #[inline(always)]
+    fn units<S: Simd, const M: usize>(&mut self, simd: S, row: usize, first: usize) {
+        let lanes = T::lanes::<S>();
+        let (inputs, hidden) = (self.inputs, self.hidden);
+        let biases = T::vectors::<S>(&self.biases[4 * first..4 * (first + lanes)]);
+        let mut bias = [T::splat(simd, T::ZERO); 4];
+        bias.copy_from_slice(biases);
+        let mut sums = [bias; M];
+        let packed = &self.packed[3 * first * (inputs + hidden)..];
+        let (of_input, of_state) = packed.split_at(3 * lanes * inputs);
+        add_terms::<T, S, M>(simd, &mut sums, (self.input, inputs, row), of_input, 2);
+        if let Some(before) = self.before {
+            let of_state = &of_state[..3 * lanes * hidden];
+            add_terms::<T, S, M>(simd, &mut sums, (before, hidden, row), of_state, 3);
+        }
+        let mut values = [[T::ZERO; ROWS * MOST_LANES]; 4];
+        for (r, sums) in sums.iter().enumerate() {
+            for (gate, &sum) in sums.iter().enumerate() {
+                T::vectors_mut::<S>(&mut values[gate][r * lanes..(r + 1) * lanes])[0] = sum;
+            }
+        }
+        self.gates::<M>(&mut values, (row, first), lanes);
+    }
+
+    /// From the sums to the state after.
+    #[inline(always)]
+    fn gates<const M: usize>(
+        &mut self,
+        values: &mut Sums<T>,
+        (row, first): (usize, usize),
+        lanes: usize,
+    ) {
+        let hidden = self.hidden;
+        let count = lanes.min(hidden - first);
+        let mut states = [T::ZERO; ROWS * MOST_LANES];
+        if let Some(before) = self.before {
+            for r in 0..M {
+                let from = &before[(row + r) * hidden + first..][..count];
+                states[r * lanes..][..count].copy_from_slice(from);
+            }
+        }
+        let [r, z, n, recurrent] = values.each_mut().map(|v| &mut v[..M * lanes]);
+        let states = &mut states[..M * lanes];
+        // Short loops over few slices: one over all of them does not vectorise.
+        for r in r.iter_mut() {
+            *r = r.sigmoid();
+        }
+        for z in z.iter_mut() {
+            *z = z.sigmoid();
+        }
+        for ((n, &r), &x) in n.iter_mut().zip(&*r).zip(&*recurrent) {
+            *n = (*n + r * x).tanh();
+        }
+        for ((state, &n), &z) in states.iter_mut().zip(&*n).zip(&*z) {
+            *state = n + z * (*state - n);
+        }
+        for k in 0..M {
+            let from = &states[k * lanes..][..count];
+            self.after[(row + k) * hidden + first..][..count].copy_from_slice(from);
+        }
+        if !self.kept.is_empty() {
+            for k in 0..M {
+                let kept = &mut self.kept[(row + k) * 4 * hidden..][..4 * hidden];
+                for (gate, values) in [&*r, &*z, &*n, &*recurrent].into_iter().enumerate() {
+                    let to = &mut kept[gate * hidden + first..][..count];
+                    to.copy_from_slice(&values[k * lanes..][..count]);
+                }
+            }
+        }
+    }
+}
+
+/// Adds the products of `M` rows to the sums of r, z and, in place `third`, one part of n.
+#[inline(always)]
+fn add_terms<T: Lanes, S: Simd, const M: usize>(
+    simd: S,
+    sums: &mut [[T::Vector<S>; 4]; M],
+    (rows, depth, row): (&[T], usize, usize),
+    weights: &[T],
+    third: usize,
+) {
+    let rows: [&[T]; M] = std::array::from_fn(|r| &rows[(row + r) * depth..][..depth]);
+    let weights = &T::vectors::<S>(weights).as_chunks::<3>().0[..depth];
+    for (l, &[of_r, of_z, of_n]) in weights.iter().enumerate() {
+        for (sums, values) in sums.iter_mut().zip(rows) {
+            let value = T::splat(simd, values[l]);
+            sums[0] = T::mul_add(simd, value, of_r, sums[0]);
+            sums[1] = T::mul_add(simd, value, of_z, sums[1]);
+            sums[third] = T::mul_add(simd, value, of_n, sums[third]);
+        }
+    }
+}
+
+/// Buffers of the gradient of the gates of [`gru_step`].
 pub(crate) struct GateGradients<'a, T> {
     /// In: r, z, n, W_hn h + b_hn of the forward pass, `[rows, 4 hidden]`.
     pub(crate) kept: &'a [T],
@@ -82,15 +237,18 @@ pub(crate) struct GateGradients<'a, T> {
     pub(crate) before: &'a [T],
     /// In: gradient of the state after; out: its direct part for the state before.
     pub(crate) state: &'a mut [T],
-    /// Out: gradient of the input part, `[rows, 3 hidden]`.
-    pub(crate) input: &'a mut [T],
-    /// Out: gradient of the hidden part, `[rows, 3 hidden]`.
-    pub(crate) hidden: &'a mut [T],
+    /// Out: gradients of the sums: n's input part, r, z, n's state part, `[rows, 4 hidden]`. The first
+    /// three are the input's, the last three the state's.
+    pub(crate) sums: &'a mut [T],
 }
 
-/// The gradient of [`gru_gates`].
-pub(crate) fn gru_gates_backward<T: Real>(gates: GateGradients<'_, T>, hidden: usize) {
-    vectorised(
+/// The gradient of the gates of [`gru_step`].
+pub(crate) fn gru_gates_backward<T: Real>(
+    instructions: Instructions,
+    gates: GateGradients<'_, T>,
+    hidden: usize,
+) {
+    instructions.vectorised(
         #[inline(always)]
         || {
             let rows = gates
@@ -98,35 +256,37 @@ pub(crate) fn gru_gates_backward<T: Real>(gates: GateGradients<'_, T>, hidden: u
                 .chunks_exact(4 * hidden)
                 .zip(gates.before.chunks_exact(hidden))
                 .zip(gates.state.chunks_exact_mut(hidden))
-                .zip(gates.input.chunks_exact_mut(3 * hidden))
-                .zip(gates.hidden.chunks_exact_mut(3 * hidden));
-            for ((((kept, before), state), to_input), to_hidden) in rows {
-                let [r, z, n] = thirds(kept, hidden);
-                let recurrent = &kept[3 * hidden..][..hidden];
-                let (input_rz, input_n) = to_input.split_at_mut(2 * hidden);
-                let [input_r, input_z] = halves_mut(input_rz, hidden);
-                let (hidden_rz, hidden_n) = to_hidden.split_at_mut(2 * hidden);
-                let [hidden_r, hidden_z] = halves_mut(hidden_rz, hidden);
-                let (input_n, hidden_n) = (&mut input_n[..hidden], &mut hidden_n[..hidden]);
-                let (before, state) = (&before[..hidden], &mut state[..hidden]);
-                for k in 0..hidden {
-                    input_n[k] = state[k] * (T::ONE - z[k]) * (T::ONE - n[k] * n[k]);
-                }
-                for k in 0..hidden {
-                    input_z[k] = state[k] * (before[k] - n[k]) * z[k] * (T::ONE - z[k]);
-                }
-                for k in 0..hidden {
-                    input_r[k] = input_n[k] * recurrent[k] * r[k] * (T::ONE - r[k]);
-                }
-                for k in 0..hidden {
-                    hidden_n[k] = input_n[k] * r[k];
-                }
-                for k in 0..hidden {
-                    state[k] *= z[k];
-                }
-                hidden_r.copy_from_slice(input_r);
-                hidden_z.copy_from_slice(input_z);
+                .zip(gates.sums.chunks_exact_mut(4 * hidden));
+            for (((kept, before), state), sums) in rows {
+                gate_row(kept, before, state, sums, hidden);
             }
         },
     );
+}
+
+#[inline(always)]
+fn gate_row<T: Real>(kept: &[T], before: &[T], state: &mut [T], sums: &mut [T], hidden: usize) {
+    // Slices of one known length, so that the loops over them need no bounds checks and vectorise.
+    let [r, z, n, recurrent] = [0, 1, 2, 3].map(|k| &kept[k * hidden..][..hidden]);
+    let (first, second) = sums.split_at_mut(2 * hidden);
+    let (input_n, to_r) = first.split_at_mut(hidden);
+    let (to_z, state_n) = second.split_at_mut(hidden);
+    let (input_n, to_r) = (&mut input_n[..hidden], &mut to_r[..hidden]);
+    let (to_z, state_n) = (&mut to_z[..hidden], &mut state_n[..hidden]);
+    let (before, state) = (&before[..hidden], &mut state[..hidden]);
+    for k in 0..hidden {
+        input_n[k] = state[k] * (T::ONE - z[k]) * (T::ONE - n[k] * n[k]);
+    }
+    for k in 0..hidden {
+        to_z[k] = state[k] * (before[k] - n[k]) * z[k] * (T::ONE - z[k]);
+    }
+    for k in 0..hidden {
+        to_r[k] = input_n[k] * recurrent[k] * r[k] * (T::ONE - r[k]);
+    }
+    for k in 0..hidden {
+        state_n[k] = input_n[k] * r[k];
+    }
+    for k in 0..hidden {
+        state[k] *= z[k];
+    }
 }

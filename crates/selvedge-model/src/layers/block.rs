@@ -3,18 +3,20 @@
 //! residual is added.
 //!
 //! The first edge layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
-//! applied once per vertex instead of once per arc. The tests hold the
-//! update as it is written, on concatenated rows, against it.
-
-use rayon::prelude::*;
+//! applied once per vertex instead of once per arc. The tests hold the update as it is written, on
+//! concatenated rows, against it.
+//!
+//! A leaf (some vertices and the arcs into them) is taken through all of it by one thread: only
+//! A v_s + B v_r of all vertices must be there before.
 
 use crate::connectivity::Connectivity;
-use crate::kernels::{add, gather_add, scatter_add, sum_incoming, sum_outgoing};
-use crate::layers::encoder::mlp_tiles;
-use crate::layers::mlp::{Mlp, MlpRecord, MlpScratch};
-use crate::layers::{TILE, resize, tiles};
-use crate::parameters::LayoutBuilder;
-use crate::product::Store;
+use crate::kernels::{Normalised, Receivers, gather_receivers, sum_incoming, sum_outgoing};
+use crate::layers::mlp::{Mlp, MlpRecord};
+use crate::layers::{GroupScratch, Scratch, pick, resize};
+use crate::leaves::{Arrays, Leaf, chunks, of_rows};
+use crate::packed::{LayerWeights, ModuleSize, Packer, Piece};
+use crate::parameters::{LayoutBuilder, ModuleGradient};
+use crate::product::{Columns, Ends, Finish, Slot, Term, multiply};
 use crate::real::Real;
 
 /// Where the weights of a block lie.
@@ -22,6 +24,12 @@ use crate::real::Real;
 pub(crate) struct Block {
     edge: Mlp,
     node: Mlp,
+    /// A and B of the first edge layer side by side, both ways.
+    ends: [Slot; 2],
+    /// C of the first edge layer.
+    edges: Piece,
+    /// The first vertex layer's parts for v and for Σ e'.
+    nodes: [Piece; 2],
 }
 
 /// Activations of one block, kept for the backward pass.
@@ -37,41 +45,27 @@ pub(crate) struct BlockRecord<T> {
     node: MlpRecord<T>,
 }
 
-/// Buffers that all blocks share.
-#[derive(Default)]
-pub(crate) struct BlockScratch<T> {
-    /// Products of the split first layer, then their gradients, `[vertices, latent]` each.
-    at_sender: Vec<T>,
-    at_receiver: Vec<T>,
-    /// e' of all arcs, then the gradient of the edge layer's product, `[arcs, latent]`.
-    messages: Vec<T>,
-    /// Gradient of the sums of messages, `[vertices, latent]`.
-    incoming: Vec<T>,
-}
-
-/// The latent vectors that a block updates, or their gradients.
-pub(crate) struct Latents<'a, T> {
-    /// `[vertices, latent]`.
+/// The rows of a leaf that a block writes; those of the record are empty where nothing is kept.
+pub(crate) struct BlockRows<'a, T> {
+    /// `[vertices, latent]`, updated.
     pub(crate) nodes: &'a mut [T],
-    /// `[arcs, latent]`.
+    /// `[arcs, latent]`, updated.
     pub(crate) edges: &'a mut [T],
+    /// Nodes before, incoming, and the activations of the perceptron.
+    pub(crate) node_record: [&'a mut [T]; 6],
+    /// Edges before, and the activations of the perceptron.
+    pub(crate) edge_record: [&'a mut [T]; 5],
 }
 
-impl<T: Real> BlockScratch<T> {
-    /// Numbers held.
-    #[cfg(test)]
-    pub(crate) fn number_count(&self) -> usize {
-        let vertices = [&self.at_sender, &self.at_receiver, &self.incoming];
-        let held: usize = vertices.iter().map(|numbers| numbers.len()).sum();
-        held + self.messages.len()
-    }
-
-    fn fit(&mut self, vertices: usize, arcs: usize, latent: usize) {
-        resize(&mut self.at_sender, vertices * latent);
-        resize(&mut self.at_receiver, vertices * latent);
-        resize(&mut self.incoming, vertices * latent);
-        resize(&mut self.messages, arcs * latent);
-    }
+/// The rows of a leaf whose gradients a block takes from after it to before it.
+pub(crate) struct BlockGradients<'a, T> {
+    pub(crate) nodes: &'a mut [T],
+    pub(crate) edges: &'a mut [T],
+    /// Out: gradient of the first edge layer's sums, `[arcs, latent]`.
+    pub(crate) first: &'a mut [T],
+    /// Out: the sums of those over the arcs that leave a vertex, and over those that arrive,
+    /// `[vertices, 2 latent]`.
+    pub(crate) sums: &'a mut [T],
 }
 
 impl<T: Real> BlockRecord<T> {
@@ -83,206 +77,246 @@ impl<T: Real> BlockRecord<T> {
         held + self.edge.number_count() + self.node.number_count()
     }
 
-    fn fit(&mut self, block: &Block, vertices: usize, arcs: usize) {
-        let latent = block.node.first.outputs;
+    pub(crate) fn fit(&mut self, block: &Block, vertices: usize, arcs: usize) {
+        let latent = block.latent();
         resize(&mut self.nodes, vertices * latent);
         resize(&mut self.edges, arcs * latent);
         resize(&mut self.incoming, vertices * latent);
         self.edge.fit(&block.edge, arcs);
         self.node.fit(&block.node, vertices);
     }
+
+    /// Everything, with the widths of its rows, as [`BlockRows`] has it.
+    pub(crate) fn rows(&mut self, block: &Block) -> (Arrays<'_, T, 6>, Arrays<'_, T, 5>) {
+        let latent = block.latent();
+        let [n0, n1, n2, n3] = self.node.rows(&block.node);
+        let [e0, e1, e2, e3] = self.edge.rows(&block.edge);
+        let nodes = [
+            (&mut *self.nodes, latent),
+            (&mut *self.incoming, latent),
+            n0,
+            n1,
+            n2,
+            n3,
+        ];
+        (nodes, [(&mut *self.edges, latent), e0, e1, e2, e3])
+    }
 }
 
 impl Block {
-    pub(crate) fn new(layout: &mut LayoutBuilder, path: &str, latent: usize) -> Self {
+    pub(crate) fn new(
+        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
+        path: &str,
+        latent: usize,
+    ) -> Self {
+        let mut mlp = |what: &str, inputs| {
+            let path = format!("{path}.{what}");
+            Mlp::normalised((&mut *layout, &mut *size), &path, inputs, latent)
+        };
+        let (edge, node) = (mlp("edge", 3 * latent), mlp("node", 2 * latent));
         Self {
-            edge: Mlp::normalised(layout, &format!("{path}.edge"), 3 * latent, latent),
-            node: Mlp::normalised(layout, &format!("{path}.node"), 2 * latent, latent),
+            edge,
+            node,
+            ends: [
+                size.forward(latent, 2 * latent),
+                size.backward(2 * latent, latent),
+            ],
+            edges: Piece::new(size, &edge.first, (2 * latent, latent)),
+            nodes: [0, latent].map(|first| Piece::new(size, &node.first, (first, latent))),
         }
     }
 
-    /// Updates the latent vectors in place.
+    fn latent(&self) -> usize {
+        self.node.first.outputs
+    }
+
+    pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
+        for mlp in [&self.edge, &self.node] {
+            mlp.pack(packer);
+        }
+        for piece in [&self.edges, &self.nodes[0], &self.nodes[1]] {
+            piece.pack(packer);
+        }
+        let (latent, flat) = (self.latent(), packer.flat);
+        let weight = &flat[self.edge.first.weight_range()];
+        // Row i of A, then row i of B.
+        let of_end = |end: usize, column: usize| {
+            let (which, row) = (end / latent, end % latent);
+            weight[row * 3 * latent + which * latent + column]
+        };
+        packer.forward(self.ends[0], |l, j| of_end(j, l));
+        packer.backward(self.ends[1], of_end);
+    }
+
+    /// A v and B v + b of the split edge layer, `[vertices, 2 latent]`.
+    pub(crate) fn products_per_vertex<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        nodes: &[T],
+        at: &mut [T],
+    ) {
+        let (latent, bias) = (self.latent(), self.edge.first.bias_range());
+        let term = Term {
+            rows: Columns::all(nodes, latent),
+            packed: self.ends[0].of(&weights.module.forward),
+        };
+        let finish = Finish::SecondHalfBias(&weights.flat[bias]);
+        multiply(weights.instructions, &[term], 2 * latent, finish, at);
+    }
+
+    /// Updates the latent vectors of a leaf in place; `at` are the [`Self::products_per_vertex`] of all
+    /// vertices.
     pub(crate) fn forward<T: Real>(
         &self,
-        weights: &[T],
-        graph: &Connectivity,
-        latents: &mut Latents<'_, T>,
-        record: &mut BlockRecord<T>,
-        scratch: &mut BlockScratch<T>,
+        weights: LayerWeights<'_, T>,
+        (graph, leaf): (&Connectivity, &Leaf),
+        at: &[T],
+        rows: BlockRows<'_, T>,
+        scratch: &mut Scratch<T>,
     ) {
-        let latent = self.node.first.outputs;
-        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-        record.fit(self, vertices, arcs);
-        scratch.fit(vertices, arcs, latent);
-        self.products_per_vertex(weights, latents.nodes, scratch);
-        self.update_edges(weights, graph, latents.edges, record, scratch);
-        sum_incoming(
-            &mut record.incoming,
-            latent,
-            &scratch.messages,
-            &graph.first_arc,
-        );
-        self.update_nodes(weights, latents.nodes, record, scratch);
-    }
-
-    /// A v and B v of the split edge layer.
-    fn products_per_vertex<T: Real>(
-        &self,
-        weights: &[T],
-        nodes: &[T],
-        scratch: &mut BlockScratch<T>,
-    ) {
-        let latent = self.node.first.outputs;
-        (
-            nodes.par_chunks(TILE * latent),
-            scratch.at_sender.par_chunks_mut(TILE * latent),
-            scratch.at_receiver.par_chunks_mut(TILE * latent),
-        )
-            .into_par_iter()
-            .for_each(|(nodes, at_sender, at_receiver)| {
-                let edge = &self.edge;
-                let nodes = (nodes, Store::Replace);
-                edge.first_product(weights, (0, latent), nodes, at_sender);
-                edge.first_product(weights, (latent, latent), nodes, at_receiver);
-            });
-    }
-
-    fn update_edges<T: Real>(
-        &self,
-        weights: &[T],
-        graph: &Connectivity,
-        edges: &mut [T],
-        record: &mut BlockRecord<T>,
-        scratch: &mut BlockScratch<T>,
-    ) {
-        let latent = self.node.first.outputs;
-        let (at_sender, at_receiver) = (&*scratch.at_sender, &*scratch.at_receiver);
-        (
-            mlp_tiles(&mut record.edge, latent),
-            edges.par_chunks_mut(TILE * latent),
-            record.edges.par_chunks_mut(TILE * latent),
-            scratch.messages.par_chunks_mut(TILE * latent),
-            graph.senders.par_chunks(TILE),
-            graph.receivers.par_chunks(TILE),
-        )
-            .into_par_iter()
-            .for_each(|(tile, edges, before, messages, senders, receivers)| {
+        let latent = self.latent();
+        let [nodes_before, incoming, node_record @ ..] = rows.node_record;
+        let incoming = pick(incoming, &mut scratch.incoming, rows.nodes.len());
+        incoming.fill(T::ZERO);
+        let [edges_before, mut edge_record @ ..] = rows.edge_record;
+        for chunk in chunks(leaf.arcs.clone()) {
+            let local = chunk.start - leaf.arcs.start..chunk.end - leaf.arcs.start;
+            let edges = &mut rows.edges[of_rows(&local, latent)];
+            if let Some(before) = edges_before.get_mut(of_rows(&local, latent)) {
                 before.copy_from_slice(edges);
-                let columns = (2 * latent, latent);
-                self.edge
-                    .first_product(weights, columns, (edges, Store::Replace), tile.hidden1);
-                gather_add(
-                    tile.hidden1,
-                    latent,
-                    (senders, receivers),
-                    at_sender,
-                    at_receiver,
-                );
-                self.edge.finish(weights, tile, messages);
-                add(edges, messages);
+            }
+            let record = edge_record.each_mut().map(|record| &mut **record);
+            let mut tile = scratch.tiles.tile(record, &local, latent);
+            let finish = Finish::EndsRelu(Ends {
+                at,
+                senders: &graph.senders[chunk.clone()],
+                receivers: &graph.receivers[chunk.clone()],
             });
+            let terms = &[self.edges.times(weights, edges)];
+            self.edge.first_layer(weights, terms, finish, &mut tile);
+            let messages = Normalised::Messages {
+                edges,
+                incoming: &mut *incoming,
+                receivers: Receivers {
+                    of: &graph.receivers[chunk],
+                    first: leaf.vertices.start,
+                },
+            };
+            self.edge.forward(weights, tile, messages);
+        }
+        if !nodes_before.is_empty() {
+            nodes_before.copy_from_slice(rows.nodes);
+        }
+        let count = 0..leaf.vertices.len();
+        let mut tile = scratch.tiles.tile(node_record, &count, latent);
+        let [of_node, of_incoming] = &self.nodes;
+        let terms = &[
+            of_node.times(weights, rows.nodes),
+            of_incoming.times(weights, incoming),
+        ];
+        let finish = self.node.first_finish(weights);
+        self.node.first_layer(weights, terms, finish, &mut tile);
+        self.node
+            .forward(weights, tile, Normalised::Add(rows.nodes));
     }
 
-    fn update_nodes<T: Real>(
-        &self,
-        weights: &[T],
-        nodes: &mut [T],
-        record: &mut BlockRecord<T>,
-        scratch: &mut BlockScratch<T>,
-    ) {
-        let latent = self.node.first.outputs;
-        (
-            mlp_tiles(&mut record.node, latent),
-            nodes.par_chunks_mut(TILE * latent),
-            record.nodes.par_chunks_mut(TILE * latent),
-            record.incoming.par_chunks(TILE * latent),
-            scratch.incoming.par_chunks_mut(TILE * latent),
-        )
-            .into_par_iter()
-            .for_each(|(tile, nodes, before, incoming, update)| {
-                before.copy_from_slice(nodes);
-                let node = &self.node;
-                node.first_product(weights, (0, latent), (nodes, Store::Replace), tile.hidden1);
-                let incoming = (incoming, Store::Add);
-                node.first_product(weights, (latent, latent), incoming, tile.hidden1);
-                node.finish(weights, tile, update);
-                add(nodes, update);
-            });
-    }
-
-    /// Takes the gradients of the latent vectors after the block to those before it, and adds
-    /// those of the weights.
+    /// Takes the gradients of a leaf's latent vectors after the block to those before it, but for what
+    /// comes through A and B, and adds those of the weights.
     pub(crate) fn backward<T: Real>(
         &self,
-        (weights, gradient): (&[T], &mut [T]),
-        graph: &Connectivity,
-        gradients: &mut Latents<'_, T>,
-        record: &mut BlockRecord<T>,
-        scratch: &mut BlockScratch<T>,
+        weights: LayerWeights<'_, T>,
+        (graph, leaf): (&Connectivity, &Leaf),
+        record: &BlockRecord<T>,
+        rows: BlockGradients<'_, T>,
+        group: (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
     ) {
-        let latent = self.node.first.outputs;
-        scratch.fit(graph.vertex_count(), graph.arc_count(), latent);
-        let mut mlp_scratch = MlpScratch::new(latent);
-        let mut output = vec![T::ZERO; TILE * latent];
-        for rows in tiles(graph.vertex_count()) {
-            let range = rows.start * latent..rows.end * latent;
-            let output = &mut output[..range.len()];
-            output.copy_from_slice(&gradients.nodes[range.clone()]);
-            let tile = record.node.tile(&self.node, &rows);
-            self.node
-                .finish_backward(weights, &tile, output, &mut mlp_scratch, gradient);
-            let first = &mlp_scratch.first[..range.len()];
-            let to_nodes = Some((&mut gradients.nodes[range.clone()], Store::Add));
-            let pair = (first, &record.nodes[range.clone()]);
-            self.node
-                .first_backward(weights, (0, latent), pair, gradient, to_nodes);
-            let to_incoming = Some((&mut scratch.incoming[range.clone()], Store::Replace));
-            let pair = (first, &record.incoming[range]);
-            self.node
-                .first_backward(weights, (latent, latent), pair, gradient, to_incoming);
-        }
-        for rows in tiles(graph.arc_count()) {
-            let range = rows.start * latent..rows.end * latent;
-            let output = &mut output[..range.len()];
-            output.copy_from_slice(&gradients.edges[range.clone()]);
-            scatter_add(
-                output,
-                latent,
-                &graph.receivers[rows.clone()],
-                &scratch.incoming,
+        let (scratch, gradient) = group;
+        let latent = self.latent();
+        self.nodes_backward(weights, leaf, record, rows.nodes, (scratch, gradient));
+        rows.sums.fill(T::ZERO);
+        for chunk in chunks(leaf.arcs.clone()) {
+            let local = chunk.start - leaf.arcs.start..chunk.end - leaf.arcs.start;
+            let (range, local) = (of_rows(&chunk, latent), of_rows(&local, latent));
+            let edges = &mut rows.edges[local.clone()];
+            let first = &mut rows.first[local];
+            let receivers = Receivers {
+                of: &graph.receivers[chunk.clone()],
+                first: leaf.vertices.start,
+            };
+            let using = weights.instructions;
+            let output = &mut scratch.output[..edges.len()];
+            let gradients = (&*edges, &*scratch.incoming);
+            gather_receivers(using, output, latent, gradients, receivers);
+            let kept = record.edge.tile(&self.edge, &chunk);
+            let buffers = (&mut scratch.hidden[..first.len()], &mut *first);
+            self.edge.backward(weights, kept, output, buffers, gradient);
+            let pair = (
+                Columns::all(first, latent),
+                Columns::all(&record.edges[range], latent),
             );
-            let tile = record.edge.tile(&self.edge, &rows);
             self.edge
-                .finish_backward(weights, &tile, output, &mut mlp_scratch, gradient);
-            let first = &mlp_scratch.first[..range.len()];
-            scratch.messages[range.clone()].copy_from_slice(first);
-            let to_edges = Some((&mut gradients.edges[range.clone()], Store::Add));
-            let pair = (first, &record.edges[range]);
-            self.edge
-                .first_backward(weights, (2 * latent, latent), pair, gradient, to_edges);
+                .first_backward(weights, 2 * latent, pair, gradient);
+            let term = self.edges.back(weights, first);
+            multiply(using, &[term], latent, Finish::Add, edges);
+            let place = (latent, 2 * latent, latent);
+            sum_incoming(using, rows.sums, place, first, receivers);
         }
-        self.split_backward((weights, gradient), graph, gradients.nodes, record, scratch);
     }
 
-    /// The gradients of A and B, and through them those of the vertices.
-    fn split_backward<T: Real>(
+    fn nodes_backward<T: Real>(
         &self,
-        (weights, gradient): (&[T], &mut [T]),
-        graph: &Connectivity,
-        nodes: &mut [T],
+        weights: LayerWeights<'_, T>,
+        leaf: &Leaf,
         record: &BlockRecord<T>,
-        scratch: &mut BlockScratch<T>,
+        nodes: &mut [T],
+        (scratch, gradient): (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
     ) {
-        let latent = self.node.first.outputs;
-        let rows = &scratch.messages;
-        sum_incoming(&mut scratch.at_receiver, latent, rows, &graph.first_arc);
-        let (first_arc, twins) = (&graph.first_arc, &graph.twins);
-        sum_outgoing(&mut scratch.at_sender, latent, rows, (first_arc, twins));
-        for (column, sums) in [(0, &scratch.at_sender), (latent, &scratch.at_receiver)] {
-            let to_nodes = Some((&mut *nodes, Store::Add));
-            let pair = (&**sums, &*record.nodes);
-            self.edge
-                .first_backward(weights, (column, latent), pair, gradient, to_nodes);
+        let (latent, using) = (self.latent(), weights.instructions);
+        let range = of_rows(&leaf.vertices, latent);
+        let output = &mut scratch.output[..range.len()];
+        output.copy_from_slice(nodes);
+        let kept = record.node.tile(&self.node, &leaf.vertices);
+        let first = &mut scratch.first[..range.len()];
+        let buffers = (&mut scratch.hidden[..range.len()], &mut *first);
+        self.node.backward(weights, kept, output, buffers, gradient);
+        let inputs = [
+            &record.nodes[range.clone()],
+            &record.incoming[range.clone()],
+        ];
+        for (number, input) in inputs.into_iter().enumerate() {
+            let pair = (Columns::all(first, latent), Columns::all(input, latent));
+            self.node
+                .first_backward(weights, number * latent, pair, gradient);
         }
+        let [of_node, of_incoming] = self.nodes.each_ref().map(|p| p.back(weights, first));
+        multiply(using, &[of_node], latent, Finish::Add, nodes);
+        let incoming = &mut scratch.incoming[..range.len()];
+        multiply(using, &[of_incoming], latent, Finish::Set, incoming);
+    }
+
+    /// What comes through A and B: after [`Self::backward`] of all leaves, of which `first` is.
+    pub(crate) fn ends_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        (graph, leaf): (&Connectivity, &Leaf),
+        (record, first): (&BlockRecord<T>, &[T]),
+        [nodes, sums]: [&mut [T]; 2],
+        gradient: &mut ModuleGradient<'_, T>,
+    ) {
+        let (latent, using) = (self.latent(), weights.instructions);
+        let first_arc = &graph.first_arc[leaf.vertices.start..=leaf.vertices.end];
+        let arcs = (first_arc, &*graph.twins);
+        sum_outgoing(using, sums, (latent, 2 * latent), first, arcs);
+        let all = Columns::all(&*sums, 2 * latent);
+        let before = &record.nodes[of_rows(&leaf.vertices, latent)];
+        for column in [0, latent] {
+            let pair = (all.part(column, latent), Columns::all(before, latent));
+            self.edge.first_backward(weights, column, pair, gradient);
+        }
+        let term = Term {
+            rows: all,
+            packed: self.ends[1].of(&weights.module.backward),
+        };
+        multiply(using, &[term], latent, Finish::Add, nodes);
     }
 }

@@ -1,16 +1,17 @@
 //! The multi-layer perceptron of the paper: Linear, ReLU, Linear, ReLU, Linear, and a
 //! LayerNorm on its output, without one in the decoder.
 //!
-//! The product of the first layer is the caller's: an edge update splits it by vertex
-//! (`block.rs`). Here begins what comes after that product, and ends the gradient that goes to it.
+//! What goes into the first layer is the caller's: an edge update splits it by vertex
+//! (`block.rs`). Here begins what comes after that layer's sums, and ends the gradient that goes to
+//! them.
 
-use crate::kernels::{
-    NormRows, add_bias, add_column_sums, bias_relu, layer_norm, layer_norm_backward, relu_backward,
-};
-use crate::layers::{TILE, resize};
-use crate::parameters::{LayerNorm, LayoutBuilder, Linear};
-use crate::product::{Matrix, MatrixMut, Store, multiply};
+use crate::kernels::{NormRows, Normalised, add_column_sums, layer_norm, layer_norm_backward};
+use crate::packed::{LayerWeights, ModuleSize, Packer, Piece};
+use crate::parameters::{LayerNorm, LayoutBuilder, Linear, ModuleGradient};
+use crate::product::{Columns, Finish, Sums, Term, add_outer, multiply};
 use crate::real::Real;
+
+use super::resize;
 
 /// Where the weights of a perceptron lie.
 #[derive(Clone, Copy, Debug)]
@@ -19,20 +20,20 @@ pub(crate) struct Mlp {
     second: Linear,
     third: Linear,
     norm: Option<LayerNorm>,
+    pieces: [Piece; 2],
 }
 
 /// Activations of all rows, kept for the backward pass.
 #[derive(Default)]
 pub(crate) struct MlpRecord<T> {
-    pub(crate) hidden1: Vec<T>,
-    pub(crate) hidden2: Vec<T>,
-    pub(crate) normal: Vec<T>,
-    pub(crate) inverse_deviation: Vec<T>,
+    hidden1: Vec<T>,
+    hidden2: Vec<T>,
+    normal: Vec<T>,
+    inverse_deviation: Vec<T>,
 }
 
-/// The part of an [`MlpRecord`] that belongs to a tile.
+/// Activations of a tile that are written.
 pub(crate) struct MlpTile<'a, T> {
-    /// In the forward pass: the product of the first layer, then its activation.
     pub(crate) hidden1: &'a mut [T],
     pub(crate) hidden2: &'a mut [T],
     /// The normalised output (without norm: unused).
@@ -40,20 +41,13 @@ pub(crate) struct MlpTile<'a, T> {
     pub(crate) inverse_deviation: &'a mut [T],
 }
 
-/// Gradients of a tile on their way back.
-pub(crate) struct MlpScratch<T> {
-    hidden2: Vec<T>,
-    /// Gradient of the first layer's product, `[rows, latent]`: the result.
-    pub(crate) first: Vec<T>,
-}
-
-impl<T: Real> MlpScratch<T> {
-    pub(crate) fn new(latent: usize) -> Self {
-        Self {
-            hidden2: vec![T::ZERO; TILE * latent],
-            first: vec![T::ZERO; TILE * latent],
-        }
-    }
+/// Activations of a tile that are read.
+#[derive(Clone, Copy)]
+pub(crate) struct MlpKept<'a, T> {
+    hidden1: &'a [T],
+    hidden2: &'a [T],
+    normal: &'a [T],
+    inverse_deviation: &'a [T],
 }
 
 impl<T: Real> MlpRecord<T> {
@@ -69,17 +63,29 @@ impl<T: Real> MlpRecord<T> {
     pub(crate) fn fit(&mut self, mlp: &Mlp, rows: usize) {
         resize(&mut self.hidden1, rows * mlp.first.outputs);
         resize(&mut self.hidden2, rows * mlp.second.outputs);
-        resize(&mut self.normal, rows * mlp.third.outputs);
-        resize(&mut self.inverse_deviation, rows);
+        let normal = if mlp.norm.is_some() { rows } else { 0 };
+        resize(&mut self.normal, normal * mlp.third.outputs);
+        resize(&mut self.inverse_deviation, normal);
     }
 
-    pub(crate) fn tile(&mut self, mlp: &Mlp, rows: &std::ops::Range<usize>) -> MlpTile<'_, T> {
+    /// Everything, with the widths of its rows.
+    pub(crate) fn rows(&mut self, mlp: &Mlp) -> [(&mut [T], usize); 4] {
+        [
+            (&mut self.hidden1, mlp.first.outputs),
+            (&mut self.hidden2, mlp.second.outputs),
+            (&mut self.normal, mlp.third.outputs),
+            (&mut self.inverse_deviation, 1),
+        ]
+    }
+
+    pub(crate) fn tile(&self, mlp: &Mlp, rows: &std::ops::Range<usize>) -> MlpKept<'_, T> {
         let of = |width: usize| rows.start * width..rows.end * width;
-        MlpTile {
-            hidden1: &mut self.hidden1[of(mlp.first.outputs)],
-            hidden2: &mut self.hidden2[of(mlp.second.outputs)],
-            normal: &mut self.normal[of(mlp.third.outputs)],
-            inverse_deviation: &mut self.inverse_deviation[rows.clone()],
+        let normal = |width: usize| if mlp.norm.is_some() { of(width) } else { 0..0 };
+        MlpKept {
+            hidden1: &self.hidden1[of(mlp.first.outputs)],
+            hidden2: &self.hidden2[of(mlp.second.outputs)],
+            normal: &self.normal[normal(mlp.third.outputs)],
+            inverse_deviation: &self.inverse_deviation[normal(1)],
         }
     }
 }
@@ -87,12 +93,12 @@ impl<T: Real> MlpRecord<T> {
 impl Mlp {
     /// A perceptron with a LayerNorm, `inputs` → `latent` → `latent` → `latent`.
     pub(crate) fn normalised(
-        layout: &mut LayoutBuilder,
+        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
         path: &str,
         inputs: usize,
         latent: usize,
     ) -> Self {
-        let mlp = Self::plain(layout, path, inputs, [latent, latent]);
+        let mlp = Self::plain((&mut *layout, size), path, inputs, [latent, latent]);
         Self {
             norm: Some(layout.layer_norm(&format!("{path}.5"), latent)),
             ..mlp
@@ -101,165 +107,121 @@ impl Mlp {
 
     /// A perceptron without LayerNorm, `inputs` → `latent` → `latent` → `outputs`.
     pub(crate) fn plain(
-        layout: &mut LayoutBuilder,
+        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
         path: &str,
         inputs: usize,
         [latent, outputs]: [usize; 2],
     ) -> Self {
+        let first = layout.linear(&format!("{path}.0"), inputs, latent);
+        let second = layout.linear(&format!("{path}.2"), latent, latent);
+        let third = layout.linear(&format!("{path}.4"), latent, outputs);
         Self {
-            first: layout.linear(&format!("{path}.0"), inputs, latent),
-            second: layout.linear(&format!("{path}.2"), latent, latent),
-            third: layout.linear(&format!("{path}.4"), latent, outputs),
+            first,
+            second,
+            third,
             norm: None,
+            pieces: [Piece::whole(size, &second), Piece::whole(size, &third)],
         }
     }
 
-    /// The first layer's product with input columns `first..first + count` only.
-    pub(crate) fn first_product<T: Real>(
+    /// Packs all but the first layer, which is the caller's.
+    pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
+        for piece in &self.pieces {
+            piece.pack(packer);
+        }
+    }
+
+    /// The bias of the first layer, then ReLU.
+    pub(crate) fn first_finish<'a, T>(&self, weights: LayerWeights<'a, T>) -> Finish<'a, T> {
+        Finish::BiasRelu(&weights.flat[self.first.bias_range()])
+    }
+
+    /// The first layer: its terms, and what happens to their sums.
+    pub(crate) fn first_layer<T: Real>(
         &self,
-        weights: &[T],
-        columns: (usize, usize),
-        (input, store): (&[T], Store),
-        hidden1: &mut [T],
+        weights: LayerWeights<'_, T>,
+        terms: &[Term<'_, T>],
+        finish: Finish<'_, T>,
+        tile: &mut MlpTile<'_, T>,
     ) {
-        let (first, count) = columns;
-        let weight = Matrix::new(&weights[self.first.weight_range()], self.first.inputs);
-        multiply(
-            MatrixMut::new(hidden1, self.first.outputs),
-            store,
-            Matrix::new(input, count),
-            weight.columns(first, count).transposed(),
-        );
+        let columns = self.first.outputs;
+        multiply(weights.instructions, terms, columns, finish, tile.hidden1);
     }
 
-    /// From the first layer's product (in `tile.hidden1`) to the output of the perceptron.
-    pub(crate) fn finish<T: Real>(&self, weights: &[T], tile: MlpTile<'_, T>, out: &mut [T]) {
-        bias_relu(tile.hidden1, &weights[self.first.bias_range()]);
-        forward_product(&self.second, weights, tile.hidden1, tile.hidden2);
-        bias_relu(tile.hidden2, &weights[self.second.bias_range()]);
-        let bias = &weights[self.third.bias_range()];
-        match &self.norm {
-            Some(norm) => {
-                forward_product(&self.third, weights, tile.hidden2, tile.normal);
-                let rows = NormRows {
-                    normal: tile.normal,
-                    inverse_deviation: tile.inverse_deviation,
-                };
-                let weight = &weights[norm.weight_range()];
-                layer_norm(rows, bias, weight, &weights[norm.bias_range()], out);
-            }
-            None => {
-                forward_product(&self.third, weights, tile.hidden2, out);
-                add_bias(out, bias);
-            }
-        }
-    }
-
-    /// From the gradient of the output (which is overwritten) to that of the first layer's
-    /// product, left in `scratch.first`; adds the gradients of all weights but the first layer's.
-    pub(crate) fn finish_backward<T: Real>(
+    /// From the first layer's activations to the output.
+    pub(crate) fn forward<T: Real>(
         &self,
-        weights: &[T],
-        tile: &MlpTile<'_, T>,
+        weights: LayerWeights<'_, T>,
+        tile: MlpTile<'_, T>,
+        out: Normalised<'_, T>,
+    ) {
+        let (using, flat) = (weights.instructions, weights.flat);
+        let [second, third] = &self.pieces;
+        let finish = Finish::BiasRelu(&flat[self.second.bias_range()]);
+        let term = second.times(weights, tile.hidden1);
+        multiply(using, &[term], self.second.outputs, finish, tile.hidden2);
+        let finish = Finish::Bias(&flat[self.third.bias_range()]);
+        let term = third.times(weights, tile.hidden2);
+        let Some(norm) = &self.norm else {
+            // A decoder's output is nothing's update.
+            if let Normalised::Set(out) = out {
+                multiply(using, &[term], self.third.outputs, finish, out);
+            }
+            return;
+        };
+        multiply(using, &[term], self.third.outputs, finish, tile.normal);
+        let rows = NormRows {
+            normal: tile.normal,
+            inverse_deviation: tile.inverse_deviation,
+        };
+        let (weight, shift) = (&flat[norm.weight_range()], &flat[norm.bias_range()]);
+        layer_norm(using, rows, weight, shift, out);
+    }
+
+    /// From the gradient of the output (which is overwritten) to that of the first layer's sums, left
+    /// in `first`; adds the gradients of all weights but those of the first layer's matrix. `hidden` is
+    /// room for as many rows.
+    pub(crate) fn backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        kept: MlpKept<'_, T>,
         output: &mut [T],
-        scratch: &mut MlpScratch<T>,
-        gradient: &mut [T],
+        (hidden, first): (&mut [T], &mut [T]),
+        gradient: &mut ModuleGradient<'_, T>,
     ) {
-        let rows = tile.hidden1.len() / self.first.outputs;
+        let (using, latent) = (weights.instructions, self.first.outputs);
+        let [second, third] = &self.pieces;
         if let Some(norm) = &self.norm {
-            // Weight and bias of a LayerNorm lie side by side.
-            let (dw, ds) =
-                gradient[norm.weight..norm.weight + 2 * norm.width].split_at_mut(norm.width);
             layer_norm_backward(
+                using,
                 output,
-                (tile.normal, tile.inverse_deviation),
-                &weights[norm.weight_range()],
-                dw,
-                ds,
+                (kept.normal, kept.inverse_deviation),
+                &weights.flat[norm.weight_range()],
+                gradient.layer_norm(norm),
             );
         }
-        let hidden2 = &mut scratch.hidden2[..rows * self.second.outputs];
-        backward_product(
-            &self.third,
-            weights,
-            (output, tile.hidden2),
-            gradient,
-            hidden2,
-        );
-        relu_backward(hidden2, tile.hidden2);
-        let first = &mut scratch.first[..rows * self.first.outputs];
-        backward_product(
-            &self.second,
-            weights,
-            (hidden2, tile.hidden1),
-            gradient,
-            first,
-        );
-        relu_backward(first, tile.hidden1);
-        add_column_sums(&mut gradient[self.first.bias_range()], first);
+        gradient.add_linear(using, &self.third, output, kept.hidden2);
+        let term = third.back(weights, output);
+        multiply(using, &[term], latent, Finish::Mask(kept.hidden2), hidden);
+        gradient.add_linear(using, &self.second, hidden, kept.hidden1);
+        let term = second.back(weights, hidden);
+        multiply(using, &[term], latent, Finish::Mask(kept.hidden1), first);
+        add_column_sums(using, gradient.at(self.first.bias_range()), first);
     }
 
-    /// The gradients of the first layer's weights at input columns `first..first + count`, and,
-    /// where asked for, of those inputs.
+    /// Adds the gradient of the first layer's matrix at input columns `from..` for those rows.
     pub(crate) fn first_backward<T: Real>(
         &self,
-        weights: &[T],
-        columns: (usize, usize),
-        (first_gradient, input): (&[T], &[T]),
-        gradient: &mut [T],
-        to_input: Option<(&mut [T], Store)>,
+        weights: LayerWeights<'_, T>,
+        from: usize,
+        (first, input): (Columns<'_, T>, Columns<'_, T>),
+        gradient: &mut ModuleGradient<'_, T>,
     ) {
-        let (first, count) = columns;
-        let width = self.first.outputs;
-        let into = MatrixMut::new(&mut gradient[self.first.weight_range()], self.first.inputs);
-        multiply(
-            into.columns(first, count),
-            Store::Add,
-            Matrix::new(first_gradient, width).transposed(),
-            Matrix::new(input, count),
-        );
-        if let Some((to_input, store)) = to_input {
-            let weight = Matrix::new(&weights[self.first.weight_range()], self.first.inputs);
-            multiply(
-                MatrixMut::new(to_input, count),
-                store,
-                Matrix::new(first_gradient, width),
-                weight.columns(first, count),
-            );
-        }
+        let sums = Sums {
+            rows: gradient.at(self.first.weight_range()),
+            stride: self.first.inputs,
+            first: from,
+        };
+        add_outer(weights.instructions, sums, first, input);
     }
-}
-
-/// out ← input Wᵀ.
-pub(crate) fn forward_product<T: Real>(linear: &Linear, weights: &[T], input: &[T], out: &mut [T]) {
-    multiply(
-        MatrixMut::new(out, linear.outputs),
-        Store::Replace,
-        Matrix::new(input, linear.inputs),
-        Matrix::new(&weights[linear.weight_range()], linear.inputs).transposed(),
-    );
-}
-
-/// Adds the gradients of weight and bias for an output gradient and the layer's input, and sets
-/// `to_input` to the gradient of the input.
-pub(crate) fn backward_product<T: Real>(
-    linear: &Linear,
-    weights: &[T],
-    (output, input): (&[T], &[T]),
-    gradient: &mut [T],
-    to_input: &mut [T],
-) {
-    add_column_sums(&mut gradient[linear.bias_range()], output);
-    multiply(
-        MatrixMut::new(&mut gradient[linear.weight_range()], linear.inputs),
-        Store::Add,
-        Matrix::new(output, linear.outputs).transposed(),
-        Matrix::new(input, linear.inputs),
-    );
-    multiply(
-        MatrixMut::new(to_input, linear.inputs),
-        Store::Replace,
-        Matrix::new(output, linear.outputs),
-        Matrix::new(&weights[linear.weight_range()], linear.inputs),
-    );
 }

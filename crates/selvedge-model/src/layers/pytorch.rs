@@ -10,16 +10,24 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use selvedge_cloth::Topology;
 
-use super::block::{Block, BlockRecord, BlockScratch, Latents};
-use super::encoder::{EncoderEnds, EncoderLayers, EncoderRecord};
-use super::mlp::{Mlp, MlpRecord, MlpScratch};
+use super::block::{Block, BlockGradients, BlockRecord, BlockRows};
+use super::encoder::{
+    EncoderEnds, EncoderInput, EncoderLayers, EncoderRecord, EncoderRows, RowEncoder,
+};
+use super::mlp::{Mlp, MlpRecord};
+use super::{GroupScratch, Scratch};
 use crate::connectivity::Connectivity;
-use crate::kernels::{NormRows, layer_norm, layer_norm_backward};
-use crate::network::{Gradients, Input, InputGradient, Network, Pass, Workspace};
-use crate::parameters::{LayoutBuilder, Parameter};
-use crate::product::Store;
+use crate::kernels::{NormRows, Normalised, layer_norm, layer_norm_backward};
+use crate::lanes::Instructions;
+use crate::network::{Gradients, Input, InputGradient, Network, Pass};
+use crate::packed::{LayerWeights, ModuleSize, PackedModule, Packer, Piece, Purpose};
+use crate::parameters::{LayoutBuilder, ModuleGradient, Parameter};
+use crate::product::{Columns, Finish, multiply};
 use crate::real::Real;
 use crate::spec::{Encoder, ModelSpec};
+use crate::workspace::Workspace;
+
+const USING: Instructions = Instructions::Detected;
 
 #[path = "../../tests/pytorch/fixture.rs"]
 mod fixture;
@@ -94,15 +102,41 @@ impl Case {
     }
 }
 
-/// Parameters of a layer by itself, under PyTorch's names without a path.
-fn laid_out<L>(make: impl FnOnce(&mut LayoutBuilder) -> L) -> (L, Vec<Parameter>) {
-    let mut layout = LayoutBuilder::default();
-    let layer = make(&mut layout);
+/// A layer by itself, its parameters under PyTorch's names without a path, and room for its matrices.
+fn laid_out<L>(
+    make: impl FnOnce((&mut LayoutBuilder, &mut ModuleSize)) -> L,
+) -> (L, Vec<Parameter>, ModuleSize) {
+    let (mut layout, mut size) = (LayoutBuilder::default(), ModuleSize::default());
+    let layer = make((&mut layout, &mut size));
     let mut parameters = layout.finish();
     for parameter in &mut parameters {
         parameter.name = parameter.name.replacen("layer.", "", 1);
     }
-    (layer, parameters)
+    (layer, parameters, size)
+}
+
+/// The packed matrices of a layer.
+fn packed<T: Real>(
+    size: &ModuleSize,
+    flat: &[T],
+    pack: impl FnOnce(&mut Packer<'_, T>),
+) -> PackedModule<T> {
+    let mut module = PackedModule::new(size, Purpose::Training);
+    let mut packer = Packer {
+        instructions: USING,
+        flat,
+        module: &mut module,
+    };
+    pack(&mut packer);
+    module
+}
+
+fn layer<'a, T>(flat: &'a [T], module: &'a PackedModule<T>) -> LayerWeights<'a, T> {
+    LayerWeights {
+        instructions: USING,
+        flat,
+        module,
+    }
 }
 
 /// The cloth of the fixture, and where our arcs stand among its own.
@@ -139,17 +173,17 @@ fn layer_norm_case<T: Real>() {
     let rows = normal.len() / weight.len();
     let mut inverse_deviation = vec![T::ZERO; rows];
     let mut out = vec![T::ZERO; normal.len()];
-    let bias = vec![T::ZERO; weight.len()];
     let norm = NormRows {
         normal: &mut normal,
         inverse_deviation: &mut inverse_deviation,
     };
-    layer_norm(norm, &bias, &weight, &shift, &mut out);
+    layer_norm(USING, norm, &weight, &shift, Normalised::Set(&mut out));
     case.compare("output", &out, &case.tensor("output.rows"));
     let mut gradient: Vec<T> = case.real("cotangent.rows");
     let [mut by_weight, mut by_shift] = [(); 2].map(|()| vec![T::ZERO; weight.len()]);
     let kept = (&*normal, &*inverse_deviation);
-    layer_norm_backward(&mut gradient, kept, &weight, &mut by_weight, &mut by_shift);
+    let sums = (&mut *by_weight, &mut *by_shift);
+    layer_norm_backward(USING, &mut gradient, kept, &weight, sums);
     case.compare("input", &gradient, &case.tensor("gradient.input.rows"));
     case.compare("weight", &by_weight, &case.tensor("gradient.weight.weight"));
     case.compare("bias", &by_shift, &case.tensor("gradient.weight.bias"));
@@ -158,26 +192,40 @@ fn layer_norm_case<T: Real>() {
 
 fn mlp_case<T: Real>() {
     let mut case = Case::new::<T>("mlp");
-    let (mlp, parameters) = laid_out(|layout| Mlp::normalised(layout, "layer", 7, 6));
-    let weights: Vec<T> = real(&case.flat("weight", &parameters));
+    let ((mlp, first), parameters, size) = laid_out(|(layout, size)| {
+        let mlp = Mlp::normalised((layout, &mut *size), "layer", 7, 6);
+        (mlp, Piece::whole(size, &mlp.first))
+    });
+    let flat: Vec<T> = real(&case.flat("weight", &parameters));
+    let module = packed(&size, &flat, |packer| {
+        mlp.pack(packer);
+        first.pack(packer);
+    });
+    let weights = layer(&flat, &module);
     let input: Vec<T> = case.real("input.rows");
     let rows = input.len() / 7;
     let mut record = MlpRecord::default();
     record.fit(&mlp, rows);
     let mut out = vec![T::ZERO; rows * 6];
-    let tile = record.tile(&mlp, &(0..rows));
-    mlp.first_product(&weights, (0, 7), (&input, Store::Replace), tile.hidden1);
-    mlp.finish(&weights, tile, &mut out);
+    let mut scratch = Scratch::default();
+    let tile = record.rows(&mlp).map(|(array, _)| array);
+    let mut tile = scratch.tiles.tile(tile, &(0..rows), 6);
+    let terms = &[first.times(weights, &input)];
+    mlp.first_layer(weights, terms, mlp.first_finish(weights), &mut tile);
+    mlp.forward(weights, tile, Normalised::Set(&mut out));
     case.compare("output", &out, &case.tensor("output.rows"));
-    let mut gradient = vec![T::ZERO; weights.len()];
+    let mut gradient = vec![T::ZERO; flat.len()];
+    let mut sums = ModuleGradient::new(&mut gradient, 0);
     let mut output: Vec<T> = case.real("cotangent.rows");
-    let mut scratch = MlpScratch::new(6);
-    let tile = record.tile(&mlp, &(0..rows));
-    mlp.finish_backward(&weights, &tile, &mut output, &mut scratch, &mut gradient);
+    let [mut hidden, mut by_first] = [(); 2].map(|()| vec![T::ZERO; rows * 6]);
+    let kept = record.tile(&mlp, &(0..rows));
+    let buffers = (&mut *hidden, &mut *by_first);
+    mlp.backward(weights, kept, &mut output, buffers, &mut sums);
+    let pair = (Columns::all(&by_first, 6), Columns::all(&input, 7));
+    mlp.first_backward(weights, 0, pair, &mut sums);
     let mut by_input = vec![T::ZERO; input.len()];
-    let pair = (&scratch.first[..rows * 6], &*input);
-    let to_input = Some((&mut *by_input, Store::Replace));
-    mlp.first_backward(&weights, (0, 7), pair, &mut gradient, to_input);
+    let term = first.back(weights, &by_first);
+    multiply(USING, &[term], 7, Finish::Set, &mut by_input);
     case.compare("input", &by_input, &case.tensor("gradient.input.rows"));
     case.compare_weights(&parameters, &gradient);
     case.tell();
@@ -185,15 +233,31 @@ fn mlp_case<T: Real>() {
 
 fn gru_case<T: Real>() {
     let mut case = Case::new::<T>("gru");
-    let encoder = Encoder::Gru { window: 4 };
-    let (layers, parameters) =
-        laid_out(|layout| EncoderLayers::new(layout, "layer", [7, 6], encoder));
-    let weights: Vec<T> = real(&case.flat("weight", &parameters));
-    let input: Vec<T> = case.real("input.window");
-    let rows = input.len() / (4 * 7);
+    let (layers, parameters, size) =
+        laid_out(|to| EncoderLayers::new(to, "layer", [7, 6], RowEncoder::Gru));
+    let flat: Vec<T> = real(&case.flat("weight", &parameters));
+    let module = packed(&size, &flat, |packer| layers.pack(packer));
+    let features: Vec<T> = case.real("input.window");
+    let rows = features.len() / (4 * 7);
+    let input = EncoderInput {
+        window: 4,
+        features: &features,
+        width: 7,
+        dropout: None,
+        start: [&[], &[]],
+    };
     let mut record = EncoderRecord::default();
+    record.fit(&layers, (rows, 4), None);
     let mut out = vec![T::ZERO; rows * 6];
-    layers.forward(&weights, (&input, 7), None, &mut record, &mut out);
+    let given = EncoderRows {
+        out: &mut out,
+        record: record.rows(&layers).map(|(array, _)| array),
+        end: Default::default(),
+    };
+    let mut scratch = Scratch::default();
+    scratch.fit(6, 28, 6);
+    let weights = layer(&flat, &module);
+    layers.forward(weights, input, 0..rows, given, &mut scratch);
     case.compare("output", &out, &case.tensor("output.rows"));
     // All states of the second layer, and the last of both: the first state kept is the zero one.
     let size = rows * 6;
@@ -201,20 +265,30 @@ fn gru_case<T: Real>() {
     case.compare("states", &states[1], &case.tensor("output.states"));
     let last = states.map(|states| states[3 * size..].to_vec()).concat();
     case.compare("last states", &last, &case.tensor("output.last"));
-    let mut gradient = vec![T::ZERO; weights.len()];
-    let mut by_input = vec![T::ZERO; input.len()];
+    let mut gradient = vec![T::ZERO; flat.len()];
+    let mut sums = ModuleGradient::new(&mut gradient, 0);
+    let mut by_input = vec![T::ZERO; features.len()];
     let ends = EncoderEnds {
-        to_input: Some(&mut by_input),
         output: &mut case.real("cotangent.rows"),
+        to_input: &mut by_input,
+        end: [&[], &[]],
+        start: Default::default(),
     };
-    layers.backward(
-        (&weights, &mut gradient),
-        (&input, 7),
-        None,
-        &mut record,
-        ends,
-    );
-    case.compare("input", &by_input, &case.tensor("gradient.input.window"));
+    let mut scratch = GroupScratch::default();
+    scratch.fit(6, 28, 6);
+    let group = (&mut scratch, &mut sums);
+    layers.backward(weights, input, (0..rows, &record), ends, group);
+    // Row by row here, frame by frame there.
+    let by_frame: Vec<T> = (0..4)
+        .flat_map(|frame| {
+            by_input
+                .chunks_exact(28)
+                .map(move |row| &row[frame * 7..][..7])
+        })
+        .flatten()
+        .copied()
+        .collect();
+    case.compare("input", &by_frame, &case.tensor("gradient.input.window"));
     case.compare_weights(&parameters, &gradient);
     case.tell();
 }
@@ -222,28 +296,50 @@ fn gru_case<T: Real>() {
 fn block_case<T: Real>() {
     let mut case = Case::new::<T>("block");
     let (graph, order) = cloth();
-    let (block, parameters) = laid_out(|layout| Block::new(layout, "layer", 5));
-    let weights: Vec<T> = real(&case.flat("weight", &parameters));
+    let (block, parameters, size) = laid_out(|to| Block::new(to, "layer", 5));
+    let flat: Vec<T> = real(&case.flat("weight", &parameters));
+    let module = packed(&size, &flat, |packer| block.pack(packer));
+    let weights = layer(&flat, &module);
     let mut nodes: Vec<T> = case.real("input.nodes");
     let arcs = |case: &Case, name: &str| reordered(&case.tensor(name), &order, 5);
     let mut edges: Vec<T> = real(&arcs(&case, "input.edges"));
-    let (mut record, mut scratch) = (BlockRecord::default(), BlockScratch::default());
-    let mut latents = Latents {
+    let (vertices, [leaf]) = (nodes.len() / 5, &*graph.leaves) else {
+        panic!("one leaf");
+    };
+    let mut at = vec![T::ZERO; vertices * 10];
+    block.products_per_vertex(weights, &nodes, &mut at);
+    let mut record = BlockRecord::default();
+    record.fit(&block, vertices, graph.arc_count());
+    let (node_record, edge_record) = record.rows(&block);
+    let rows = BlockRows {
         nodes: &mut nodes,
         edges: &mut edges,
+        node_record: node_record.map(|(array, _)| array),
+        edge_record: edge_record.map(|(array, _)| array),
     };
-    block.forward(&weights, &graph, &mut latents, &mut record, &mut scratch);
+    let mut scratch = Scratch::default();
+    scratch.fit(5, 0, 0);
+    block.forward(weights, (&graph, leaf), &at, rows, &mut scratch);
     case.compare("nodes", &nodes, &case.tensor("output.nodes"));
     case.compare("edges", &edges, &arcs(&case, "output.edges"));
-    let mut gradient = vec![T::ZERO; weights.len()];
+    let mut gradient = vec![T::ZERO; flat.len()];
+    let mut sums = ModuleGradient::new(&mut gradient, 0);
     let mut nodes: Vec<T> = case.real("cotangent.nodes");
     let mut edges: Vec<T> = real(&arcs(&case, "cotangent.edges"));
-    let mut latents = Latents {
+    let mut first = vec![T::ZERO; edges.len()];
+    let rows = BlockGradients {
         nodes: &mut nodes,
         edges: &mut edges,
+        first: &mut first,
+        sums: &mut at,
     };
-    let both = (&*weights, &mut *gradient);
-    block.backward(both, &graph, &mut latents, &mut record, &mut scratch);
+    let mut scratch = GroupScratch::default();
+    scratch.fit(5, 0, 0);
+    let group = (&mut scratch, &mut sums);
+    block.backward(weights, (&graph, leaf), &record, rows, group);
+    let kept = (&record, &*first);
+    let rows = [&mut *nodes, &mut *at];
+    block.ends_backward(weights, (&graph, leaf), kept, rows, &mut sums);
     case.compare("nodes", &nodes, &case.tensor("gradient.input.nodes"));
     case.compare("edges", &edges, &arcs(&case, "gradient.input.edges"));
     case.compare_weights(&parameters, &gradient);

@@ -71,6 +71,48 @@ fn edit_spec(header: &mut Value, edit: impl FnOnce(&mut Value)) {
 }
 
 #[test]
+fn half_the_bytes_are_read_as_the_nearest_weights() {
+    for spec in specs() {
+        let model = model(&spec);
+        let whole = model.to_bytes().expect("bytes").len();
+        for (to, relative) in [
+            (WeightType::F16, 2f32.powi(-11)),
+            (WeightType::Bf16, 2f32.powi(-8)),
+        ] {
+            let bytes = model.to_bytes_as(to).expect("small weights");
+            assert!(
+                bytes.len() + 2 * model.weights().len() <= whole + 64,
+                "{to:?}"
+            );
+            let back = Model::from_bytes(&bytes).expect("its own file");
+            assert_eq!(back.normalizers(), model.normalizers());
+            for (x, y) in back.weights().iter().zip(model.weights()) {
+                // Half a step; of a binary16 below 2^-14 a step is 2^-24.
+                assert!(
+                    (x - y).abs() <= relative * y.abs() + 2f32.powi(-25),
+                    "{to:?}: {x} {y}"
+                );
+            }
+            assert_eq!(back.to_bytes_as(to).expect("the same again"), bytes);
+        }
+    }
+}
+
+#[test]
+fn a_weight_that_is_too_large_for_half_precision_is_named() {
+    let spec = &specs()[2];
+    let good = model(spec);
+    let mut weights = good.weights().to_vec();
+    weights[5] = 1e5;
+    let large = Model::new(spec, weights, good.normalizers().clone(), String::new());
+    let large = large.expect("finite");
+    let error = large.to_bytes_as(WeightType::F16).expect_err("too large");
+    let expected = "weight encoder.nodes.0.weight[5] is 100000, more than F16 holds";
+    assert!(error.to_string().contains(expected), "{error}");
+    assert!(large.to_bytes_as(WeightType::Bf16).is_ok());
+}
+
+#[test]
 fn bytes_to_model_to_bytes_is_the_identity() {
     for spec in specs() {
         let model = model(&spec);

@@ -18,6 +18,8 @@ pub(super) struct Compared {
     reference: Vec<Vec3>,
     /// The rest pose where the handles have carried it, `[vertices]`.
     rest: Vec<Vec3>,
+    /// Where the handles are now, and where they go, `[handles]`.
+    handles: [Vec<Vec3>; 2],
     /// How `before` and `reference` depend on the positions.
     slopes: [Option<ReferenceSlope>; 2],
 }
@@ -33,25 +35,28 @@ impl Compared {
         let has = |feature| spec.node_features.contains(&feature);
         let (integration, yaw) = (spec.integration, frames.yaw);
         let (previous, now) = (frames.at(current - 1), frames.at(current));
-        let handles = graph.handles().select(now);
+        let [handles, next] = &mut self.handles;
+        handles.clear();
+        handles.extend(graph.handles().of(now));
         self.slopes = [None, None];
         if has(NodeFeature::Acceleration) {
             let pair = [frames.at(current - 2), previous];
-            integration.reference(graph, pair, &handles, yaw, &mut self.before);
-            self.slopes[0] = Some(integration.reference_slope(graph, pair, &handles, yaw));
+            integration.reference(graph, pair, handles, yaw, &mut self.before);
+            self.slopes[0] = Some(integration.reference_slope(graph, pair, handles, yaw));
         }
         if has(NodeFeature::ExpectedMove) {
-            let next = match frames.positions.get(current + 1) {
-                Some(next) => graph.handles().select(next.as_ref()),
-                None => frames.next_handles.to_vec(),
-            };
+            next.clear();
+            match frames.positions.get(current + 1) {
+                Some(positions) => next.extend(graph.handles().of(positions.as_ref())),
+                None => next.extend_from_slice(frames.next_handles),
+            }
             let pair = [previous, now];
-            integration.reference(graph, pair, &next, yaw, &mut self.reference);
-            self.slopes[1] = Some(integration.reference_slope(graph, pair, &next, yaw));
+            integration.reference(graph, pair, next, yaw, &mut self.reference);
+            self.slopes[1] = Some(integration.reference_slope(graph, pair, next, yaw));
         }
         if has(NodeFeature::RestOffset) {
-            let yaw = graph.frame().yaw(&handles, yaw);
-            carried_rest(graph, &handles, yaw, now, &mut self.rest);
+            let yaw = graph.frame().yaw(handles, yaw);
+            carried_rest(graph, handles, yaw, now, &mut self.rest);
         }
     }
 

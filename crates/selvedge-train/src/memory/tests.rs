@@ -58,9 +58,9 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     cfg.model = ModelSpec::mesh_graph_nets(4, 2);
     cfg.batch.samples = 5;
     cfg.batch.shard = 2;
-    // 12 columns of a vertex and 7 of an arc. Of a vertex: encoder 13, two blocks of 8 + 13, decoder 12,
-    // twice 4 and three times 4, output 3; of an arc: 13, two blocks of 4 + 13, twice 4.
-    let (vertex, arc) = (13 + 42 + 12 + 20 + 3, 13 + 34 + 8);
+    // 12 columns of a vertex and 7 of an arc. Of a vertex: encoder 13, two blocks of 8 + 13, decoder 8,
+    // 4 and twice 8, output 3; of an arc: 13, two blocks of 4 + 13, twice 4.
+    let (vertex, arc) = (13 + 42 + 8 + 20 + 3, 13 + 34 + 8);
     let numbers = (vertex + 12 + 6) * 10 + (arc + 7) * 30;
     // Two frames of history shown and kept; three positions in f64.
     let positions = 2 * 2 * 12 * 10 + 3 * 24 * 10;
@@ -72,7 +72,7 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     let data = two_cloths();
     let need = Need::before_reading(&cfg, &network, &data.dataset);
     // Three shards; 14 frames of 9 vertices and 11 of 12.
-    let weights = (7 + 3) * 4 * network.parameter_count();
+    let weights = (7 + 3 + 3) * 4 * network.parameter_count();
     assert_eq!(need.weights, weights as f64);
     assert_eq!(need.trajectories, f64::from(12 * (14 * 9 + 11 * 12)));
 }

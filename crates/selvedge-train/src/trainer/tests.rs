@@ -17,11 +17,13 @@ fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.expect("a pool").install(work)
 }
 
-fn encoders() -> [Encoder; 3] {
+fn encoders() -> [Encoder; 5] {
     [
         Encoder::MLP,
         Encoder::Mlp { window: 3 },
         Encoder::Gru { window: 3 },
+        Encoder::NodeGru { window: 3 },
+        Encoder::StreamingGru { window: 3 },
     ]
 }
 

@@ -83,6 +83,8 @@ fn the_gradient_goes_through_every_frame() {
         Encoder::MLP,
         Encoder::Mlp { window: 2 },
         Encoder::Gru { window: 3 },
+        Encoder::NodeGru { window: 3 },
+        Encoder::StreamingGru { window: 2 },
     ] {
         for integration in [Integration::Inertial {}, carried] {
             let mut cfg = unrolled(encoder, 4);

@@ -1,5 +1,6 @@
 //! One file per command: each takes its arguments and gives its [`Answer`].
 
+mod bench;
 mod compare;
 pub(crate) mod dataset;
 mod dataset_import;
@@ -16,7 +17,7 @@ mod study;
 pub(crate) mod train;
 mod view;
 
-use crate::cli::{Command, DatasetCommand};
+use crate::cli::{BenchCommand, Command, DatasetCommand};
 use crate::output::Answer;
 
 /// Does what is asked.
@@ -37,6 +38,8 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Export(args) => export::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Presets => presets::run(),
+        Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
+        Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),
         Command::Rollout(args) => rollout::run(args),
         Command::View(args) => view::run(args),
         Command::Train(args) => train::run(args),

@@ -52,6 +52,8 @@ pub(crate) fn run() -> anyhow::Result<Answer> {
         let encoder = match row.encoder {
             Encoder::Mlp { window } => format!("mlp {window}"),
             Encoder::Gru { window } => format!("gru {window}"),
+            Encoder::NodeGru { window } => format!("node-gru {window}"),
+            Encoder::StreamingGru { window } => format!("streaming-gru {window}"),
         };
         table.row([
             row.name.to_owned(),

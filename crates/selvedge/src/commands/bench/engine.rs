@@ -1,0 +1,187 @@
+//! `selvedge bench engine`: frames and training steps of the networks, beside their bare products and, where
+//! asked for, another program's.
+
+use selvedge_model::roofline::bare_products;
+use selvedge_model::{Connectivity, FirstEdgeLayer, Purpose, flops};
+use serde::Serialize;
+use serde_json::json;
+
+use super::peer::Peer;
+use super::products::Products;
+use super::variants::{Engine, Variant, cloth, named};
+use super::{median, median_ratio, threads, time};
+use crate::cli::EngineArgs;
+use crate::interrupt;
+use crate::output::{Answer, End, Table, percent};
+
+/// What was measured of a frame or of a step.
+#[derive(Serialize)]
+struct Row {
+    variant: &'static str,
+    what: &'static str,
+    vertices: usize,
+    arcs: usize,
+    elapsed_ms: f64,
+    /// Arithmetic as `selvedge presets` counts it; three times as much in a step.
+    gflop: f64,
+    gflop_per_second: f64,
+    /// Of the products alone, by our kernel and by faer.
+    products_ms: f64,
+    faer_ms: f64,
+    /// Median over the runs of the faster of the two to what the engine took.
+    share_of_roofline: f64,
+    peer_ms: Option<f64>,
+    times_faster_than_peer: Option<f64>,
+}
+
+/// Frames and steps.
+#[derive(Clone, Copy)]
+enum What {
+    Frame,
+    Step,
+}
+
+impl What {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Frame => "frame",
+            Self::Step => "step",
+        }
+    }
+
+    fn purpose(self) -> Purpose {
+        match self {
+            Self::Frame => Purpose::Inference,
+            Self::Step => Purpose::Training,
+        }
+    }
+
+    /// How much more arithmetic than a frame.
+    fn times(self) -> f64 {
+        match self {
+            Self::Frame => 1.0,
+            Self::Step => 3.0,
+        }
+    }
+}
+
+/// Measures them.
+///
+/// # Errors
+/// When there is no such variant, or the other program fails.
+pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
+    let variants = named(&args.variant)?;
+    let (pool, threads) = threads(args.threads)?;
+    let mut rows = Vec::new();
+    for variant in &variants {
+        for what in [What::Frame, What::Step] {
+            if interrupt::requested() {
+                break;
+            }
+            let row = pool.install(|| measure(variant, what, args, threads))?;
+            rows.push(row);
+        }
+    }
+    let end = if interrupt::requested() {
+        End::Interrupted
+    } else {
+        End::Complete
+    };
+    let note = format!(
+        "{threads} threads, {} cloths in a pass, medians of {} runs. products: the matrix products alone, by our kernel; \
+         faer: the same by faer; share: the faster of the two to ours, run by run.",
+        args.cloths, args.runs
+    );
+    let report =
+        json!({ "threads": threads, "runs": args.runs, "cloths": args.cloths, "rows": rows });
+    Ok(Answer::new(format!("{}\n{note}", table(&rows)), &report)?.ended(end))
+}
+
+fn measure(
+    variant: &Variant,
+    what: What,
+    args: &EngineArgs,
+    threads: usize,
+) -> anyhow::Result<Row> {
+    let spec = &variant.spec;
+    let topology = cloth(variant.vertices)?;
+    let one = Connectivity::of(&topology);
+    let cloths = usize::from(args.cloths);
+    let graph = Connectivity::union(std::iter::repeat_n(&one, cloths));
+    let mut engine = Engine::new(spec, graph)?;
+    if matches!(what, What::Step) {
+        engine.learn()?;
+    }
+    let (vertices, arcs) = engine.counts();
+    let mut products = Products::new(
+        bare_products(spec, (vertices, arcs), what.purpose()),
+        threads,
+    );
+    let peer = args.against.as_deref();
+    let mut peer = peer
+        .map(|command| Peer::start(command, spec, &topology, threads))
+        .transpose()?;
+    let mut runs: [Vec<f64>; 4] = Default::default();
+    for number in 0..=args.runs {
+        let ours = time(|| match what {
+            What::Frame => engine.frame(),
+            What::Step => engine.step(),
+        });
+        let elapsed = [ours, time(|| products.ours()), time(|| products.faer())];
+        let peers = peer
+            .as_mut()
+            .map(|peer| peer.run(what.name()))
+            .transpose()?;
+        if number > 0 {
+            for (to, x) in runs.iter_mut().zip(elapsed.into_iter().chain(peers)) {
+                to.push(x);
+            }
+        }
+    }
+    let [ours, bare, faer, peers] = runs;
+    let fastest: Vec<f64> = bare.iter().zip(&faer).map(|(a, b)| a.min(*b)).collect();
+    let gflop =
+        what.times() * 1e-9 * flops(spec, FirstEdgeLayer::Split).per_frame(vertices, arcs) as f64;
+    let share_of_roofline = median_ratio(&fastest, &ours);
+    let times_faster = (!peers.is_empty()).then(|| median_ratio(&peers, &ours));
+    let elapsed_ms = median(ours);
+    Ok(Row {
+        variant: variant.name,
+        what: what.name(),
+        vertices,
+        arcs,
+        elapsed_ms,
+        gflop,
+        gflop_per_second: 1e3 * gflop / elapsed_ms,
+        products_ms: median(bare),
+        faer_ms: median(faer),
+        share_of_roofline,
+        times_faster_than_peer: times_faster,
+        peer_ms: times_faster.map(|_| median(peers)),
+    })
+}
+
+fn table(rows: &[Row]) -> Table {
+    let mut table = Table::new([
+        "variant", "what", "vertices", "arcs", "ms", "GFLOP", "GFLOP/s", "products", "faer",
+        "share", "other", "ratio",
+    ]);
+    for row in rows {
+        let or_dash = |x: Option<f64>, text: fn(f64) -> String| x.map_or("-".to_owned(), text);
+        table.row([
+            row.variant.to_owned(),
+            row.what.to_owned(),
+            row.vertices.to_string(),
+            row.arcs.to_string(),
+            format!("{:.2}", row.elapsed_ms),
+            format!("{:.2}", row.gflop),
+            format!("{:.0}", row.gflop_per_second),
+            format!("{:.2}", row.products_ms),
+            format!("{:.2}", row.faer_ms),
+            percent(row.share_of_roofline),
+            or_dash(row.peer_ms, |x| format!("{x:.2}")),
+            or_dash(row.times_faster_than_peer, |x| format!("{x:.2}")),
+        ]);
+    }
+    table
+}
