@@ -118,7 +118,10 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
             changed = state.changed() => {
                 changed.map_err(|_| over())?;
                 let bytes = state.borrow_and_update().bytes.clone();
-                send(socket, bytes).await?;
+                // Empty where the session has not said anything yet.
+                if !bytes.is_empty() {
+                    send(socket, bytes).await?;
+                }
             }
             changed = frame.changed(), if on_the_way < AHEAD => {
                 changed.map_err(|_| over())?;
