@@ -15,7 +15,7 @@ fn quick() -> common::Served {
 #[test]
 fn a_dragged_handle_goes_there_and_the_frame_says_whose_drag_it_follows() {
     let served = quick();
-    let mut page = served.page();
+    let mut page = served.ready_page();
     let goal = Vec3::new(0.1, 0.0, 0.0);
     page.drag(41, 0, goal);
     let frame = page.frame(|frame| frame.drag[1] == 41);
@@ -28,7 +28,7 @@ fn a_dragged_handle_goes_there_and_the_frame_says_whose_drag_it_follows() {
 #[test]
 fn any_vertex_can_be_taken_hold_of_and_let_go() {
     let served = quick();
-    let mut page = served.page();
+    let mut page = served.ready_page();
     page.drag(1, 3, CORNERS[3] + Vec3::X * 0.05);
     let held = page.frame(|frame| frame.handles == [0, 1, 3]);
     assert_eq!(held.tracks.len(), 1);
@@ -43,7 +43,7 @@ fn any_vertex_can_be_taken_hold_of_and_let_go() {
 #[test]
 fn two_movers_share_the_hands_and_another_can_join_in_mid_motion() {
     let served = quick();
-    let mut page = served.page();
+    let mut page = served.ready_page();
     page.drag(1, 0, Vec3::new(0.2, 0.0, 0.0));
     page.frame(|frame| frame.tracks[0][0].x > 0.1);
     page.command(r#"{"do":"mover","mover":"both"}"#);
@@ -60,7 +60,7 @@ fn two_movers_share_the_hands_and_another_can_join_in_mid_motion() {
 #[test]
 fn time_stops_and_goes_on_by_single_frames() {
     let served = quick();
-    let mut page = served.page();
+    let mut page = served.ready_page();
     page.frame(|_| true);
     page.command(r#"{"do":"pause"}"#);
     page.state(|state| state["running"] == false);
@@ -76,7 +76,7 @@ fn time_stops_and_goes_on_by_single_frames() {
 fn a_recording_is_a_trajectory_that_can_be_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let served = served(Duration::ZERO, folder.path().join("made"));
-    let mut page = served.page();
+    let mut page = served.ready_page();
     page.frame(|_| true);
     page.command(r#"{"do":"record"}"#);
     page.drag(1, 1, Vec3::new(0.3, 0.0, 1.0));
@@ -109,7 +109,7 @@ fn a_recording_is_a_trajectory_that_can_be_replayed() {
 fn a_recording_that_is_under_way_is_written_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
     let served = served(Duration::ZERO, folder.path().to_owned());
-    let mut page = served.page();
+    let mut page = served.ready_page();
     page.frame(|_| true);
     page.command(r#"{"do":"record"}"#);
     page.state(|state| state["recording"]["frames"].as_u64() > Some(3));
@@ -121,8 +121,8 @@ fn a_recording_that_is_under_way_is_written_at_the_end() {
 #[test]
 fn a_page_that_goes_harms_nobody() {
     let served = quick();
-    let mut one = served.page();
-    let mut other = served.page();
+    let mut one = served.ready_page();
+    let mut other = served.ready_page();
     other.state(|state| state["viewers"] == 2);
     one.drag(1, 0, Vec3::new(0.1, 0.0, 0.0));
     one.frame(|_| true);
@@ -135,7 +135,7 @@ fn a_page_that_goes_harms_nobody() {
 #[test]
 fn steps_that_are_too_slow_slow_time_and_say_so() {
     let served = served(Duration::from_millis(50), std::env::temp_dir());
-    let mut page = served.page();
+    let mut page = served.ready_page();
     let state = page.state(|state| state["kept"].as_f64() < Some(0.9));
     // At most 20 frames of 60 in a second; the machine may be busy, too.
     assert!(

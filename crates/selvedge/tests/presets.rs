@@ -1,5 +1,5 @@
 //! The shipped training configurations: each is listed, has the network that its name promises, and
-//! learns. `SELVEDGE_LEARN=1 cargo test --release -p selvedge --test presets -- --nocapture learns` trains
+//! learns. `SELVEDGE_LEARN=all cargo test --release -p selvedge --test presets -- --nocapture learns` trains
 //! each for some hundred steps at reduced size and prints the table of docs/results.md.
 
 // A test that cannot be set up fails where it is set up.
@@ -134,7 +134,7 @@ fn a_preset_is_tried_at_reduced_size() {
     assert!(!desk.path("again").exists());
 }
 
-/// One motion of the cloth of `small`: the section that a network is to learn by heart.
+/// One motion of one small cloth: the section that a network is to learn by heart.
 const SECTION: &str = r#"
 name = "section"
 sections = "whole"
@@ -143,7 +143,7 @@ test = ["lift"]
 
 [setting]
 material = "gray-interlock"
-mesh = { generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }
+mesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }
 handles = { label = "upper-corners" }
 
 [motions.push.inline]
@@ -187,13 +187,15 @@ fn losses(cfg: TrainConfig, data: &Dataset, steps: usize) -> [f64; 2] {
     [mean(&all[..10]), mean(&all[steps - 50..])]
 }
 
-/// Runs where `SELVEDGE_LEARN` is set: it takes minutes.
+/// Runs where `SELVEDGE_LEARN` is set, to `all` or to the names of presets with commas between them: it
+/// takes minutes.
 #[test]
 fn every_preset_learns_and_learns_one_section_by_heart() {
-    if std::env::var_os("SELVEDGE_LEARN").is_none() {
+    let Ok(asked) = std::env::var("SELVEDGE_LEARN") else {
         println!("not run: set SELVEDGE_LEARN to train every preset twice, which takes minutes");
         return;
-    }
+    };
+    let is_asked = |name: &&str| asked == "all" || asked.split(',').any(|other| other == *name);
     let desk = Desk::new();
     desk.write("section.toml", SECTION);
     desk.json("dataset generate small --out small");
@@ -202,12 +204,12 @@ fn every_preset_learns_and_learns_one_section_by_heart() {
         ["small", "section"].map(|name| Dataset::open(&desk.path(name)).unwrap());
     let mut slow = Vec::new();
     println!("| preset | loss, 300 steps | one section, 1800 steps |\n|---|---|---|");
-    for name in names() {
+    for name in names().into_iter().filter(is_asked) {
         let [first, last] = losses(preset(name, &SMALL), &small, 300);
         let settings = [&SMALL[..], &BY_HEART[..]].concat();
         let [unknown, known] = losses(preset(name, &settings), &section, 1800);
         println!("| {name} | {first:.3} → {last:.3} | {unknown:.3} → {known:.5} |");
-        if last > 0.8 * first || known > 0.3 * unknown {
+        if last > 0.8 * first || known > 0.1 * unknown {
             slow.push(name);
         }
     }

@@ -239,6 +239,13 @@ impl Served {
         Page { socket }
     }
 
+    /// A page that has seen the cloth: what it does before that is done to nothing.
+    pub(crate) fn ready_page(&self) -> Page {
+        let mut page = self.page();
+        page.frame(|_| true);
+        page
+    }
+
     /// The status with which a request for a socket is answered.
     pub(crate) fn status(&self, change: impl FnOnce(&mut Request<()>)) -> u16 {
         let mut request = self.request();
