@@ -20,7 +20,7 @@ use crate::interrupt;
 use crate::output::End;
 use crate::progress::Progress;
 
-/// Width and height of a picture [pixels]; even, as films want it.
+/// Width and height of a picture in pixels; even, as films want it.
 const SIZE: [u32; 2] = [960, 720];
 
 /// What is run to make films.

@@ -104,7 +104,7 @@ fn sheet(vertices: usize) -> anyhow::Result<Topology> {
     Topology::new(columns * lines, &faces).context("making a sheet to measure on")
 }
 
-/// Memory of this process [bytes], where the system says it.
+/// Memory of this process in bytes, where the system says it.
 fn resident() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status
