@@ -401,7 +401,8 @@ fn a_plan_of_which_nothing_was_written_can_be_withdrawn() {
     writer.add(Split::Test, "a", &trajectory(4, 1.0)).unwrap();
     writer.withdraw();
     let writer = DatasetWriter::open(folder.path(), plan()).unwrap();
-    assert!(writer.written(Split::Test, "a").is_some());
+    let entry = writer.written(Split::Test, "a").unwrap();
+    assert_eq!((entry.motion.as_str(), entry.frames), ("a", 4));
 }
 
 #[test]

@@ -109,7 +109,10 @@ fn a_weight_that_is_too_large_for_half_precision_is_named() {
     let error = large.to_bytes_as(WeightType::F16).expect_err("too large");
     let expected = "weight encoder.nodes.0.weight[5] is 100000, more than F16 holds";
     assert!(error.to_string().contains(expected), "{error}");
-    assert!(large.to_bytes_as(WeightType::Bf16).is_ok());
+    let bytes = large.to_bytes_as(WeightType::Bf16).expect("wide enough");
+    let back = Model::from_bytes(&bytes).expect("a model").weights()[5];
+    // bf16 keeps eight bits.
+    assert!((back / 1e5 - 1.0).abs() <= 2.0_f32.powi(-8), "{back}");
 }
 
 #[test]

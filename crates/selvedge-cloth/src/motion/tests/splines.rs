@@ -92,7 +92,9 @@ fn handles_are_not_led_out_of_sight() {
     keyframes[1].scale = 1e7;
     let path = Motion::Splines(motion(keyframes));
     let path = path.bind(&corners(), 60.0).unwrap();
-    assert!(path.targets(0, 4).is_ok());
+    let start: Vec<DVec3> = path.targets(0, 4).unwrap().end().to_vec();
+    assert_eq!(start.len(), corners().len());
+    assert!(start.iter().all(|p| p.length() < 1e6));
     let error = path.targets(60, 4).unwrap_err();
     assert!(
         matches!(error, HandleError::TooFar { handle: 0, .. }),
