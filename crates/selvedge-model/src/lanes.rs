@@ -83,6 +83,10 @@ pub trait Lanes: Copy + 'static {
     fn times<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
     /// max(a, 0).
     fn relu<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
+    /// 1 / (1 + e^-a).
+    fn sigmoids<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
+    /// Hyperbolic tangent.
+    fn tanhs<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
     /// `value` where `test` is positive, else 0.
     fn where_positive<S: Simd>(
         simd: S,
@@ -137,6 +141,19 @@ impl Lanes for f32 {
     #[inline(always)]
     fn relu<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
         simd.max_f32s(a, simd.splat_f32s(0.0))
+    }
+    #[inline(always)]
+    fn sigmoids<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
+        let one = simd.splat_f32s(1.0);
+        let below = simd.add_f32s(one, exps(simd, simd.sub_f32s(simd.splat_f32s(0.0), a)));
+        simd.div_f32s(one, below)
+    }
+    #[inline(always)]
+    fn tanhs<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
+        // Cancels near 0, where the absolute error is that of 1: about 1e-7.
+        let one = simd.splat_f32s(1.0);
+        let below = simd.add_f32s(one, exps(simd, simd.add_f32s(a, a)));
+        simd.sub_f32s(one, simd.div_f32s(simd.splat_f32s(2.0), below))
     }
     #[inline(always)]
     fn where_positive<S: Simd>(simd: S, test: S::f32s, value: S::f32s) -> S::f32s {
@@ -197,6 +214,26 @@ impl Lanes for f64 {
         simd.max_f64s(a, simd.splat_f64s(0.0))
     }
     #[inline(always)]
+    fn sigmoids<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
+        let mut lanes = [0.0; MOST_LANES];
+        let lanes = &mut lanes[..S::F64_LANES];
+        simd.partial_store_f64s(lanes, a);
+        for x in &mut *lanes {
+            *x = 1.0 / (1.0 + (-*x).exp());
+        }
+        simd.partial_load_f64s(lanes)
+    }
+    #[inline(always)]
+    fn tanhs<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
+        let mut lanes = [0.0; MOST_LANES];
+        let lanes = &mut lanes[..S::F64_LANES];
+        simd.partial_store_f64s(lanes, a);
+        for x in &mut *lanes {
+            *x = x.tanh();
+        }
+        simd.partial_load_f64s(lanes)
+    }
+    #[inline(always)]
     fn where_positive<S: Simd>(simd: S, test: S::f64s, value: S::f64s) -> S::f64s {
         // `select_f64s` itself is not always inlined, and then neither are its instructions.
         let zero = simd.splat_f64s(0.0);
@@ -204,5 +241,139 @@ impl Lanes for f64 {
         let other = simd.transmute_u64s_f64s(zero);
         let mask = simd.greater_than_f64s(test, zero);
         simd.transmute_f64s_u64s(simd.select_u64s(mask, value, other))
+    }
+}
+
+/// e^x for |x| ≤ 87 (clamped beyond, not a number where x is none), relative error below 2e-7: 2^n times
+/// the Taylor series of e^r, |r| ≤ ln 2 / 2, to the seventh order.
+#[inline(always)]
+fn exps<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
+    const MOST: f32 = 87.0;
+    const TO_NEAREST: f32 = 12_582_912.0; // 1.5 · 2^23: adding it rounds to an integer
+    const MINUS_LN_2_HIGH: f32 = -0.693_359_4;
+    const MINUS_LN_2_LOW: f32 = 2.121_944_4e-4;
+    // Taylor coefficients after the seventh.
+    const SERIES: [f32; 7] = [
+        1.0 / 720.0,
+        1.0 / 120.0,
+        1.0 / 24.0,
+        1.0 / 6.0,
+        0.5,
+        1.0,
+        1.0,
+    ];
+    let of = |x: f32| simd.splat_f32s(x);
+    let high = simd.greater_than_f32s(x, of(MOST));
+    let x = select(simd, high, of(MOST), x);
+    let low = simd.greater_than_f32s(of(-MOST), x);
+    let x = select(simd, low, of(-MOST), x);
+    let shifted = simd.mul_add_e_f32s(x, of(std::f32::consts::LOG2_E), of(TO_NEAREST));
+    let n = simd.sub_f32s(shifted, of(TO_NEAREST));
+    let r = simd.mul_add_e_f32s(n, of(MINUS_LN_2_HIGH), x);
+    let r = simd.mul_add_e_f32s(n, of(MINUS_LN_2_LOW), r);
+    let mut series = of(1.0 / 5040.0);
+    for coefficient in SERIES {
+        series = simd.mul_add_e_f32s(series, r, of(coefficient));
+    }
+    // The low bits of `shifted` hold n as an integer; moved up they are an exponent.
+    let bits = simd.transmute_u32s_f32s(shifted);
+    let exponent = simd.wrapping_dyn_shl_u32s(bits, simd.splat_u32s(23));
+    let power = simd.add_u32s(exponent, simd.splat_u32s(127 << 23));
+    simd.mul_f32s(series, simd.transmute_f32s_u32s(power))
+}
+
+/// `yes` where the mask is set, else `no`: `select_f32s` itself is not always inlined.
+#[inline(always)]
+fn select<S: Simd>(simd: S, mask: S::m32s, yes: S::f32s, no: S::f32s) -> S::f32s {
+    let (yes, no) = (simd.transmute_u32s_f32s(yes), simd.transmute_u32s_f32s(no));
+    simd.transmute_f32s_u32s(simd.select_u32s(mask, yes, no))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A function of each number.
+    struct Each<'a, F>(&'a [f32], F);
+
+    /// A function of a vector.
+    trait OfVector {
+        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s;
+    }
+
+    impl<F: OfVector> WithSimd for Each<'_, F> {
+        type Output = Vec<f32>;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
+            let mut out = self.0.to_vec();
+            for chunk in out.chunks_mut(S::F32_LANES) {
+                let x = simd.partial_load_f32s(chunk);
+                simd.partial_store_f32s(chunk, self.1.of(simd, x));
+            }
+            out
+        }
+    }
+
+    struct Exp;
+    struct Sigmoid;
+    struct Tanh;
+
+    impl OfVector for Exp {
+        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s {
+            exps(simd, x)
+        }
+    }
+
+    impl OfVector for Sigmoid {
+        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s {
+            f32::sigmoids(simd, x)
+        }
+    }
+
+    impl OfVector for Tanh {
+        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s {
+            f32::tanhs(simd, x)
+        }
+    }
+
+    const BOTH: [Instructions; 2] = [Instructions::Detected, Instructions::Plain];
+
+    #[test]
+    fn exp_is_accurate_to_two_roundings() {
+        let x: Vec<f32> = (-8700..=8700).map(|k| k as f32 * 0.01).collect();
+        for instructions in BOTH {
+            for (&x, y) in x.iter().zip(instructions.run(Each(&x, Exp))) {
+                let exact = f64::from(x).exp();
+                let relative = (f64::from(y) - exact).abs() / exact;
+                assert!(relative < 2e-7, "exp({x}): relative error {relative:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn gates_match_their_f64_versions_saturate_and_hide_nothing() {
+        let x: Vec<f32> = (-4000..=4000).map(|k| k as f32 * 0.01).collect();
+        for instructions in BOTH {
+            let sigmoid = instructions.run(Each(&x, Sigmoid));
+            let tanh = instructions.run(Each(&x, Tanh));
+            for ((&x, s), t) in x.iter().zip(sigmoid).zip(tanh) {
+                let x = f64::from(x);
+                assert!((f64::from(s) - 1.0 / (1.0 + (-x).exp())).abs() < 2e-7);
+                assert!((f64::from(t) - x.tanh()).abs() < 2.5e-7);
+            }
+            let ends = [f32::INFINITY, 1e30, -1e30, f32::NEG_INFINITY];
+            let sigmoid = instructions.run(Each(&ends, Sigmoid));
+            let tanh = instructions.run(Each(&ends, Tanh));
+            assert_eq!(sigmoid[..2], [1.0; 2]);
+            assert!(sigmoid[2..].iter().all(|x| (0.0..1e-37).contains(x)));
+            assert_eq!(tanh, [1.0, 1.0, -1.0, -1.0]);
+            let none = [f32::NAN; 3];
+            let both = [
+                instructions.run(Each(&none, Sigmoid)),
+                instructions.run(Each(&none, Tanh)),
+            ];
+            assert!(both.iter().flatten().all(|x| x.is_nan()));
+        }
     }
 }

@@ -2,6 +2,7 @@
 //! its arithmetic forward and backward, its weights on disk, and the rollout as a
 //! [`selvedge_cloth::Stepper`].
 
+mod aligned;
 mod connectivity;
 mod cost;
 mod features;

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use crate::aligned::Aligned;
 use crate::lanes::Instructions;
 use crate::network::Network;
 use crate::parameters::Linear;
@@ -32,18 +33,18 @@ pub struct PackedWeights<T> {
 /// The packed matrices of an encoder, a block or the decoder.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PackedModule<T> {
-    pub(crate) forward: Vec<T>,
-    pub(crate) backward: Vec<T>,
+    pub(crate) forward: Aligned<T>,
+    pub(crate) backward: Aligned<T>,
 }
 
 impl<T: Real> PackedModule<T> {
     /// Room for a module's matrices.
     pub(crate) fn new(size: &ModuleSize, purpose: Purpose) -> Self {
         Self {
-            forward: vec![T::ZERO; size.forward],
+            forward: Aligned::zeros(size.forward),
             backward: match purpose {
-                Purpose::Inference => Vec::new(),
-                Purpose::Training => vec![T::ZERO; size.backward],
+                Purpose::Inference => Aligned::default(),
+                Purpose::Training => Aligned::zeros(size.backward),
             },
         }
     }

@@ -89,10 +89,12 @@ impl WithSimd for PanelVectors {
     }
 }
 
-/// Four where there are 32 registers: 6 rows × 4 vectors of sums, 4 of weights, 1 of the row.
+/// Four where there are 32 registers: 6 rows × 4 vectors of sums, 4 of weights, 1 of the row. Rather
+/// three and three, or three and two, than a panel of one, whose sums wait for each other.
 #[inline(always)]
 fn panel_vectors<S: Simd>(left: usize) -> usize {
     match left {
+        3 | 5 | 6 if S::REGISTER_COUNT >= 32 => 3,
         4.. if S::REGISTER_COUNT >= 32 => 4,
         2.. => 2,
         _ => 1,
@@ -209,6 +211,7 @@ impl<T: Real> WithSimd for Product<'_, T> {
             let vectors = panel_vectors::<S>((self.columns - first).div_ceil(lanes));
             match vectors {
                 4 => self.panel::<S, 4>(simd, first),
+                3 => self.panel::<S, 3>(simd, first),
                 2 => self.panel::<S, 2>(simd, first),
                 _ => self.panel::<S, 1>(simd, first),
             }

@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use crate::aligned::Aligned;
 use crate::lanes::Instructions;
 use crate::layers::encoder::RowEncoder;
 use crate::leaves::CHUNK;
@@ -111,11 +112,11 @@ pub fn bare_products(
 /// Arrays for a list of products.
 pub struct Roofline {
     products: Vec<BareProduct>,
-    left: Vec<f32>,
-    right: Vec<f32>,
-    out: Vec<f32>,
+    left: Aligned<f32>,
+    right: Aligned<f32>,
+    out: Aligned<f32>,
     /// Any numbers: which matrix they are the packed form of makes no difference.
-    packed: Vec<f32>,
+    packed: Aligned<f32>,
 }
 
 impl Roofline {
@@ -124,9 +125,12 @@ impl Roofline {
     pub fn new(products: Vec<BareProduct>) -> Self {
         let most = |of: fn(&BareProduct) -> usize| products.iter().map(of).max().unwrap_or(0);
         // Numbers that are no powers of two and far from the subnormal ones.
-        let numbers = |count: usize| -> Vec<f32> {
-            let number = |k: usize| ((k * 7919) % 1009) as f32 / 1009.0 - 0.5;
-            (0..count).map(number).collect()
+        let numbers = |count: usize| {
+            let mut numbers = Aligned::zeros(count);
+            for (k, x) in numbers.iter_mut().enumerate() {
+                *x = ((k * 7919) % 1009) as f32 / 1009.0 - 0.5;
+            }
+            numbers
         };
         let size = most(|p| {
             let slot = Slot {
@@ -139,7 +143,7 @@ impl Roofline {
         Self {
             left: numbers(most(|p| p.rows * p.depth)),
             right: numbers(most(|p| p.rows * p.columns)),
-            out: vec![0.0; most(|p| (p.rows.max(8 * p.depth)) * p.columns)],
+            out: Aligned::zeros(most(|p| (p.rows.max(8 * p.depth)) * p.columns)),
             packed: numbers(size),
             products,
         }

@@ -5,12 +5,13 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use crate::aligned::Aligned;
 use crate::connectivity::Connectivity;
 use crate::lanes::Instructions;
 use crate::layers::block::BlockRecord;
 use crate::layers::encoder::EncoderRecord;
 use crate::layers::mlp::MlpRecord;
-use crate::layers::{GroupScratch, Scratch, resize};
+use crate::layers::{GroupScratch, Scratch};
 use crate::network::{Dropout, Network, OUTPUTS, Pass};
 use crate::packed::PackedWeights;
 use crate::real::Real;
@@ -24,9 +25,9 @@ const GROUPS: usize = 8;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EncoderState<T> {
     /// `[vertices, latent]` each.
-    pub(crate) nodes: [Vec<T>; 2],
+    pub(crate) nodes: [Aligned<T>; 2],
     /// `[arcs, latent]` each.
-    pub(crate) edges: [Vec<T>; 2],
+    pub(crate) edges: [Aligned<T>; 2],
 }
 
 impl<T: Real> EncoderState<T> {
@@ -63,7 +64,7 @@ impl<T: Real> EncoderState<T> {
     pub(crate) fn fit(&mut self, [vertices, arcs]: [usize; 2], latent: usize) {
         for (arrays, rows) in [(&mut self.nodes, vertices), (&mut self.edges, arcs)] {
             for array in arrays {
-                resize(array, rows * latent);
+                array.resize(rows * latent);
             }
         }
     }
@@ -75,21 +76,21 @@ pub struct Workspace<T> {
     pub(crate) instructions: Instructions,
     /// Those of the last [`Network::forward`] on plain weights.
     pub(crate) packed: Option<PackedWeights<T>>,
-    pub(crate) nodes: Vec<T>,
-    pub(crate) edges: Vec<T>,
+    pub(crate) nodes: Aligned<T>,
+    pub(crate) edges: Aligned<T>,
     /// Products of the vertices that the next block's arcs gather, and those of this one's.
-    pub(crate) at: [Vec<T>; 2],
+    pub(crate) at: [Aligned<T>; 2],
     pub(crate) node_encoder: EncoderRecord<T>,
     pub(crate) edge_encoder: EncoderRecord<T>,
     pub(crate) blocks: Vec<BlockRecord<T>>,
     pub(crate) decoder: MlpRecord<T>,
-    pub(crate) output: Vec<T>,
+    pub(crate) output: Aligned<T>,
     pub(crate) scratch: Vec<Mutex<Scratch<T>>>,
     pub(crate) groups: Vec<Group<T>>,
     /// Gradients of the first edge layer's sums, `[arcs, latent]`.
-    pub(crate) first: Vec<T>,
+    pub(crate) first: Aligned<T>,
     /// Gradients of the input, row by row.
-    pub(crate) to_input: [Vec<T>; 2],
+    pub(crate) to_input: [Aligned<T>; 2],
     pub(crate) dropout: Option<Dropout>,
     /// The encoders' states after the last pass, where the network streams.
     pub(crate) end: EncoderState<T>,
@@ -102,7 +103,7 @@ pub struct Workspace<T> {
 pub(crate) struct Group<T> {
     pub(crate) scratch: GroupScratch<T>,
     /// Gradient of a module's weights.
-    pub(crate) gradient: Vec<T>,
+    pub(crate) gradient: Aligned<T>,
 }
 
 impl<T: Real> Workspace<T> {
@@ -139,7 +140,11 @@ impl<T: Real> Workspace<T> {
         encoders.iter().map(|e| e.number_count()).sum::<usize>()
             + blocks.sum::<usize>()
             + self.decoder.number_count()
-            + flat.into_iter().chain(states).map(Vec::len).sum::<usize>()
+            + flat
+                .into_iter()
+                .chain(states)
+                .map(|array| array.len())
+                .sum::<usize>()
     }
 
     /// The states that a streaming network's encoders ended the last pass with.
@@ -168,11 +173,11 @@ impl<T: Real> Workspace<T> {
             Pass::Inference => None,
             Pass::Training(dropout) => dropout.filter(|dropout| dropout.rate > 0.0),
         };
-        resize(&mut self.nodes, vertices * latent);
-        resize(&mut self.edges, arcs * latent);
-        resize(&mut self.at[0], vertices * 2 * latent);
-        resize(&mut self.at[1], vertices * 2 * latent);
-        resize(&mut self.output, vertices * OUTPUTS);
+        self.nodes.resize(vertices * latent);
+        self.edges.resize(arcs * latent);
+        self.at[0].resize(vertices * 2 * latent);
+        self.at[1].resize(vertices * 2 * latent);
+        self.output.resize(vertices * OUTPUTS);
         if network.streams() {
             self.end.fit([vertices, arcs], latent);
         }

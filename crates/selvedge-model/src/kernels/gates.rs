@@ -8,7 +8,7 @@
 use pulp::{Simd, WithSimd};
 
 use crate::lanes::{Instructions, Lanes, MOST_LANES};
-use crate::product::{LaneCount, Slot};
+use crate::product::{LaneCount, Slot, get, put};
 use crate::real::Real;
 
 /// Most rows that are summed at a time.
@@ -131,9 +131,6 @@ impl<T: Real> WithSimd for GruStep<'_, T> {
     }
 }
 
-/// The four sums of some rows and a vector of units, row after row.
-type Sums<T> = [[T; ROWS * MOST_LANES]; 4];
-
 impl<T: Real> GruStep<'_, T> {
     /// `M` rows and the units `first..` of a vector.
     #[inline(always)]
@@ -151,58 +148,31 @@ impl<T: Real> GruStep<'_, T> {
             let of_state = &of_state[..3 * lanes * hidden];
             add_terms::<T, S, M>(simd, &mut sums, (before, hidden, row), of_state, 3);
         }
-        let mut values = [[T::ZERO; ROWS * MOST_LANES]; 4];
-        for (r, sums) in sums.iter().enumerate() {
-            for (gate, &sum) in sums.iter().enumerate() {
-                T::vectors_mut::<S>(&mut values[gate][r * lanes..(r + 1) * lanes])[0] = sum;
-            }
+        for (r, sums) in sums.into_iter().enumerate() {
+            self.gates(simd, (row + r, first), sums);
         }
-        self.gates::<M>(&mut values, (row, first), lanes);
     }
 
-    /// From the sums to the state after.
+    /// From the sums of a row to the units of its state after.
     #[inline(always)]
-    fn gates<const M: usize>(
-        &mut self,
-        values: &mut Sums<T>,
-        (row, first): (usize, usize),
-        lanes: usize,
-    ) {
+    fn gates<S: Simd>(&mut self, simd: S, (row, first): (usize, usize), sums: [T::Vector<S>; 4]) {
         let hidden = self.hidden;
-        let count = lanes.min(hidden - first);
-        let mut states = [T::ZERO; ROWS * MOST_LANES];
-        if let Some(before) = self.before {
-            for r in 0..M {
-                let from = &before[(row + r) * hidden + first..][..count];
-                states[r * lanes..][..count].copy_from_slice(from);
-            }
+        let count = T::lanes::<S>().min(hidden - first);
+        let at = row * hidden + first;
+        let [r, z, n, recurrent] = sums;
+        let (r, z) = (T::sigmoids(simd, r), T::sigmoids(simd, z));
+        let n = T::tanhs(simd, T::mul_add(simd, r, recurrent, n));
+        let mut before = T::splat(simd, T::ZERO);
+        if let Some(states) = self.before {
+            [before] = get::<T, S, 1>(simd, &states[at..at + count]);
         }
-        let [r, z, n, recurrent] = values.each_mut().map(|v| &mut v[..M * lanes]);
-        let states = &mut states[..M * lanes];
-        // Short loops over few slices: one over all of them does not vectorise.
-        for r in r.iter_mut() {
-            *r = r.sigmoid();
-        }
-        for z in z.iter_mut() {
-            *z = z.sigmoid();
-        }
-        for ((n, &r), &x) in n.iter_mut().zip(&*r).zip(&*recurrent) {
-            *n = (*n + r * x).tanh();
-        }
-        for ((state, &n), &z) in states.iter_mut().zip(&*n).zip(&*z) {
-            *state = n + z * (*state - n);
-        }
-        for k in 0..M {
-            let from = &states[k * lanes..][..count];
-            self.after[(row + k) * hidden + first..][..count].copy_from_slice(from);
-        }
+        let after = T::mul_add(simd, z, T::minus(simd, before, n), n);
+        put::<T, S, 1>(simd, &mut self.after[at..at + count], [after]);
         if !self.kept.is_empty() {
-            for k in 0..M {
-                let kept = &mut self.kept[(row + k) * 4 * hidden..][..4 * hidden];
-                for (gate, values) in [&*r, &*z, &*n, &*recurrent].into_iter().enumerate() {
-                    let to = &mut kept[gate * hidden + first..][..count];
-                    to.copy_from_slice(&values[k * lanes..][..count]);
-                }
+            let kept = &mut self.kept[row * 4 * hidden..][..4 * hidden];
+            for (gate, values) in [r, z, n, recurrent].into_iter().enumerate() {
+                let to = &mut kept[gate * hidden + first..][..count];
+                put::<T, S, 1>(simd, to, [values]);
             }
         }
     }

@@ -9,10 +9,11 @@
 //! A leaf (some vertices and the arcs into them) is taken through all of it by one thread: only
 //! A v_s + B v_r of all vertices must be there before.
 
+use crate::aligned::Aligned;
 use crate::connectivity::Connectivity;
 use crate::kernels::{Normalised, Receivers, gather_receivers, sum_incoming, sum_outgoing};
 use crate::layers::mlp::{Mlp, MlpRecord};
-use crate::layers::{GroupScratch, Scratch, pick, resize};
+use crate::layers::{GroupScratch, Scratch, pick};
 use crate::leaves::{Arrays, Leaf, chunks, of_rows};
 use crate::packed::{LayerWeights, ModuleSize, Packer, Piece};
 use crate::parameters::{LayoutBuilder, ModuleGradient};
@@ -36,11 +37,11 @@ pub(crate) struct Block {
 #[derive(Default)]
 pub(crate) struct BlockRecord<T> {
     /// Latent vertices before the block, `[vertices, latent]`.
-    nodes: Vec<T>,
+    nodes: Aligned<T>,
     /// Latent arcs before the block, `[arcs, latent]`.
-    edges: Vec<T>,
+    edges: Aligned<T>,
     /// Sum of the messages that arrive, `[vertices, latent]`.
-    incoming: Vec<T>,
+    incoming: Aligned<T>,
     edge: MlpRecord<T>,
     node: MlpRecord<T>,
 }
@@ -79,9 +80,9 @@ impl<T: Real> BlockRecord<T> {
 
     pub(crate) fn fit(&mut self, block: &Block, vertices: usize, arcs: usize) {
         let latent = block.latent();
-        resize(&mut self.nodes, vertices * latent);
-        resize(&mut self.edges, arcs * latent);
-        resize(&mut self.incoming, vertices * latent);
+        self.nodes.resize(vertices * latent);
+        self.edges.resize(arcs * latent);
+        self.incoming.resize(vertices * latent);
         self.edge.fit(&block.edge, arcs);
         self.node.fit(&block.node, vertices);
     }

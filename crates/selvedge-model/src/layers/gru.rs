@@ -5,12 +5,13 @@
 //! A chunk's rows pass through the whole window, both layers step by step, before the next chunk
 //! begins. Within a chunk everything kept is step-major: `[steps, rows, width]`.
 
+use crate::aligned::Aligned;
 use crate::kernels::{
     GateGradients, GruStep, NormRows, Normalised, add, add_column_sums, gate_slots,
     gru_gates_backward, gru_step, layer_norm, layer_norm_backward, pack_biases, pack_gates,
 };
 use crate::layers::encoder::EncoderEnds;
-use crate::layers::{GroupScratch, Scratch, resize};
+use crate::layers::{GroupScratch, Scratch};
 use crate::network::Dropout;
 use crate::packed::{LayerWeights, ModuleSize, Packer, Piece};
 use crate::parameters::{GruLayer, LayerNorm, LayoutBuilder, Linear, ModuleGradient};
@@ -44,14 +45,14 @@ pub(crate) struct GruRecord<T> {
     /// Frames of the window.
     steps: usize,
     /// States of each layer, the initial one first: per chunk `[steps + 1, rows, hidden]`.
-    pub(crate) states: [Vec<T>; 2],
+    pub(crate) states: [Aligned<T>; 2],
     /// Gates of each layer: per chunk `[steps, rows, 4 hidden]`.
-    kept: [Vec<T>; 2],
+    kept: [Aligned<T>; 2],
     /// What the second layer sees where dropout makes it differ from the first one's states: per
     /// chunk `[steps, rows, hidden]`.
-    between: Vec<T>,
-    normal: Vec<T>,
-    inverse_deviation: Vec<T>,
+    between: Aligned<T>,
+    normal: Aligned<T>,
+    inverse_deviation: Aligned<T>,
 }
 
 /// The part of a [`GruRecord`] that belongs to a chunk; empty where nothing is kept.
@@ -87,7 +88,7 @@ impl<T: Real> GruRecord<T> {
     pub(crate) fn number_count(&self) -> usize {
         let twice = self.states.iter().chain(&self.kept);
         let once = [&self.between, &self.normal, &self.inverse_deviation];
-        twice.chain(once).map(Vec::len).sum()
+        twice.chain(once).map(|array| array.len()).sum()
     }
 
     /// Makes room for `rows` rows.
@@ -100,13 +101,13 @@ impl<T: Real> GruRecord<T> {
         let hidden = encoder.linear.inputs;
         self.steps = steps;
         for layer in 0..2 {
-            resize(&mut self.states[layer], rows * (steps + 1) * hidden);
-            resize(&mut self.kept[layer], rows * steps * 4 * hidden);
+            self.states[layer].resize(rows * (steps + 1) * hidden);
+            self.kept[layer].resize(rows * steps * 4 * hidden);
         }
         let between = if dropout.is_some() { steps } else { 0 };
-        resize(&mut self.between, rows * between * hidden);
-        resize(&mut self.normal, rows * encoder.linear.outputs);
-        resize(&mut self.inverse_deviation, rows);
+        self.between.resize(rows * between * hidden);
+        self.normal.resize(rows * encoder.linear.outputs);
+        self.inverse_deviation.resize(rows);
     }
 
     /// Everything, with the widths of its rows, in the order of [`GruTile`].

@@ -5,13 +5,12 @@
 //! (`block.rs`). Here begins what comes after that layer's sums, and ends the gradient that goes to
 //! them.
 
+use crate::aligned::Aligned;
 use crate::kernels::{NormRows, Normalised, add_column_sums, layer_norm, layer_norm_backward};
 use crate::packed::{LayerWeights, ModuleSize, Packer, Piece};
 use crate::parameters::{LayerNorm, LayoutBuilder, Linear, ModuleGradient};
 use crate::product::{Columns, Finish, Sums, Term, add_outer, multiply};
 use crate::real::Real;
-
-use super::resize;
 
 /// Where the weights of a perceptron lie.
 #[derive(Clone, Copy, Debug)]
@@ -26,10 +25,10 @@ pub(crate) struct Mlp {
 /// Activations of all rows, kept for the backward pass.
 #[derive(Default)]
 pub(crate) struct MlpRecord<T> {
-    hidden1: Vec<T>,
-    hidden2: Vec<T>,
-    normal: Vec<T>,
-    inverse_deviation: Vec<T>,
+    hidden1: Aligned<T>,
+    hidden2: Aligned<T>,
+    normal: Aligned<T>,
+    inverse_deviation: Aligned<T>,
 }
 
 /// Activations of a tile that are written.
@@ -61,11 +60,11 @@ impl<T: Real> MlpRecord<T> {
 
     /// Makes room for `rows` rows.
     pub(crate) fn fit(&mut self, mlp: &Mlp, rows: usize) {
-        resize(&mut self.hidden1, rows * mlp.first.outputs);
-        resize(&mut self.hidden2, rows * mlp.second.outputs);
+        self.hidden1.resize(rows * mlp.first.outputs);
+        self.hidden2.resize(rows * mlp.second.outputs);
         let normal = if mlp.norm.is_some() { rows } else { 0 };
-        resize(&mut self.normal, normal * mlp.third.outputs);
-        resize(&mut self.inverse_deviation, normal);
+        self.normal.resize(normal * mlp.third.outputs);
+        self.inverse_deviation.resize(normal);
     }
 
     /// Everything, with the widths of its rows.

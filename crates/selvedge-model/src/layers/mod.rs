@@ -11,34 +11,30 @@ mod pytorch;
 
 use std::ops::Range;
 
+use crate::aligned::Aligned;
 use crate::layers::mlp::MlpTile;
 use crate::leaves::{CHUNK, LEAF_VERTICES, of_rows};
 use crate::real::Real;
-
-/// `buffer` with exactly `length` values, of which only new ones are set (to zero).
-pub(crate) fn resize<T: Default + Clone>(buffer: &mut Vec<T>, length: usize) {
-    buffer.resize(length, T::default());
-}
 
 /// What a thread writes on its way through a leaf and nobody reads later.
 #[derive(Default)]
 pub(crate) struct Scratch<T> {
     pub(crate) tiles: TileScratch<T>,
     /// `[LEAF_VERTICES, latent]`.
-    pub(crate) incoming: Vec<T>,
+    pub(crate) incoming: Aligned<T>,
     /// Inputs of an encoder side by side, `[CHUNK, window width]`.
-    pub(crate) joined: Vec<T>,
+    pub(crate) joined: Aligned<T>,
     /// States of both layers of a recurrent encoder, before and after, `[CHUNK, latent]`.
-    pub(crate) states: [[Vec<T>; 2]; 2],
+    pub(crate) states: [[Aligned<T>; 2]; 2],
 }
 
 /// Activations of a chunk where they are not kept.
 #[derive(Default)]
 pub(crate) struct TileScratch<T> {
-    hidden1: Vec<T>,
-    hidden2: Vec<T>,
-    normal: Vec<T>,
-    inverse_deviation: Vec<T>,
+    hidden1: Aligned<T>,
+    hidden2: Aligned<T>,
+    normal: Aligned<T>,
+    inverse_deviation: Aligned<T>,
 }
 
 impl<T: Real> Scratch<T> {
@@ -46,13 +42,13 @@ impl<T: Real> Scratch<T> {
         let rows = CHUNK.max(LEAF_VERTICES);
         let tiles = &mut self.tiles;
         for buffer in [&mut tiles.hidden1, &mut tiles.hidden2, &mut tiles.normal] {
-            resize(buffer, rows * latent);
+            buffer.resize(rows * latent);
         }
-        resize(&mut tiles.inverse_deviation, rows);
-        resize(&mut self.incoming, LEAF_VERTICES * latent);
-        resize(&mut self.joined, rows * joined);
+        tiles.inverse_deviation.resize(rows);
+        self.incoming.resize(LEAF_VERTICES * latent);
+        self.joined.resize(rows * joined);
         for buffer in self.states.iter_mut().flatten() {
-            resize(buffer, rows * states);
+            buffer.resize(rows * states);
         }
     }
 }
@@ -108,35 +104,35 @@ pub(crate) fn pick<'a, T>(record: &'a mut [T], scratch: &'a mut [T], length: usi
 #[derive(Default)]
 pub(crate) struct GroupScratch<T> {
     /// Gradients of a chunk's output, of the second and of the first layer's sums, `[CHUNK, latent]`.
-    pub(crate) output: Vec<T>,
-    pub(crate) hidden: Vec<T>,
-    pub(crate) first: Vec<T>,
+    pub(crate) output: Aligned<T>,
+    pub(crate) hidden: Aligned<T>,
+    pub(crate) first: Aligned<T>,
     /// Gradients of the sums of messages, `[LEAF_VERTICES, latent]`.
-    pub(crate) incoming: Vec<T>,
+    pub(crate) incoming: Aligned<T>,
     /// Inputs of an encoder side by side, `[CHUNK, window width]`.
-    pub(crate) joined: Vec<T>,
+    pub(crate) joined: Aligned<T>,
     /// Gradients of the sums of the gates, `[CHUNK, 4 latent]`.
-    pub(crate) gates: Vec<T>,
+    pub(crate) gates: Aligned<T>,
     /// Gradients of the states of both layers, `[CHUNK, latent]`.
-    pub(crate) states: [Vec<T>; 2],
+    pub(crate) states: [Aligned<T>; 2],
     /// Sums of columns of `gates` of both layers, `[4 latent]`.
-    pub(crate) biases: [Vec<T>; 2],
+    pub(crate) biases: [Aligned<T>; 2],
 }
 
 impl<T: Real> GroupScratch<T> {
     pub(crate) fn fit(&mut self, latent: usize, joined: usize, states: usize) {
         let rows = CHUNK.max(LEAF_VERTICES);
         for buffer in [&mut self.output, &mut self.hidden, &mut self.first] {
-            resize(buffer, rows * latent);
+            buffer.resize(rows * latent);
         }
-        resize(&mut self.incoming, LEAF_VERTICES * latent);
-        resize(&mut self.joined, rows * joined);
-        resize(&mut self.gates, rows * 4 * states);
+        self.incoming.resize(LEAF_VERTICES * latent);
+        self.joined.resize(rows * joined);
+        self.gates.resize(rows * 4 * states);
         for buffer in &mut self.states {
-            resize(buffer, rows * states);
+            buffer.resize(rows * states);
         }
         for buffer in &mut self.biases {
-            resize(buffer, 4 * states);
+            buffer.resize(4 * states);
         }
     }
 }

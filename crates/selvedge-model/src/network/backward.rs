@@ -178,7 +178,7 @@ impl Network {
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
         let (block, record) = (&self.blocks[number], &w.blocks[number]);
         let [sums, _] = &mut w.at;
-        w.first.resize(w.edges.len(), T::ZERO);
+        w.first.resize(w.edges.len());
         let rows = Rows {
             vertices: [(&mut *w.nodes, latent), (&mut **sums, 2 * latent)],
             arcs: [(&mut *w.edges, latent), (&mut *w.first, latent)],
@@ -243,7 +243,7 @@ impl Network {
         let counts = [graph.vertex_count(), graph.arc_count()];
         for (k, rows) in w.to_input.iter_mut().enumerate() {
             let wanted = if to_input.is_some() { counts[k] } else { 0 };
-            rows.resize(wanted * widths[k], T::ZERO);
+            rows.resize(wanted * widths[k]);
         }
         let mut nowhere = EncoderState::new();
         let start = match states.start {
@@ -253,8 +253,8 @@ impl Network {
             }
             None => &mut nowhere,
         };
-        let [s0, s1] = start.nodes.each_mut().map(|s| (s.as_mut_slice(), latent));
-        let [t0, t1] = start.edges.each_mut().map(|s| (s.as_mut_slice(), latent));
+        let [s0, s1] = start.nodes.each_mut().map(|s| (&mut **s, latent));
+        let [t0, t1] = start.edges.each_mut().map(|s| (&mut **s, latent));
         let [to_nodes, to_edges] = &mut w.to_input;
         let rows = Rows {
             vertices: [(&mut *w.nodes, latent), (to_nodes, widths[0]), s0, s1],
@@ -264,7 +264,7 @@ impl Network {
         let range = self.weights_of(NODE_ENCODER, EDGE_ENCODER);
         let zero = EncoderState::new();
         let end = states.end.unwrap_or(&zero);
-        let ends = [&end.nodes, &end.edges].map(|s| s.each_ref().map(Vec::as_slice));
+        let ends = [&end.nodes, &end.edges].map(|s| s.each_ref().map(|s| &**s));
         let work = |leaves: &[Leaf], rows: Rows<'_, T, 4, 4>, group: &mut Group<T>| {
             let (scratch, mut gradient) = group.begin(&range);
             let kinds = [rows.vertices, rows.arcs].map(|rows| rows.map(|(array, _)| array));
@@ -328,7 +328,7 @@ impl<T: Real> Group<T> {
         &mut self,
         weights: &Range<usize>,
     ) -> (&mut crate::layers::GroupScratch<T>, ModuleGradient<'_, T>) {
-        self.gradient.resize(weights.len(), T::ZERO);
+        self.gradient.resize(weights.len());
         self.gradient.fill(T::ZERO);
         let gradient = ModuleGradient::new(&mut self.gradient, weights.start);
         (&mut self.scratch, gradient)

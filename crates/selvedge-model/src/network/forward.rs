@@ -152,14 +152,14 @@ impl Network {
             features: input.nodes,
             width: self.spec.node_width(),
             dropout,
-            start: state.nodes.each_ref().map(Vec::as_slice),
+            start: state.nodes.each_ref().map(|s| &**s),
         };
         let edges = EncoderInput {
             window: windows[1],
             features: input.edges,
             width: self.spec.edge_width(),
             dropout: dropout.map(super::Dropout::other),
-            start: state.edges.each_ref().map(Vec::as_slice),
+            start: state.edges.each_ref().map(|s| &**s),
         };
         [nodes, edges]
     }
@@ -184,7 +184,7 @@ impl Network {
         let [n0, n1, n2, n3, n4, n5, n6] = node_record;
         let [e0, e1, e2, e3, e4, e5, e6] = edge_record;
         let [ns, es] = [&mut w.end.nodes, &mut w.end.edges]
-            .map(|states| states.each_mut().map(|s| (s.as_mut_slice(), latent)));
+            .map(|states| states.each_mut().map(|s| (&mut **s, latent)));
         let [[ns0, ns1], [es0, es1]] = [ns, es];
         let [at, _] = &mut w.at;
         let rows = Rows {

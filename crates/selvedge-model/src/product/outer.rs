@@ -52,12 +52,14 @@ impl<T: Real> WithSimd for Outer<'_, T> {
             let left = self.right.count - first;
             // Only whole vectors in wide panels, so that these need no masks.
             let vectors = match left / lanes {
+                3 | 5 | 6 if S::REGISTER_COUNT >= 32 => 3,
                 4.. if S::REGISTER_COUNT >= 32 => 4,
                 2.. => 2,
                 _ => 1,
             };
             match vectors {
                 4 => self.panel::<S, 4>(simd, first),
+                3 => self.panel::<S, 3>(simd, first),
                 2 => self.panel::<S, 2>(simd, first),
                 _ => self.panel::<S, 1>(simd, first),
             }

@@ -28,7 +28,7 @@ pub(crate) struct EngineArgs {
     /// [default: all].
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Vec<String>,
-    /// Runs of each, beside one that does not count.
+    /// Runs of each; before each, after a rest, some that do not count.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) runs: u16,
     /// Threads [default: as many as there are processors].

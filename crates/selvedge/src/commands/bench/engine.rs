@@ -1,8 +1,11 @@
 //! `selvedge bench engine`: frames and training steps of the networks, beside their bare products and, where
 //! asked for, another program's.
 
+use std::thread::sleep;
+use std::time::Duration;
+
 use selvedge_model::roofline::bare_products;
-use selvedge_model::{Connectivity, FirstEdgeLayer, Purpose, flops};
+use selvedge_model::{Connectivity, FirstEdgeLayer, ModelSpec, Purpose, flops};
 use serde::Serialize;
 use serde_json::json;
 
@@ -82,19 +85,97 @@ pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
             rows.push(row);
         }
     }
+    let mut pairs = Vec::new();
+    for pair in PAIRS {
+        let of = |name: &str| variants.iter().find(|v| v.name == name);
+        if let [Some(a), Some(b)] = pair.map(of)
+            && !interrupt::requested()
+        {
+            pairs.push(pool.install(|| beside([a, b], args.runs))?);
+        }
+    }
     let end = if interrupt::requested() {
         End::Interrupted
     } else {
         End::Complete
     };
-    let note = format!(
+    let mut note = format!(
         "{threads} threads, {} cloths in a pass, medians of {} runs. products: the matrix products alone, by our kernel; \
          faer: the same by faer; share: the faster of the two to ours, run by run.",
         args.cloths, args.runs
     );
-    let report =
-        json!({ "threads": threads, "runs": args.runs, "cloths": args.cloths, "rows": rows });
+    for pair in &pairs {
+        note += &format!(
+            "\nA frame of {} takes {} of one of {}, run by run; its arithmetic is {}.",
+            pair.variant,
+            percent(pair.times_the_other),
+            pair.other,
+            percent(pair.gflop_times_the_other)
+        );
+    }
+    let report = json!({
+        "threads": threads, "runs": args.runs, "cloths": args.cloths, "rows": rows, "pairs": pairs,
+    });
     Ok(Answer::new(format!("{}\n{note}", table(&rows)), &report)?.ended(end))
+}
+
+/// Between those who take turns `[s]`: threads of one that has run go on waiting for work for a while.
+const REST: Duration = Duration::from_millis(30);
+
+/// How long the runs that do not count take at least `[ms]`: the first finds cold caches, sleeping threads
+/// and slow processors.
+const WARM: f64 = 50.0;
+
+/// How long a run takes `[ms]`, after a rest and runs that do not count; `run` says how long each takes.
+fn rested(mut run: impl FnMut() -> anyhow::Result<f64>) -> anyhow::Result<f64> {
+    sleep(REST);
+    let mut elapsed = 0.0;
+    while elapsed < WARM {
+        elapsed += run()?;
+    }
+    run()
+}
+
+/// Frames whose times are of interest beside each other.
+const PAIRS: [[&str; 2]; 2] = [["node-gru-10", "gru-10"], ["streaming-gru", "mlp"]];
+
+/// What a frame of one variant takes beside one of another, run by run.
+#[derive(Serialize)]
+struct Beside {
+    variant: &'static str,
+    other: &'static str,
+    times_the_other: f64,
+    /// The same of their arithmetic.
+    gflop_times_the_other: f64,
+}
+
+fn beside(pair: [&Variant; 2], runs: u16) -> anyhow::Result<Beside> {
+    let mut engines = Vec::new();
+    let mut gflop = Vec::new();
+    for variant in pair {
+        let graph = Connectivity::of(&cloth(variant.vertices)?);
+        let counts = (graph.vertex_count(), graph.arc_count());
+        gflop.push(arithmetic(&variant.spec, counts));
+        engines.push(Engine::new(&variant.spec, graph)?);
+    }
+    let mut elapsed: [Vec<f64>; 2] = Default::default();
+    for _ in 0..runs {
+        for (engine, elapsed) in engines.iter_mut().zip(&mut elapsed) {
+            elapsed.push(rested(|| Ok(time(|| engine.frame())))?);
+        }
+    }
+    let [variant, other] = pair.map(|v| v.name);
+    Ok(Beside {
+        variant,
+        other,
+        times_the_other: median_ratio(&elapsed[0], &elapsed[1]),
+        gflop_times_the_other: gflop[0] / gflop[1],
+    })
+}
+
+/// Of a frame `[GFLOP]`.
+fn arithmetic(spec: &ModelSpec, (vertices, arcs): (usize, usize)) -> f64 {
+    1e-9 * flops(spec, FirstEdgeLayer::Split).per_frame(vertices, arcs) as f64
 }
 
 fn measure(
@@ -122,26 +203,29 @@ fn measure(
         .map(|command| Peer::start(command, spec, &topology, threads))
         .transpose()?;
     let mut runs: [Vec<f64>; 4] = Default::default();
-    for number in 0..=args.runs {
-        let ours = time(|| match what {
-            What::Frame => engine.frame(),
-            What::Step => engine.step(),
-        });
-        let elapsed = [ours, time(|| products.ours()), time(|| products.faer())];
-        let peers = peer
-            .as_mut()
-            .map(|peer| peer.run(what.name()))
-            .transpose()?;
-        if number > 0 {
-            for (to, x) in runs.iter_mut().zip(elapsed.into_iter().chain(peers)) {
-                to.push(x);
-            }
+    for _ in 0..args.runs {
+        if interrupt::requested() {
+            break;
+        }
+        let elapsed = [
+            rested(|| {
+                Ok(time(|| match what {
+                    What::Frame => engine.frame(),
+                    What::Step => engine.step(),
+                }))
+            })?,
+            rested(|| Ok(time(|| products.ours())))?,
+            rested(|| Ok(time(|| products.faer())))?,
+        ];
+        let peers = peer.as_mut().map(|peer| rested(|| peer.run(what.name())));
+        let peers = peers.transpose()?;
+        for (to, x) in runs.iter_mut().zip(elapsed.into_iter().chain(peers)) {
+            to.push(x);
         }
     }
     let [ours, bare, faer, peers] = runs;
     let fastest: Vec<f64> = bare.iter().zip(&faer).map(|(a, b)| a.min(*b)).collect();
-    let gflop =
-        what.times() * 1e-9 * flops(spec, FirstEdgeLayer::Split).per_frame(vertices, arcs) as f64;
+    let gflop = what.times() * arithmetic(spec, (vertices, arcs));
     let share_of_roofline = median_ratio(&fastest, &ours);
     let times_faster = (!peers.is_empty()).then(|| median_ratio(&peers, &ours));
     let elapsed_ms = median(ours);

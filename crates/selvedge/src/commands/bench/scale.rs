@@ -24,7 +24,7 @@ struct Row {
     arcs: usize,
     elapsed_ms: f64,
     microseconds_per_vertex: f64,
-    /// What the first frame took of the machine's memory, with input, graph and weights.
+    /// What the first frame took of the memory, with input and weights.
     bytes_per_vertex: Option<f64>,
 }
 
