@@ -64,9 +64,12 @@ async function dragTime() {
   const { context, close } = await browser(small);
   const served = await start();
   const page = await open(context, served.url);
+  // So small a page hides the panel.
+  await page.click("#settings");
   await page.selectOption("#mesh", "square");
   await page.selectOption("#vertices", "400");
   await until(page, () => window.selvedge.state.order.mesh?.vertices === 400 && !window.selvedge.state.busy);
+  await page.click("#settings");
   await page.waitForTimeout(2000);
   const vertex = await page.evaluate(() => window.selvedge.stage.frame.goals[0].vertex);
   const drawn = await circles(page, vertex, 10);

@@ -201,6 +201,21 @@ impl Trajectory {
         })
     }
 
+    /// Its image in a mirror at z = 0: cloth that bends alike to both sides moves so under mirrored
+    /// handles and wind. The scene it comes from is still that of the original.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
+        Self {
+            cloth: Cloth {
+                rest_positions: self.cloth.rest_positions.iter().map(mirrored).collect(),
+                ..self.cloth.clone()
+            },
+            positions: self.positions.iter().map(mirrored).collect(),
+            provenance: self.provenance.clone(),
+        }
+    }
+
     /// Number of frames, the start included.
     #[must_use]
     pub fn frame_count(&self) -> usize {

@@ -125,6 +125,9 @@ impl Trainer {
             flat("first_moment", self.adam.first_moment()),
             flat("second_moment", self.adam.second_moment()),
         ];
+        if let Some(averaged) = &self.averaged {
+            tensors.push(flat("averaged", averaged));
+        }
         tensors.extend(histories.iter().map(|(name, shape, values)| TensorOut {
             name,
             shape: shape.clone(),
@@ -180,8 +183,10 @@ impl Trainer {
         }
         let lanes = state.lanes.iter().enumerate();
         let lanes = lanes.map(|(number, entry)| file.lane(number, entry, &cfg, &corpus));
+        let averaged = cfg.weight_average.map(|_| file.numbers("averaged", count));
         let parts = Parts {
             weights: file.numbers("weights", count)?,
+            averaged: averaged.transpose()?,
             lanes: lanes.collect::<Result<_, _>>()?,
             network,
             adam,
@@ -217,6 +222,7 @@ impl Trainer {
         let parts = Parts {
             adam: Adam::new(cfg.optimizer, weights.len()).map_err(TrainError::from)?,
             lanes: vec![LaneState::new(); cfg.batch.samples],
+            averaged: cfg.weight_average.map(|_| weights.clone()),
             weights,
             network,
             inputs: state.inputs,

@@ -50,9 +50,17 @@ pub struct TrainConfig {
     /// prediction gone astray does not drown the rest of its batch. Without this key all count alike.
     #[serde(default)]
     pub loss_cap: Option<f64>,
+    /// The part that a step leaves of the running mean of the weights (an exponential moving average);
+    /// the model is then made of this mean. Less while there are few steps: (1 + n)/(10 + n) after n of
+    /// them. Without this key the model is made of the weights.
+    #[serde(default)]
+    pub weight_average: Option<f64>,
     /// Probability that a value between the recurrent layers is dropped; 0 where there are none.
     #[serde(default)]
     pub dropout: f64,
+    /// Whether the mirror image of every trajectory is learned from as well.
+    #[serde(default)]
+    pub mirror_images: bool,
     /// How samples are put together.
     pub batch: BatchConfig,
     /// What is added to them.
@@ -86,10 +94,23 @@ pub struct BatchConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseConfig {
-    /// Standard deviation per coordinate `[m]`.
+    /// Standard deviation per coordinate.
     pub deviation: f64,
+    /// What it is measured in.
+    pub unit: NoiseUnit,
     /// γ: the part of a displacement that the target takes back in one frame.
     pub correction: f64,
+}
+
+/// What a deviation of noise is measured in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseUnit {
+    /// Metres.
+    #[default]
+    Metre,
+    /// The mean length of the cloth's edges at rest: the same for every fineness of the mesh.
+    Edge,
 }
 
 /// Scheduled sampling: with probability 1 - p the model's own prediction becomes the current
@@ -113,6 +134,7 @@ impl Default for NoiseConfig {
     fn default() -> Self {
         Self {
             deviation: 0.003,
+            unit: NoiseUnit::Metre,
             correction: 0.1,
         }
     }
@@ -263,6 +285,10 @@ impl TrainConfig {
         if let Some(cap) = self.loss_cap {
             positive("loss_cap", cap)?;
         }
+        if let Some(part) = self.weight_average {
+            let below = (0.0..1.0).contains(&part);
+            require(below, "weight_average", "at least 0 and below 1", part)?;
+        }
         let kept = (0.0..1.0).contains(&self.dropout);
         let expected = "at least 0 and below 1";
         require(kept, "dropout", expected, self.dropout)?;
@@ -294,7 +320,7 @@ impl BatchConfig {
 impl NoiseConfig {
     fn validate(&self) -> Result<(), InvalidConfig> {
         let small = (0.0..1.0).contains(&self.deviation);
-        let expected = "at least 0 and below 1 (metres)";
+        let expected = "at least 0 and below 1 (noise.unit: metre or edge)";
         require(small, "noise.deviation", expected, self.deviation)?;
         part("noise.correction", self.correction)
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::Environment;
 use selvedge_data::{Cloth, Dataset, DatasetError, Sample, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, ClothParts, Connectivity, GraphError};
@@ -16,6 +16,22 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
+    /// A trajectory with its graph, which those of one cloth share.
+    fn new(graph: ClothGraph, trajectory: Trajectory, others: &[Self]) -> Self {
+        match others.iter().find(|motion| *motion.graph == graph) {
+            Some(same) => Self {
+                graph: Arc::clone(&same.graph),
+                connectivity: Arc::clone(&same.connectivity),
+                trajectory,
+            },
+            None => Self {
+                connectivity: Arc::new(Connectivity::of(graph.topology())),
+                graph: Arc::new(graph),
+                trajectory,
+            },
+        }
+    }
+
     /// World positions in `frame` [m]; before the first frame the cloth stood still.
     pub(crate) fn frame(&self, frame: i64) -> &[Vec3] {
         self.trajectory.frame(frame.max(0) as usize)
@@ -43,6 +59,10 @@ pub enum CorpusError {
         motion: String,
         source: serde_json::Error,
     },
+    #[error(
+        "training trajectory {motion}: its wind has gusts, of which there is no mirror image: leave out mirror_images or the trajectory"
+    )]
+    MirroredGust { motion: String },
     #[error(
         "the data set has no samples: it has nothing to train on, give one with training trajectories"
     )]
@@ -76,14 +96,39 @@ pub fn cloth_graph(
 /// # Errors
 /// [`CorpusError`] when the scene's environment cannot be read, or the parts do not fit.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, CorpusError> {
+    graph_in(motion, trajectory, environment_of(motion, trajectory)?)
+}
+
+fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, CorpusError> {
     let scene = &trajectory.provenance().scene;
-    let environment = match scene.pointer("/setting/environment") {
+    match scene.pointer("/setting/environment") {
         Some(value) => serde_json::from_value(value.clone()).map_err(|source| {
             let motion = motion.to_owned();
             CorpusError::Environment { motion, source }
-        })?,
-        None => Environment::default(),
-    };
+        }),
+        None => Ok(Environment::default()),
+    }
+}
+
+/// The image of an environment in a mirror at z = 0.
+fn mirrored(motion: &str, environment: Environment) -> Result<Environment, CorpusError> {
+    if environment.gust.is_some() {
+        let motion = motion.to_owned();
+        return Err(CorpusError::MirroredGust { motion });
+    }
+    let side = DVec3::new(1.0, 1.0, -1.0);
+    Ok(Environment {
+        gravity: environment.gravity * side,
+        wind: environment.wind * side,
+        ..environment
+    })
+}
+
+fn graph_in(
+    motion: &str,
+    trajectory: &Trajectory,
+    environment: Environment,
+) -> Result<ClothGraph, CorpusError> {
     cloth_graph(trajectory.cloth(), environment, trajectory.frame_rate()).map_err(|source| {
         let motion = motion.to_owned();
         CorpusError::Graph { motion, source }
@@ -91,24 +136,32 @@ pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, Cor
 }
 
 impl Corpus {
-    /// Reads the training split of `dataset`.
-    pub(crate) fn load(dataset: &Dataset) -> Result<Self, CorpusError> {
+    /// Reads the training split of `dataset`; with `mirror_images` every trajectory is followed, after
+    /// the last one, by its mirror image.
+    pub(crate) fn load(dataset: &Dataset, mirror_images: bool) -> Result<Self, CorpusError> {
         let mut motions: Vec<Motion> = Vec::new();
+        let mut images = Vec::new();
         for entry in dataset.entries(Split::Train) {
             let trajectory = dataset.read(entry)?;
-            let graph = Arc::new(graph_of(&entry.motion, &trajectory)?);
-            // Trajectories of one cloth share its graph.
-            let same = motions.iter().find(|motion| motion.graph == graph);
-            motions.push(Motion {
-                connectivity: match same {
-                    Some(motion) => Arc::clone(&motion.connectivity),
-                    None => Arc::new(Connectivity::of(graph.topology())),
-                },
-                graph: same.map_or(graph, |motion| Arc::clone(&motion.graph)),
-                trajectory,
-            });
+            let environment = environment_of(&entry.motion, &trajectory)?;
+            if mirror_images {
+                let environment = mirrored(&entry.motion, environment)?;
+                let image = trajectory.mirrored();
+                let graph = graph_in(&entry.motion, &image, environment)?;
+                images.push(Motion::new(graph, image, &images));
+            }
+            let graph = graph_in(&entry.motion, &trajectory, environment)?;
+            motions.push(Motion::new(graph, trajectory, &motions));
         }
-        let sections = dataset.sections().to_vec();
+        let mut sections = dataset.sections().to_vec();
+        if mirror_images {
+            let of_image = |section: &Section| Section {
+                trajectory: section.trajectory + motions.len(),
+                ..*section
+            };
+            sections.extend(dataset.sections().iter().map(of_image));
+            motions.append(&mut images);
+        }
         let mut first_sample = vec![0];
         for section in &sections {
             let before = first_sample[first_sample.len() - 1];

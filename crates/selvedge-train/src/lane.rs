@@ -15,7 +15,7 @@ use rand_distr::{Distribution, StandardNormal};
 use selvedge_data::Section;
 use selvedge_model::{ClothGraph, Frames, Yaw, integrate};
 
-use crate::config::{NoiseConfig, TrainConfig};
+use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
 use crate::corpus::Corpus;
 use crate::losses::Triplet;
 
@@ -255,6 +255,13 @@ pub(crate) fn rng_of(seed: u64, step: u64, lane: usize, lanes: usize) -> ChaCha8
     rng
 }
 
+/// Mean length of the edges at rest `[m]`.
+fn mean_edge(graph: &ClothGraph) -> f64 {
+    let lengths = graph.rest_lengths();
+    let sum: f64 = lengths.iter().map(|&length| f64::from(length)).sum();
+    sum / lengths.len().max(1) as f64
+}
+
 /// n on the newest positions of free vertices, (1 - γ) n on their targets.
 fn add_noise(
     cfg: &TrainConfig,
@@ -264,11 +271,16 @@ fn add_noise(
 ) {
     let NoiseConfig {
         deviation,
+        unit,
         correction,
     } = cfg.noise;
     if deviation == 0.0 {
         return;
     }
+    let deviation = match unit {
+        NoiseUnit::Metre => deviation,
+        NoiseUnit::Edge => deviation * mean_edge(graph),
+    };
     let rows = newest.iter_mut().zip(target).zip(graph.handle_mask());
     for ((now, target), _) in rows.filter(|(_, handle)| !**handle) {
         let mut normal = || -> f64 { StandardNormal.sample(rng) };

@@ -19,8 +19,8 @@ mod unroll;
 
 pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, ScheduledSampling, Setting, SettingError,
-    TrainConfig,
+    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,
+    SettingError, TrainConfig,
 };
 pub use corpus::{CorpusError, cloth_graph, graph_of};
 pub use gathering::Gathered;

@@ -46,12 +46,13 @@ impl Need {
     pub(crate) fn before_reading(cfg: &TrainConfig, network: &Network, dataset: &Dataset) -> Self {
         let entries = dataset.entries(Split::Train).iter();
         let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
+        let images = if cfg.mirror_images { 2.0 } else { 1.0 };
         let shards = shard_count(cfg) as f64;
-        // Weights, their gradient and two moments; three copies packed for the engine, three where a
+        // Weights, their mean, their gradient and two moments; three copies packed for the engine, three where a
         // checkpoint is written.
-        let copies = 4.0 + 3.0 + 3.0 + shards;
+        let copies = 5.0 + 3.0 + 3.0 + shards;
         Self {
-            trajectories: POSITION * positions,
+            trajectories: images * POSITION * positions,
             weights: NUMBER * copies * network.parameter_count() as f64,
             lanes: 0.0,
         }

@@ -151,10 +151,13 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
     cfg
 }
 
-/// The same, in which noise, dropout and the model's own predictions all play a part.
+/// The same, in which noise, dropout, mirror images, a mean of the weights and the model's own predictions
+/// all play a part.
 pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;
+    cfg.mirror_images = true;
+    cfg.weight_average = Some(0.9);
     if matches!(encoder, Encoder::Gru { .. }) {
         cfg.dropout = 0.2;
     }

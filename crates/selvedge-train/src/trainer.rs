@@ -31,6 +31,8 @@ pub struct Trainer {
     corpus: Corpus,
     network: Network,
     pub(crate) weights: Vec<f32>,
+    /// Their running mean, where the configuration wants one.
+    pub(crate) averaged: Option<Vec<f32>>,
     packed: PackedWeights<f32>,
     pub(crate) adam: Adam,
     pub(crate) inputs: [RunningStatistics; 2],
@@ -125,6 +127,7 @@ impl Trainer {
         let parts = Parts {
             adam: Adam::new(cfg.optimizer, weights.len())?,
             lanes: vec![LaneState::new(); cfg.batch.samples],
+            averaged: cfg.weight_average.map(|_| weights.clone()),
             network,
             weights,
             inputs,
@@ -158,6 +161,7 @@ impl Trainer {
             gradient: vec![0.0; parts.weights.len()],
             network: parts.network,
             weights: parts.weights,
+            averaged: parts.averaged,
             adam: parts.adam,
             inputs: parts.inputs,
             targets: parts.targets,
@@ -208,6 +212,7 @@ impl Trainer {
         let learning_rate = self.cfg.learning_rate.at(step);
         self.adam
             .step(&mut self.weights, &self.gradient, learning_rate);
+        self.average();
         self.step += 1;
         Ok(StepReport {
             step: self.step,
@@ -217,6 +222,18 @@ impl Trainer {
             truth_probability: self.cfg.scheduled_sampling.truth.at(step),
             frames,
         })
+    }
+
+    /// Takes the weights into their running mean.
+    fn average(&mut self) {
+        let (Some(part), Some(averaged)) = (self.cfg.weight_average, &mut self.averaged) else {
+            return;
+        };
+        let steps = self.adam.steps() as f64;
+        let left = part.min((1.0 + steps) / (10.0 + steps)) as f32;
+        for (mean, &weight) in averaged.iter_mut().zip(&self.weights) {
+            *mean += (1.0 - left) * (weight - *mean);
+        }
     }
 
     /// The mean over the batch of the shards' gradients, added in their order whatever the number
@@ -270,7 +287,8 @@ impl Trainer {
     /// # Errors
     /// [`TrainError::Model`] when a weight is not finite.
     pub fn model(&self, training: String) -> Result<Model, TrainError> {
-        let (weights, normalizers) = (self.weights.clone(), self.normalizers.clone());
+        let weights = self.averaged.as_ref().unwrap_or(&self.weights).clone();
+        let normalizers = self.normalizers.clone();
         Ok(Model::new(&self.cfg.model, weights, normalizers, training)?)
     }
 }
@@ -284,7 +302,7 @@ pub(crate) fn prepare(
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset);
     need.check(cfg)?;
-    let corpus = Corpus::load(dataset)?;
+    let corpus = Corpus::load(dataset, cfg.mirror_images)?;
     need.with_lanes(cfg, &corpus).check(cfg)?;
     Ok((corpus, network))
 }
@@ -293,6 +311,7 @@ pub(crate) fn prepare(
 pub(crate) struct Parts {
     pub(crate) network: Network,
     pub(crate) weights: Vec<f32>,
+    pub(crate) averaged: Option<Vec<f32>>,
     pub(crate) adam: Adam,
     pub(crate) inputs: [RunningStatistics; 2],
     pub(crate) targets: RunningLossStatistics,

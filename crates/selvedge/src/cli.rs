@@ -9,7 +9,7 @@ mod view;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::{ArgAction, Args, Parser, Subcommand};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_train::Setting;
 
 pub(crate) use self::bench::{BenchCommand, EngineArgs, ScaleArgs};
@@ -81,6 +81,7 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     Export(ExportArgs),
     Inspect(InspectArgs),
+    Convert(ConvertArgs),
     #[command(subcommand)]
     Bench(BenchCommand),
     /// List the shipped training configurations: their networks, and what these cost.
@@ -387,4 +388,34 @@ pub(crate) struct InspectArgs {
     /// training as the curves of its loss, a data set and a model as histograms, states as speeds.
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
+}
+
+/// Write a model with its weights in half precision, in half the bytes.
+///
+/// They are widened to single precision when it is read: a frame takes as long as before.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  selvedge convert my-model.safetensors --weights f16 --out my-model-half.safetensors")]
+pub(crate) struct ConvertArgs {
+    /// The model (.safetensors).
+    pub(crate) model: PathBuf,
+    /// f16 keeps 11 bits of each weight and refuses those above 65504; bf16 keeps 8 bits of any; f32 widens
+    /// them again.
+    #[arg(long, value_enum)]
+    pub(crate) weights: WeightsName,
+    /// The file to write (.safetensors).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+}
+
+/// A number format of weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WeightsName {
+    /// IEEE single precision.
+    F32,
+    /// IEEE half precision.
+    F16,
+    /// The upper half of single precision.
+    Bf16,
 }

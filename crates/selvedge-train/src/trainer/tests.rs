@@ -76,6 +76,27 @@ fn threads_change_no_bit_and_seeds_do() {
 }
 
 #[test]
+fn the_model_is_made_of_the_mean_of_the_weights() {
+    let data = two_cloths();
+    let mut cfg = config(Encoder::MLP);
+    cfg.weight_average = Some(0.3);
+    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+    let mut mean: Vec<f64> = trainer.weights.iter().map(|&w| f64::from(w)).collect();
+    // (1 + n)/(10 + n) of it is left after n steps: 2/11, 3/12, and from the third on less than 4/13.
+    for left in [2.0 / 11.0, 3.0 / 12.0, 0.3, 0.3] {
+        trainer.step().expect("a step");
+        for (mean, &weight) in mean.iter_mut().zip(&trainer.weights) {
+            *mean = left * *mean + (1.0 - left) * f64::from(weight);
+        }
+    }
+    let model = trainer.model(String::new()).expect("a model");
+    assert_ne!(model.weights(), trainer.weights);
+    for (&found, expected) in model.weights().iter().zip(mean) {
+        assert!((f64::from(found) - expected).abs() < 1e-6 * expected.abs().max(0.1));
+    }
+}
+
+#[test]
 fn lanes_are_in_runs_by_then() {
     // Without this the test above would say less than it seems to.
     let data = two_cloths();

@@ -2,6 +2,7 @@
 
 mod bench;
 mod compare;
+mod convert;
 pub(crate) mod dataset;
 mod dataset_import;
 mod dataset_inspect;
@@ -37,6 +38,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Compare(args) => compare::run(args),
         Command::Export(args) => export::run(args),
         Command::Inspect(args) => inspect::run(args),
+        Command::Convert(args) => convert::run(args),
         Command::Presets => presets::run(),
         Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
         Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),

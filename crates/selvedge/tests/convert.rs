@@ -1,0 +1,45 @@
+//! `selvedge convert`: models in half precision.
+
+mod common;
+
+use common::Desk;
+
+#[test]
+fn a_model_in_half_precision_is_a_model_of_half_the_size() {
+    let desk = Desk::new();
+    let shipped = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../assets/models/first.safetensors"
+    );
+    std::fs::copy(shipped, desk.path("first.safetensors")).unwrap();
+    for (name, most) in [("f16", 1e-3), ("bf16", 4e-3)] {
+        let call =
+            format!("convert first.safetensors --weights {name} --out {name}.safetensors --json");
+        let said = desk.run(&call);
+        assert_eq!(said.code, Some(0), "{}", said.err);
+        let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+        let [bytes, before, change] =
+            ["bytes", "bytes_before", "change_rms"].map(|key| report[key].as_f64().unwrap());
+        assert!(bytes < 0.55 * before, "{bytes} of {before}");
+        assert!(change > 0.0 && change < most, "{name}: {change}");
+        let said = desk.run(&format!("inspect {name}.safetensors"));
+        assert_eq!(said.code, Some(0), "{}", said.err);
+    }
+    // What is widened again is the same model.
+    let call = "convert f16.safetensors --weights f32 --out wide.safetensors --json";
+    let report: serde_json::Value = serde_json::from_str(&desk.run(call).out).unwrap();
+    assert_eq!(report["change_rms"], 0.0);
+}
+
+#[test]
+fn the_model_itself_is_not_overwritten() {
+    let desk = Desk::new();
+    desk.write("model.safetensors", "no model");
+    let said = desk.run("convert model.safetensors --weights f16 --out ./model.safetensors");
+    assert_eq!(said.code, Some(2));
+    assert!(said.err.contains("are the same file"), "{}", said.err);
+    let said = desk.run("convert model.safetensors --weights f16 --out half.safetensors");
+    assert_eq!(said.code, Some(1));
+    assert!(said.err.contains("model.safetensors"), "{}", said.err);
+    assert_eq!(desk.names(), ["model.safetensors"]);
+}
