@@ -3,7 +3,7 @@
 //!
 //! [`Lanes`] is what the kernels need of a scalar beyond [`crate::Real`], which it seals.
 
-use pulp::{Arch, Scalar256b, Simd, WithSimd};
+use pulp::{Arch, Scalar128b, Simd, WithSimd};
 
 /// Which instructions the kernels use. Results differ in the last bits: only the wide ones fuse a
 /// multiplication with its addition.
@@ -21,8 +21,11 @@ impl Instructions {
     #[inline(always)]
     pub(crate) fn run<K: WithSimd>(self, kernel: K) -> K::Output {
         match self {
-            Self::Detected => Arch::new().dispatch(kernel),
-            Self::Plain => kernel.with_simd(Scalar256b),
+            Self::Detected => match Arch::new() {
+                Arch::Scalar => kernel.with_simd(PLAIN),
+                arch => arch.dispatch(kernel),
+            },
+            Self::Plain => kernel.with_simd(PLAIN),
         }
     }
 
@@ -46,6 +49,15 @@ impl<F: FnMut()> WithSimd for Loop<F> {
     fn with_simd<S: Simd>(mut self, _: S) {
         (self.0)();
     }
+}
+
+/// Vectors of four, which compilers make of the plain instructions of x86-64 and AArch64.
+const PLAIN: Scalar128b = Scalar128b;
+
+/// Whether there is an instruction for a b + c. Where there is none it would be a function, hundreds of
+/// times as slow as a multiplication and an addition.
+const fn fuses<S: Simd>() -> bool {
+    !cfg!(target_arch = "x86_64") || S::F32_LANES > 4
 }
 
 /// Widest vector of any instruction set, in `f32`: what packed weights are padded to.
@@ -81,6 +93,8 @@ pub trait Lanes: Copy + 'static {
     fn minus<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
     /// a b.
     fn times<S: Simd>(simd: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
+    /// The sum of all lanes.
+    fn total<S: Simd>(simd: S, a: Self::Vector<S>) -> Self;
     /// max(a, 0).
     fn relu<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
     /// 1 / (1 + e^-a).
@@ -124,7 +138,11 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
-        simd.mul_add_e_f32s(a, b, c)
+        if fuses::<S>() {
+            simd.mul_add_e_f32s(a, b, c)
+        } else {
+            simd.add_f32s(simd.mul_f32s(a, b), c)
+        }
     }
     #[inline(always)]
     fn plus<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
@@ -137,6 +155,10 @@ impl Lanes for f32 {
     #[inline(always)]
     fn times<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
         simd.mul_f32s(a, b)
+    }
+    #[inline(always)]
+    fn total<S: Simd>(simd: S, a: S::f32s) -> Self {
+        simd.reduce_sum_f32s(a)
     }
     #[inline(always)]
     fn relu<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
@@ -195,7 +217,11 @@ impl Lanes for f64 {
     }
     #[inline(always)]
     fn mul_add<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
-        simd.mul_add_e_f64s(a, b, c)
+        if fuses::<S>() {
+            simd.mul_add_e_f64s(a, b, c)
+        } else {
+            simd.add_f64s(simd.mul_f64s(a, b), c)
+        }
     }
     #[inline(always)]
     fn plus<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
@@ -208,6 +234,10 @@ impl Lanes for f64 {
     #[inline(always)]
     fn times<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
         simd.mul_f64s(a, b)
+    }
+    #[inline(always)]
+    fn total<S: Simd>(simd: S, a: S::f64s) -> Self {
+        simd.reduce_sum_f64s(a)
     }
     #[inline(always)]
     fn relu<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
@@ -263,17 +293,18 @@ fn exps<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
         1.0,
     ];
     let of = |x: f32| simd.splat_f32s(x);
+    let fused = |a, b, c| <f32 as Lanes>::mul_add(simd, a, b, c);
     let high = simd.greater_than_f32s(x, of(MOST));
     let x = select(simd, high, of(MOST), x);
     let low = simd.greater_than_f32s(of(-MOST), x);
     let x = select(simd, low, of(-MOST), x);
-    let shifted = simd.mul_add_e_f32s(x, of(std::f32::consts::LOG2_E), of(TO_NEAREST));
+    let shifted = fused(x, of(std::f32::consts::LOG2_E), of(TO_NEAREST));
     let n = simd.sub_f32s(shifted, of(TO_NEAREST));
-    let r = simd.mul_add_e_f32s(n, of(MINUS_LN_2_HIGH), x);
-    let r = simd.mul_add_e_f32s(n, of(MINUS_LN_2_LOW), r);
+    let r = fused(n, of(MINUS_LN_2_HIGH), x);
+    let r = fused(n, of(MINUS_LN_2_LOW), r);
     let mut series = of(1.0 / 5040.0);
     for coefficient in SERIES {
-        series = simd.mul_add_e_f32s(series, r, of(coefficient));
+        series = fused(series, r, of(coefficient));
     }
     // The low bits of `shifted` hold n as an integer; moved up they are an exponent.
     let bits = simd.transmute_u32s_f32s(shifted);

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 use selvedge_model::{
     Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient, Instructions,
-    ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients, Workspace, reference,
+    Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients, Workspace, reference,
 };
 
 /// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
@@ -128,27 +128,48 @@ fn the_fast_network_is_the_reference() {
 #[test]
 fn f32_agrees_with_f64() {
     for spec in specs() {
-        let case = case(&spec, 60, 2);
-        let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
-        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-        let (nodes, edges) = (narrow(&case.nodes), narrow(&case.edges));
-        let input = Input {
-            nodes: &nodes,
-            edges: &edges,
-        };
-        let mut workspace = Workspace::new();
-        let weights = narrow(&case.weights);
-        let pass = Pass::Inference;
-        let found = case
-            .network
-            .forward(&weights, &case.graph, input, pass, &mut workspace);
-        let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        f32_agrees(&case(&spec, 60, 2), &format!("{spec:?}"));
+    }
+}
+
+#[test]
+fn f32_agrees_with_f64_on_trained_weights() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../assets/models/first.safetensors"
+    );
+    let bytes = std::fs::read(file).expect("the shipped model");
+    let model = Model::from_bytes(&bytes).expect("a model");
+    let case = Case {
+        weights: model.weights().iter().map(|&w| f64::from(w)).collect(),
+        ..case(model.spec(), 60, 3)
+    };
+    f32_agrees(&case, "first");
+}
+
+/// That the engine in `f32`, with wide instructions and with plain ones, is the reference but for
+/// rounding.
+fn f32_agrees(case: &Case, name: &str) {
+    let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
+    let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
+    let (weights, nodes, edges) = (
+        narrow(&case.weights),
+        narrow(&case.nodes),
+        narrow(&case.edges),
+    );
+    let input = Input {
+        nodes: &nodes,
+        edges: &edges,
+    };
+    let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    for instructions in [Instructions::Detected, Instructions::Plain] {
+        let mut workspace = Workspace::with_instructions(instructions);
+        let (network, graph) = (&case.network, &case.graph);
+        let found = network.forward(&weights, graph, input, Pass::Inference, &mut workspace);
         for (&found, expected) in found.iter().zip(&expected) {
             // A few roundings of 6e-8 per layer, amplified by LayerNorms: 1e-5 of the scale.
-            assert!(
-                (f64::from(found) - expected).abs() < 1e-5 * scale,
-                "{spec:?}"
-            );
+            let off = (f64::from(found) - expected).abs() / scale;
+            assert!(off < 1e-5, "{name}, {instructions:?}: {off:e}");
         }
     }
 }

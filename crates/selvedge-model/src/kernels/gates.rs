@@ -218,45 +218,63 @@ pub(crate) fn gru_gates_backward<T: Real>(
     gates: GateGradients<'_, T>,
     hidden: usize,
 ) {
-    instructions.vectorised(
-        #[inline(always)]
-        || {
-            let rows = gates
-                .kept
-                .chunks_exact(4 * hidden)
-                .zip(gates.before.chunks_exact(hidden))
-                .zip(gates.state.chunks_exact_mut(hidden))
-                .zip(gates.sums.chunks_exact_mut(4 * hidden));
-            for (((kept, before), state), sums) in rows {
-                gate_row(kept, before, state, sums, hidden);
-            }
-        },
-    );
+    instructions.run(Backward { gates, hidden });
 }
 
+struct Backward<'a, T> {
+    gates: GateGradients<'a, T>,
+    hidden: usize,
+}
+
+impl<T: Real> WithSimd for Backward<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let (gates, hidden) = (self.gates, self.hidden);
+        let rows = gates
+            .kept
+            .chunks_exact(4 * hidden)
+            .zip(gates.before.chunks_exact(hidden))
+            .zip(gates.state.chunks_exact_mut(hidden))
+            .zip(gates.sums.chunks_exact_mut(4 * hidden));
+        for (((kept, before), state), sums) in rows {
+            for first in (0..hidden).step_by(T::lanes::<S>()) {
+                let units = first..hidden.min(first + T::lanes::<S>());
+                units_backward::<T, S>(simd, (kept, before), (state, sums), units);
+            }
+        }
+    }
+}
+
+/// The units `units` of a row, at most a vector of them.
 #[inline(always)]
-fn gate_row<T: Real>(kept: &[T], before: &[T], state: &mut [T], sums: &mut [T], hidden: usize) {
-    // Slices of one known length, so that the loops over them need no bounds checks and vectorise.
-    let [r, z, n, recurrent] = [0, 1, 2, 3].map(|k| &kept[k * hidden..][..hidden]);
-    let (first, second) = sums.split_at_mut(2 * hidden);
-    let (input_n, to_r) = first.split_at_mut(hidden);
-    let (to_z, state_n) = second.split_at_mut(hidden);
-    let (input_n, to_r) = (&mut input_n[..hidden], &mut to_r[..hidden]);
-    let (to_z, state_n) = (&mut to_z[..hidden], &mut state_n[..hidden]);
-    let (before, state) = (&before[..hidden], &mut state[..hidden]);
-    for k in 0..hidden {
-        input_n[k] = state[k] * (T::ONE - z[k]) * (T::ONE - n[k] * n[k]);
+fn units_backward<T: Real, S: Simd>(
+    simd: S,
+    (kept, before): (&[T], &[T]),
+    (state, sums): (&mut [T], &mut [T]),
+    units: std::ops::Range<usize>,
+) {
+    let (hidden, count) = (before.len(), units.len());
+    let [r] = get::<T, S, 1>(simd, &kept[units.start..][..count]);
+    let [z] = get::<T, S, 1>(simd, &kept[hidden + units.start..][..count]);
+    let [n] = get::<T, S, 1>(simd, &kept[2 * hidden + units.start..][..count]);
+    let [recurrent] = get::<T, S, 1>(simd, &kept[3 * hidden + units.start..][..count]);
+    let [before] = get::<T, S, 1>(simd, &before[units.clone()]);
+    let [after] = get::<T, S, 1>(simd, &state[units.clone()]);
+    let one = T::splat(simd, T::ONE);
+    let slope_n = T::minus(simd, one, T::times(simd, n, n));
+    let not_z = T::minus(simd, one, z);
+    let slope_r = T::times(simd, r, T::minus(simd, one, r));
+    let to_n = T::times(simd, T::times(simd, after, not_z), slope_n);
+    let along_z = T::times(simd, after, T::minus(simd, before, n));
+    let to_z = T::times(simd, along_z, T::times(simd, z, not_z));
+    let to_r = T::times(simd, T::times(simd, to_n, recurrent), slope_r);
+    let to_recurrent = T::times(simd, to_n, r);
+    let mut first = units.start;
+    for gradient in [to_n, to_r, to_z, to_recurrent] {
+        put::<T, S, 1>(simd, &mut sums[first..first + count], [gradient]);
+        first += hidden;
     }
-    for k in 0..hidden {
-        to_z[k] = state[k] * (before[k] - n[k]) * z[k] * (T::ONE - z[k]);
-    }
-    for k in 0..hidden {
-        to_r[k] = input_n[k] * recurrent[k] * r[k] * (T::ONE - r[k]);
-    }
-    for k in 0..hidden {
-        state_n[k] = input_n[k] * r[k];
-    }
-    for k in 0..hidden {
-        state[k] *= z[k];
-    }
+    put::<T, S, 1>(simd, &mut state[units], [T::times(simd, after, z)]);
 }

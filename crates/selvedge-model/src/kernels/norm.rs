@@ -3,7 +3,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::lanes::{Instructions, MOST_LANES};
+use crate::lanes::Instructions;
 use crate::product::{get, put};
 use crate::real::Real;
 
@@ -97,22 +97,6 @@ impl<T: Real> WithSimd for Norm<'_, T> {
     }
 }
 
-/// The sum of the lanes of a vector, in pairs.
-#[inline(always)]
-fn lanes_sum<T: Real, S: Simd>(simd: S, vector: T::Vector<S>) -> T {
-    let mut lanes = [T::ZERO; MOST_LANES];
-    let mut count = T::lanes::<S>();
-    put::<T, S, 1>(simd, &mut lanes[..count], [vector]);
-    while count > 1 {
-        count /= 2;
-        for k in 0..count {
-            let other = lanes[k + count];
-            lanes[k] += other;
-        }
-    }
-    lanes[0]
-}
-
 #[inline(always)]
 fn mean<T: Real, S: Simd>(simd: S, row: &[T]) -> T {
     let mut sum = T::splat(simd, T::ZERO);
@@ -120,7 +104,7 @@ fn mean<T: Real, S: Simd>(simd: S, row: &[T]) -> T {
         let [x] = get::<T, S, 1>(simd, x);
         sum = T::plus(simd, sum, x);
     }
-    lanes_sum::<T, S>(simd, sum) * T::from_f64(1.0 / row.len() as f64)
+    T::total(simd, sum) * T::from_f64(1.0 / row.len() as f64)
 }
 
 #[inline(always)]
@@ -133,7 +117,7 @@ fn inverse_deviation<T: Real, S: Simd>(simd: S, row: &[T], mean: T) -> T {
         let off = T::minus(simd, x, means);
         sum = T::mul_add(simd, off, off, sum);
     }
-    let mut squares = lanes_sum::<T, S>(simd, sum);
+    let mut squares = T::total(simd, sum);
     for &x in &row[whole..] {
         squares += (x - mean) * (x - mean);
     }

@@ -102,7 +102,7 @@ fn values_out_of_range_are_named() {
         ),
         (
             |c| c.noise.deviation = f64::NAN,
-            "noise.deviation must be at least 0 and below 1 (metres), found NaN",
+            "noise.deviation must be at least 0 and below 1 (noise.unit: metre or edge), found NaN",
         ),
         (
             |c| c.noise.correction = 1.5,

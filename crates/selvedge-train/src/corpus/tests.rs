@@ -83,7 +83,7 @@ fn the_environment_is_that_of_the_scene() {
         Trajectory::new(plain.cloth().clone(), positions, provenance).expect("a trajectory")
     };
     let windy = Environment {
-        wind: glam::DVec3::new(1.0, 0.0, 2.0),
+        wind: DVec3::new(1.0, 0.0, 2.0),
         ..Environment::default()
     };
     let trajectory = with(serde_json::to_value(windy).expect("plain"));
@@ -124,17 +124,17 @@ fn mirror_images_follow_the_trajectories() {
 
 #[test]
 fn wind_is_mirrored_and_gusts_are_refused() {
-    let wind = glam::DVec3::new(1.0, 2.0, 3.0);
+    let wind = DVec3::new(1.0, 2.0, 3.0);
     let windy = Environment {
         wind,
         ..Environment::default()
     };
     let image = mirrored("a", windy).expect("an image");
-    assert_eq!(image.wind, glam::DVec3::new(1.0, 2.0, -3.0));
+    assert_eq!(image.wind, DVec3::new(1.0, 2.0, -3.0));
     assert_eq!(image.gravity, windy.gravity);
     let gusty = Environment {
         gust: Some(selvedge_cloth::Gust {
-            speed: glam::DVec3::ONE,
+            speed: DVec3::ONE,
             period: 2.0,
             seed: 1,
         }),

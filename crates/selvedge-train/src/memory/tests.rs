@@ -72,7 +72,7 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     let data = two_cloths();
     let need = Need::before_reading(&cfg, &network, &data.dataset);
     // Three shards; 14 frames of 9 vertices and 11 of 12.
-    let weights = (7 + 3 + 3) * 4 * network.parameter_count();
+    let weights = (8 + 3 + 3) * 4 * network.parameter_count();
     assert_eq!(need.weights, weights as f64);
     assert_eq!(need.trajectories, f64::from(12 * (14 * 9 + 11 * 12)));
 }

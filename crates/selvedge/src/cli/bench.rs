@@ -1,6 +1,7 @@
 //! What can be measured.
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
+use selvedge_model::Instructions;
 
 /// Measure how fast this machine runs the product.
 #[derive(Debug, Subcommand)]
@@ -40,6 +41,29 @@ pub(crate) struct EngineArgs {
     /// A program that runs the same networks, with its arguments.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) against: Option<String>,
+    /// What the engine computes with: the widest instructions that are detected, or those that every
+    /// machine of its kind has (on x86-64 no AVX), as on one that has no others.
+    #[arg(long, value_enum, default_value_t = InstructionsName::Detected)]
+    instructions: InstructionsName,
+}
+
+impl EngineArgs {
+    /// What the engine computes with; the bare products always take what is detected.
+    pub(crate) fn instructions(&self) -> Instructions {
+        match self.instructions {
+            InstructionsName::Detected => Instructions::Detected,
+            InstructionsName::Plain => Instructions::Plain,
+        }
+    }
+}
+
+/// Instructions of the processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum InstructionsName {
+    /// The widest that this machine has.
+    Detected,
+    /// Those that every machine of its architecture has.
+    Plain,
 }
 
 /// Time a frame of larger and larger cloth, and the memory that it takes.

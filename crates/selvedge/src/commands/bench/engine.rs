@@ -91,7 +91,7 @@ pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
         if let [Some(a), Some(b)] = pair.map(of)
             && !interrupt::requested()
         {
-            pairs.push(pool.install(|| beside([a, b], args.runs))?);
+            pairs.push(pool.install(|| beside([a, b], args))?);
         }
     }
     let end = if interrupt::requested() {
@@ -149,17 +149,17 @@ struct Beside {
     gflop_times_the_other: f64,
 }
 
-fn beside(pair: [&Variant; 2], runs: u16) -> anyhow::Result<Beside> {
+fn beside(pair: [&Variant; 2], args: &EngineArgs) -> anyhow::Result<Beside> {
     let mut engines = Vec::new();
     let mut gflop = Vec::new();
     for variant in pair {
         let graph = Connectivity::of(&cloth(variant.vertices)?);
         let counts = (graph.vertex_count(), graph.arc_count());
         gflop.push(arithmetic(&variant.spec, counts));
-        engines.push(Engine::new(&variant.spec, graph)?);
+        engines.push(Engine::new(&variant.spec, graph, args.instructions())?);
     }
     let mut elapsed: [Vec<f64>; 2] = Default::default();
-    for _ in 0..runs {
+    for _ in 0..args.runs {
         for (engine, elapsed) in engines.iter_mut().zip(&mut elapsed) {
             elapsed.push(rested(|| Ok(time(|| engine.frame())))?);
         }
@@ -189,7 +189,7 @@ fn measure(
     let one = Connectivity::of(&topology);
     let cloths = usize::from(args.cloths);
     let graph = Connectivity::union(std::iter::repeat_n(&one, cloths));
-    let mut engine = Engine::new(spec, graph)?;
+    let mut engine = Engine::new(spec, graph, args.instructions())?;
     if matches!(what, What::Step) {
         engine.learn()?;
     }

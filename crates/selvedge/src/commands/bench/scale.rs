@@ -5,7 +5,7 @@
 
 use anyhow::Context;
 use selvedge_cloth::Topology;
-use selvedge_model::{Connectivity, Encoder, ModelSpec};
+use selvedge_model::{Connectivity, Encoder, Instructions, ModelSpec};
 use serde::Serialize;
 use serde_json::json;
 
@@ -74,7 +74,7 @@ fn measure(spec: &ModelSpec, vertices: usize) -> anyhow::Result<Row> {
     let graph = Connectivity::of(&topology);
     drop(topology);
     let before = resident();
-    let mut engine = Engine::new(spec, graph)?;
+    let mut engine = Engine::new(spec, graph, Instructions::Detected)?;
     engine.frame();
     let grown = before.zip(resident()).map(|(before, after)| after - before);
     let (vertices, arcs) = engine.counts();

@@ -77,6 +77,7 @@ pub(crate) fn cloth(vertices: usize) -> anyhow::Result<Topology> {
 pub(crate) struct Engine {
     network: Network,
     graph: Connectivity,
+    using: Instructions,
     weights: Vec<f32>,
     used: PackedWeights<f32>,
     nodes: Vec<f32>,
@@ -101,7 +102,11 @@ impl Engine {
     ///
     /// # Errors
     /// When the spec is of no network.
-    pub(crate) fn new(spec: &ModelSpec, graph: Connectivity) -> anyhow::Result<Self> {
+    pub(crate) fn new(
+        spec: &ModelSpec,
+        graph: Connectivity,
+        using: Instructions,
+    ) -> anyhow::Result<Self> {
         let network = Network::new(spec)?;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let weights = network.initialise(&mut || rng.random::<f64>());
@@ -127,8 +132,9 @@ impl Engine {
         };
         let purpose = Purpose::Inference;
         Ok(Self {
-            used: PackedWeights::new(&network, &weights, purpose, Instructions::Detected),
-            workspace: Workspace::new(),
+            used: PackedWeights::new(&network, &weights, purpose, using),
+            workspace: Workspace::with_instructions(using),
+            using,
             learning: None,
             network,
             graph,
@@ -163,11 +169,11 @@ impl Engine {
     pub(crate) fn learn(&mut self) -> anyhow::Result<()> {
         let (network, purpose) = (&self.network, Purpose::Training);
         self.learning = Some(Learning {
-            weights: PackedWeights::new(network, &self.weights, purpose, Instructions::Detected),
+            weights: PackedWeights::new(network, &self.weights, purpose, self.using),
             gradient: vec![0.0; self.weights.len()],
             by_output: vec![0.0; self.target.len()],
             adam: Adam::new(AdamSettings::default(), self.weights.len())?,
-            workspace: Workspace::new(),
+            workspace: Workspace::with_instructions(self.using),
         });
         Ok(())
     }
