@@ -84,6 +84,17 @@ impl Hands {
         }
     }
 
+    /// Handles that have been led to `positions` `[m]` within `dt` `[s]`, and go on as fast; they are
+    /// wanted there.
+    #[must_use]
+    pub fn led_to(&self, positions: &[DVec3], dt: f64) -> Self {
+        let mut led = Self::at(positions);
+        for (hand, before) in led.hands.iter_mut().zip(&self.hands) {
+            hand.velocity = (hand.position - before.position) / dt;
+        }
+        led
+    }
+
     /// Where they are `[m]`, `[handles]`.
     #[must_use]
     pub fn positions(&self) -> Vec<DVec3> {
@@ -308,6 +319,32 @@ mod tests {
         hands.brake(&limits);
         (0..200).for_each(|_| hands.advance(&limits, DT));
         assert!(hands.is_at_rest(), "{hands:?}");
+    }
+
+    #[test]
+    fn hands_that_were_led_brake_within_their_limits() {
+        let limits = Limits::default();
+        let mut hands = Hands::at(&[DVec3::ZERO]);
+        // A path at 1.2 m/s, left in its middle.
+        for frame in 1..=30 {
+            hands = hands.led_to(&[DVec3::X * (0.02 * f64::from(frame))], DT);
+        }
+        hands.brake(&limits);
+        let mut velocity = DVec3::X * (0.02 / DT);
+        for _ in 0..200 {
+            let before = hands.positions()[0];
+            hands.advance(&limits, DT);
+            let now = (hands.positions()[0] - before) / DT;
+            assert!((now - velocity).length() <= limits.acceleration * DT + 1e-6);
+            velocity = now;
+        }
+        assert!(hands.is_at_rest(), "{hands:?}");
+        // v²/2a on.
+        let way = hands.positions()[0].x - 0.6;
+        assert!(
+            (way - 1.2 * 1.2 / (2.0 * limits.acceleration)).abs() < 0.02,
+            "{way}"
+        );
     }
 
     #[test]

@@ -52,8 +52,8 @@ pub(crate) struct Slot {
 pub(crate) enum Request {
     /// By the page of this number.
     Page(u32, ClientMessage),
-    /// So many pages watch.
-    Viewers(usize),
+    /// So many pages watch, now that one has come or, with its number, gone.
+    Viewers { count: usize, gone: Option<u32> },
     /// By the workshop: what it is doing.
     Progress(String),
     /// By the workshop: it is done.
@@ -175,6 +175,8 @@ struct Session {
     generation: u32,
     number: u32,
     drag: [u32; 2],
+    /// The page whose keys the handles follow.
+    pusher: Option<u32>,
     viewers: usize,
     busy: Option<String>,
     notice: Option<Notice>,
@@ -205,6 +207,7 @@ impl Session {
             generation: 0,
             number: 0,
             drag: [0; 2],
+            pusher: None,
             viewers: 0,
             busy: None,
             notice: None,

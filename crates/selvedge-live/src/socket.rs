@@ -48,7 +48,7 @@ impl Closing {
 
 /// Serves one page until it goes.
 pub(crate) async fn watch(mut socket: WebSocket, client: u32, shared: Shared) {
-    count(&shared, 1);
+    count(&shared, 1, None).await;
     let closing = match talk(&mut socket, client, &shared).await {
         Ok(never) => match never {},
         Err(closing) => closing,
@@ -63,17 +63,22 @@ pub(crate) async fn watch(mut socket: WebSocket, client: u32, shared: Shared) {
         socket.send(Message::Close(Some(frame))),
     )
     .await;
-    count(&shared, -1);
+    count(&shared, -1, Some(client)).await;
 }
 
-/// Tells the session how many pages watch.
-fn count(shared: &Shared, change: isize) {
-    shared.viewers.send_modify(|viewers| {
-        *viewers = viewers.saturating_add_signed(change);
-        let request = Request::Viewers(*viewers);
-        // A full queue is emptied within a frame; the next page that comes or goes corrects the count.
-        let _ = shared.session.requests.try_send(request);
-    });
+/// Tells the session how many pages watch, and which has gone. A full queue is emptied within a frame.
+async fn count(shared: &Shared, change: isize, gone: Option<u32>) {
+    shared
+        .viewers
+        .send_modify(|viewers| *viewers = viewers.saturating_add_signed(change));
+    loop {
+        let count = *shared.viewers.borrow();
+        let request = Request::Viewers { count, gone };
+        match shared.session.requests.try_send(request) {
+            Err(TrySendError::Full(_)) => tokio::time::sleep(Duration::from_millis(20)).await,
+            Ok(()) | Err(TrySendError::Disconnected(_)) => return,
+        }
+    }
 }
 
 enum Never {}

@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::cell::Cell;
 use std::time::Duration;
 
 use common::{CORNERS, served};
@@ -129,6 +130,27 @@ fn a_page_that_goes_harms_nobody() {
     drop(one);
     other.state(|state| state["viewers"] == 1);
     other.frame(|frame| (frame.tracks[0][0].x - 0.1).abs() < 1e-6);
+    served.close();
+}
+
+#[test]
+fn keys_that_are_down_stay_down_until_their_own_page_goes() {
+    let served = quick();
+    let mut one = served.ready_page();
+    one.keys(Vec3::X);
+    one.frame(|frame| frame.tracks[0][0].x > 0.01);
+    let mut other = served.ready_page();
+    let start = other.frame(|_| true).tracks[0][0].x;
+    // 1.57 m/s: braking takes a quarter of a metre.
+    other.frame(|frame| frame.tracks[0][0].x > start + 0.5);
+    drop(one);
+    other.state(|state| state["viewers"] == 1);
+    let before = Cell::new(f32::NEG_INFINITY);
+    // They come to rest.
+    other.frame(|frame| {
+        let now = frame.tracks[0][0].x;
+        before.replace(now) == now
+    });
     served.close();
 }
 

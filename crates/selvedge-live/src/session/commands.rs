@@ -24,9 +24,10 @@ impl Session {
     pub(super) fn take(&mut self, request: Request) {
         let done = match request {
             Request::Page(client, ClientMessage::Drag(drag)) => self.drag(client, &drag),
-            Request::Page(_, ClientMessage::Keys(push)) => {
+            Request::Page(client, ClientMessage::Keys(push)) => {
                 if self.following.is_none() {
                     self.hands.push(push);
+                    self.pusher = Some(client);
                 }
                 Ok(())
             }
@@ -35,13 +36,16 @@ impl Session {
                 self.command(command)
             }
             Request::Page(_, ClientMessage::Ready(_)) | Request::Close => Ok(()),
-            Request::Viewers(count) => {
+            Request::Viewers { count, gone } => {
                 if self.viewers == 0 {
                     self.pace.restart(std::time::Instant::now());
                 }
                 self.viewers = count;
                 // A page that went away holds no keys down.
-                self.hands.push(Default::default());
+                if gone.is_some() && gone == self.pusher {
+                    self.hands.push(Default::default());
+                    self.pusher = None;
+                }
                 self.tell_soon = true;
                 Ok(())
             }

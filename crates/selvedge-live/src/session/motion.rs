@@ -65,11 +65,11 @@ impl Session {
         Ok(())
     }
 
-    /// The motion ends where it is.
+    /// The motion ends where it is; the handles brake.
     pub(super) fn unfollow(&mut self) {
-        if let (Some(following), Some(stage)) = (self.following.take(), &self.stage) {
+        if let Some(following) = self.following.take() {
             if following.path.is_some() {
-                self.hands = Hands::at(&stage.places(&stage.hold().handles));
+                self.hands.brake(&self.limits);
             }
             self.tell_soon = true;
         }
@@ -131,7 +131,7 @@ impl Session {
                     .targets(following.frame, following.samples)
                     .map_err(text)?;
                 following.frame += 1;
-                self.hands = Hands::at(targets.end());
+                self.hands = self.hands.led_to(targets.end(), 1.0 / rate);
                 return Ok(targets);
             }
         }

@@ -295,6 +295,16 @@ impl Page {
         self.send(17, &body);
     }
 
+    /// Holds keys down that push this way, of which one is full.
+    pub(crate) fn keys(&mut self, direction: Vec3) {
+        let [x, y, z] = direction.to_array();
+        let body: Vec<u8> = [x, y, z, 0.0]
+            .iter()
+            .flat_map(|part: &f32| part.to_le_bytes())
+            .collect();
+        self.send(18, &body);
+    }
+
     /// The next binary message; frames are acknowledged.
     pub(crate) fn next(&mut self) -> Result<Vec<u8>, tungstenite::Error> {
         loop {
