@@ -51,10 +51,11 @@ use crate::sections::SectionRule;
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
 
-const PRESETS: [(&str, &str); 6] = assets!("datasets":
+const PRESETS: [(&str, &str); 7] = assets!("datasets":
     "first",
     "tiny",
     "small",
+    "square-400",
     "paper",
     "generalisation",
     "generalisation-small",

@@ -78,7 +78,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, paper, generalisation, generalisation-small"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small"
     );
 }
 

@@ -17,10 +17,10 @@ macro_rules! trainings {
     };
 }
 
-/// The shipped training configurations, names and TOML texts: the one that the shipped model comes
-/// from, the paper's models, its ablations, and one that is trained in another way.
+/// The shipped training configurations, names and TOML texts: those of our own models, the paper's models, its ablations, and one that is trained in another way.
 pub(crate) const TRAININGS: &[(&str, &str)] = trainings![
     "first",
+    "small",
     "meshgraphnets",
     "meshgraphnets-ss",
     "rp-mlp",

@@ -35,7 +35,7 @@ const PAPERS: [(&str, usize); 13] = [
 ];
 
 /// Those that are not in the paper.
-const OWN: [&str; 2] = ["first", "rp-gru10-better"];
+const OWN: [&str; 3] = ["first", "small", "rp-gru10-better"];
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/training")

@@ -179,7 +179,11 @@ pub(super) enum Show {
 }
 
 /// The shipped studies: names and TOML texts.
-const STUDIES: [(&str, &str); 3] = [
+const STUDIES: [(&str, &str); 4] = [
+    (
+        "equal-time",
+        include_str!("../../../../assets/studies/equal-time.toml"),
+    ),
     (
         "small",
         include_str!("../../../../assets/studies/small.toml"),
