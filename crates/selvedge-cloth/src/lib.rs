@@ -41,5 +41,5 @@ pub use physics::{
 };
 pub use scene::{Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};
-pub use stepper::{StepError, Stepper};
+pub use stepper::{Correctable, StepError, Stepper};
 pub use topology::{Arc, Edge, Topology, TopologyError};

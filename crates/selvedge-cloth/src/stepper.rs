@@ -29,6 +29,28 @@ pub trait Stepper {
     fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError>;
 }
 
+/// A [`Stepper`] that goes on from frames that somebody else has made: a guard's.
+pub trait Correctable: Stepper {
+    /// Puts `positions` `[m]`, `[vertices]`, in the place of the newest frame: what was stepped to
+    /// is forgotten, and the next step goes on from them. The frame count stays.
+    ///
+    /// # Errors
+    /// [`StepError::NonFinite`]; the cloth is then left as it was.
+    ///
+    /// # Panics
+    /// When there are not as many positions as vertices.
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError>;
+
+    /// Takes `positions` `[m]`, `[vertices]`, as the next frame, as if it had stepped there.
+    ///
+    /// # Errors
+    /// As for [`Self::replace_frame`].
+    ///
+    /// # Panics
+    /// As for [`Self::replace_frame`].
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError>;
+}
+
 /// Why a step failed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]

@@ -6,7 +6,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use selvedge_cloth::{HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId};
+use selvedge_cloth::{
+    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId,
+};
 use thiserror::Error;
 
 use crate::connectivity::Connectivity;
@@ -201,10 +203,7 @@ impl Stepper for LearnedStepper {
         if let Some(limits) = self.model.spec().edge_limits {
             limits.apply(&self.graph, &mut self.next);
         }
-        if let Some(vertex) = self.next.iter().position(|p| !p.is_finite()) {
-            let vertex = VertexId(vertex as u32);
-            return Err(StepError::NonFinite { frame, vertex });
-        }
+        check_frame(frame, &self.next, self.graph.vertex_count())?;
         self.history.rotate_left(1);
         std::mem::swap(&mut self.history[newest], &mut self.next);
         if self.model.network().streams() {
@@ -213,6 +212,44 @@ impl Stepper for LearnedStepper {
         self.yaw = yaw;
         self.frame = frame;
         Ok(())
+    }
+}
+
+/// What a streaming network carries has seen the frames before the newest one: it stays where that
+/// one is replaced. A frame that is taken has passed it by, so it starts anew from the window.
+impl Correctable for LearnedStepper {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        check_frame(self.frame, positions, self.graph.vertex_count())?;
+        let newest = self.history.len() - 1;
+        self.history[newest].copy_from_slice(positions);
+        Ok(())
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        check_frame(self.frame + 1, positions, self.graph.vertex_count())?;
+        let handles_now = self
+            .graph
+            .handles()
+            .of(&self.history[self.history.len() - 1]);
+        self.yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
+        self.history.rotate_left(1);
+        let newest = self.history.len() - 1;
+        self.history[newest].copy_from_slice(positions);
+        self.state.clear();
+        self.frame += 1;
+        Ok(())
+    }
+}
+
+/// That every one of so many positions is finite.
+fn check_frame(frame: usize, positions: &[Vec3], vertices: usize) -> Result<(), StepError> {
+    assert_eq!(positions.len(), vertices, "positions");
+    match positions.iter().position(|p| !p.is_finite()) {
+        Some(vertex) => Err(StepError::NonFinite {
+            frame,
+            vertex: VertexId(vertex as u32),
+        }),
+        None => Ok(()),
     }
 }
 

@@ -76,6 +76,12 @@ impl Grip {
         })
     }
 
+    /// Whether every handle holds, and where its path is.
+    pub(crate) fn holds_all(&self) -> bool {
+        let mut pairs = self.holds.iter().zip(&self.offsets);
+        pairs.all(|(holds, offset)| *holds && *offset == DVec3::ZERO)
+    }
+
     /// Whether the handles that hold are those of `targets`.
     pub(crate) fn fits(&self, targets: &HandleTargets) -> bool {
         let holds = self.holds.iter().enumerate();

@@ -121,6 +121,39 @@ impl Simulator {
         self
     }
 
+    /// Goes on from frame `frame` at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, in the
+    /// place of where it was; all handles hold, and are taken to be where their paths are.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] for a count that does not match or a value that is not finite; the cloth is
+    /// then left as it was.
+    pub fn resume(
+        &mut self,
+        frame: usize,
+        positions: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), SimulatorError> {
+        let vertices = self.rounded.len();
+        check_state("positions", "position", positions, vertices)?;
+        check_state("velocities", "velocity", velocities, vertices)?;
+        if !self.grip.holds_all() {
+            self.grip = Grip::all(&self.scene).map_err(|cause| SimulatorError::Analysis {
+                vertices,
+                cause: cause.to_string(),
+            })?;
+        }
+        self.state.positions.copy_from_slice(positions);
+        self.state.velocities.copy_from_slice(velocities);
+        for (reached, vertex) in self.reached.iter_mut().zip(self.scene.handles.vertices()) {
+            *reached = positions[vertex.index()];
+        }
+        self.grip.system.forget_changes();
+        self.frame = frame;
+        self.feel_the_wind();
+        self.round();
+        Ok(())
+    }
+
     /// Says who is to work from now on; without it, the threads of rayon's current pool.
     pub fn set_threads(&mut self, threads: Threads) {
         self.threads = threads;

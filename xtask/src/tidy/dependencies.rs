@@ -7,13 +7,15 @@ use super::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 12] = [
+const FORBIDDEN: [(&str, &str); 14] = [
     ("selvedge-sim", "selvedge-model"),
     ("selvedge-model", "selvedge-sim"),
     ("selvedge-sim", "selvedge-data"),
     ("selvedge-data", "selvedge-sim"),
     ("selvedge-data", "selvedge-model"),
     ("selvedge-model", "selvedge-data"),
+    ("selvedge-guard", "selvedge-model"),
+    ("selvedge-guard", "selvedge-data"),
     ("selvedge-view", "selvedge-sim"),
     ("selvedge-view", "selvedge-model"),
     ("selvedge-view", "selvedge-train"),

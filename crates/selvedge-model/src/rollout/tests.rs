@@ -310,3 +310,77 @@ fn a_handle_cannot_be_let_go() {
     assert_eq!(stepper.step(&targets), Err(error));
     assert_eq!(stepper.frame(), 0);
 }
+
+/// Its last frames, oldest first, as many as the model looks at.
+fn history(start: &[Vec<Vec3>], later: &[Vec<Vec3>], spec: &ModelSpec) -> Vec<Vec<Vec3>> {
+    let all = [start, later].concat();
+    all[all.len().saturating_sub(spec.history())..].to_vec()
+}
+
+#[test]
+fn a_frame_that_is_replaced_is_gone_on_from() {
+    let parts = parts(3, 3);
+    for spec in specs() {
+        let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+        let start = history(&start(&parts), &[], &spec);
+        let start = [vec![start[0].clone(); 5], start].concat();
+        let mut changed = stepper(&model, parts.clone(), &start);
+        let mut frames = Vec::new();
+        for frame in 1..=6 {
+            changed
+                .step(&targets(swing(&parts, frame)))
+                .expect("a step");
+            frames.push(changed.positions().to_vec());
+        }
+        let other = shaken(&frames[5], 0.003, 8);
+        let mut lost = other.clone();
+        lost[4].y = f32::NAN;
+        let error = StepError::NonFinite {
+            frame: 6,
+            vertex: VertexId(4),
+        };
+        assert_eq!(changed.replace_frame(&lost), Err(error));
+        assert_eq!(changed.positions(), frames[5]);
+        changed.replace_frame(&other).expect("finite");
+        assert_eq!((changed.positions(), changed.frame()), (&*other, 6));
+        frames[5] = other;
+        let mut fresh = stepper(&model, parts.clone(), &history(&start, &frames, &spec));
+        for frame in 7..=9 {
+            let targets = targets(swing(&parts, frame));
+            changed.step(&targets).expect("a step");
+            fresh.step(&targets).expect("a step");
+            assert_eq!(changed.positions(), fresh.positions());
+        }
+    }
+}
+
+#[test]
+fn a_frame_that_is_taken_is_one_that_was_stepped_to() {
+    let parts = parts(3, 3);
+    let streaming = ModelSpec::physical(Encoder::StreamingGru { window: 4 }, 8, 2);
+    for spec in specs().into_iter().chain([streaming]) {
+        let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+        let start = history(&start(&parts), &[], &spec);
+        let start = [vec![start[0].clone(); 5], start].concat();
+        let mut led = stepper(&model, parts.clone(), &start);
+        led.step(&targets(swing(&parts, 1))).expect("a step");
+        let mut frames = vec![led.positions().to_vec()];
+        for frame in 2..=4 {
+            frames.push(shaken(&parts.rest_positions, 0.01, frame));
+            let newest = frames.len() - 1;
+            led.take_frame(&frames[newest]).expect("finite");
+            assert_eq!(
+                (led.positions(), led.frame()),
+                (&*frames[newest], frame as usize)
+            );
+        }
+        // What a streaming network carried is dropped: it starts anew from its window.
+        let mut fresh = stepper(&model, parts.clone(), &history(&start, &frames, &spec));
+        for frame in 5..=7 {
+            let targets = targets(swing(&parts, frame));
+            led.step(&targets).expect("a step");
+            fresh.step(&targets).expect("a step");
+            assert_eq!(led.positions(), fresh.positions());
+        }
+    }
+}

@@ -264,3 +264,36 @@ fn a_cloth_of_handles_alone_follows_them() {
         .unwrap();
     assert_eq!(scene.handles.select(simulator.positions_f64()), targets);
 }
+
+#[test]
+fn a_cloth_taken_up_again_goes_on_as_a_new_one_there() {
+    let mut scene = hanging(6);
+    scene.environment.wind = DVec3::new(1.0, 0.0, 0.5);
+    let targets = |frame: usize| {
+        let shift = DVec3::new(0.002, 0.001, 0.0) * frame as f64;
+        let held = start(&scene).into_iter().map(|p| p + shift).collect();
+        HandleTargets::at_frame_end(held).unwrap()
+    };
+    let mut used = Simulator::new(&scene).unwrap();
+    // One handle let go on the way, which is held again where its path is.
+    for frame in 1..=4 {
+        let released = targets(frame).releasing(vec![false, frame > 2]).unwrap();
+        used.step(&released).unwrap();
+    }
+    let positions = crumpled(&scene, 0.003);
+    let velocities = noise(positions.len(), 0.1);
+    let spoilt = vec![DVec3::NAN; positions.len()];
+    assert!(used.resume(7, &positions, &spoilt).is_err());
+    assert!(used.resume(7, &positions[1..], &velocities).is_err());
+    assert_eq!(used.frame(), 4);
+    used.resume(7, &positions, &velocities).unwrap();
+    let fresh = Simulator::with_state(&scene, positions, velocities).unwrap();
+    let mut fresh = fresh.at_frame(7);
+    for frame in 8..=10 {
+        assert_eq!(used.positions(), fresh.positions());
+        used.step(&targets(frame)).unwrap();
+        fresh.step(&targets(frame)).unwrap();
+    }
+    assert_eq!(used.positions_f64(), fresh.positions_f64());
+    assert_eq!(used.frame(), fresh.frame());
+}

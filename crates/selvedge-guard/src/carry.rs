@@ -1,0 +1,69 @@
+//! The last good frame carried rigidly by the handles, where no physics is at hand:
+//! p = c + R (p₋ - c₋), with c₋ and c the centroids of the handles before and after, and R the turn
+//! about the vertical that fits them best `[eq:guard-carry]`. Handles end at their targets exactly.
+
+use glam::{DQuat, DVec3, Vec3};
+use selvedge_cloth::Handles;
+
+/// Carries the frame `from` `[m]`, `[vertices]`, to where `targets` `[m]`, `[handles]`, lead its handles.
+pub(crate) fn carry(handles: &Handles, from: &[Vec3], targets: &[DVec3], to: &mut Vec<Vec3>) {
+    let count = handles.len().max(1) as f64;
+    let before: Vec<DVec3> = handles.of(from).map(|p| p.as_dvec3()).collect();
+    let [old, new] = [&before, targets].map(|held: &[DVec3]| held.iter().sum::<DVec3>() / count);
+    let (mut cosine, mut sine) = (0.0, 0.0);
+    for (held, target) in before.iter().zip(targets) {
+        let (d, e) = (*held - old, *target - new);
+        cosine += d.x * e.x + d.z * e.z;
+        sine += d.z * e.x - d.x * e.z;
+    }
+    let turn = DQuat::from_rotation_y(sine.atan2(cosine));
+    to.clear();
+    to.extend(
+        from.iter()
+            .map(|p| (new + turn * (p.as_dvec3() - old)).as_vec3()),
+    );
+    for (vertex, target) in handles.vertices().iter().zip(targets) {
+        to[vertex.index()] = target.as_vec3();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: [Vec3; 4] = [
+        Vec3::new(0.1, 1.0, -0.5),
+        Vec3::new(-0.1, 1.1, 0.5),
+        Vec3::new(0.3, 0.0, 0.4),
+        Vec3::new(0.2, -0.1, -0.6),
+    ];
+
+    #[test]
+    fn a_rigid_motion_of_the_handles_is_that_of_all() {
+        let handles = Handles::new(&[0, 1], 4).unwrap();
+        let mut carried = Vec::new();
+        for angle in [-3.0, -1.2, 0.0, 0.4, 2.9] {
+            let motion = |p: Vec3| {
+                DQuat::from_rotation_y(angle) * p.as_dvec3() + DVec3::new(0.5, -2.0, 0.25)
+            };
+            let targets: Vec<DVec3> = handles.of(&FRAME).map(motion).collect();
+            carry(&handles, &FRAME, &targets, &mut carried);
+            for (found, from) in carried.iter().zip(FRAME) {
+                // Positions of a few metres in f32.
+                assert!(found.as_dvec3().distance(motion(from)) < 1e-6, "{angle}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_handle_moves_all_and_none_moves_nothing() {
+        let mut carried = Vec::new();
+        let one = Handles::new(&[2], 4).unwrap();
+        carry(&one, &FRAME, &[DVec3::new(1.3, 0.0, 0.4)], &mut carried);
+        for (found, from) in carried.iter().zip(FRAME) {
+            assert!(found.distance(from + Vec3::X) < 1e-6);
+        }
+        carry(&Handles::new(&[], 4).unwrap(), &FRAME, &[], &mut carried);
+        assert_eq!(carried, FRAME);
+    }
+}

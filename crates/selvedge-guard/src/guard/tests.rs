@@ -1,0 +1,495 @@
+//! A stepper that errs on purpose is kept within bounds, one that does not err is left alone.
+
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::{
+    Environment, HandleError, HandleSchedule, Material, Motion, PhysicsSettings, SagSettings,
+};
+use selvedge_sim::Simulator;
+
+use super::*;
+use crate::limiter::SLACK;
+
+const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
+const FRAMES: usize = 300;
+
+/// A square of 36 vertices that hangs flat from its upper corners.
+fn scene() -> Scene {
+    let spec = SquareSpec {
+        vertices: 36,
+        size: 1.0,
+        seed: 1,
+    };
+    let sheet = square(&spec).unwrap();
+    let material: Material = toml::from_str(GRAY.trim()).unwrap();
+    Scene {
+        name: "guarded".to_owned(),
+        handles: Handles::new(&sheet.labels["upper-corners"], 36).unwrap(),
+        mesh: sheet.mesh,
+        schedule: HandleSchedule::default(),
+        material,
+        environment: Environment::default(),
+        motion: Motion::still(10.0),
+        physics: PhysicsSettings::default(),
+        sag: SagSettings::default(),
+        frame_rate: 60.0,
+    }
+}
+
+/// Where the handles are after `frame` frames: they swing by 0.2 m and turn a little, at most 0.8 m/s.
+fn targets(scene: &Scene, frame: usize) -> HandleTargets {
+    let phase = 0.05 * frame as f64;
+    let turn = glam::DQuat::from_rotation_y(0.3 * phase.sin());
+    let shift = 0.2 * phase.sin() * DVec3::new(1.0, 0.4, 0.5);
+    let held = scene.handles.select(scene.mesh.positions());
+    let at = |p: DVec3| turn * p + shift;
+    HandleTargets::at_frame_end(held.into_iter().map(at).collect()).unwrap()
+}
+
+/// How a stepper errs.
+#[derive(Clone, Copy, Debug)]
+enum Error {
+    /// Not at all.
+    Never,
+    /// Every difference of two frames comes back larger, and noise is added.
+    Grows,
+    /// A vertex is not a number from frame 20 on, and no error is told.
+    NotANumber,
+    /// From frame 20 on every second step fails.
+    Fails,
+    /// Every tenth frame is nowhere near.
+    Jumps,
+    /// Noise of 3 cm in every frame.
+    Trembles,
+}
+
+/// Carries its frame with the handles, and errs.
+struct Double {
+    scene: Scene,
+    errs: Error,
+    last: [Vec<Vec3>; 2],
+    frame: usize,
+    rng: ChaCha8Rng,
+    /// Frames that were given to it.
+    given: usize,
+}
+
+impl Double {
+    fn new(errs: Error) -> Self {
+        let scene = scene();
+        let start: Vec<Vec3> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
+        Self {
+            scene,
+            errs,
+            last: [start.clone(), start],
+            frame: 0,
+            rng: ChaCha8Rng::seed_from_u64(5),
+            given: 0,
+        }
+    }
+
+    fn err(&mut self, next: &mut [Vec3]) {
+        let rng = &mut self.rng;
+        let mut noise = |size: f32| {
+            let mut draw = || size * (2.0 * rng.random::<f32>() - 1.0);
+            Vec3::new(draw(), draw(), draw())
+        };
+        match self.errs {
+            Error::Never | Error::Fails => {}
+            Error::Grows => {
+                let pairs = self.last[1].iter().zip(&self.last[0]);
+                for (next, (p, q)) in next.iter_mut().zip(pairs) {
+                    *next += 1.3 * (*p - *q) + noise(0.005);
+                }
+            }
+            Error::NotANumber if self.frame >= 20 => next[17].y = f32::NAN,
+            Error::Jumps if self.frame % 10 == 9 => {
+                next.iter_mut().for_each(|p| *p += noise(1e20));
+            }
+            Error::Trembles => next.iter_mut().for_each(|p| *p += noise(0.03)),
+            Error::NotANumber | Error::Jumps => {}
+        }
+    }
+}
+
+impl Stepper for Double {
+    fn topology(&self) -> &Topology {
+        self.scene.mesh.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        &self.scene.handles
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.last[1]
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        let frame = self.frame + 1;
+        if targets.handle_count() != 2 {
+            let (expected, found) = (2, targets.handle_count());
+            let source = HandleError::Count { expected, found };
+            return Err(StepError::Handles { frame, source });
+        }
+        if matches!(self.errs, Error::Fails) && frame >= 20 && frame.is_multiple_of(2) {
+            let vertex = VertexId(3);
+            return Err(StepError::NonFinite { frame, vertex });
+        }
+        let mut next = Vec::new();
+        carry(&self.scene.handles, &self.last[1], targets.end(), &mut next);
+        self.err(&mut next);
+        for (vertex, target) in self.scene.handles.vertices().iter().zip(targets.end()) {
+            next[vertex.index()] = target.as_vec3();
+        }
+        self.last.swap(0, 1);
+        self.last[1] = next;
+        self.frame = frame;
+        Ok(())
+    }
+}
+
+impl Correctable for Double {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        assert!(positions.iter().all(|p| p.is_finite()));
+        self.last[1].copy_from_slice(positions);
+        self.given += 1;
+        Ok(())
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.last.swap(0, 1);
+        self.replace_frame(positions)?;
+        self.frame += 1;
+        Ok(())
+    }
+}
+
+/// The parts of the scene's cloth.
+struct Parts {
+    coordinates: Vec<Vec2>,
+    rest: Vec<Vec3>,
+    mass: Vec<f32>,
+}
+
+fn parts(scene: &Scene) -> Parts {
+    let rest = scene.mesh.rest_shape(scene.material.density);
+    Parts {
+        coordinates: scene
+            .mesh
+            .material_coordinates()
+            .iter()
+            .map(|c| c.as_vec2())
+            .collect(),
+        rest: scene.mesh.positions().iter().map(|p| p.as_vec3()).collect(),
+        mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
+    }
+}
+
+impl Parts {
+    fn cloth(&self) -> GuardedCloth<'_> {
+        GuardedCloth {
+            material_coordinates: &self.coordinates,
+            rest_positions: &self.rest,
+            vertex_mass: &self.mass,
+            frame_rate: 60.0,
+        }
+    }
+}
+
+/// A guard of a double, with its scene or without.
+fn watched(errs: Error, settings: GuardSettings, scene: Option<Scene>) -> Guard<Double> {
+    let double = Double::new(errs);
+    let parts = parts(&double.scene);
+    Guard::new(double, parts.cloth(), scene.map(Arc::new), settings).unwrap()
+}
+
+fn largest_stretch(guard: &Guard<Double>) -> f64 {
+    guard.trust().given.largest_strain + 1.0
+}
+
+#[test]
+fn a_stepper_that_never_errs_is_left_alone_bit_for_bit() {
+    let mut alone = Double::new(Error::Never);
+    let mut all: Vec<Guard<Double>> = [Correction::None, Correction::Limit, Correction::Physics]
+        .map(|correction| watched(Error::Never, GuardSettings::with(correction), Some(scene())))
+        .into();
+    for frame in 1..=60 {
+        let targets = targets(&scene(), frame);
+        alone.step(&targets).unwrap();
+        for guard in &mut all {
+            guard.step(&targets).unwrap();
+            assert_eq!(guard.positions(), alone.positions());
+            let trust = guard.trust();
+            assert_eq!((trust.frame, trust.verdict), (frame, Verdict::Held));
+            assert_eq!(trust.predicted, Some(trust.given));
+            assert_eq!(trust.correction, Some(Moved::default()));
+        }
+    }
+    assert!(all.iter().all(|guard| guard.inner().given == 0));
+}
+
+#[test]
+fn whatever_a_stepper_does_it_is_kept_within_bounds() {
+    let settings = [Correction::Limit, Correction::Physics].map(GuardSettings::with);
+    for errs in [
+        Error::Grows,
+        Error::NotANumber,
+        Error::Fails,
+        Error::Jumps,
+        Error::Trembles,
+    ] {
+        for (settings, scene_of) in [
+            (settings[0], None),
+            (settings[0], Some(scene())),
+            (settings[1], Some(scene())),
+        ] {
+            let has_scene = scene_of.is_some();
+            let mut guard = watched(errs, settings, scene_of);
+            let mut tally = crate::Tally::default();
+            for frame in 1..=FRAMES {
+                let targets = targets(&scene(), frame);
+                guard.step(&targets).unwrap();
+                tally.add(guard.trust());
+                // The bound and its slack, and positions of 1 m in f32 against edges of 0.1 m.
+                let most = settings.most_stretch * (1.0 + f64::from(SLACK)) + 1e-5;
+                let found = largest_stretch(&guard);
+                assert!(found <= most, "{errs:?} {has_scene} {frame}: {found}");
+                assert!(guard.positions().iter().all(|p| p.is_finite()));
+                let held = guard.handles().of(guard.positions());
+                assert!(
+                    held.zip(targets.end())
+                        .all(|(p, target)| p == target.as_vec3())
+                );
+                assert_eq!((guard.frame(), guard.trust().frame), (frame, frame));
+            }
+            assert!(tally.lost + tally.corrected > 20, "{errs:?}: {tally:?}");
+            match errs {
+                // From frame 20 on: all, every second, every tenth.
+                Error::NotANumber => assert_eq!(tally.lost, FRAMES - 20),
+                Error::Fails => assert!(tally.lost >= (FRAMES - 18) / 2),
+                Error::Jumps => assert!(tally.lost >= FRAMES / 10),
+                Error::Never | Error::Grows | Error::Trembles => {}
+            }
+        }
+    }
+}
+
+#[test]
+fn a_guard_that_only_watches_changes_nothing_and_passes_errors_on() {
+    let none = GuardSettings::with(Correction::None);
+    let mut guard = watched(Error::Grows, none, None);
+    let mut alone = Double::new(Error::Grows);
+    let mut worst = Verdict::Held;
+    for frame in 1..=60 {
+        let targets = targets(&scene(), frame);
+        guard.step(&targets).unwrap();
+        alone.step(&targets).unwrap();
+        assert_eq!(guard.positions(), alone.positions());
+        worst = worst.max(guard.trust().verdict);
+    }
+    assert_eq!(worst, Verdict::Lost);
+    assert!(
+        largest_stretch(&guard) > 100.0,
+        "it explodes when it is let"
+    );
+    let mut failing = watched(Error::Fails, none, None);
+    let failed = (1..=60).find_map(|frame| failing.step(&targets(&scene(), frame)).err());
+    assert!(matches!(
+        failed,
+        Some(StepError::NonFinite { frame: 20, .. })
+    ));
+    assert_eq!(failing.frame(), 19);
+}
+
+#[test]
+fn what_the_caller_does_wrong_stays_an_error() {
+    let mut guard = watched(Error::Never, GuardSettings::default(), Some(scene()));
+    let one = HandleTargets::at_frame_end(vec![DVec3::ZERO]).unwrap();
+    assert!(matches!(guard.step(&one), Err(StepError::Handles { .. })));
+    assert_eq!(guard.frame(), 0);
+}
+
+#[test]
+fn verdicts_turn_at_their_thresholds() {
+    // One free vertex in the middle of the lower edge is pulled down until its longest edge strains so.
+    let scene = scene();
+    let parts = parts(&scene);
+    let settings = GuardSettings::with(Correction::None);
+    let double = Double::new(Error::Never);
+    let guard = Guard::new(double, parts.cloth(), None, settings).unwrap();
+    let flat = parts.rest.clone();
+    let lowest = (0..36).filter(|&v| flat[v].y < -0.99).max_by(|&a, &b| {
+        let middle = |v: usize| -flat[v].z.abs();
+        middle(a).total_cmp(&middle(b))
+    });
+    let lowest = lowest.unwrap();
+    let strained = |strain: f64| {
+        let pulled = |by: f32| {
+            let mut positions = flat.clone();
+            positions[lowest].y -= by;
+            positions
+        };
+        let strain_of = |by: f32| guard.gauge.measure(&flat, &pulled(by)).largest_strain;
+        let (mut low, mut high) = (0.0_f32, 2.0);
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if strain_of(middle) < strain {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        pulled(low)
+    };
+    for (strain, verdict) in [
+        (0.19, Verdict::Held),
+        (0.21, Verdict::Corrected),
+        (0.99, Verdict::Corrected),
+        (1.01, Verdict::Lost),
+    ] {
+        let double = Double::new(Error::Never);
+        let mut guard = Guard::new(double, parts.cloth(), None, settings).unwrap();
+        guard.inner.last[1] = strained(strain);
+        guard.step(&targets(&scene, 0)).unwrap();
+        assert_eq!(guard.trust().verdict, verdict, "{strain}");
+        // The second route: the very frame, by its own gauge.
+        let measured = guard.gauge.measure(&flat, guard.positions());
+        assert_eq!(guard.trust().predicted, Some(measured));
+        assert!((measured.largest_strain - strain).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn a_lost_frame_is_the_physics_from_the_last_good_ones() {
+    let mut implicit = scene();
+    implicit.physics.air = selvedge_cloth::AirLaw::Implicit;
+    let mut guard = watched(Error::Fails, GuardSettings::default(), Some(scene()));
+    for frame in 1..=19 {
+        guard.step(&targets(&implicit, frame)).unwrap();
+    }
+    let [before, now] = guard.last.clone();
+    guard.step(&targets(&implicit, 20)).unwrap();
+    assert_eq!(guard.trust().verdict, Verdict::Lost);
+    assert_eq!(
+        (guard.trust().predicted, guard.trust().correction),
+        (None, None)
+    );
+    let wide = |p: &Vec3| p.as_dvec3();
+    let pairs = now.iter().zip(&before);
+    let velocities = pairs.map(|(p, q)| (wide(p) - wide(q)) * 60.0).collect();
+    let positions = now.iter().map(wide).collect();
+    let mut physics = Simulator::with_state(&implicit, positions, velocities).unwrap();
+    physics.step(&targets(&implicit, 20)).unwrap();
+    assert_eq!(guard.positions(), physics.positions());
+    assert_eq!(
+        guard.inner().positions(),
+        physics.positions(),
+        "it goes on from there"
+    );
+    assert_eq!(guard.inner().given, 1);
+}
+
+#[test]
+fn relaxing_calms_what_is_rough_and_leaves_what_rests() {
+    let scene = scene();
+    let rest = selvedge_sim::sag(&scene).unwrap().positions;
+    let rest: Vec<Vec3> = rest.iter().map(|p| p.as_vec3()).collect();
+    let held: Vec<DVec3> = scene.handles.of(&rest).map(|p| p.as_dvec3()).collect();
+    let mut physics = Physics::new(&scene).unwrap();
+    let mut relaxed = rest.clone();
+    physics.relax(0, 2, &held, &mut relaxed).unwrap();
+    // The rest pose is accelerated by at most 1e-3 m/s² and rounded to 6e-8 m, which stiff edges
+    // (1e5 N/m on a gram) turn into as much again: 1e-3/240² m and some roundings.
+    assert!(moved(&rest, &relaxed).largest < 5e-7);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut rough = rest.clone();
+    for p in &mut rough {
+        let mut draw = || 0.01 * (2.0 * rng.random::<f32>() - 1.0);
+        *p += Vec3::new(draw(), draw(), draw());
+    }
+    for (vertex, target) in scene.handles.vertices().iter().zip(&held) {
+        rough[vertex.index()] = target.as_vec3();
+    }
+    let parts = parts(&scene);
+    let guard = Guard::new(
+        Double::new(Error::Never),
+        parts.cloth(),
+        None,
+        GuardSettings::default(),
+    );
+    let gauge = guard.unwrap().gauge;
+    let strain = |frame: &[Vec3]| gauge.measure(&rest, frame).strain_rms;
+    let before = strain(&rough);
+    let mut calmer = before;
+    for solves in 1..=4 {
+        let mut relaxed = rough.clone();
+        physics.relax(0, solves, &held, &mut relaxed).unwrap();
+        assert!(strain(&relaxed) < calmer, "{solves}");
+        calmer = strain(&relaxed);
+    }
+    assert!(calmer < 0.7 * before, "{before} {calmer}");
+}
+
+#[test]
+fn relaxing_always_touches_frames_that_hold() {
+    let always = GuardSettings {
+        when: When::Always,
+        ..GuardSettings::with(Correction::Physics)
+    };
+    let mut guard = watched(Error::Never, always, Some(scene()));
+    guard.step(&targets(&scene(), 1)).unwrap();
+    assert_eq!(guard.trust().verdict, Verdict::Held);
+    let correction = guard.trust().correction.unwrap();
+    assert!(correction.largest > 0.0 && correction.largest < 0.01);
+    assert_eq!(guard.inner().given, 1);
+}
+
+#[test]
+fn parts_that_do_not_fit_are_refused() {
+    let scene = scene();
+    let whole = parts(&scene);
+    let refused = |parts: &Parts, scene: Option<Scene>, correction| {
+        let settings = GuardSettings::with(correction);
+        let made = Guard::new(
+            Double::new(Error::Never),
+            parts.cloth(),
+            scene.map(Arc::new),
+            settings,
+        );
+        made.err().unwrap()
+    };
+    let limit = Correction::Limit;
+    assert_eq!(
+        refused(&whole, None, Correction::Physics),
+        GuardError::NoScene
+    );
+    let mut other = scene.clone();
+    other.handles = Handles::new(&[0], 36).unwrap();
+    let error = GuardError::OtherScene { what: "handles" };
+    assert_eq!(refused(&whole, Some(other), limit), error);
+    let mut fewer = parts(&scene);
+    fewer.mass.pop();
+    assert!(matches!(
+        refused(&fewer, None, limit),
+        GuardError::Count { found: 35, .. }
+    ));
+    let mut massless = parts(&scene);
+    massless.mass[4] = 0.0;
+    assert!(matches!(
+        refused(&massless, None, limit),
+        GuardError::Mass { .. }
+    ));
+    let mut flat = parts(&scene);
+    flat.coordinates.fill(Vec2::ONE);
+    assert!(matches!(
+        refused(&flat, None, limit),
+        GuardError::Length { .. }
+    ));
+}
