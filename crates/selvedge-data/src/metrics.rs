@@ -13,7 +13,9 @@ use crate::Frames;
 
 mod over_time;
 
-pub use over_time::{first_strained_frame, per_frame_edge_length_rmse, relative_error};
+pub use over_time::{
+    diverged_frame, first_strained_frame, per_frame_edge_length_rmse, relative_error,
+};
 
 /// The measures of run `b` against run `a`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

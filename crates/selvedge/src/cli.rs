@@ -3,6 +3,7 @@
 mod bench;
 mod evaluate;
 mod export;
+mod guard;
 mod import;
 mod view;
 
@@ -15,6 +16,7 @@ use selvedge_train::Setting;
 pub(crate) use self::bench::{BenchCommand, EngineArgs, ScaleArgs};
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};
+pub(crate) use self::guard::{GuardName, StressArgs};
 pub(crate) use self::import::ImportArgs;
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
@@ -78,6 +80,7 @@ pub(crate) enum Command {
     Train(TrainArgs),
     Evaluate(EvaluateArgs),
     Study(StudyArgs),
+    Stress(StressArgs),
     Compare(CompareArgs),
     Export(ExportArgs),
     Inspect(InspectArgs),
@@ -102,6 +105,7 @@ Examples:
   selvedge rollout square-1024 --frames 300 --no-truth
   selvedge rollout my-scene.toml --model my-model.safetensors --out my-run
   selvedge rollout --export cloth.glb --export cloth.usda
+  selvedge rollout --guard none --trust trust.csv
 
 Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
 contact sheet) and clip.gif.")]
@@ -118,6 +122,13 @@ pub(crate) struct RolloutArgs {
     /// How many frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
+    /// What is done about frames that no cloth could have.
+    #[arg(long, value_enum, default_value_t = GuardName::Limit)]
+    pub(crate) guard: GuardName,
+    /// Write how far each frame can be trusted to this file (.csv): verdict, strains, energy, speed,
+    /// correction.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trust: Option<PathBuf>,
     /// Also simulate the truth and compare with it (the default).
     #[arg(long, conflicts_with = "no_truth")]
     truth: bool,

@@ -57,23 +57,17 @@ pub(crate) fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<Clo
         .with_context(|| format!("the graph of scene {:?}", scene.name))
 }
 
-/// Runs `model` for `frames` from `start` `[m]`, `[vertices]`, at rest, while the handles follow
-/// `path`. `on_frame` hears of every frame and may stop.
+/// `model` at `start` `[m]`, `[vertices]`, at rest.
 ///
 /// # Errors
-/// A step that fails, as where the prediction has left all bounds.
-pub(crate) fn run(
+/// A start that does not fit the cloth.
+pub(crate) fn stepper(
     model: &NamedModel,
     graph: ClothGraph,
     start: &[Vec3],
-    path: &HandlePath,
-    frames: usize,
-    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> anyhow::Result<Run> {
-    let mut stepper = LearnedStepper::new(Arc::clone(&model.model), graph, &[start])
-        .with_context(|| format!("starting model {}", model.name))?;
-    drive(&mut stepper, path, frames, on_frame)
-        .with_context(|| format!("the rollout of model {}", model.name))
+) -> anyhow::Result<LearnedStepper> {
+    LearnedStepper::new(Arc::clone(&model.model), graph, &[start])
+        .with_context(|| format!("starting model {}", model.name))
 }
 
 /// Steps `stepper` for `frames` along `path`, with one target per frame.

@@ -11,6 +11,7 @@ mod evaluation;
 mod exporting;
 mod failure;
 mod film;
+mod guarded;
 mod interrupt;
 mod keeping;
 mod learned;
@@ -25,6 +26,7 @@ mod scenes;
 mod span;
 mod study;
 mod view;
+mod workers;
 
 use std::process::ExitCode;
 

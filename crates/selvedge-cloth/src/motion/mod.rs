@@ -24,6 +24,7 @@ pub use self::apart::apart;
 use self::blocks::BlockPath;
 use self::keyframes::KeyframePath;
 pub use self::pace::{Pace, Profile};
+pub use self::random::RandomMotion;
 use self::recorded::RecordedPath;
 use self::splines::SplinePath;
 use crate::{HandleError, HandleSchedule, HandleTargets};

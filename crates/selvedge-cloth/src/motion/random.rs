@@ -17,12 +17,44 @@ const FRAMES: [f64; 2] = [30.0, 90.0];
 /// Slowest and fastest move: its mean speed `[m/s]`. 1 m/s peaks at π/2 m/s, as in training.
 const SPEEDS: [f64; 2] = [0.2, 1.0];
 
+/// One of endlessly many motions, for tests: none of them is a motion that has a name.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RandomMotion {
+    /// Which motions.
+    pub seed: u64,
+    /// Which of them.
+    pub number: u64,
+    /// How long it lasts at least `[s]`.
+    pub duration: f64,
+    /// Peak speed, in parts of that of the training motions.
+    pub speed: f64,
+}
+
+impl RandomMotion {
+    /// Half a second still, then moves as in the random motions that have a name, at `speed` times
+    /// their speed, until the duration is over.
+    #[must_use]
+    pub fn motion(&self) -> Motion {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        // The named ones are stream 0 of their seeds.
+        rng.set_stream(self.number.wrapping_add(1));
+        let mut blocks = vec![Block::still(0.5)];
+        let mut lasted = 0.5;
+        while lasted < self.duration {
+            let block = one_move(&mut rng, self.speed);
+            lasted += block.duration;
+            blocks.push(block);
+        }
+        Motion::Blocks { blocks }
+    }
+}
+
 /// Motion number `seed`: half a second still, eight moves of 0.5 to 1.5 s (half of them along a
 /// direction, uniform on the sphere, a quarter turns about a centre between the outer handles, a
 /// quarter both at half the speed), two seconds still; about 10.5 s.
 pub(super) fn motion(seed: u32) -> Motion {
     let mut rng = ChaCha8Rng::seed_from_u64(u64::from(seed));
-    let moves: Vec<Block> = (0..MOVES).map(|_| one_move(&mut rng)).collect();
+    let moves: Vec<Block> = (0..MOVES).map(|_| one_move(&mut rng, 1.0)).collect();
     let (before, after) = (Block::still(0.5), Block::still(2.0));
     Motion::Blocks {
         blocks: std::iter::once(before)
@@ -32,9 +64,10 @@ pub(super) fn motion(seed: u32) -> Motion {
     }
 }
 
-fn one_move(rng: &mut ChaCha8Rng) -> Block {
+/// A move at `speed` times the trained speed.
+fn one_move(rng: &mut ChaCha8Rng, speed: f64) -> Block {
     let duration = between(rng, FRAMES).round() / 60.0;
-    let distance = duration * between(rng, SPEEDS);
+    let distance = speed * duration * between(rng, SPEEDS);
     let kind = rng.next_u32() % 4;
     let share = if kind == 3 { 0.5 } else { 1.0 };
     let pace = Pace::Distance {

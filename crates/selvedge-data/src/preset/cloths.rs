@@ -29,6 +29,46 @@ pub struct NamedCloth {
     pub handles: Vec<u32>,
 }
 
+impl NamedCloth {
+    /// The cloth that `sheet` is at `density` `[vertices/m²]`, and its mesh.
+    ///
+    /// # Errors
+    /// [`SceneProblem`] for a density at which there is no such mesh.
+    pub fn of_sheet(
+        sheet: &NamedSheet,
+        density: f64,
+        seed: u64,
+    ) -> Result<(Self, Mesh), SceneProblem> {
+        check_density("meshes.density", density)?;
+        let generator = GeneratorSpec {
+            kind: sheet.shape,
+            vertices: sheet.vertices(density),
+            size: sheet.size,
+            seed,
+        };
+        let mesh = MeshSpec {
+            source: MeshSource::Generator(generator),
+            transform: Transform::default(),
+        };
+        let built = mesh.build("".as_ref())?;
+        let handles = built.labels.get(sheet.handles).cloned();
+        let cloth = Self {
+            name: sheet.name.to_owned(),
+            mesh,
+            handles: handles.unwrap_or_default(),
+        };
+        Ok((cloth, built.mesh))
+    }
+}
+
+fn check_density(name: &'static str, density: f64) -> Result<(), SceneProblem> {
+    if density.is_finite() && density > 0.0 {
+        return Ok(());
+    }
+    let problem = format!("must be finite and positive, found {density} vertices/m²");
+    Err(field(name, problem))
+}
+
 /// The file's own words.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -55,10 +95,7 @@ impl MeshesFile {
     /// The cloths and their meshes.
     pub(super) fn resolve(self) -> Result<Vec<(NamedCloth, Mesh)>, SceneProblem> {
         let density = self.density;
-        if !(density.is_finite() && density > 0.0) {
-            let problem = format!("must be finite and positive, found {density} vertices/m²");
-            return Err(field("meshes.density", problem));
-        }
+        check_density("meshes.density", density)?;
         let sheets: Vec<NamedSheet> = match self.names {
             MeshNames::All(All::All) => named_sheets().to_vec(),
             MeshNames::Names(names) => {
@@ -73,7 +110,7 @@ impl MeshesFile {
             if cloths.iter().any(|(cloth, _)| cloth.name == sheet.name) {
                 return Err(field("meshes.names", format!("has {:?} twice", sheet.name)));
             }
-            cloths.push(build(&sheet, density, self.seed)?);
+            cloths.push(NamedCloth::of_sheet(&sheet, density, self.seed)?);
         }
         Ok(cloths)
     }
@@ -88,27 +125,6 @@ fn by_name(name: &str) -> Result<NamedSheet, SceneProblem> {
             format!("no mesh is called {name:?}; known are {known}"),
         )
     })
-}
-
-fn build(sheet: &NamedSheet, density: f64, seed: u64) -> Result<(NamedCloth, Mesh), SceneProblem> {
-    let generator = GeneratorSpec {
-        kind: sheet.shape,
-        vertices: sheet.vertices(density),
-        size: sheet.size,
-        seed,
-    };
-    let mesh = MeshSpec {
-        source: MeshSource::Generator(generator),
-        transform: Transform::default(),
-    };
-    let built = mesh.build("".as_ref())?;
-    let handles = built.labels.get(sheet.handles).cloned();
-    let cloth = NamedCloth {
-        name: sheet.name.to_owned(),
-        mesh,
-        handles: handles.unwrap_or_default(),
-    };
-    Ok((cloth, built.mesh))
 }
 
 /// Every motion on every cloth.

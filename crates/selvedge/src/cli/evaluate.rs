@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use selvedge_data::Split;
 
+use super::GuardName;
 use crate::evaluation::Horizons;
 
 /// Threads at most: more than any machine has, few enough to be started.
-const MOST_THREADS: i64 = 1024;
+pub(super) const MOST_THREADS: i64 = 1024;
 
 /// Measure models on data sets, beside two naive rivals.
 ///
@@ -21,6 +22,7 @@ const MOST_THREADS: i64 = 1024;
 Examples:
   selvedge evaluate --model runs/first/model.safetensors --data data/first
   selvedge evaluate --model ours=a.safetensors --model theirs=b.safetensors --data data/first --report report
+  selvedge evaluate --model a.safetensors --data data/first --guard none,limit
   selvedge evaluate --model a.safetensors --data data/wide --data data/long --steps 1,20 --no-mirror
 
 With --report the folder gets report.md, its plots (.svg and .png) and all numbers (.csv).")]
@@ -31,6 +33,16 @@ pub(crate) struct EvaluateArgs {
     /// The folder of a data set. May stand several times.
     #[arg(long, value_name = "FOLDER", required = true)]
     pub(crate) data: Vec<PathBuf>,
+    /// What is done about frames that no cloth could have; several, separated by commas, are several
+    /// contestants.
+    #[arg(
+        long = "guard",
+        value_enum,
+        value_name = "GUARDS",
+        value_delimiter = ',',
+        default_value = "limit"
+    )]
+    pub(crate) guards: Vec<GuardName>,
     /// Which trajectories.
     #[arg(long, value_enum, default_value_t = SplitName::Test)]
     pub(crate) split: SplitName,
@@ -59,6 +71,17 @@ pub(crate) struct EvaluateArgs {
 }
 
 impl EvaluateArgs {
+    /// The guards that are asked for, each once.
+    pub(crate) fn guards(&self) -> Vec<GuardName> {
+        let mut guards: Vec<GuardName> = Vec::with_capacity(self.guards.len());
+        for &guard in &self.guards {
+            if !guards.contains(&guard) {
+                guards.push(guard);
+            }
+        }
+        guards
+    }
+
     /// The runs of k steps that are asked for.
     pub(crate) fn horizons(&self) -> Horizons {
         let asked = self.steps.as_ref();

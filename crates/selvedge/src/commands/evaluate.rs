@@ -3,6 +3,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_data::write_atomically;
@@ -25,6 +26,7 @@ struct Answered<'a> {
     models: &'a [Named],
     data: &'a [PathBuf],
     split: &'static str,
+    guards: Vec<&'static str>,
     rows: Vec<Value>,
     means: Vec<Mean>,
     meshes: Vec<Mean>,
@@ -70,7 +72,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     if let Some(folder) = &args.report {
         place::make_folder(folder)?;
     }
-    let (models, mut contestants) = open_models(&args.models)?;
+    let (models, mut contestants) = open_models(args)?;
     let rivals = Contestant::rivals().into_iter();
     contestants.extend(rivals.filter(|rival| !(args.no_mirror && rival.who() == Who::Mirror)));
     let data = open_data(args)?;
@@ -91,6 +93,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
         models: &models,
         data: &args.data,
         split: args.split.name(),
+        guards: args.guards().iter().map(|guard| guard.name()).collect(),
         rows: evaluation
             .rows
             .iter()
@@ -130,7 +133,8 @@ fn write_files(
 }
 
 /// The models that are named, each with a name of its own.
-fn open_models(named: &[String]) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
+fn open_models(args: &EvaluateArgs) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
+    let (named, guards) = (&args.models, args.guards());
     let parted: Vec<(Option<&str>, &Path)> = named.iter().map(|text| part(text)).collect();
     let short: Vec<String> = parted
         .iter()
@@ -155,10 +159,15 @@ fn open_models(named: &[String]) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)
             file: file.to_owned(),
             parameters: model.weights().len(),
         });
-        contestants.push(Contestant {
-            name,
-            racer: Racer::Model(model),
-        });
+        for guard in &guards {
+            contestants.push(Contestant {
+                name: match guards.len() {
+                    1 => name.clone(),
+                    _ => format!("{name} ({})", guard.name()),
+                },
+                racer: Racer::Model(Arc::clone(&model), guard.settings()),
+            });
+        }
     }
     Ok((models, contestants))
 }
@@ -280,6 +289,7 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
     }
     let runs = runs_table(&evaluation.rows, &answered.means);
     let steps = steps_table(&answered.means);
+    let stability = stability_table(&answered.means);
     let mut times = Table::new(["mesh", "who", "time per frame"]);
     for timing in &evaluation.timings {
         let ms = format!("{:.2} ms", timing.ms_per_frame);
@@ -287,7 +297,7 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
     }
     let notes = "rigid: the rest pose moved with the handles; mirror: the physics from the other branch of the buckling";
     let failures = report::failures(contest);
-    format!("{facts}\n{runs}\n{notes}\n\n{steps}\n{times}\n{failures}")
+    format!("{facts}\n{runs}\n{notes}\n\n{stability}\n{steps}\n{times}\n{failures}")
 }
 
 /// A line for each run, and the means of everyone.
@@ -326,6 +336,36 @@ fn runs_table(rows: &[Row], means: &[Mean]) -> Table {
             of.measures.as_ref(),
             of.unstable_frame,
         ));
+    }
+    table
+}
+
+/// How many runs diverge, and what the guards did.
+fn stability_table(means: &[Mean]) -> Table {
+    let mut table = Table::new([
+        "over 30 % for more than 10 frames",
+        "runs",
+        "diverge",
+        "frames corrected",
+        "lost",
+        "largest correction",
+    ]);
+    for mean in means {
+        let of = &mean.summary;
+        let mut cells = vec![
+            mean.name.clone(),
+            of.motions.to_string(),
+            of.diverged.to_string(),
+        ];
+        match &of.guarded {
+            Some(guarded) => cells.extend([
+                percent(guarded.share()),
+                guarded.lost.to_string(),
+                length(guarded.largest_correction),
+            ]),
+            None => cells.extend(["-", "-", "-"].map(str::to_owned)),
+        }
+        table.row(cells);
     }
     table
 }

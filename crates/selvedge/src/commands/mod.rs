@@ -14,6 +14,7 @@ mod presets;
 mod rollout;
 mod sag;
 mod simulate;
+mod stress;
 mod study;
 pub(crate) mod train;
 mod view;
@@ -47,5 +48,6 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Train(args) => train::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Study(args) => study::run(args),
+        Command::Stress(args) => stress::run(args),
     }
 }

@@ -5,15 +5,18 @@
 //! way and leaves out what would come after it.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_data::metrics::Comparison;
-use selvedge_data::{Cloth, LoadedScene, Trajectory};
+use selvedge_data::{Cloth, LoadedScene, Trajectory, metrics};
+use selvedge_guard::Trust;
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
 use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
+use crate::guarded::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
 use crate::learned::{self, NamedModel};
 use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{self, Show, write_clip_of, write_sheet};
@@ -30,6 +33,11 @@ struct Report {
     model_ms_per_frame: f64,
     truth_ms_per_frame: Option<f64>,
     largest_strain: f64,
+    /// What is done about frames that no cloth could have.
+    guard: &'static str,
+    guarded: Guarded,
+    /// The first of more than ten frames in a row with an edge over 30 % strain.
+    diverged_frame: Option<usize>,
     comparison: Option<Comparison>,
     wrote: Vec<PathBuf>,
     /// What the scene asks for and cannot have, or can hardly mean.
@@ -57,6 +65,9 @@ struct Stage {
 /// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     let wishes = exporting::wishes(&args.export)?;
+    if let Some(trust) = &args.trust {
+        place::check_file(trust, "--trust", &["csv"])?;
+    }
     let model = learned::open(args.model.as_deref())?;
     let loaded = scenes::open(&args.scene)?;
     let frames = match args.frames {
@@ -71,8 +82,13 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         frames,
     };
     let mut wrote = Vec::new();
-    let prediction = predict(&stage, &model)?;
+    let (prediction, log, guarded) = predict(&stage, &model, args)?;
     write(&prediction.trajectory, &args.out, "rollout", &mut wrote)?;
+    if let Some(trust) = &args.trust {
+        guarded::write_trust(trust, &log)?;
+        wrote.push(trust.clone());
+    }
+    let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
     let mut end = prediction.end;
     let mut truth = None;
     if args.truth() == Wanted::Yes && end == End::Complete {
@@ -103,6 +119,10 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         model_ms_per_frame: prediction.ms_per_frame,
         truth_ms_per_frame: truth.as_ref().map(|truth| truth.ms_per_frame),
         largest_strain: reference::largest_strain(&prediction.trajectory)?,
+        guard: args.guard.name(),
+        guarded,
+        diverged_frame: metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES)
+            .map(|frame| frame + 1),
         comparison,
         wrote,
         warnings: stage.loaded.warnings.clone(),
@@ -111,18 +131,31 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&report), &report)?.ended(end))
 }
 
-fn predict(stage: &Stage, model: &NamedModel) -> anyhow::Result<Timed> {
+fn predict(
+    stage: &Stage,
+    model: &NamedModel,
+    args: &RolloutArgs,
+) -> anyhow::Result<(Timed, Vec<Trust>, Guarded)> {
     let scene = &stage.loaded.scene;
     let cloth = Cloth::of_scene(scene, reference::rounded(&stage.rest.positions));
     let graph = learned::graph_of_scene(scene, &cloth)?;
     let path = scene.handle_path()?;
+    let stepper = learned::stepper(model, graph, &cloth.rest_positions)?;
+    let mut watched = Watched::new(
+        stepper,
+        &cloth,
+        scene.frame_rate,
+        Some(Arc::new(scene.clone())),
+        args.guard.settings(),
+    )?;
     let progress = Progress::new("predicting", stage.frames, "frames");
-    let start = &cloth.rest_positions;
-    let run = learned::run(model, graph, start, &path, stage.frames, &mut || {
+    let run = learned::drive(&mut watched, &path, stage.frames, &mut || {
         progress.advance();
         interrupt::flow()
-    })?;
-    timed(stage, run)
+    })
+    .with_context(|| format!("the rollout of model {}", model.name))?;
+    let summary = watched.summary();
+    Ok((timed(stage, run)?, watched.log().to_vec(), summary))
 }
 
 fn simulate(stage: &Stage) -> anyhow::Result<Timed> {
@@ -175,6 +208,20 @@ fn draw(show: &Show<'_>, args: &RolloutArgs, wrote: &mut Vec<PathBuf>) -> anyhow
     Ok(end)
 }
 
+fn guard_line(report: &Report) -> String {
+    let Guarded {
+        corrected,
+        lost,
+        largest_correction,
+        ..
+    } = report.guarded;
+    let farthest = length(largest_correction);
+    match report.guard {
+        "none" => format!("none ({} frames beyond bounds)", corrected + lost),
+        name => format!("{name}: {corrected} frames corrected, by {farthest} at most; {lost} lost"),
+    }
+}
+
 fn text(report: &Report) -> Facts {
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);
@@ -189,6 +236,10 @@ fn text(report: &Report) -> Facts {
         facts.add("physics", format!("{ms:.2} ms per frame"));
     }
     facts.add("largest strain", percent(report.largest_strain));
+    facts.add("guard", guard_line(report));
+    if let Some(frame) = report.diverged_frame {
+        facts.add("diverges", format!("from frame {frame} on"));
+    }
     if let Some(measures) = &report.comparison {
         facts.add("position RMSE", length(measures.position_rmse));
         facts.add("largest distance", length(measures.position_max));

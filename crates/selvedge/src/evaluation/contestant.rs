@@ -12,10 +12,12 @@ use anyhow::{Context, anyhow};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandlePath, Motion, RecordedMotion, Scene, Stepper};
 use selvedge_data::{Drive, Playback, Recording, SceneSpec, Setting, Trajectory, record};
+use selvedge_guard::{Correction, GuardSettings};
 use selvedge_model::{LearnedStepper, Model};
 use selvedge_sim::{Simulator, Threads};
 use serde::{Deserialize, Serialize};
 
+use crate::guarded::{Guarded, Watched};
 use crate::reference;
 use crate::rigid::RigidRest;
 
@@ -43,8 +45,8 @@ pub(crate) struct Contestant {
 
 /// What moves the cloth.
 pub(crate) enum Racer {
-    /// A model.
-    Model(Arc<Model>),
+    /// A model, guarded so.
+    Model(Arc<Model>, GuardSettings),
     /// The rest pose moved rigidly with the handles.
     Rigid,
     /// The physics from the other branch of the buckling.
@@ -53,11 +55,36 @@ pub(crate) enum Racer {
     Truth,
 }
 
+/// What there is to run along.
+#[derive(Clone, Copy)]
+pub(crate) struct Course<'a> {
+    /// The motion's name.
+    pub(crate) motion: &'a str,
+    /// The trajectory.
+    pub(crate) truth: &'a Trajectory,
+    /// Its scene on the other branch of the buckling, where somebody runs there.
+    pub(crate) mirror: Option<&'a Result<Mirror, String>>,
+    /// Its own scene, where somebody needs it and it is known.
+    pub(crate) scene: Option<&'a Arc<Scene>>,
+}
+
 /// A contestant at its start.
 pub(crate) struct Runner {
-    stepper: Box<dyn Stepper>,
+    stepper: Mover,
     path: HandlePath,
     samples_per_frame: usize,
+}
+
+/// Who moves the cloth.
+enum Mover {
+    Watched(Box<Watched>),
+    Other(Box<dyn Stepper>),
+}
+
+/// Scenes of trajectories, but for their motion: one per setting.
+#[derive(Default)]
+pub(crate) struct Scenes {
+    known: Vec<(Setting, Arc<Scene>)>,
 }
 
 /// Scenes that buckle to the other side, with their rest poses: one per setting.
@@ -89,36 +116,34 @@ impl Contestant {
     /// What it is.
     pub(crate) fn who(&self) -> Who {
         match self.racer {
-            Racer::Model(_) => Who::Model,
+            Racer::Model(..) => Who::Model,
             Racer::Rigid => Who::Rigid,
             Racer::Mirror => Who::Mirror,
             Racer::Truth => Who::Truth,
         }
     }
 
-    /// Ready to run along `truth`. A model starts at frame `start` and knows the true frames before
+    /// Whether it wants the scene of what it runs along.
+    pub(crate) fn wants_scene(&self) -> bool {
+        match &self.racer {
+            Racer::Model(_, guard) => guard.correction != Correction::None,
+            Racer::Rigid | Racer::Mirror | Racer::Truth => false,
+        }
+    }
+
+    /// Ready to run along `course`. A model starts at frame `start` and knows the true frames before
     /// it; all others start at frame 0.
     ///
     /// # Errors
     /// When its parts do not fit, or there is no `mirror` that can be run.
-    pub(crate) fn runner(
-        &self,
-        motion: &str,
-        truth: &Trajectory,
-        mirror: Option<&Result<Mirror, String>>,
-        start: usize,
-    ) -> anyhow::Result<Runner> {
-        let stepper: Box<dyn Stepper> = match &self.racer {
-            Racer::Model(model) => {
-                let graph = selvedge_train::graph_of(motion, truth)?;
-                let first = (start + 1).saturating_sub(model.spec().history());
-                let known: Vec<&[Vec3]> = (first..=start).map(|frame| truth.frame(frame)).collect();
-                Box::new(LearnedStepper::new(Arc::clone(model), graph, &known)?)
-            }
-            Racer::Rigid => Box::new(RigidRest::new(truth.cloth())),
-            Racer::Truth => Box::new(Playback::new(truth.clone())),
+    pub(crate) fn runner(&self, course: &Course<'_>, start: usize) -> anyhow::Result<Runner> {
+        let truth = course.truth;
+        let stepper = match &self.racer {
+            Racer::Model(model, guard) => guarded(model, *guard, course, start)?,
+            Racer::Rigid => Mover::Other(Box::new(RigidRest::new(truth.cloth()))),
+            Racer::Truth => Mover::Other(Box::new(Playback::new(truth.clone()))),
             Racer::Mirror => {
-                return match mirror {
+                return match course.mirror {
                     Some(Ok(mirror)) => mirror.runner(),
                     Some(Err(problem)) => Err(anyhow!("{problem}")),
                     None => Err(anyhow!("there is no mirror of this scene")),
@@ -144,7 +169,57 @@ impl Runner {
             path: &self.path,
             samples_per_frame: self.samples_per_frame,
         };
-        record(&mut *self.stepper, drive, frames, &mut |_| on_frame())
+        let stepper: &mut dyn Stepper = match &mut self.stepper {
+            Mover::Watched(watched) => &mut **watched,
+            Mover::Other(other) => &mut **other,
+        };
+        record(stepper, drive, frames, &mut |_| on_frame())
+    }
+
+    /// What a guard has done so far; none where there is none.
+    pub(crate) fn guarded(&self) -> Option<Guarded> {
+        match &self.stepper {
+            Mover::Watched(watched) => Some(watched.summary()),
+            Mover::Other(_) => None,
+        }
+    }
+}
+
+/// A model that knows the true frames up to `start`, with a guard where that is to do something.
+fn guarded(
+    model: &Arc<Model>,
+    guard: GuardSettings,
+    course: &Course<'_>,
+    start: usize,
+) -> anyhow::Result<Mover> {
+    let truth = course.truth;
+    let graph = selvedge_train::graph_of(course.motion, truth)?;
+    let first = (start + 1).saturating_sub(model.spec().history());
+    let known: Vec<&[Vec3]> = (first..=start).map(|frame| truth.frame(frame)).collect();
+    let stepper = LearnedStepper::new(Arc::clone(model), graph, &known)?;
+    if guard.correction == Correction::None {
+        return Ok(Mover::Other(Box::new(stepper)));
+    }
+    let (cloth, rate) = (truth.cloth(), truth.frame_rate());
+    let scene = course.scene.map(Arc::clone);
+    let watched = Watched::new(stepper, cloth, rate, scene, guard)?;
+    Ok(Mover::Watched(Box::new(watched)))
+}
+
+impl Scenes {
+    /// The scene of `truth`, whatever its motion; none where it has none that can be made.
+    pub(crate) fn of(&mut self, truth: &Trajectory) -> Option<Arc<Scene>> {
+        let spec = SceneSpec::from_json(&truth.provenance().scene).ok()?;
+        if let Some((_, scene)) = self.known.iter().find(|known| known.0 == spec.setting) {
+            return Some(Arc::clone(scene));
+        }
+        let scene = Arc::new(spec.build("".as_ref()).ok()?);
+        let fits = scene.mesh.topology() == truth.topology() && scene.handles == *truth.handles();
+        if !fits {
+            return None;
+        }
+        self.known.push((spec.setting, Arc::clone(&scene)));
+        Some(scene)
     }
 }
 
@@ -198,7 +273,7 @@ impl Mirror {
         // Those of the pool that the run was given.
         simulator.set_threads(Threads::Pool);
         Ok(Runner {
-            stepper: Box::new(simulator),
+            stepper: Mover::Other(Box::new(simulator)),
             path: self.scene.handle_path()?,
             samples_per_frame: self.scene.physics.substeps as usize,
         })

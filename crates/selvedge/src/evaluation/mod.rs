@@ -15,8 +15,10 @@ mod measures;
 mod meshes;
 mod summary;
 mod timing;
-mod workers;
 
+use std::sync::Arc;
+
+use selvedge_cloth::Scene;
 use selvedge_data::{Dataset, Entry, RecordingEnd, Split, Trajectory, metrics};
 use serde::{Deserialize, Serialize};
 
@@ -26,12 +28,14 @@ pub(crate) use self::measures::{Curves, Measures, STRAIN_LIMIT};
 pub(crate) use self::summary::{Summary, summary};
 pub(crate) use self::timing::Timing;
 
-use self::contestant::{Mirror, Mirrors};
+use self::contestant::{Course, Mirror, Mirrors, Scenes};
 use self::meshes::Meshes;
 use crate::failure::{self, WrongUsage};
+use crate::guarded::{DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded};
 use crate::interrupt;
 use crate::output::End;
 use crate::progress::Progress;
+use crate::workers;
 
 /// Trajectories of a data set to run along.
 pub(crate) struct TestData {
@@ -83,6 +87,11 @@ pub(crate) struct Row {
     pub(crate) measures: Option<Measures>,
     /// The first frame in which an edge strains over [`STRAIN_LIMIT`], or that was not reached.
     pub(crate) unstable_frame: Option<usize>,
+    /// The first of more than ten frames in a row in which some edge strains over 30 %, or the first
+    /// that was not reached.
+    pub(crate) diverged_frame: Option<usize>,
+    /// What a guard did in the whole run; none where there was none.
+    pub(crate) guarded: Option<Guarded>,
     /// Errors over k steps from the truth.
     pub(crate) horizons: Vec<Horizon>,
     /// Why there are no measures.
@@ -97,6 +106,18 @@ struct Trial<'a> {
     entry: &'a Entry,
     mesh: String,
     mirror: Option<Result<Mirror, String>>,
+    scene: Option<Arc<Scene>>,
+}
+
+impl Trial<'_> {
+    fn course<'a>(&'a self, truth: &'a Trajectory) -> Course<'a> {
+        Course {
+            motion: &self.entry.motion,
+            truth,
+            mirror: self.mirror.as_ref(),
+            scene: self.scene.as_ref(),
+        }
+    }
 }
 
 impl TestData {
@@ -187,7 +208,8 @@ pub(crate) fn check_horizons(data: &[TestData], horizons: &Horizons) -> anyhow::
 fn trials<'a>(plan: &Plan<'a>) -> anyhow::Result<Vec<Trial<'a>>> {
     let is_mirror = |contestant: &Contestant| contestant.who() == Who::Mirror;
     let with_mirror = plan.contestants.iter().any(is_mirror);
-    let mut mirrors = Mirrors::default();
+    let with_scene = plan.contestants.iter().any(Contestant::wants_scene);
+    let (mut mirrors, mut scenes) = (Mirrors::default(), Scenes::default());
     let mut meshes = Meshes::default();
     let mut trials = Vec::new();
     for data in plan.data {
@@ -201,6 +223,7 @@ fn trials<'a>(plan: &Plan<'a>) -> anyhow::Result<Vec<Trial<'a>>> {
                 entry,
                 mesh: meshes.name(&truth),
                 mirror,
+                scene: with_scene.then(|| scenes.of(&truth)).flatten(),
             });
         }
     }
@@ -228,6 +251,8 @@ fn run(
         frame_rate: truth.frame_rate(),
         measures: None,
         unstable_frame: None,
+        diverged_frame: None,
+        guarded: None,
         horizons: Vec::new(),
         failure: None,
         curves: Curves::default(),
@@ -247,14 +272,18 @@ fn fill(
     horizons: &Horizons,
     on_frame: &mut dyn FnMut() -> std::ops::ControlFlow<()>,
 ) -> anyhow::Result<()> {
-    let mirror = trial.mirror.as_ref();
-    let mut runner = contestant.runner(&trial.entry.motion, truth, mirror, 0)?;
+    let course = trial.course(truth);
+    let mut runner = contestant.runner(&course, 0)?;
     let recording = runner.run(truth.frame_count() - 1, on_frame);
+    row.guarded = runner.guarded();
     row.curves = Curves::of(truth, &recording.positions)?;
     let reached = row.curves.position_rmse.len();
     let strained = metrics::first_strained_frame(&row.curves.largest_strain, STRAIN_LIMIT);
+    let strains = &row.curves.largest_strain;
+    row.diverged_frame = metrics::diverged_frame(strains, DIVERGED_STRAIN, DIVERGED_FRAMES);
     match recording.end {
         RecordingEnd::Failed(error) => {
+            row.diverged_frame = row.diverged_frame.or(Some(reached));
             row.unstable_frame = Some(strained.unwrap_or(reached));
             row.failure = Some(format!(
                 "frame {reached}: {}",
@@ -270,7 +299,7 @@ fn fill(
         Who::Truth => Vec::new(),
         Who::Rigid | Who::Mirror => horizons.of_whole_run(&row.curves, truth.frame_count()),
         Who::Model => horizons.over_true_starts(truth, |start, steps| {
-            let mut runner = contestant.runner(&trial.entry.motion, truth, mirror, start)?;
+            let mut runner = contestant.runner(&course, start)?;
             Ok(runner.run(steps, on_frame).positions)
         })?,
     };
@@ -288,9 +317,7 @@ fn timings(plan: &Plan<'_>, trials: &[Trial<'_>]) -> anyhow::Result<Vec<Timing>>
         let truth = trial.data.data.read(trial.entry)?;
         for contestant in plan.contestants.iter().filter(|c| c.who() != Who::Truth) {
             let time = || {
-                let mirror = trial.mirror.as_ref();
-                let runner = contestant.runner(&trial.entry.motion, &truth, mirror, 0);
-                let mut runner = runner.ok()?;
+                let mut runner = contestant.runner(&trial.course(&truth), 0).ok()?;
                 Some(timing::milliseconds(&mut runner, truth.frame_count() - 1))
             };
             // Who cannot run has a row that says why.

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::{Horizon, Measures, Row};
+use crate::guarded::Guarded;
 
 /// One contestant over several motions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -13,6 +14,10 @@ pub(crate) struct Summary {
     pub(crate) stable: usize,
     /// The earliest frame in which one did.
     pub(crate) unstable_frame: Option<usize>,
+    /// Runs that diverged.
+    pub(crate) diverged: usize,
+    /// What a guard did in all runs; none where one had none.
+    pub(crate) guarded: Option<Guarded>,
     /// Means over the motions; none where one run failed: a mean over the others would flatter.
     pub(crate) measures: Option<Measures>,
     /// Means over the motions, for those k that every motion has.
@@ -28,6 +33,14 @@ pub(crate) fn summary(rows: &[&Row]) -> Summary {
         motions: rows.len(),
         stable: rows.len() - unstable().count(),
         unstable_frame: unstable().min(),
+        diverged: rows
+            .iter()
+            .filter(|row| row.diverged_frame.is_some())
+            .count(),
+        guarded: {
+            let all: Option<Vec<Guarded>> = rows.iter().map(|row| row.guarded).collect();
+            all.map(|all| Guarded::sum(all.into_iter()))
+        },
         measures: if all_measured {
             Measures::mean(measured())
         } else {

@@ -30,12 +30,18 @@ fn the_truth_has_no_error_and_meshes_are_told_in_words() {
     );
     assert_eq!(meshes.name(&truth), name);
     // The truth plays itself, the rigid rest pose stands still with it: both are exact.
+    let course = Course {
+        motion: "m",
+        truth: &truth,
+        mirror: None,
+        scene: None,
+    };
     for contestant in Contestant::rivals() {
         if contestant.who() == Who::Mirror {
-            assert!(contestant.runner("m", &truth, None, 0).is_err());
+            assert!(contestant.runner(&course, 0).is_err());
             continue;
         }
-        let mut runner = contestant.runner("m", &truth, None, 0).unwrap();
+        let mut runner = contestant.runner(&course, 0).unwrap();
         let recording = runner.run(frames - 1, &mut || std::ops::ControlFlow::Continue(()));
         let measures = Measures::of(&truth, &recording.positions).unwrap();
         // Positions of at most 1 m in f32, turned by a yaw of a few roundings.

@@ -3,12 +3,17 @@
 
 use super::{Contest, Subject};
 use crate::evaluation::{Horizon, Measures, Row, Timing, Who, summary};
+use crate::guarded::Guarded;
 
 const MEASURES: &str = "position_rmse,mean_vertex_error,largest_vertex_error,relative_error,edge_length_rmse,largest_strain,final_speed";
 
+const GUARDED: &str = "frames,frames_corrected,frames_lost,largest_correction";
+
 /// A line per contestant and mesh, and per contestant over all meshes ("all").
 pub(crate) fn means_csv(contest: &Contest<'_>) -> String {
-    let head = format!("who,mesh,motions,runs_under_strain_limit,first_frame_over,{MEASURES}");
+    let head = format!(
+        "who,mesh,motions,runs_under_strain_limit,first_frame_over,{MEASURES},runs_diverged,{GUARDED}"
+    );
     let mut csv = Csv::new(&head);
     let meshes = contest.values(|row| &row.mesh);
     for (subject, name) in contest.subjects().zip(contest.names()) {
@@ -19,6 +24,8 @@ pub(crate) fn means_csv(contest: &Contest<'_>) -> String {
             csv.number(Some(all.stable as f64));
             csv.number(all.unstable_frame.map(|frame| frame as f64));
             csv.measures(all.measures.as_ref());
+            csv.number(Some(all.diverged as f64));
+            csv.guarded(all.guarded.as_ref());
             csv.end();
         };
         for mesh in &meshes {
@@ -35,12 +42,16 @@ pub(crate) fn means_csv(contest: &Contest<'_>) -> String {
 
 /// A line per contestant and motion.
 pub(crate) fn motions_csv(contest: &Contest<'_>) -> String {
-    let head = format!("who,data,mesh,motion,first_frame_over,{MEASURES},failure");
+    let head = format!(
+        "who,data,mesh,motion,first_frame_over,{MEASURES},first_frame_diverged,{GUARDED},failure"
+    );
     let mut csv = Csv::new(&head);
     each(contest, |name, row| {
         csv.texts([name, &row.data, &row.mesh, &row.motion]);
         csv.number(row.unstable_frame.map(|frame| frame as f64));
         csv.measures(row.measures.as_ref());
+        csv.number(row.diverged_frame.map(|frame| frame as f64));
+        csv.guarded(row.guarded.as_ref());
         csv.texts([row.failure.as_deref().unwrap_or_default()]);
         csv.end();
     });
@@ -155,6 +166,13 @@ impl Csv {
             of(|m| m.final_speed),
         ];
         all.into_iter().for_each(|value| self.number(value));
+    }
+
+    fn guarded(&mut self, guarded: Option<&Guarded>) {
+        self.number(guarded.map(|g| g.frames as f64));
+        self.number(guarded.map(|g| g.corrected as f64));
+        self.number(guarded.map(|g| g.lost as f64));
+        self.number(guarded.map(|g| g.largest_correction));
     }
 
     /// Ends the line, which has at least one field.

@@ -47,6 +47,9 @@ pub(crate) fn summary_table(contest: &Contest<'_>) -> String {
         "runs under 20 % strain",
         "first frame over",
         "speed in the last second (mm/s)",
+        "runs that diverge",
+        "frames corrected",
+        "largest correction (mm)",
     ]);
     let cells = |name: String, of: &Summary| {
         let mut cells = vec![name];
@@ -65,6 +68,10 @@ pub(crate) fn summary_table(contest: &Contest<'_>) -> String {
         cells.push(of.unstable_frame.map_or_else(dash, |f| f.to_string()));
         let settled = of.measures.as_ref().map(|m| millimetres(m.final_speed));
         cells.push(settled.unwrap_or_else(dash));
+        cells.push(of.diverged.to_string());
+        let guarded = of.guarded.as_ref();
+        cells.push(guarded.map_or_else(dash, |g| percent(g.share())));
+        cells.push(guarded.map_or_else(dash, |g| millimetres(g.largest_correction)));
         cells
     };
     table(&headings, &by_subject(contest, cells))

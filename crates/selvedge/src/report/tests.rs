@@ -22,6 +22,8 @@ fn row(name: &str, who: Who, motion: &str, size: f64) -> Row {
             final_speed: size,
         }),
         unstable_frame: None,
+        diverged_frame: None,
+        guarded: None,
         horizons: vec![Horizon {
             steps: 1,
             position_rmse: 0.1 * size,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, anyhow};
 use selvedge_data::Split;
+use selvedge_guard::{Correction, GuardSettings};
 use serde::{Deserialize, Serialize};
 
 use super::{Desk, StudyData, kept, training};
@@ -37,7 +38,7 @@ struct Subject {
 }
 
 /// Raised where evaluations that are kept would come out differently now.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// All that is measured, contestant after contestant.
 pub(super) struct Results {
@@ -178,7 +179,10 @@ fn measure(
         Runs::Rival(contestant) => contestant,
         Runs::Model(file) => Contestant {
             name: waiting.name,
-            racer: Racer::Model(learned::open(Some(&file))?.model),
+            racer: Racer::Model(
+                learned::open(Some(&file))?.model,
+                GuardSettings::with(Correction::None),
+            ),
         },
     };
     let plan = Plan {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::super::{Motion, named};
+use super::super::{Motion, RandomMotion, named};
 use super::corners;
 
 #[test]
@@ -192,4 +192,32 @@ fn every_name_binds_and_is_unique() {
         assert_eq!(toml::from_str::<Motion>(&text).unwrap(), motion, "{name}");
     }
     assert_eq!(named::by_name("sideways"), None);
+}
+
+#[test]
+fn motions_drawn_for_a_test_keep_to_their_speed_and_are_none_of_the_named() {
+    let drawn = |number, speed| RandomMotion {
+        seed: 3,
+        number,
+        duration: 4.0,
+        speed,
+    };
+    let mut fastest = 0.0_f64;
+    for number in 0..20 {
+        let motion = drawn(number, 2.0).motion();
+        assert_eq!(motion, drawn(number, 2.0).motion());
+        assert_ne!(motion, drawn(number + 1, 2.0).motion());
+        let path = motion.bind(&corners(), 60.0).unwrap();
+        assert!(path.frame_count() >= 240);
+        for frame in 0..240 {
+            let at = |frame: usize| path.at(frame as f64 / 60.0);
+            for (now, next) in at(frame).iter().zip(at(frame + 1)) {
+                fastest = fastest.max(now.distance(next));
+            }
+        }
+    }
+    let peak = 2.0 * std::f64::consts::FRAC_PI_2 / 60.0;
+    assert!(fastest <= peak + 1e-12 && fastest > 0.8 * peak, "{fastest}");
+    let named = named::by_name("random-3").unwrap();
+    assert_ne!(drawn(0, 1.0).motion(), named);
 }

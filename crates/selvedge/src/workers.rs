@@ -15,7 +15,7 @@ use anyhow::{Context, anyhow};
 ///
 /// # Errors
 /// What the first of the jobs that failed says, or threads that cannot be started.
-pub(super) fn share<J: Sync, R: Send>(
+pub(crate) fn share<J: Sync, R: Send>(
     threads: Option<usize>,
     jobs: &[J],
     work: impl Fn(&J) -> anyhow::Result<R> + Sync,
@@ -56,7 +56,7 @@ pub(super) fn share<J: Sync, R: Send>(
 ///
 /// # Errors
 /// Threads that cannot be started.
-pub(super) fn alone<R: Send>(
+pub(crate) fn alone<R: Send>(
     threads: Option<usize>,
     work: impl FnOnce() -> R + Send,
 ) -> anyhow::Result<R> {

@@ -1,0 +1,106 @@
+//! How a model is guarded, and the call of `selvedge stress`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use selvedge_guard::{Correction, GuardSettings, When};
+
+use super::evaluate::MOST_THREADS;
+
+/// What is done about frames that no cloth could have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GuardName {
+    /// Nothing.
+    None,
+    /// Edges are brought back within bounds; what is lost is replaced by the physics.
+    Limit,
+    /// The same, after a few implicit solves that relax the frame.
+    Physics,
+    /// Every frame is relaxed.
+    PhysicsAlways,
+}
+
+impl GuardName {
+    /// As the command line has it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Limit => "limit",
+            Self::Physics => "physics",
+            Self::PhysicsAlways => "physics-always",
+        }
+    }
+
+    /// What it means.
+    pub(crate) fn settings(self) -> GuardSettings {
+        match self {
+            Self::None => GuardSettings::with(Correction::None),
+            Self::Limit => GuardSettings::with(Correction::Limit),
+            Self::Physics => GuardSettings::with(Correction::Physics),
+            Self::PhysicsAlways => GuardSettings {
+                when: When::Always,
+                ..GuardSettings::with(Correction::Physics)
+            },
+        }
+    }
+}
+
+/// Drive a model through random motions, without a truth: does it stay whole?
+///
+/// Every run starts in the rest pose; the handles stand still for half a second and then move in every
+/// direction and turn, as in the random motions of the data sets. A run diverges where some edge strains
+/// over 30 % for more than 10 frames in a row. The numbers are the same for any number of threads,
+/// but for the time of a frame. Ctrl-C prints what is done.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge stress
+  selvedge stress --runs 1000 --guard none
+  selvedge stress my-scene.toml --model my-model.safetensors --speed 1.5 --out runs.csv
+  selvedge stress --mesh all --density 289")]
+pub(crate) struct StressArgs {
+    /// A scene: a TOML file, or the name of a shipped one. Its motion is not used.
+    #[arg(default_value = "default")]
+    pub(crate) scene: String,
+    /// The model's weights [default: the shipped model].
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: Option<PathBuf>,
+    /// How many motions.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) runs: u32,
+    /// Frames of each.
+    #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u32).range(1..=super::MOST_FRAMES))]
+    pub(crate) frames: u32,
+    /// Which motions.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Peak speed of the handles, in parts of that of the shipped training motions (1.57 m/s).
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
+    pub(crate) speed: f64,
+    /// What is done about frames that no cloth could have.
+    #[arg(long, value_enum, default_value_t = GuardName::Limit)]
+    pub(crate) guard: GuardName,
+    /// Cloths in turn instead of the scene's own, as data presets name them: all, or names separated by
+    /// commas.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) mesh: Vec<String>,
+    /// Of these cloths [vertices/m²].
+    #[arg(long, value_name = "D", default_value_t = 289.0, requires = "mesh")]
+    pub(crate) density: f64,
+    /// Decides where the inner vertices of these cloths lie.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh")]
+    pub(crate) mesh_seed: u64,
+    /// Write a line for each run to this file (.csv).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// Runs that are made at once [default: as many as there are processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub(crate) threads: Option<u16>,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(speed) if speed > 0.0 && speed <= 1000.0 => Ok(speed),
+        _ => Err("expected a number above 0 and at most 1000".to_owned()),
+    }
+}

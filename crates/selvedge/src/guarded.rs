@@ -1,0 +1,157 @@
+//! A model under a guard, as commands run it: the guard's word on every frame is kept, and summed up.
+
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use glam::Vec3;
+use selvedge_cloth::{HandleTargets, Handles, Scene, StepError, Stepper, Topology};
+use selvedge_data::{Cloth, write_atomically};
+use selvedge_guard::{Guard, GuardSettings, GuardedCloth, Measured, Tally, Trust};
+use selvedge_model::LearnedStepper;
+use serde::{Deserialize, Serialize};
+
+/// A run diverges where some edge strains more, (l - l₀)/l₀ against the material ...
+pub(crate) const DIVERGED_STRAIN: f64 = 0.3;
+/// ... for more frames in a row.
+pub(crate) const DIVERGED_FRAMES: usize = 10;
+
+/// A model under a guard.
+pub(crate) struct Watched {
+    guard: Guard<LearnedStepper>,
+    log: Vec<Trust>,
+}
+
+/// What a guard did in a run, or in several.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Guarded {
+    /// Frames that were stepped.
+    pub(crate) frames: usize,
+    /// Those that were corrected.
+    pub(crate) corrected: usize,
+    /// Those that were lost.
+    pub(crate) lost: usize,
+    /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
+    pub(crate) largest_correction: f64,
+}
+
+impl Watched {
+    /// `stepper`, which moves `cloth` at `frame_rate`, watched as `settings` say; with its `scene`, where that
+    /// is known.
+    ///
+    /// # Errors
+    /// A cloth that cannot be guarded.
+    pub(crate) fn new(
+        stepper: LearnedStepper,
+        cloth: &Cloth,
+        frame_rate: f64,
+        scene: Option<Arc<Scene>>,
+        settings: GuardSettings,
+    ) -> anyhow::Result<Self> {
+        let cloth = GuardedCloth {
+            material_coordinates: &cloth.material_coordinates,
+            rest_positions: &cloth.rest_positions,
+            vertex_mass: &cloth.vertex_mass,
+            frame_rate,
+        };
+        let guard = Guard::new(stepper, cloth, scene, settings);
+        Ok(Self {
+            guard: guard.context("the guard (--guard none does without)")?,
+            log: Vec::new(),
+        })
+    }
+
+    /// What is known of each frame that was stepped.
+    pub(crate) fn log(&self) -> &[Trust] {
+        &self.log
+    }
+
+    /// The same summed up.
+    pub(crate) fn summary(&self) -> Guarded {
+        let mut tally = Tally::default();
+        self.log.iter().for_each(|trust| tally.add(trust));
+        Guarded {
+            frames: tally.frames,
+            corrected: tally.corrected,
+            lost: tally.lost,
+            largest_correction: tally.largest_correction,
+        }
+    }
+}
+
+impl Guarded {
+    /// All together.
+    pub(crate) fn sum(all: impl Iterator<Item = Self>) -> Self {
+        all.fold(Self::default(), |a, b| Self {
+            frames: a.frames + b.frames,
+            corrected: a.corrected + b.corrected,
+            lost: a.lost + b.lost,
+            largest_correction: a.largest_correction.max(b.largest_correction),
+        })
+    }
+
+    /// Share of the frames that were corrected or replaced.
+    pub(crate) fn share(&self) -> f64 {
+        (self.corrected + self.lost) as f64 / self.frames.max(1) as f64
+    }
+}
+
+impl Stepper for Watched {
+    fn topology(&self) -> &Topology {
+        self.guard.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.guard.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        self.guard.positions()
+    }
+
+    fn frame(&self) -> usize {
+        self.guard.frame()
+    }
+
+    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+        self.guard.step(handles)?;
+        self.log.push(*self.guard.trust());
+        Ok(())
+    }
+}
+
+/// Writes a line per frame: what the guard found, did and gave on. SI units; strains without one.
+///
+/// # Errors
+/// When the file cannot be written.
+pub(crate) fn write_trust(path: &Path, log: &[Trust]) -> anyhow::Result<()> {
+    write_atomically(path, |out| {
+        writeln!(
+            out,
+            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest"
+        )?;
+        for trust in log {
+            let Measured {
+                largest_strain,
+                smallest_strain,
+                strain_rms,
+                kinetic_energy,
+                largest_speed,
+            } = trust.given;
+            let text = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
+            let predicted = text(trust.predicted.map(|m| m.largest_strain));
+            let rms = text(trust.correction.map(|m| m.rms));
+            let largest = text(trust.correction.map(|m| m.largest));
+            let verdict = trust.verdict.name();
+            writeln!(
+                out,
+                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest}",
+                trust.frame
+            )?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}
