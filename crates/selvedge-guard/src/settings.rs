@@ -25,8 +25,9 @@ pub enum When {
     Always,
 }
 
-/// How a guard decides. The defaults leave the data sets that ship alone (stretches of 0.90 to 1.16)
-/// and stay below the strain of 30 % at which a run counts as unstable.
+/// How a guard decides. The defaults leave the physics of the data set `first` alone, whose edges have
+/// stretches of 0.853 to 1.282 (of 39,091 frames a thousandth has one over 1.263), and stay below the
+/// strain of 30 % over which a run diverges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuardSettings {
     /// What is done to a frame that is beyond its bounds.
@@ -66,7 +67,7 @@ impl Default for GuardSettings {
             correction: Correction::default(),
             when: When::default(),
             least_stretch: 0.85,
-            most_stretch: 1.2,
+            most_stretch: 1.28,
             rest_margin: 0.05,
             lost_strain: 1.0,
             lost_correction: 1.0,

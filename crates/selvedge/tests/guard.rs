@@ -49,8 +49,8 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         assert_eq!(number(&report, "/guarded/frames"), PUSH_FRAMES as f64);
         assert_eq!(report["guard"], guard);
         if guard != "none" {
-            // The bound of 20 % and its slack; the rest pose of this cloth strains far less.
-            assert!(number(&report, "/largest_strain") < 0.2015, "{guard}");
+            // The bound of 28 % and its slack; the rest pose of this cloth strains far less.
+            assert!(number(&report, "/largest_strain") < 0.2815, "{guard}");
         }
     }
     let wrong = "rollout push.toml --trust trust.txt --out other";
@@ -96,7 +96,7 @@ fn guards_stand_side_by_side_in_an_evaluation() {
     for row in &rows[1..3] {
         assert_eq!(number(row, "/guarded/frames"), 60.0);
         assert_eq!(row["diverged_frame"], Value::Null);
-        assert!(number(row, "/measures/largest_strain") < 0.2015);
+        assert!(number(row, "/measures/largest_strain") < 0.2815);
     }
     assert_eq!(report["means"][1]["diverged"], 0);
     assert_eq!(report["means"][1]["guarded"], rows[1]["guarded"]);
@@ -127,7 +127,7 @@ fn a_test_drive_is_the_same_for_any_number_of_threads() {
     assert_eq!(one["all"]["runs"], 5);
     assert_eq!(one["all"]["stable"], 5);
     assert_eq!(number(&one, "/all/guarded/frames"), 200.0);
-    assert!(number(&one, "/all/strain_quantiles/5") < 0.2015);
+    assert!(number(&one, "/all/strain_quantiles/5") < 0.2815);
     let other = without_time(desk.json(&format!("{drive} --seed 2")));
     assert_ne!(one["runs"], other["runs"]);
     // The first runs of a longer drive are those of a shorter one.

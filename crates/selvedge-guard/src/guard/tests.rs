@@ -349,8 +349,8 @@ fn verdicts_turn_at_their_thresholds() {
         pulled(low)
     };
     for (strain, verdict) in [
-        (0.19, Verdict::Held),
-        (0.21, Verdict::Corrected),
+        (0.27, Verdict::Held),
+        (0.29, Verdict::Corrected),
         (0.99, Verdict::Corrected),
         (1.01, Verdict::Lost),
     ] {
