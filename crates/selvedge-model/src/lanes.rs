@@ -3,7 +3,7 @@
 //!
 //! [`Lanes`] is what the kernels need of a scalar beyond [`crate::Real`], which it seals.
 
-use pulp::{Arch, Scalar128b, Simd, WithSimd};
+use pulp::{Arch, Scalar, Simd, WithSimd};
 
 /// Which instructions the kernels use. Results differ in the last bits: only the wide ones fuse a
 /// multiplication with its addition.
@@ -21,11 +21,10 @@ impl Instructions {
     #[inline(always)]
     pub(crate) fn run<K: WithSimd>(self, kernel: K) -> K::Output {
         match self {
-            Self::Detected => match Arch::new() {
-                Arch::Scalar => kernel.with_simd(PLAIN),
-                arch => arch.dispatch(kernel),
-            },
-            Self::Plain => kernel.with_simd(PLAIN),
+            Self::Detected => Arch::new().dispatch(kernel),
+            // What is detected where there is nothing wide. Not one of `pulp`'s emulated vectors: their
+            // fused products are calls of a function.
+            Self::Plain => kernel.with_simd(Scalar),
         }
     }
 
@@ -49,15 +48,6 @@ impl<F: FnMut()> WithSimd for Loop<F> {
     fn with_simd<S: Simd>(mut self, _: S) {
         (self.0)();
     }
-}
-
-/// Vectors of four, which compilers make of the plain instructions of x86-64 and AArch64.
-const PLAIN: Scalar128b = Scalar128b;
-
-/// Whether there is an instruction for a b + c. Where there is none it would be a function, hundreds of
-/// times as slow as a multiplication and an addition.
-const fn fuses<S: Simd>() -> bool {
-    !cfg!(target_arch = "x86_64") || S::F32_LANES > 4
 }
 
 /// Widest vector of any instruction set, in `f32`: what packed weights are padded to.
@@ -138,11 +128,7 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
-        if fuses::<S>() {
-            simd.mul_add_e_f32s(a, b, c)
-        } else {
-            simd.add_f32s(simd.mul_f32s(a, b), c)
-        }
+        simd.mul_add_e_f32s(a, b, c)
     }
     #[inline(always)]
     fn plus<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
@@ -217,11 +203,7 @@ impl Lanes for f64 {
     }
     #[inline(always)]
     fn mul_add<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
-        if fuses::<S>() {
-            simd.mul_add_e_f64s(a, b, c)
-        } else {
-            simd.add_f64s(simd.mul_f64s(a, b), c)
-        }
+        simd.mul_add_e_f64s(a, b, c)
     }
     #[inline(always)]
     fn plus<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
@@ -274,43 +256,59 @@ impl Lanes for f64 {
     }
 }
 
+/// What [`exps`] computes with: bounds of x; log2 e; 1.5 · 2^23, which rounds to an integer when it is
+/// added; - ln 2, its high and its low part; the Taylor coefficients from the seventh down.
+const EXP: [f32; 14] = [
+    87.0,
+    -87.0,
+    std::f32::consts::LOG2_E,
+    12_582_912.0,
+    -0.693_359_4,
+    2.121_944_4e-4,
+    1.0 / 5040.0,
+    1.0 / 720.0,
+    1.0 / 120.0,
+    1.0 / 24.0,
+    1.0 / 6.0,
+    0.5,
+    1.0,
+    1.0,
+];
+
 /// e^x for |x| ≤ 87 (clamped beyond, not a number where x is none), relative error below 2e-7: 2^n times
 /// the Taylor series of e^r, |r| ≤ ln 2 / 2, to the seventh order.
 #[inline(always)]
 fn exps<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
-    const MOST: f32 = 87.0;
-    const TO_NEAREST: f32 = 12_582_912.0; // 1.5 · 2^23: adding it rounds to an integer
-    const MINUS_LN_2_HIGH: f32 = -0.693_359_4;
-    const MINUS_LN_2_LOW: f32 = 2.121_944_4e-4;
-    // Taylor coefficients after the seventh.
-    const SERIES: [f32; 7] = [
-        1.0 / 720.0,
-        1.0 / 120.0,
-        1.0 / 24.0,
-        1.0 / 6.0,
-        0.5,
-        1.0,
-        1.0,
-    ];
-    let of = |x: f32| simd.splat_f32s(x);
-    let fused = |a, b, c| <f32 as Lanes>::mul_add(simd, a, b, c);
-    let high = simd.greater_than_f32s(x, of(MOST));
-    let x = select(simd, high, of(MOST), x);
-    let low = simd.greater_than_f32s(of(-MOST), x);
-    let x = select(simd, low, of(-MOST), x);
-    let shifted = fused(x, of(std::f32::consts::LOG2_E), of(TO_NEAREST));
-    let n = simd.sub_f32s(shifted, of(TO_NEAREST));
-    let r = fused(n, of(MINUS_LN_2_HIGH), x);
-    let r = fused(n, of(MINUS_LN_2_LOW), r);
-    let mut series = of(1.0 / 5040.0);
-    for coefficient in SERIES {
-        series = fused(series, r, of(coefficient));
+    // Read anew each time: held in registers throughout the loops around this, constants would drive the
+    // sums of the products out of them.
+    let [
+        most,
+        least,
+        log2_e,
+        to_nearest,
+        ln_2_high,
+        ln_2_low,
+        first,
+        series @ ..,
+    ] = std::hint::black_box(&EXP);
+    let most = simd.splat_f32s(*most);
+    let x = select(simd, simd.greater_than_f32s(x, most), most, x);
+    let least = simd.splat_f32s(*least);
+    let x = select(simd, simd.greater_than_f32s(least, x), least, x);
+    let to_nearest = simd.splat_f32s(*to_nearest);
+    let shifted = simd.mul_add_e_f32s(x, simd.splat_f32s(*log2_e), to_nearest);
+    let n = simd.sub_f32s(shifted, to_nearest);
+    let r = simd.mul_add_e_f32s(n, simd.splat_f32s(*ln_2_high), x);
+    let r = simd.mul_add_e_f32s(n, simd.splat_f32s(*ln_2_low), r);
+    let mut sum = simd.splat_f32s(*first);
+    for coefficient in series {
+        sum = simd.mul_add_e_f32s(sum, r, simd.splat_f32s(*coefficient));
     }
     // The low bits of `shifted` hold n as an integer; moved up they are an exponent.
     let bits = simd.transmute_u32s_f32s(shifted);
     let exponent = simd.wrapping_dyn_shl_u32s(bits, simd.splat_u32s(23));
     let power = simd.add_u32s(exponent, simd.splat_u32s(127 << 23));
-    simd.mul_f32s(series, simd.transmute_f32s_u32s(power))
+    simd.mul_f32s(sum, simd.transmute_f32s_u32s(power))
 }
 
 /// `yes` where the mask is set, else `no`: `select_f32s` itself is not always inlined.
