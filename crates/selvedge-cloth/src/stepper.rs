@@ -79,3 +79,25 @@ pub enum StepError {
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
 }
+
+/// For a [`Stepper`] around another one: all but [`Stepper::step`] is as in its field `inner`.
+#[macro_export]
+macro_rules! looks_like {
+    ($inner:ident) => {
+        fn topology(&self) -> &$crate::Topology {
+            self.$inner.topology()
+        }
+
+        fn handles(&self) -> &$crate::Handles {
+            self.$inner.handles()
+        }
+
+        fn positions(&self) -> &[::glam::Vec3] {
+            self.$inner.positions()
+        }
+
+        fn frame(&self) -> usize {
+            self.$inner.frame()
+        }
+    };
+}

@@ -92,16 +92,16 @@ fn a_motion_under_another_name_is_still_in_both_splits() {
         "test: \"mine\" is the motion \"forward\" of train: test on others"
     );
     let lists = "train = [\"mine\"]\ntest = [\"side\"]";
-    assert!(preset(lists, "whole", "60", own).is_ok());
-    assert!(
-        preset(
-            "train = \"all-training\"\ntest = \"all-test\"",
-            "whole",
-            "60",
-            ""
-        )
-        .is_ok()
+    let other = preset(lists, "whole", "60", own).unwrap();
+    let plan = other.plan().unwrap();
+    assert_eq!(
+        (plan.train, plan.test),
+        (vec!["mine".to_owned()], vec!["side".to_owned()])
     );
+    let lists = "train = \"all-training\"\ntest = \"all-test\"";
+    let all = preset(lists, "whole", "60", "").unwrap();
+    let counts = [Split::Train, Split::Test].map(|split| all.motions(split).len());
+    assert_eq!(counts, [16, 15]);
 }
 
 #[test]
@@ -118,8 +118,10 @@ fn a_shipped_name_means_the_shipped_motion() {
 #[test]
 fn the_sections_of_the_paper_are_for_its_frame_rate() {
     let lists = "train = [\"forward\"]\ntest = []";
-    assert!(preset(lists, "paper", "60", "").is_ok());
-    assert!(preset(lists, "whole", "30", "").is_ok());
+    let papers = preset(lists, "paper", "60", "").unwrap();
+    assert_eq!(papers.config().sections, SectionRule::Paper);
+    let whole = preset(lists, "whole", "30", "").unwrap();
+    assert_eq!(whole.config().setting.frame_rate, 30.0);
     let error = preset(lists, "paper", "30", "").unwrap_err();
     assert!(
         error.contains("sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"),

@@ -10,9 +10,7 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Topology, VertexId,
-};
+use selvedge_cloth::{Correctable, HandleTargets, Scene, StepError, Stepper, Topology, VertexId};
 use thiserror::Error;
 
 use crate::carry::carry;
@@ -235,21 +233,7 @@ impl<S: Correctable> Guard<S> {
 }
 
 impl<S: Correctable> Stepper for Guard<S> {
-    fn topology(&self) -> &Topology {
-        self.inner.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.inner.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.inner.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.inner.frame()
-    }
+    selvedge_cloth::looks_like!(inner);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         match self.inner.step(targets) {

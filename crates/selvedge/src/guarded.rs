@@ -5,8 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
-use glam::Vec3;
-use selvedge_cloth::{HandleTargets, Handles, Scene, StepError, Stepper, Topology};
+use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{Cloth, write_atomically};
 use selvedge_guard::{Guard, GuardSettings, GuardedCloth, Measured, Tally, Trust};
 use selvedge_model::LearnedStepper;
@@ -99,21 +98,7 @@ impl Guarded {
 }
 
 impl Stepper for Watched {
-    fn topology(&self) -> &Topology {
-        self.guard.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.guard.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.guard.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.guard.frame()
-    }
+    selvedge_cloth::looks_like!(guard);
 
     fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
         self.guard.step(handles)?;

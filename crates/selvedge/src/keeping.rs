@@ -1,8 +1,7 @@
 //! A simulator that keeps its states: positions and velocities of every frame in f64, which a
 //! trajectory has in f32 or not at all.
 
-use glam::Vec3;
-use selvedge_cloth::{HandleTargets, Handles, StepError, Stepper, Topology};
+use selvedge_cloth::{HandleTargets, StepError, Stepper};
 use selvedge_data::StateRun;
 use selvedge_sim::Simulator;
 
@@ -37,21 +36,7 @@ impl KeepingStates {
 }
 
 impl Stepper for KeepingStates {
-    fn topology(&self) -> &Topology {
-        self.simulator.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.simulator.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.simulator.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.simulator.frame()
-    }
+    selvedge_cloth::looks_like!(simulator);
 
     fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
         self.simulator.step(handles)?;

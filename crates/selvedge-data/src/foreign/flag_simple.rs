@@ -370,7 +370,12 @@ mod tests {
                 };
                 let record = Record { example, place };
                 let trajectory = reader.parts(&record).and_then(Parts::trajectory);
-                good += usize::from(trajectory.is_ok());
+                if let Ok(trajectory) = trajectory {
+                    // What is taken is whole: no place is out of this world.
+                    let mut places = trajectory.positions().iter();
+                    assert!(places.all(|p| p.abs().max_element() <= 1e6));
+                    good += 1;
+                }
             }
         }
         // Half of the bytes are coordinates, of which most changes make other coordinates.

@@ -5,7 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    Environment, HandleError, HandleSchedule, Material, Motion, PhysicsSettings, SagSettings,
+    Environment, HandleError, HandleSchedule, Handles, Material, Motion, PhysicsSettings,
+    SagSettings,
 };
 use selvedge_sim::Simulator;
 

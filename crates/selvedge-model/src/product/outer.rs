@@ -6,7 +6,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::{Columns, get, put};
+use super::{Columns, get, panel_vectors, put};
 use crate::lanes::Instructions;
 use crate::real::Real;
 
@@ -51,12 +51,7 @@ impl<T: Real> WithSimd for Outer<'_, T> {
         while first < self.right.count {
             let left = self.right.count - first;
             // Only whole vectors in wide panels, so that these need no masks.
-            let vectors = match left / lanes {
-                3 | 5 | 6 if S::REGISTER_COUNT >= 32 => 3,
-                4.. if S::REGISTER_COUNT >= 32 => 4,
-                2.. => 2,
-                _ => 1,
-            };
+            let vectors = panel_vectors::<S>(left / lanes);
             match vectors {
                 4 => self.panel::<S, 4>(simd, first),
                 3 => self.panel::<S, 3>(simd, first),

@@ -36,7 +36,9 @@ fn conjugate_gradients_move_the_cloth_as_cholesky_does() {
     let direct = run(&scene, 5);
     scene.physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
     let iterative = run(&scene, 5);
-    assert!(direct.solver_iterations().is_none() && iterative.solver_iterations().is_some());
+    // Each is moved by its own solver.
+    assert_eq!(direct.solver_iterations(), None);
+    assert!(iterative.solver_iterations() > Some(0));
     // 20 solves, each wrong by dt times 1e-7 m/s: 1e-8 m, grown by little in 0.08 s.
     let distance = largest_distance(direct.positions_f64(), iterative.positions_f64());
     assert!(distance < 3e-8, "{distance}");

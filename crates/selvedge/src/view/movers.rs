@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleTargets, Handles, Scene, StepError, Stepper, Topology};
+use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::Cloth;
 use selvedge_live::{Hold, LiveStepper};
 use selvedge_model::{LearnedStepper, Model};
@@ -43,21 +43,7 @@ impl LivePhysics {
 }
 
 impl Stepper for LivePhysics {
-    fn topology(&self) -> &Topology {
-        self.simulator.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.simulator.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.simulator.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.simulator.frame()
-    }
+    selvedge_cloth::looks_like!(simulator);
 
     fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
         self.simulator.step(handles)
@@ -120,21 +106,7 @@ impl LiveModel {
 }
 
 impl Stepper for LiveModel {
-    fn topology(&self) -> &Topology {
-        self.stepper.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.stepper.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        self.stepper.positions()
-    }
-
-    fn frame(&self) -> usize {
-        self.stepper.frame()
-    }
+    selvedge_cloth::looks_like!(stepper);
 
     fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
         self.stepper.step(handles)?;

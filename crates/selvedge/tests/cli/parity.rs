@@ -3,14 +3,9 @@
 //!
 //! `arcsim/` holds a scene, the mesh and two states (frames 120 and 180) of a run of ARCSim 0.3.1 in
 //! double precision: its own numbers, made once for this test.
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use std::path::Path;
 
-use common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_cloth::Stepper;
 use selvedge_data::{SavedState, StateChoice, StateRun, Trajectory, open_scene};
 use selvedge_sim::Simulator;

@@ -1,11 +1,6 @@
 //! What the tests of the command line share: a folder of its own for each, small scenes in it, and
 //! the program itself with its answer and exit code.
 
-// Every test file is a program of its own, and none of them uses all of this.
-#![allow(dead_code, unreachable_pub)]
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -13,7 +8,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// A square of 36 vertices that is held by two corners and pushed forward for half a second.
-pub const PUSH: &str = r#"
+pub(crate) const PUSH: &str = r#"
 name = "push"
 material = "gray-interlock"
 mesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }
@@ -28,10 +23,10 @@ blocks = [
 "#;
 
 /// Frames after the start of [`PUSH`].
-pub const PUSH_FRAMES: usize = 30;
+pub(crate) const PUSH_FRAMES: usize = 30;
 
 /// A network of a few thousand weights, trained for a moment.
-pub const TRAINING: &str = r#"
+pub(crate) const TRAINING: &str = r#"
 name = "moment"
 seed = 1
 steps = 6
@@ -49,43 +44,43 @@ blocks = 1
 "#;
 
 /// A folder that is gone after the test, and the program running in it.
-pub struct Desk {
+pub(crate) struct Desk {
     folder: TempDir,
 }
 
 /// What the program said.
-pub struct Said {
-    pub code: Option<i32>,
-    pub out: String,
-    pub err: String,
+pub(crate) struct Said {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: String,
+    pub(crate) err: String,
 }
 
 impl Desk {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             folder: tempfile::tempdir().unwrap(),
         }
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    pub fn write(&self, name: &str, text: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, text: impl AsRef<[u8]>) {
         std::fs::write(self.path(name), text).unwrap();
     }
 
-    pub fn read(&self, name: &str) -> Vec<u8> {
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap()
     }
 
     /// Names of everything in the folder, sorted.
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         names_in(self.folder.path())
     }
 
     /// The program with these arguments, split at spaces.
-    pub fn command(&self, arguments: &str) -> Command {
+    pub(crate) fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_selvedge"));
         command
             .args(arguments.split_whitespace())
@@ -94,7 +89,7 @@ impl Desk {
         command
     }
 
-    pub fn run(&self, arguments: &str) -> Said {
+    pub(crate) fn run(&self, arguments: &str) -> Said {
         let output = self.command(arguments).output().unwrap();
         Said {
             code: output.status.code(),
@@ -104,7 +99,7 @@ impl Desk {
     }
 
     /// Runs the program, which must succeed, and gives the one JSON object that it prints.
-    pub fn json(&self, arguments: &str) -> Value {
+    pub(crate) fn json(&self, arguments: &str) -> Value {
         let said = self.run(&format!("{arguments} --json"));
         assert_eq!(said.code, Some(0), "{arguments}: {}", said.err);
         let value: Value = serde_json::from_str(&said.out).unwrap();
@@ -114,7 +109,7 @@ impl Desk {
 
     /// Runs the program, which must fail with this exit code, print nothing to standard output and
     /// one line that contains all of `words` to standard error.
-    pub fn fails(&self, arguments: &str, code: i32, words: &[&str]) {
+    pub(crate) fn fails(&self, arguments: &str, code: i32, words: &[&str]) {
         let said = self.run(arguments);
         assert_eq!(
             said.code,
@@ -136,12 +131,12 @@ impl Desk {
     }
 
     /// A data set of three short motions, in `tiny`.
-    pub fn tiny(&self) {
+    pub(crate) fn tiny(&self) {
         self.json("dataset generate tiny --out tiny");
     }
 
     /// A model that has barely learned, in `run/model.safetensors`.
-    pub fn model(&self) {
+    pub(crate) fn model(&self) {
         self.tiny();
         self.write("moment.toml", TRAINING);
         self.json("train moment.toml --data tiny --out run");
@@ -149,7 +144,7 @@ impl Desk {
 }
 
 /// Names of everything in a folder, sorted.
-pub fn names_in(folder: &Path) -> Vec<String> {
+pub(crate) fn names_in(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap();
     let mut names: Vec<String> = entries
         .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
@@ -159,7 +154,7 @@ pub fn names_in(folder: &Path) -> Vec<String> {
 }
 
 /// Every file under a folder with its bytes, sorted by path.
-pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+pub(crate) fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     for name in names_in(folder) {
         let path = folder.join(name);
@@ -174,7 +169,7 @@ pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 }
 
 /// The number at `pointer` of a JSON object.
-pub fn number(value: &Value, pointer: &str) -> f64 {
+pub(crate) fn number(value: &Value, pointer: &str) -> f64 {
     let found = value.pointer(pointer).and_then(Value::as_f64);
     found.unwrap_or_else(|| panic!("{value} has no number {pointer}"))
 }

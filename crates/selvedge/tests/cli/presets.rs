@@ -1,18 +1,14 @@
 //! The shipped training configurations: each is listed, has the network that its name promises, and
-//! learns. `SELVEDGE_LEARN=all cargo test --release -p selvedge --test presets -- --nocapture learns` trains
+//! learns. `SELVEDGE_LEARN=all cargo test --release -p selvedge --test cli -- --nocapture learns` trains
 //! each for some hundred steps at reduced size and prints the table of docs/results.md.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
 // What is measured is there to be read.
 #![allow(clippy::print_stdout)]
-
-mod common;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use common::{Desk, names_in, number};
+use crate::common::{Desk, names_in, number};
 use selvedge_data::Dataset;
 use selvedge_train::{Setting, TrainConfig, Trainer};
 

@@ -1,11 +1,6 @@
 //! How the program is called: help, wrong calls, where its answers go, and Ctrl-C.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{Desk, PUSH};
+use crate::common::{Desk, PUSH};
 
 #[test]
 fn wrong_calls_exit_with_2_and_say_why() {

@@ -1,12 +1,7 @@
 //! `selvedge export`, `--export`, and rigs that drive the cloth, from outside: what is written comes
 //! back, a motion goes to another program's format and back again, and bad calls leave nothing.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_data::Trajectory;
 
 /// A desk with a simulated [`PUSH`] in `run.safetensors`.
@@ -142,7 +137,7 @@ fn pictures_are_one_per_frame() {
     let (desk, _) = pushed();
     desk.json("export run.safetensors --to pictures --format png --frames 0..20 --every 10");
     assert_eq!(
-        common::names_in(&desk.path("pictures")),
+        crate::common::names_in(&desk.path("pictures")),
         ["cloth_0000.png", "cloth_0001.png", "cloth_0002.png"]
     );
     desk.json("export run.safetensors --to one.png --frames 20");

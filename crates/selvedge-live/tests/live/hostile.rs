@@ -1,12 +1,10 @@
 //! The server under attack: whatever comes in, it refuses it with a reason, keeps its memory within bounds, and
 //! serves those who behave as if nothing had happened.
 
-mod common;
-
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-use common::{Served, served};
+use crate::common::{Served, served};
 use selvedge_live::MOST_PAGES;
 use tungstenite::Message;
 
@@ -155,7 +153,7 @@ fn two_hundred_sockets_are_too_many_and_come_in_when_there_is_room() {
     let mut refused = 0;
     for _ in 0..200 {
         match tungstenite::client(served.request(), served.connect()) {
-            Ok((socket, _)) => pages.push(common::Page { socket }),
+            Ok((socket, _)) => pages.push(crate::common::Page { socket }),
             Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(response))) => {
                 assert_eq!(response.status().as_u16(), 503);
                 refused += 1;

@@ -2,9 +2,6 @@
 //!
 //! The cloth is two triangles; each step its free vertices go where the mean of the handles has gone.
 
-#![allow(dead_code, reason = "each test uses its part")]
-#![allow(clippy::unwrap_used, reason = "of tests only")]
-
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};

@@ -1,18 +1,13 @@
 //! `evaluate`: several models side by side, the same numbers for any number of threads, reports.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{Desk, names_in, number};
+use crate::common::{Desk, names_in, number};
 use serde_json::Value;
 
 /// A desk with the data set `tiny` and two models that have barely learned.
 fn two_models() -> Desk {
     let desk = Desk::new();
     desk.model();
-    let other = common::TRAINING.replace("seed = 1", "seed = 2");
+    let other = crate::common::TRAINING.replace("seed = 1", "seed = 2");
     desk.write("other.toml", other);
     desk.json("train other.toml --data tiny --out other");
     desk

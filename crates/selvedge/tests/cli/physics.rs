@@ -1,8 +1,6 @@
 //! The physics from the command line: `simulate`, `sag`, `compare`, and `inspect` of what they make.
 
-mod common;
-
-use common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_data::{Trajectory, open_scene, read_obj};
 
 fn desk() -> Desk {
@@ -91,7 +89,7 @@ fn the_rest_pose_is_where_the_cloth_stays() {
 /// The first scene of docs/scenes.md, a flag, starts in its rest pose although it flutters.
 #[test]
 fn the_first_scene_of_the_docs_runs() {
-    let docs = include_str!("../../../docs/scenes.md");
+    let docs = include_str!("../../../../docs/scenes.md");
     let scene = docs.split("```toml\n").nth(1).unwrap();
     let scene = scene.split("```").next().unwrap();
     assert!(scene.contains("wind"), "{scene}");

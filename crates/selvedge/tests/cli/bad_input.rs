@@ -1,9 +1,7 @@
 //! Bad input: each kind has an error that names file, field and remedy, the exit code 1 (2 where the
 //! call itself is wrong), and leaves nothing behind.
 
-mod common;
-
-use common::{Desk, PUSH};
+use crate::common::{Desk, PUSH};
 
 /// A desk with [`PUSH`] in which `from` has become `to`.
 fn desk_with(from: &str, to: &str) -> Desk {

@@ -1,16 +1,11 @@
 //! `study`: from trainings to a report, gone on with where it stopped, refused where it cannot.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use common::{Desk, contents, number};
+use crate::common::{Desk, contents, number};
 use selvedge_model::Model;
 
 /// Three trainings of a moment, one of them after another, on a data set that is made.
@@ -63,7 +58,7 @@ show = ["bars", "ablation"]
 
 fn desk() -> Desk {
     let desk = Desk::new();
-    desk.write("moment.toml", common::TRAINING);
+    desk.write("moment.toml", crate::common::TRAINING);
     desk.write("study.toml", STUDY);
     desk
 }
@@ -218,7 +213,7 @@ fn a_time_is_kept_to_and_is_not_spent_twice() {
     let late = "budget = { steps = 400 }";
     desk.write(
         "moment.toml",
-        common::TRAINING.replace("steps = 6", "steps = 100000000"),
+        crate::common::TRAINING.replace("steps = 6", "steps = 100000000"),
     );
     desk.write(
         "study.toml",

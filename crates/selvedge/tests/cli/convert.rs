@@ -1,8 +1,6 @@
 //! `selvedge convert`: models in half precision.
 
-mod common;
-
-use common::Desk;
+use crate::common::Desk;
 
 #[test]
 fn a_model_in_half_precision_is_a_model_of_half_the_size() {

@@ -1,9 +1,7 @@
 //! Data sets from the command line: the same bytes for any number of threads, and after any
 //! interruption.
 
-mod common;
-
-use common::{Desk, contents, names_in, number};
+use crate::common::{Desk, contents, names_in, number};
 use selvedge_data::{Dataset, Split};
 
 #[test]
@@ -188,7 +186,7 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
 fn nothing_is_learned_from_a_damaged_data_set() {
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", common::TRAINING);
+    desk.write("moment.toml", crate::common::TRAINING);
     let train = "train moment.toml --data tiny --out run";
     let (file, index) = ("tiny/train/push.safetensors", "tiny/index.json");
     let [good, good_index] = [desk.read(file), desk.read(index)];
@@ -266,6 +264,6 @@ blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { di
         assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions);
         assert_eq!(trajectory.frame_count(), 7);
     }
-    desk.write("moment.toml", common::TRAINING);
+    desk.write("moment.toml", crate::common::TRAINING);
     desk.fails("train moment.toml --data two --out run", 1, &["no samples"]);
 }

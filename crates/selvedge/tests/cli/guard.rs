@@ -1,11 +1,6 @@
 //! Guarded models from the command line: `rollout --guard --trust`, `evaluate --guard`, `stress`.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_data::{Trajectory, metrics};
 use serde_json::Value;
 

@@ -1,15 +1,13 @@
 //! A session as pages see it: hands, time, recordings, several pages at once.
 
-mod common;
-
 use std::cell::Cell;
 use std::time::Duration;
 
-use common::{CORNERS, served};
+use crate::common::{CORNERS, served};
 use glam::Vec3;
 use selvedge_data::Trajectory;
 
-fn quick() -> common::Served {
+fn quick() -> crate::common::Served {
     served(Duration::ZERO, std::env::temp_dir())
 }
 

@@ -1,11 +1,6 @@
 //! The learned simulator from the command line: `train`, `evaluate`, `rollout`.
 
-// A test that cannot be set up fails where it is set up.
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{Desk, PUSH, PUSH_FRAMES, names_in, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, names_in, number};
 use selvedge_data::Trajectory;
 use serde_json::Value;
 
@@ -58,7 +53,7 @@ fn a_resumed_training_ends_with_the_same_weights() {
 fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", common::TRAINING);
+    desk.write("moment.toml", crate::common::TRAINING);
     let train = "train moment.toml --data tiny --out run";
     for (setting, expected) in [
         (
@@ -101,7 +96,7 @@ fn statistics_can_be_interrupted() {
 
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", common::TRAINING);
+    desk.write("moment.toml", crate::common::TRAINING);
     // Hours of them, if it went on.
     let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000 --set model.encoder.window=64";
     let mut command = desk.command(&format!("{train} --json"));
@@ -124,7 +119,7 @@ fn statistics_can_be_interrupted() {
 fn a_span_ends_a_training_cleanly() {
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", common::TRAINING);
+    desk.write("moment.toml", crate::common::TRAINING);
     let report = desk.json("train moment.toml --data tiny --out run --steps 1000000 --for 1s");
     let done = number(&report, "/steps_done");
     assert!(done > 0.0 && done < 1e6);

@@ -1,0 +1,19 @@
+//! The program as people call it: one binary of tests, so that it is linked once and what they share is
+//! used by all.
+
+// A test that cannot be set up fails where it is set up.
+#![allow(clippy::unwrap_used)]
+
+mod bad_input;
+mod common;
+mod convert;
+mod data_sets;
+mod evaluation;
+mod export;
+mod guard;
+mod learned;
+mod parity;
+mod physics;
+mod presets;
+mod study;
+mod usage;
