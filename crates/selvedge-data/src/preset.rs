@@ -13,16 +13,22 @@
 //!
 //! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions;
 //! `{ set = "all-training", random = 32 }` adds the motions `random-0` to `random-31` to them.
-//! A list may name such sets too, and `all-generalisation`, the 12 motions unlike those.
+//! A list may name such sets too, and `all-generalisation`, the 12 motions unlike those. `side@1.5`
+//! is a motion 1.5 times as fast, `all-test@1.5` a set of them.
 //!
 //! ```toml
 //! [meshes]                          # run the test motions on these instead of the setting's mesh
 //! names = "all"                     # or some of the meshes that have a name
 //! density = 1024.0                  # vertices/m²
 //! seed = 1
+//!
+//! [[cloths]]                        # and on these
+//! name = "one-handle"
+//! mesh = { generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }
+//! handles = { vertices = [0] }
 //! ```
 //!
-//! Only with `meshes` may `train` be empty: such a set is for testing what was learned elsewhere.
+//! Only with these may `train` be empty: such a set is for testing what was learned elsewhere.
 //! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
 //! Running the physics is left to whoever has it.
 
@@ -38,7 +44,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 pub use self::cloths::NamedCloth;
-use self::cloths::{MeshesFile, on_each};
+use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
 pub use self::forecast::{Forecast, PlannedRun};
 use crate::dataset::Split;
 use crate::dataset_writer::DatasetPlan;
@@ -51,7 +57,7 @@ use crate::sections::SectionRule;
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
 
-const PRESETS: [(&str, &str); 7] = assets!("datasets":
+const PRESETS: [(&str, &str); 10] = assets!("datasets":
     "first",
     "tiny",
     "small",
@@ -59,6 +65,9 @@ const PRESETS: [(&str, &str); 7] = assets!("datasets":
     "paper",
     "generalisation",
     "generalisation-small",
+    "speeds-400",
+    "cloths-400",
+    "fine-400",
 );
 
 /// A resolved preset.
@@ -114,6 +123,8 @@ struct PresetFile {
     setting: SettingFile,
     meshes: Option<MeshesFile>,
     #[serde(default)]
+    cloths: Vec<ClothFile>,
+    #[serde(default)]
     motions: BTreeMap<String, MotionSource>,
 }
 
@@ -148,14 +159,17 @@ enum MotionSet {
 }
 
 impl MotionSet {
-    /// The set that is called so in a list.
-    fn by_name(name: &str) -> Option<Self> {
-        match name {
-            "all-training" => Some(Self::Training),
-            "all-test" => Some(Self::Test),
-            "all-generalisation" => Some(Self::Generalisation),
-            _ => None,
-        }
+    /// The motions of the set that is called so in a list, all as fast as it says.
+    fn listed(name: &str) -> Option<Vec<String>> {
+        let (set, speed) = name.split_at(name.find('@').unwrap_or(name.len()));
+        let set = match set {
+            "all-training" => Self::Training,
+            "all-test" => Self::Test,
+            "all-generalisation" => Self::Generalisation,
+            _ => return None,
+        };
+        let names = set.names().into_iter();
+        Some(names.map(|name| name + speed).collect())
     }
 
     fn names(&self) -> Vec<String> {
@@ -211,7 +225,7 @@ impl DatasetPreset {
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
-        let cloths = file.meshes.map_or(Ok(Vec::new()), MeshesFile::resolve)?;
+        let cloths = all_of(file.meshes, file.cloths, folder)?;
         let mut config = DatasetConfig {
             name: file.name,
             sections: file.sections,
@@ -377,7 +391,7 @@ impl MotionList {
             }
             Self::Names(names) => names
                 .into_iter()
-                .flat_map(|name| MotionSet::by_name(&name).map_or(vec![name], |set| set.names()))
+                .flat_map(|name| MotionSet::listed(&name).unwrap_or(vec![name]))
                 .collect(),
         };
         names

@@ -78,7 +78,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400"
     );
 }
 
@@ -237,4 +237,76 @@ fn sections_of_the_paper_that_a_motion_is_too_short_for_are_an_error_of_the_pres
         error.contains("sections: trajectory mine has 301 frames"),
         "{error}"
     );
+}
+
+#[test]
+fn a_set_can_be_asked_for_at_another_speed() {
+    let lists = "train = [\"side\"]\ntest = [\"all-test@1.15\", \"side@2\"]";
+    let fast = preset(lists, "whole", "60", "").unwrap();
+    let test = fast.motions(Split::Test);
+    assert_eq!(test.len(), 16);
+    assert_eq!(test[0].name, "test-x-minus-z@1.15");
+    let own = named::by_name("test-x-minus-z").unwrap();
+    assert_eq!(Some(&test[0].motion), own.at_speed(1.15).as_ref());
+    for (wrong, name) in [("all-test@0", "test-x-minus-z@0"), ("apart@2", "apart@2")] {
+        let lists = format!("train = [\"side\"]\ntest = [\"{wrong}\"]");
+        let error = preset(&lists, "whole", "60", "").unwrap_err();
+        assert_eq!(
+            error,
+            format!("test: no motion is called {name:?}, here or by name")
+        );
+    }
+}
+
+#[test]
+fn cloths_of_the_file_run_every_test_motion() {
+    let lists = "train = []\ntest = [\"side\", \"updown\"]";
+    let mesh = "mesh = { generator = { kind = \"square\", vertices = 25, size = 1.0, seed = 1 } }";
+    let cloth = |name: &str, handles: &str| {
+        format!("[[cloths]]\nname = {name:?}\n{mesh}\nhandles = {handles}\n")
+    };
+    let own = cloth("one", "{ vertices = [0] }") + &cloth("row", "{ label = \"upper-edge\" }");
+    let both = preset(lists, "whole", "60", &own).unwrap();
+    let names = both.plan().unwrap().test;
+    assert_eq!(names, ["one.side", "one.updown", "row.side", "row.updown"]);
+    let held = |number: usize| {
+        let scene = both
+            .scene(&both.motions(Split::Test)[number])
+            .unwrap()
+            .scene;
+        (scene.mesh.topology().vertex_count(), scene.handles.len())
+    };
+    assert_eq!([held(0), held(2)], [(25, 1), (25, 5)]);
+    let released =
+        "{ groups = [{ name = \"a\", select = { vertices = [0] }, released = [{ from = 1.0 }] }] }";
+    for (own, expected) in [
+        (
+            cloth("a/b", "{ vertices = [0] }"),
+            "cloths.name: \"a/b\" becomes part of the name of a file",
+        ),
+        (
+            cloth("", "{ vertices = [0] }"),
+            "cloths.name: \"\" becomes part",
+        ),
+        (
+            cloth("a", "{ vertices = [0] }").repeat(2),
+            "cloths.name: two are called \"a\"",
+        ),
+        (
+            cloth("a", released),
+            "cloths.handles: has groups that let go",
+        ),
+    ] {
+        let error = preset(lists, "whole", "60", &own).unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn what_is_measured_on_square_400_is_not_learned_from() {
+    for (name, runs) in [("speeds-400", 45), ("cloths-400", 28), ("fine-400", 15)] {
+        let preset = DatasetPreset::open(name).unwrap();
+        assert_eq!(preset.motions(Split::Train).len(), 0, "{name}");
+        assert_eq!(preset.motions(Split::Test).len(), runs, "{name}");
+    }
 }

@@ -8,6 +8,7 @@ use selvedge_model::{Encoder, ModelSpec, SpecError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::aim::Return;
 use crate::losses::{LossWeights, LossWeightsError};
 use crate::optimizer::{AdamError, AdamSettings};
 use crate::schedule::{LearningRate, MOST_STEPS, ScheduleError, TruthProbability, UnrollFrames};
@@ -127,6 +128,8 @@ pub struct ScheduledSampling {
     /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
     /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
     pub correction: f64,
+    /// What the targets of several frames in a row take for granted about that distance.
+    pub offset: Return,
 }
 
 impl Default for NoiseConfig {
@@ -148,6 +151,7 @@ impl Default for ScheduledSampling {
             longest: 30,
             farthest: 1e3,
             correction: 1.0,
+            offset: Return::default(),
         }
     }
 }
@@ -332,7 +336,18 @@ impl ScheduledSampling {
         let (longest, most) = (self.longest.into(), MOST_IN_A_ROW.into());
         count("scheduled_sampling.longest", longest, most)?;
         positive("scheduled_sampling.farthest", self.farthest)?;
-        part("scheduled_sampling.correction", self.correction)
+        part("scheduled_sampling.correction", self.correction)?;
+        if let Return::Swinging {
+            damping,
+            stiffness,
+            wrinkles,
+        } = self.offset
+        {
+            part("scheduled_sampling.offset.damping", damping)?;
+            part("scheduled_sampling.offset.stiffness", stiffness)?;
+            part("scheduled_sampling.offset.wrinkles", wrinkles)?;
+        }
+        Ok(())
     }
 }
 

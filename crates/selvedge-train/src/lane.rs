@@ -152,8 +152,27 @@ impl LaneState {
             .collect()
     }
 
-    /// Makes the truth plus `part` of `offset` (local `[m]`) the target of what is shown.
-    pub(crate) fn aim(&self, corpus: &Corpus, (offset, part): (&[DVec3], f64), shown: &mut Shown) {
+    /// How much farther from the truth than a frame before, in local axes `[m/frame]`, `[vertices]`; 0
+    /// where it is the truth, with or without noise.
+    pub(crate) fn offset_velocity(&self, corpus: &Corpus, yaw: Yaw) -> Vec<DVec3> {
+        let motion = corpus.motion(self.section.trajectory);
+        if self.run == 0 {
+            return vec![DVec3::ZERO; motion.graph.vertex_count()];
+        }
+        let (count, frame) = (self.history.len(), self.current as i64);
+        let apart = |positions: &[Vec3], frame: i64| -> Vec<DVec3> {
+            let rows = positions.iter().zip(motion.frame(frame));
+            rows.map(|(p, q)| p.as_dvec3() - q.as_dvec3()).collect()
+        };
+        let now = apart(&self.history[count - 1], frame);
+        let before = apart(&self.history[count - 2], frame - 1);
+        let rows = now.iter().zip(before);
+        rows.map(|(now, before)| yaw.to_local_f64(*now - before))
+            .collect()
+    }
+
+    /// Makes the truth plus `offset` (local `[m]`) the target of what is shown.
+    pub(crate) fn aim(&self, corpus: &Corpus, offset: &[DVec3], shown: &mut Shown) {
         let motion = corpus.motion(self.section.trajectory);
         let current = &self.history[self.history.len() - 1];
         let handles = motion.graph.handles().select(current);
@@ -162,7 +181,7 @@ impl LaneState {
         let yaw = shown.yaw;
         let [_, _, target] = &mut shown.local;
         target.clear();
-        target.extend(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + part * *e));
+        target.extend(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + *e));
     }
 
     /// The part of the distance to the truth that the target of the sample to come takes back.

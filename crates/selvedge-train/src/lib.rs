@@ -1,6 +1,7 @@
 //! Learning: what a prediction is judged by, how weights follow, how samples are drawn and put
 //! together, the loop, and checkpoints from which it goes on bit for bit.
 
+mod aim;
 mod checkpoint;
 mod config;
 mod corpus;
@@ -17,6 +18,7 @@ mod test_data;
 mod trainer;
 mod unroll;
 
+pub use aim::Return;
 pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
     BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,

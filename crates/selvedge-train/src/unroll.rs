@@ -3,27 +3,24 @@
 //! through the features and the integration into all predictions before it.
 //!
 //! A prediction is judged where the rollout is: k frames after its start (k from 1) its target is the
-//! truth plus (1 - γ)^k e, e being how far the start was from the truth, in the local frame and
-//! smoothed over a few edges: a cloth that swings aside cannot come back at once, but stiff as it is
-//! it smooths wrinkles within a frame. The positions that a constant error of the acceleration leads to are off by k²/2 of it, so the loss of
-//! frame k counts 1/k², in a weighted mean `[eq:unrolled-loss]`.
+//! truth plus what is left of the offset that the start had from it ([`Aim`]). The positions that a
+//! constant error of the acceleration leads to are off by k²/2 of it, so the loss of frame k counts
+//! 1/k², in a weighted mean `[eq:unrolled-loss]`.
 //!
 //! One lane at a time, by itself: lanes are what threads share.
 
 use glam::{DVec3, Vec3};
 use rand_chacha::ChaCha8Rng;
 use selvedge_model::{
-    ClothGraph, Dropout, EncoderState, Extent, Gradients, Input, InputGradient, Pass, Place,
-    StateGradients, Window, Workspace,
+    Dropout, EncoderState, Extent, Gradients, Input, InputGradient, Pass, Place, StateGradients,
+    Window, Workspace,
 };
 
+use crate::aim::Aim;
 use crate::corpus::Motion;
 use crate::lane::{LaneState, Shown};
 use crate::losses::{LossEvaluator, LossTerms};
 use crate::shard::Context;
-
-/// Means over neighbours that take the wrinkles out of an error.
-const SMOOTHINGS: usize = 16;
 
 /// The buffers of one lane's run through several frames.
 #[derive(Default)]
@@ -82,8 +79,8 @@ impl Unroll {
         if self.frames.len() < count {
             self.frames.resize_with(count, FrameBuffers::default);
         }
-        let kept = 1.0 - lane.correction(cfg);
-        let mut start = Vec::new();
+        let correction = lane.correction(cfg);
+        let mut aim: Option<Aim> = None;
         let mut terms: Vec<(f64, LossTerms)> = Vec::with_capacity(count);
         for number in 0..count {
             let (before, frame) = self.frames[..=number].split_at_mut(number);
@@ -93,13 +90,12 @@ impl Unroll {
                 frame.state.clone_from(before.workspace.end_state());
             }
             lane.show(cfg, corpus, rng, &mut frame.shown);
-            if terms.is_empty() {
-                start = lane.offset(corpus, frame.shown.yaw);
-                let graph = &corpus.motion(frame.shown.trajectory).graph;
-                smooth(graph, &mut start);
-            }
+            let aim = aim.get_or_insert_with(|| {
+                let what = cfg.scheduled_sampling.offset;
+                Aim::new(what, correction, lane, (corpus, frame.shown.yaw))
+            });
+            lane.aim(corpus, aim.next(), &mut frame.shown);
             let number = number as f64 + 1.0;
-            lane.aim(corpus, (&start, kept.powf(number)), &mut frame.shown);
             frame.forward(context);
             terms.push((number.powi(-2), frame.judge(context, losses)));
             let acceleration = frame.acceleration(context);
@@ -287,24 +283,6 @@ impl FrameBuffers {
             &self.by_output,
             &mut self.workspace,
         );
-    }
-}
-
-/// Replaces every free vertex's row by the mean of its own and its neighbours', [`SMOOTHINGS`] times:
-/// what varies over fewer edges than the root of that is gone. Handles are where they should be.
-fn smooth(graph: &ClothGraph, offset: &mut Vec<DVec3>) {
-    for _ in 0..SMOOTHINGS {
-        let mut sums: Vec<(DVec3, f64)> = offset.iter().map(|&e| (e, 1.0)).collect();
-        for (&sender, &receiver) in graph.senders().iter().zip(graph.receivers()) {
-            let (sum, count) = &mut sums[receiver as usize];
-            *sum += offset[sender as usize];
-            *count += 1.0;
-        }
-        offset.clear();
-        offset.extend(sums.iter().map(|(sum, count)| *sum / *count));
-        for v in graph.handles().vertices() {
-            offset[v.index()] = DVec3::ZERO;
-        }
     }
 }
 

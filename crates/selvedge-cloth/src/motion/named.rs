@@ -115,9 +115,23 @@ pub fn generalisation() -> Vec<&'static str> {
     GENERALISATION.iter().map(|(name, _)| *name).collect()
 }
 
-/// The motion of that name: one of [`names`], or `random-` and a number (0 to 4294967295).
+/// Fastest that a motion with a name can be asked for, in parts of its speed.
+const MOST_SPEED: f64 = 100.0;
+
+/// The motion of that name: one of [`names`], or `random-` and a number (0 to 4294967295). With `@`
+/// and a factor after it (`side@1.5`) it goes so many times as far in the same time
+/// ([`Motion::at_speed`]).
 #[must_use]
 pub fn by_name(name: &str) -> Option<Motion> {
+    let Some((name, factor)) = name.split_once('@') else {
+        return at_own_speed(name);
+    };
+    let factor: f64 = factor.parse().ok()?;
+    let is_sensible = factor > 0.0 && factor <= MOST_SPEED;
+    at_own_speed(name).filter(|_| is_sensible)?.at_speed(factor)
+}
+
+fn at_own_speed(name: &str) -> Option<Motion> {
     if name == STILL {
         return Some(Motion::still(10.0));
     }

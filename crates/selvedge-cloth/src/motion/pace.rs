@@ -121,6 +121,24 @@ impl Pace {
         }
     }
 
+    /// So many times as far, and as fast.
+    pub(super) fn times(self, factor: f64) -> Self {
+        match self {
+            Self::Distance { distance } => Self::Distance {
+                distance: factor * distance,
+            },
+            Self::Speed {
+                start,
+                end,
+                profile,
+            } => Self::Speed {
+                start: factor * start,
+                end: factor * end,
+                profile,
+            },
+        }
+    }
+
     /// The distance covered at any time of a block of `frames` frames of 1/60 s.
     pub(super) fn progress(&self, field: &str, frames: usize) -> Result<Progress, MotionError> {
         let finite = |key: &str, value: f64| match value.is_finite() {

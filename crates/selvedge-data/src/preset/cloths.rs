@@ -1,8 +1,10 @@
-//! Cloths beside the setting's own: the meshes that have a name, at one density, on each of which
-//! the test motions are run.
+//! Cloths beside the setting's own: the meshes that have a name, at one density, and any that the file
+//! describes, on each of which the test motions are run.
 //!
 //! A trajectory is then called by mesh and motion, as `wide.bouncy`. The motion `apart` fits the
 //! handles of each mesh.
+
+use std::path::Path;
 
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
@@ -11,7 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use super::NamedMotion;
 use crate::scene::{
-    GeneratorSpec, MeshSource, MeshSpec, SceneProblem, SceneSpecError, Transform, field,
+    GeneratorSpec, HandleSelection, MeshFile, MeshSource, MeshSpec, SceneProblem, SceneSpecError,
+    Transform, field,
 };
 
 /// A motion that depends on where the handles are.
@@ -76,6 +79,58 @@ pub(super) struct MeshesFile {
     names: MeshNames,
     density: f64,
     seed: u64,
+}
+
+/// A cloth in the file's own words.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClothFile {
+    name: String,
+    mesh: MeshFile,
+    handles: HandleSelection,
+}
+
+/// Every cloth of a file, each with a name of its own.
+pub(super) fn all_of(
+    meshes: Option<MeshesFile>,
+    cloths: Vec<ClothFile>,
+    folder: &Path,
+) -> Result<Vec<(NamedCloth, Mesh)>, SceneProblem> {
+    let mut all = meshes.map_or(Ok(Vec::new()), MeshesFile::resolve)?;
+    for cloth in cloths {
+        if all.iter().any(|(other, _)| other.name == cloth.name) {
+            let problem = format!("two are called {:?}: rename one", cloth.name);
+            return Err(field("cloths.name", problem));
+        }
+        all.push(cloth.resolve(folder)?);
+    }
+    Ok(all)
+}
+
+impl ClothFile {
+    fn resolve(self, folder: &Path) -> Result<(NamedCloth, Mesh), SceneProblem> {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        if self.name.is_empty() || !self.name.chars().all(is_plain) {
+            let problem = format!(
+                "{:?} becomes part of the name of a file: take letters, digits, - and _",
+                self.name
+            );
+            return Err(field("cloths.name", problem));
+        }
+        let mesh = self.mesh.resolve(folder)?;
+        let sheet = mesh.build(folder)?;
+        let selected = self.handles.select(&sheet)?;
+        if !selected.schedule.is_empty() {
+            let problem = "has groups that let go, which no model can learn yet: take released out";
+            return Err(field("cloths.handles", problem));
+        }
+        let cloth = NamedCloth {
+            name: self.name,
+            mesh,
+            handles: selected.vertices,
+        };
+        Ok((cloth, sheet.mesh))
+    }
 }
 
 #[derive(Deserialize)]

@@ -144,9 +144,10 @@ pub(crate) struct SettingFile {
     frame_rate: f64,
 }
 
+/// A mesh in the file's own words.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct MeshFile {
+pub(crate) struct MeshFile {
     generator: Option<GeneratorSpec>,
     obj: Option<String>,
     seams: Option<Seams>,
@@ -272,7 +273,8 @@ impl SettingFile {
 }
 
 impl MeshFile {
-    fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
+    /// Looks for an OBJ from `folder`.
+    pub(crate) fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
         let options = ObjOptions {
             seams: self.seams.unwrap_or_default(),
             texture: self.texture.unwrap_or_default(),

@@ -15,7 +15,7 @@ mod start;
 mod strained;
 
 pub use file::{LoadedScene, SceneFileError, SceneProblem, open_scene, parse_scene, read_scene};
-pub(crate) use file::{SettingFile, field, parse_toml, read_text};
+pub(crate) use file::{MeshFile, SettingFile, field, parse_toml, read_text};
 pub use handle_selection::{HandleGroup, HandleSelection, ReleaseSpan};
 pub use material_source::{MaterialSource, MaterialTable};
 pub use mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform};

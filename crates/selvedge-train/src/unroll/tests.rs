@@ -1,15 +1,12 @@
 //! The gradient through several frames against finite differences of their loss, features,
 //! integration and all; and against the plain step where there is one frame.
 
-use glam::{DVec3, Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::generate::{Sheet, SquareSpec, square};
-use selvedge_cloth::{Environment, Handles};
 use selvedge_data::SectionRule;
-use selvedge_model::{ClothGraph, ClothParts, EdgeFeature, Encoder, Integration, NodeFeature};
+use selvedge_model::{EdgeFeature, Encoder, Integration, NodeFeature};
 
-use super::smooth;
+use crate::aim::Return;
 use crate::config::TrainConfig;
 use crate::schedule::UnrollFrames;
 use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
@@ -21,6 +18,14 @@ fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
     cfg.losses.kinetic_energy = 0.0;
     cfg.batch.samples = 2;
     cfg
+}
+
+fn swinging_back() -> Return {
+    Return::Swinging {
+        damping: 0.03,
+        stiffness: 0.004,
+        wrinkles: 0.1,
+    }
 }
 
 /// Loss and mean gradient of the first step with `weights`, or with the first ones.
@@ -86,9 +91,13 @@ fn the_gradient_goes_through_every_frame() {
         Encoder::NodeGru { window: 3 },
         Encoder::StreamingGru { window: 2 },
     ] {
-        for integration in [Integration::Inertial {}, carried] {
+        for (integration, offset) in [
+            (Integration::Inertial {}, Return::default()),
+            (carried, swinging_back()),
+        ] {
             let mut cfg = unrolled(encoder, 4);
             cfg.model.integration = integration;
+            cfg.scheduled_sampling.offset = offset;
             cfg.model.node_features.extend([
                 NodeFeature::Acceleration,
                 NodeFeature::ExpectedMove,
@@ -143,54 +152,4 @@ fn runs_go_on_over_steps_and_threads_do_not_show() {
     let frames: Vec<usize> = one.0.iter().map(|step| step.0).collect();
     assert_eq!(frames, [1, 1, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3]);
     assert!(one.1 > Some(3), "a run longer than one step: {:?}", one.1);
-}
-
-#[test]
-fn smoothing_takes_wrinkles_and_leaves_a_swing() {
-    let mesh = square(&SquareSpec {
-        vertices: 289,
-        size: 1.0,
-        seed: 1,
-    });
-    let sheet = mesh.expect("a square");
-    let graph = cloth(&sheet);
-    let height = |v: usize| sheet.mesh.positions()[v].y;
-    let root = |offset: &[DVec3]| {
-        let squares: f64 = offset.iter().map(|e| e.length_squared()).sum();
-        (squares / offset.len() as f64).sqrt()
-    };
-    let mut rng = ChaCha8Rng::seed_from_u64(4);
-    let mut wrinkles: Vec<DVec3> = (0..289)
-        .map(|_| DVec3::splat(2.0 * rng.random::<f64>() - 1.0))
-        .collect();
-    let before = root(&wrinkles);
-    smooth(&graph, &mut wrinkles);
-    // Each vertex ends as a mean over about π/4 · 16 · 2 · 7 neighbours: white noise falls to a tenth
-    // or so of itself.
-    assert!(root(&wrinkles) < 0.15 * before, "{}", root(&wrinkles));
-    // Aside in proportion to how far below the handles.
-    let swing: Vec<DVec3> = (0..289).map(|v| DVec3::X * -height(v)).collect();
-    let mut kept = swing.clone();
-    smooth(&graph, &mut kept);
-    let change: Vec<DVec3> = kept.iter().zip(&swing).map(|(a, b)| *a - *b).collect();
-    assert!(root(&change) < 0.15 * root(&swing), "{}", root(&change));
-    for v in graph.handles().vertices() {
-        assert_eq!(kept[v.index()], DVec3::ZERO);
-    }
-}
-
-fn cloth(sheet: &Sheet) -> ClothGraph {
-    let rest = sheet.mesh.rest_shape(0.15);
-    let positions: Vec<Vec3> = sheet.mesh.positions().iter().map(|p| p.as_vec3()).collect();
-    ClothGraph::new(ClothParts {
-        topology: sheet.mesh.topology().clone(),
-        handles: Handles::new(&sheet.labels["upper-corners"], positions.len()).expect("corners"),
-        vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
-        face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
-        material_coordinates: vec![Vec2::ZERO; positions.len()],
-        rest_positions: positions,
-        environment: Environment::default(),
-        frame_rate: 60.0,
-    })
-    .expect("a cloth")
 }

@@ -24,6 +24,7 @@ Examples:
   selvedge evaluate --model ours=a.safetensors --model theirs=b.safetensors --data data/first --report report
   selvedge evaluate --model a.safetensors --data data/first --guard none,limit
   selvedge evaluate --model a.safetensors --data data/wide --data data/long --steps 1,20 --no-mirror
+  selvedge evaluate --model a.safetensors --data data/first --physics 1,2,8 --report report
 
 With --report the folder gets report.md, its plots (.svg and .png) and all numbers (.csv).")]
 pub(crate) struct EvaluateArgs {
@@ -59,6 +60,10 @@ pub(crate) struct EvaluateArgs {
     /// Leave out the physics from the other branch of the buckling, the dearest of all.
     #[arg(long)]
     pub(crate) no_mirror: bool,
+    /// Run the physics itself too, with so many substeps per frame; several, separated by commas. The
+    /// report then has its errors beside the models' by the time of a frame.
+    #[arg(long, value_name = "SUBSTEPS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1000))]
+    physics: Vec<u32>,
     /// Write tables and plots into this folder; it is made.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) report: Option<PathBuf>,
@@ -73,13 +78,12 @@ pub(crate) struct EvaluateArgs {
 impl EvaluateArgs {
     /// The guards that are asked for, each once.
     pub(crate) fn guards(&self) -> Vec<GuardName> {
-        let mut guards: Vec<GuardName> = Vec::with_capacity(self.guards.len());
-        for &guard in &self.guards {
-            if !guards.contains(&guard) {
-                guards.push(guard);
-            }
-        }
-        guards
+        each_once(&self.guards)
+    }
+
+    /// The substeps of the physics that are asked for, each once.
+    pub(crate) fn substeps(&self) -> Vec<u32> {
+        each_once(&self.physics)
     }
 
     /// The runs of k steps that are asked for.
@@ -89,6 +93,16 @@ impl EvaluateArgs {
         let steps: Vec<usize> = asked.unwrap_or_else(|| Horizons::USUAL.to_vec());
         Horizons::new(steps.into_iter(), self.starts as usize)
     }
+}
+
+fn each_once<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
+    let mut once: Vec<T> = Vec::with_capacity(list.len());
+    for &entry in list {
+        if !once.contains(&entry) {
+            once.push(entry);
+        }
+    }
+    once
 }
 
 /// Train models, measure them and write what came out, as a file says.

@@ -73,6 +73,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
         place::make_folder(folder)?;
     }
     let (models, mut contestants) = open_models(args)?;
+    contestants.extend(args.substeps().into_iter().map(Contestant::physics));
     let rivals = Contestant::rivals().into_iter();
     contestants.extend(rivals.filter(|rival| !(args.no_mirror && rival.who() == Who::Mirror)));
     let data = open_data(args)?;
@@ -264,7 +265,7 @@ fn paper(
         models: models.iter().map(cells).collect(),
     };
     let page = report::evaluation_page(heading, &contest)?;
-    Ok(page.finish(&contest, &evaluation.timings))
+    Ok(page.finish(&contest, &evaluation.timings)?)
 }
 
 fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>) -> String {

@@ -31,6 +31,8 @@ pub(crate) enum Who {
     Rigid,
     /// The physics from the other branch of the buckling.
     Mirror,
+    /// The physics itself, with as many substeps as it is asked for.
+    Physics,
     /// The recorded trajectory itself.
     Truth,
 }
@@ -51,6 +53,8 @@ pub(crate) enum Racer {
     Rigid,
     /// The physics from the other branch of the buckling.
     Mirror,
+    /// The physics itself, with so many substeps per frame.
+    Physics(u32),
     /// The recorded trajectory itself.
     Truth,
 }
@@ -100,6 +104,14 @@ pub(crate) struct Mirror {
 }
 
 impl Contestant {
+    /// The physics itself with so many substeps per frame.
+    pub(crate) fn physics(substeps: u32) -> Self {
+        Self {
+            name: format!("physics, {substeps} per frame"),
+            racer: Racer::Physics(substeps),
+        }
+    }
+
     /// The naive rivals, and the truth to compare all with.
     pub(crate) fn rivals() -> [Self; 3] {
         [
@@ -119,6 +131,7 @@ impl Contestant {
             Racer::Model(..) => Who::Model,
             Racer::Rigid => Who::Rigid,
             Racer::Mirror => Who::Mirror,
+            Racer::Physics(_) => Who::Physics,
             Racer::Truth => Who::Truth,
         }
     }
@@ -127,7 +140,7 @@ impl Contestant {
     pub(crate) fn wants_scene(&self) -> bool {
         match &self.racer {
             Racer::Model(_, guard) => guard.correction != Correction::None,
-            Racer::Rigid | Racer::Mirror | Racer::Truth => false,
+            Racer::Rigid | Racer::Mirror | Racer::Physics(_) | Racer::Truth => false,
         }
     }
 
@@ -144,11 +157,12 @@ impl Contestant {
             Racer::Truth => Mover::Other(Box::new(Playback::new(truth.clone()))),
             Racer::Mirror => {
                 return match course.mirror {
-                    Some(Ok(mirror)) => mirror.runner(),
+                    Some(Ok(mirror)) => simulated(&mirror.scene, mirror.rest.clone()),
                     Some(Err(problem)) => Err(anyhow!("{problem}")),
                     None => Err(anyhow!("there is no mirror of this scene")),
                 };
             }
+            Racer::Physics(substeps) => return physics(truth, *substeps),
         };
         Ok(Runner {
             stepper,
@@ -223,6 +237,47 @@ impl Scenes {
     }
 }
 
+/// The physics of the scene of `truth` with so many substeps per frame, from the same rest pose. Mesh
+/// files are looked for from the current folder.
+fn physics(truth: &Trajectory, substeps: u32) -> anyhow::Result<Runner> {
+    let mut spec = spec_of(truth)?;
+    spec.setting.physics.substeps = substeps;
+    let scene = built(&spec, truth)?;
+    let rest = truth.cloth().rest_positions.iter();
+    simulated(&scene, rest.map(|p| p.as_dvec3()).collect())
+}
+
+/// The scene that a trajectory says it was made from.
+fn spec_of(truth: &Trajectory) -> anyhow::Result<SceneSpec> {
+    let json = &truth.provenance().scene;
+    if json.is_null() {
+        return Err(anyhow!("the trajectory has no scene"));
+    }
+    Ok(SceneSpec::from_json(json)?)
+}
+
+/// The scene of `spec`, which is to be of the mesh of `truth`.
+fn built(spec: &SceneSpec, truth: &Trajectory) -> anyhow::Result<Scene> {
+    let scene = spec.build("".as_ref())?;
+    if scene.mesh.topology() != truth.topology() {
+        return Err(anyhow!("the scene's mesh is not that of the trajectory"));
+    }
+    Ok(scene)
+}
+
+/// The physics of `scene`, at rest at `rest` `[m]`, `[vertices]`, before its first frame.
+fn simulated(scene: &Scene, rest: Vec<DVec3>) -> anyhow::Result<Runner> {
+    let still = vec![DVec3::ZERO; rest.len()];
+    let mut simulator = Simulator::with_state(scene, rest, still)?;
+    // Those of the pool that the run was given.
+    simulator.set_threads(Threads::Pool);
+    Ok(Runner {
+        stepper: Mover::Other(Box::new(simulator)),
+        path: scene.handle_path()?,
+        samples_per_frame: scene.physics.substeps as usize,
+    })
+}
+
 /// The path of the handles as it was recorded, from frame `start` on.
 fn recorded_path(truth: &Trajectory, start: usize) -> anyhow::Result<HandlePath> {
     let held = |frame: usize| -> Vec<DVec3> {
@@ -242,16 +297,9 @@ impl Mirrors {
     /// # Errors
     /// When the trajectory has no scene, or the scene cannot be made or does not come to rest.
     pub(crate) fn of(&mut self, truth: &Trajectory) -> anyhow::Result<Mirror> {
-        let json = &truth.provenance().scene;
-        if json.is_null() {
-            return Err(anyhow!("the trajectory has no scene"));
-        }
-        let mut spec = SceneSpec::from_json(json)?;
+        let mut spec = spec_of(truth)?;
         spec.setting.sag.bulge = -spec.setting.sag.bulge;
-        let scene = spec.build("".as_ref())?;
-        if scene.mesh.topology() != truth.topology() {
-            return Err(anyhow!("the scene's mesh is not that of the trajectory"));
-        }
+        let scene = built(&spec, truth)?;
         let known = self.rests.iter().find(|rest| rest.0 == spec.setting);
         let rest = match known {
             Some((_, rest)) => rest.clone(),
@@ -262,20 +310,5 @@ impl Mirrors {
             }
         };
         Ok(Mirror { scene, rest })
-    }
-}
-
-impl Mirror {
-    /// At rest, before the first frame.
-    fn runner(&self) -> anyhow::Result<Runner> {
-        let still = vec![DVec3::ZERO; self.rest.len()];
-        let mut simulator = Simulator::with_state(&self.scene, self.rest.clone(), still)?;
-        // Those of the pool that the run was given.
-        simulator.set_threads(Threads::Pool);
-        Ok(Runner {
-            stepper: Mover::Other(Box::new(simulator)),
-            path: self.scene.handle_path()?,
-            samples_per_frame: self.scene.physics.substeps as usize,
-        })
     }
 }

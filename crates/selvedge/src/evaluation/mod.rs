@@ -297,7 +297,9 @@ fn fill(
     }
     row.horizons = match contestant.who() {
         Who::Truth => Vec::new(),
-        Who::Rigid | Who::Mirror => horizons.of_whole_run(&row.curves, truth.frame_count()),
+        Who::Rigid | Who::Mirror | Who::Physics => {
+            horizons.of_whole_run(&row.curves, truth.frame_count())
+        }
         Who::Model => horizons.over_true_starts(truth, |start, steps| {
             let mut runner = contestant.runner(&course, start)?;
             Ok(runner.run(steps, on_frame).positions)

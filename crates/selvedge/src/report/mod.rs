@@ -22,7 +22,7 @@ pub(crate) use self::markdown::{
     Cells, ablation_table, failures, horizon_table, mesh_table, motion_table, summary_table, table,
 };
 pub(crate) use self::page::{Page, TABLES};
-pub(crate) use self::plots::{Measure, Plot, bars, horizons_plot, over_time};
+pub(crate) use self::plots::{Measure, Plot, bars, by_cost, horizons_plot, over_time};
 pub(crate) use self::training::{TrainingLog, training_chart};
 
 use crate::evaluation::{Row, Who};

@@ -1,6 +1,8 @@
 //! A report under way: a page of Markdown and the files that it shows.
 
-use super::{Contest, Plot, Report, csv, markdown};
+use selvedge_view::plot::PlotError;
+
+use super::{Contest, Plot, Report, by_cost, csv, markdown};
 use crate::evaluation::Timing;
 
 /// The name of the page.
@@ -63,10 +65,22 @@ impl Page {
 
     /// The report with all numbers of `contest` and `timings`. The page is written last, when all
     /// that it shows is there.
-    pub(crate) fn finish(mut self, contest: &Contest<'_>, timings: &[Timing]) -> Report {
+    ///
+    /// # Errors
+    /// A value that cannot be drawn.
+    pub(crate) fn finish(
+        mut self,
+        contest: &Contest<'_>,
+        timings: &[Timing],
+    ) -> Result<Report, PlotError> {
         self.say(NOTES);
         let table = markdown::times_table(timings);
         self.say_of_times(&format!("{PER_FRAME}\n{table}"));
+        if let Some(plot) = by_cost(contest, timings)? {
+            self.say_of_times("![errors by the time of a frame](times.svg)");
+            self.report.add("times.png", plot.png);
+            self.report.add("times.svg", plot.svg);
+        }
         let mut report = self.report;
         let tables = [
             csv::means_csv(contest),
@@ -80,7 +94,7 @@ impl Page {
         }
         report.add("times.md", self.times);
         report.add(PAGE, self.text);
-        report
+        Ok(report)
     }
 }
 
@@ -100,7 +114,7 @@ Median over up to 120 frames, each run alone, with all threads.
 const NOTES: &str = "## What was measured
 
 Rigid: the rest pose moved with the handles. Mirror: the physics from the other branch of the
-buckling. Whole runs start at the first frame and are fed with their own output; their measures are
+buckling. Physics: the simulator itself with so many substeps. Whole runs start at the first frame and are fed with their own output; their measures are
 means over motions, and none is given where a run failed. Runs of k steps start at true frames, and
 their error is over all k frames; the rivals, who know no truth, are measured on the same frames of
 their whole runs. Errors by time over all motions are roots of mean squares. The numbers behind the

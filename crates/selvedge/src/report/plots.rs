@@ -5,7 +5,7 @@ use selvedge_view::Image;
 use selvedge_view::plot::{Axis, Bar, BarChart, BarGroup, Line, LineChart, PlotError, Role, Scale};
 
 use super::{Contest, Subject};
-use crate::evaluation::{Row, Who, summary};
+use crate::evaluation::{Row, Timing, Who, summary};
 use crate::output::length;
 
 /// Lines that are so many times apart are drawn by their logarithm.
@@ -47,7 +47,7 @@ impl Measure {
 fn role(who: Who) -> Role {
     match who {
         Who::Model => Role::Subject,
-        Who::Rigid | Who::Mirror | Who::Truth => Role::Rival,
+        Who::Rigid | Who::Mirror | Who::Physics | Who::Truth => Role::Rival,
     }
 }
 
@@ -111,6 +111,54 @@ pub(crate) fn over_time(
         lines,
     };
     shown(&chart)
+}
+
+/// Error of whole runs by the time that a frame takes: a point for each model, a line through the
+/// physics with more and more substeps. None where nothing was timed, or there is nobody to compare with.
+///
+/// # Errors
+/// A value that is not finite.
+pub(crate) fn by_cost(
+    contest: &Contest<'_>,
+    timings: &[Timing],
+) -> Result<Option<Plot>, PlotError> {
+    let mut lines: Vec<Line> = Vec::new();
+    let mut physics: Vec<[f64; 2]> = Vec::new();
+    for subject in contest.subjects() {
+        let mine = timings.iter().filter(|timing| timing.name == subject.label);
+        let times: Vec<f64> = mine.map(|timing| timing.ms_per_frame).collect();
+        let Some(measures) = summary(&subject.rows)
+            .measures
+            .filter(|_| !times.is_empty())
+        else {
+            continue;
+        };
+        let milliseconds = times.iter().sum::<f64>() / times.len() as f64;
+        let point = [milliseconds, 1e3 * measures.position_rmse];
+        match subject.who {
+            Who::Physics => physics.push(point),
+            Who::Model => lines.push(Line {
+                name: subject.label.clone(),
+                role: Role::Subject,
+                points: vec![point],
+            }),
+            Who::Rigid | Who::Mirror | Who::Truth => {}
+        }
+    }
+    if physics.is_empty() {
+        return Ok(None);
+    }
+    lines.push(Line {
+        name: "physics".to_owned(),
+        role: Role::Rival,
+        points: physics,
+    });
+    shown(&LineChart {
+        title: "Position error of whole runs by the time of a frame".to_owned(),
+        x: axis("time of a frame (ms)".to_owned(), Scale::Linear),
+        y: axis("position RMSE (mm)".to_owned(), Scale::Linear),
+        lines,
+    })
 }
 
 /// (time, √(mean of squares over the runs that got so far)) of each frame `[s, mm]`.

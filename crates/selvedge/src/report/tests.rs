@@ -1,7 +1,7 @@
 //! A report says the numbers of its rows and nothing else.
 
 use super::*;
-use crate::evaluation::{Curves, Horizon, Measures};
+use crate::evaluation::{Curves, Horizon, Measures, Timing};
 
 /// A run of which all measures are multiples of `size` `[m]`.
 fn row(name: &str, who: Who, motion: &str, size: f64) -> Row {
@@ -142,6 +142,28 @@ fn plots_show_everyone_but_the_truth() {
 }
 
 #[test]
+fn errors_by_cost_need_the_physics_and_a_time() {
+    let time = |name: &str, who, ms_per_frame| Timing {
+        mesh: "square".to_owned(),
+        name: name.to_owned(),
+        who,
+        ms_per_frame,
+    };
+    let mut rows = rows();
+    let model = time("a, old", Who::Model, 3.0);
+    let alone = by_cost(&Contest::of(&rows), std::slice::from_ref(&model));
+    assert!(alone.unwrap().is_none());
+    rows.push(row("physics, 2 per frame", Who::Physics, "m1", 0.02));
+    let contest = Contest::of(&rows);
+    assert!(by_cost(&contest, &[]).unwrap().is_none());
+    let physics = time("physics, 2 per frame", Who::Physics, 1.0);
+    let plot = by_cost(&contest, &[model, physics]).unwrap().unwrap();
+    // The one that failed has no error, and the truth none that is worth a point.
+    assert!(plot.svg.contains("a, old") && plot.svg.contains("physics"));
+    assert!(!plot.svg.contains("b|c") && !plot.svg.contains("truth"));
+}
+
+#[test]
 fn a_report_of_the_same_rows_has_the_same_bytes() {
     let rows = rows();
     let folder = tempfile::tempdir().unwrap();
@@ -154,7 +176,8 @@ fn a_report_of_the_same_rows_has_the_same_bytes() {
         };
         let report = evaluation_page(heading, &contest)
             .unwrap()
-            .finish(&contest, &[]);
+            .finish(&contest, &[])
+            .unwrap();
         let files = report.write(&folder.path().join(name)).unwrap();
         assert_eq!(files.last().unwrap().file_name().unwrap(), "report.md");
         files

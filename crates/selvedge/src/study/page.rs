@@ -41,7 +41,7 @@ pub(super) fn report(
         everyone.values(|row| &row.motion).len()
     ));
     page.say_of_times(&training_times(study, trained));
-    Ok(page.finish(&everyone, &results.timings))
+    Ok(page.finish(&everyone, &results.timings)?)
 }
 
 /// Those whom a question compares.

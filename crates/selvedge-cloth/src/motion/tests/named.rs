@@ -39,6 +39,37 @@ fn training_motions_close_and_last_1261_positions() {
 }
 
 #[test]
+fn a_factor_after_a_name_makes_a_motion_so_many_times_as_fast() {
+    for name in ["test-xy-minus-z", "speed-0.03", "random-7"] {
+        let bound = |name: &str| named::by_name(name).unwrap().bind(&corners(), 60.0);
+        let (own, fast) = (bound(name).unwrap(), bound(&format!("{name}@1.5")).unwrap());
+        assert_eq!(own.frame_count(), fast.frame_count());
+        if name.starts_with("random") {
+            // It turns: the arcs of the farthest handle are longer, not its chords.
+            assert_ne!(own.at(3.0), fast.at(3.0));
+            continue;
+        }
+        for frame in 0..=own.frame_count() {
+            let time = frame as f64 / 60.0;
+            for ((p, q), start) in own.at(time).iter().zip(fast.at(time)).zip(corners()) {
+                assert!((1.5 * (*p - start)).distance(q - start) < 1e-12);
+            }
+        }
+    }
+    let turn = named::by_name("test-rotation-first-cw@0.5").unwrap();
+    let arc = |motion: &Motion| match motion {
+        Motion::Blocks { blocks } => blocks[1].rotation.unwrap().arc,
+        _ => unreachable!("made of blocks"),
+    };
+    assert_eq!(arc(&turn), super::super::Pace::Distance { distance: 0.5 });
+    for none in [
+        "apart@2", "side@", "side@0", "side@-1", "side@NaN", "side@1e9", "nobody@2",
+    ] {
+        assert_eq!(named::by_name(none), None, "{none}");
+    }
+}
+
+#[test]
 fn random_motions_keep_to_the_trained_speed_and_go_everywhere() {
     let mut reached = [0.0_f64; 6];
     for number in 0..40 {

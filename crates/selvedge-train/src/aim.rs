@@ -1,0 +1,160 @@
+//! Where the frames of a rollout are to go that starts off the truth: the truth, shifted by what is left
+//! of the offset k frames after the start.
+//!
+//! *Decaying*: (1 - γ)^k S e with the offset e smoothed over a few edges, whatever the velocity: the
+//! first frame has to end a difference of velocities, and wrinkles, at once, which no cloth can.
+//! *Swinging* `[eq:swinging-offset]`: as a cloth that hangs aside would go. What is smooth of the offset
+//! swings about the truth as a damped pendulum, u = S(e⁰ - e⁻¹) at first, then
+//! u ← (1 - d) u - s e, e ← e + u; what is not, wrinkles that are elsewhere, decays by w a frame.
+//!
+//! Offsets are in the local axes of the frame that they were seen in and turn with the handles.
+
+use glam::DVec3;
+use selvedge_model::{ClothGraph, Yaw};
+use serde::{Deserialize, Serialize};
+
+use crate::corpus::Corpus;
+use crate::lane::LaneState;
+
+/// Means over neighbours that take the wrinkles out of an offset.
+const SMOOTHINGS: usize = 16;
+
+/// What becomes of an offset from the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Return {
+    /// A part of what is smooth of it is taken back every frame (`correction`).
+    Decaying {},
+    /// It swings about the truth.
+    Swinging {
+        /// Part of its velocity that is lost per frame, d.
+        damping: f64,
+        /// Part of the way back that is gone per frame squared, s.
+        stiffness: f64,
+        /// Part of its wrinkles that is lost per frame, w.
+        wrinkles: f64,
+    },
+}
+
+impl Default for Return {
+    fn default() -> Self {
+        Self::Decaying {}
+    }
+}
+
+/// The offset of one rollout, frame by frame, in local axes `[m]`, `[vertices]`.
+pub(crate) struct Aim {
+    rule: Rule,
+    /// What is left k frames after the start.
+    now: Vec<DVec3>,
+}
+
+enum Rule {
+    Decaying {
+        start: Vec<DVec3>,
+        kept: f64,
+        frames: i32,
+    },
+    Swinging {
+        damping: f64,
+        stiffness: f64,
+        kept: f64,
+        smooth: Vec<DVec3>,
+        velocity: Vec<DVec3>,
+        wrinkles: Vec<DVec3>,
+    },
+}
+
+impl Aim {
+    /// From where `lane` stands; `correction` is γ.
+    pub(crate) fn new(
+        what: Return,
+        correction: f64,
+        lane: &LaneState,
+        (corpus, yaw): (&Corpus, Yaw),
+    ) -> Self {
+        let graph = &*corpus.motion(lane.section.trajectory).graph;
+        let offset = lane.offset(corpus, yaw);
+        let mut smooth = offset.clone();
+        smoothen(graph, &mut smooth);
+        let rule = match what {
+            Return::Decaying {} => Rule::Decaying {
+                start: smooth,
+                kept: 1.0 - correction,
+                frames: 0,
+            },
+            Return::Swinging {
+                damping,
+                stiffness,
+                wrinkles,
+            } => {
+                let mut velocity = lane.offset_velocity(corpus, yaw);
+                smoothen(graph, &mut velocity);
+                let apart = offset.iter().zip(&smooth);
+                Rule::Swinging {
+                    damping,
+                    stiffness,
+                    kept: 1.0 - wrinkles,
+                    wrinkles: apart.map(|(all, smooth)| *all - *smooth).collect(),
+                    smooth,
+                    velocity,
+                }
+            }
+        };
+        Self { rule, now: offset }
+    }
+
+    /// What is left of the offset one frame later.
+    pub(crate) fn next(&mut self) -> &[DVec3] {
+        match &mut self.rule {
+            Rule::Decaying {
+                start,
+                kept,
+                frames,
+            } => {
+                *frames += 1;
+                let part = kept.powi(*frames);
+                let rows = self.now.iter_mut().zip(start);
+                rows.for_each(|(now, start)| *now = part * *start);
+            }
+            Rule::Swinging {
+                damping,
+                stiffness,
+                kept,
+                smooth,
+                velocity,
+                wrinkles,
+            } => {
+                let rows = smooth.iter_mut().zip(velocity).zip(wrinkles);
+                for (now, ((e, u), w)) in self.now.iter_mut().zip(rows) {
+                    *u = (1.0 - *damping) * *u - *stiffness * *e;
+                    *e += *u;
+                    *w *= *kept;
+                    *now = *e + *w;
+                }
+            }
+        }
+        &self.now
+    }
+}
+
+/// Replaces every free vertex's row by the mean of its own and its neighbours', [`SMOOTHINGS`] times:
+/// what varies over fewer edges than the root of that is gone. Handles are where they should be.
+fn smoothen(graph: &ClothGraph, offset: &mut Vec<DVec3>) {
+    for _ in 0..SMOOTHINGS {
+        let mut sums: Vec<(DVec3, f64)> = offset.iter().map(|&e| (e, 1.0)).collect();
+        for (&sender, &receiver) in graph.senders().iter().zip(graph.receivers()) {
+            let (sum, count) = &mut sums[receiver as usize];
+            *sum += offset[sender as usize];
+            *count += 1.0;
+        }
+        offset.clear();
+        offset.extend(sums.iter().map(|(sum, count)| *sum / *count));
+        for v in graph.handles().vertices() {
+            offset[v.index()] = DVec3::ZERO;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
