@@ -36,6 +36,16 @@ pub(crate) struct Guarded {
     pub(crate) largest_correction: f64,
 }
 
+/// What a guard has to know of `cloth`.
+pub(crate) fn cloth_of(cloth: &Cloth, frame_rate: f64) -> GuardedCloth<'_> {
+    GuardedCloth {
+        material_coordinates: &cloth.material_coordinates,
+        rest_positions: &cloth.rest_positions,
+        vertex_mass: &cloth.vertex_mass,
+        frame_rate,
+    }
+}
+
 impl Watched {
     /// `stepper`, which moves `cloth` at `frame_rate`, watched as `settings` say; with its `scene`, where that
     /// is known.
@@ -49,13 +59,7 @@ impl Watched {
         scene: Option<Arc<Scene>>,
         settings: GuardSettings,
     ) -> anyhow::Result<Self> {
-        let cloth = GuardedCloth {
-            material_coordinates: &cloth.material_coordinates,
-            rest_positions: &cloth.rest_positions,
-            vertex_mass: &cloth.vertex_mass,
-            frame_rate,
-        };
-        let guard = Guard::new(stepper, cloth, scene, settings);
+        let guard = Guard::new(stepper, cloth_of(cloth, frame_rate), scene, settings);
         Ok(Self {
             guard: guard.context("the guard (--guard none does without)")?,
             log: Vec::new(),
