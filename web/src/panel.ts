@@ -58,7 +58,7 @@ export class Panel {
     fill("model", catalogue.models);
     fill("motion", ["scene", ...catalogue.motions]);
     select("motion").options[0]!.text = "the scene's own";
-    select("vertices").value = "289";
+    select("vertices").value = "400";
   }
 
   connected(status: LinkStatus, reason: string): void {

@@ -48,7 +48,7 @@ fn shipped_materials_scenes_and_presets_are_usable() {
         assert_eq!(preset.config().name, *name);
     }
     let scene = open_scene("default").unwrap().scene;
-    assert_eq!(scene.mesh.topology().vertex_count(), 289);
+    assert_eq!(scene.mesh.topology().vertex_count(), 400);
     assert_eq!(scene.frame_count().unwrap(), 1260);
 }
 

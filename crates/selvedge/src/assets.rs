@@ -3,8 +3,8 @@
 
 /// The weights of the shipped model, and what they are called in answers.
 pub(crate) const MODEL: (&str, &[u8]) = (
-    "first",
-    include_bytes!("../../../assets/models/first.safetensors"),
+    "small",
+    include_bytes!("../../../assets/models/small.safetensors"),
 );
 
 /// A list of pairs of names and texts of the files in a folder.

@@ -44,10 +44,10 @@ pub(crate) fn check_names<'a>(
 ) -> Result<(), (&'a str, &'static str)> {
     let mut seen = BTreeSet::new();
     for motion in motions {
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.@".contains(c);
         if motion.starts_with('.') || !motion.chars().all(is_plain) || motion.is_empty() {
             let problem =
-                "is no name: names of motions become file names, of letters, digits, - _ .";
+                "is no name: names of motions become file names, of letters, digits, - _ . @";
             return Err((motion, problem));
         }
         if !seen.insert(motion) {

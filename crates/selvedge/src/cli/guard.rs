@@ -57,7 +57,7 @@ Examples:
   selvedge stress
   selvedge stress --runs 1000 --guard none
   selvedge stress my-scene.toml --model my-model.safetensors --speed 1.5 --out runs.csv
-  selvedge stress --mesh all --density 289")]
+  selvedge stress --mesh all --density 400")]
 pub(crate) struct StressArgs {
     /// A scene: a TOML file, or the name of a shipped one. Its motion is not used.
     #[arg(default_value = "default")]
@@ -85,7 +85,7 @@ pub(crate) struct StressArgs {
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) mesh: Vec<String>,
     /// Of these cloths [vertices/m²].
-    #[arg(long, value_name = "D", default_value_t = 289.0, requires = "mesh")]
+    #[arg(long, value_name = "D", default_value_t = 400.0, requires = "mesh")]
     pub(crate) density: f64,
     /// Decides where the inner vertices of these cloths lie.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh")]

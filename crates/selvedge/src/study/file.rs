@@ -179,7 +179,11 @@ pub(super) enum Show {
 }
 
 /// The shipped studies: names and TOML texts.
-const STUDIES: [(&str, &str); 4] = [
+const STUDIES: [(&str, &str); 5] = [
+    (
+        "choices",
+        include_str!("../../../../assets/studies/choices.toml"),
+    ),
     (
         "equal-time",
         include_str!("../../../../assets/studies/equal-time.toml"),

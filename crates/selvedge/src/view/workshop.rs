@@ -250,7 +250,7 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
 fn beyond_training(model: &str, loaded: &LoadedScene) -> Option<String> {
     let trained = GeneratorSpec {
         kind: Shape::Square,
-        vertices: 289,
+        vertices: 400,
         size: 1.0,
         seed: 1,
     };
@@ -258,7 +258,7 @@ fn beyond_training(model: &str, loaded: &LoadedScene) -> Option<String> {
     let known = setting.mesh.source == MeshSource::Generator(trained)
         && setting.material.name == "gray-interlock";
     (model == assets::MODEL.0 && !known).then(|| {
-        "the shipped model was trained on one cloth, a square of 289 vertices of gray-interlock: what \
+        "the shipped model was trained on one cloth, a square of 400 vertices of gray-interlock: what \
          it makes of this one is a guess"
             .to_owned()
     })

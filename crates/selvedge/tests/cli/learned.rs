@@ -229,7 +229,7 @@ fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
     let desk = Desk::new();
     let report = desk.json("rollout --frames 4");
     assert_eq!(report["scene"], "default");
-    assert_eq!(report["model"], "first");
+    assert_eq!(report["model"], "small");
     let names = [
         "clip.gif",
         "rollout.safetensors",
@@ -238,5 +238,5 @@ fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
     ];
     assert_eq!(names_in(&desk.path("out")), names);
     let run = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
-    assert_eq!((run.frame_count(), run.vertex_count()), (5, 289));
+    assert_eq!((run.frame_count(), run.vertex_count()), (5, 400));
 }
