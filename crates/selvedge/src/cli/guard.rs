@@ -55,7 +55,8 @@ impl GuardName {
 #[command(after_help = "\
 Examples:
   selvedge stress
-  selvedge stress --runs 1000 --guard none
+  selvedge stress --runs 1000 --guard none --out runs.csv
+  selvedge stress --only 17,230
   selvedge stress my-scene.toml --model my-model.safetensors --speed 1.5 --out runs.csv
   selvedge stress --mesh all --density 400")]
 pub(crate) struct StressArgs {
@@ -68,6 +69,9 @@ pub(crate) struct StressArgs {
     /// How many motions.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) runs: u32,
+    /// Only these of them, by the numbers that --out writes, separated by commas.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', conflicts_with = "runs", value_parser = clap::value_parser!(u32).range(..1_000_000))]
+    pub(crate) only: Vec<u32>,
     /// Frames of each.
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u32).range(1..=super::MOST_FRAMES))]
     pub(crate) frames: u32,

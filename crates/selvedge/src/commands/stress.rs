@@ -91,7 +91,12 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
     }
     let model = learned::open(args.model.as_deref())?;
     let stages = stages(args)?;
-    let numbers: Vec<usize> = (0..args.runs as usize).collect();
+    let mut numbers: Vec<usize> = args.only.iter().map(|&number| number as usize).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    if numbers.is_empty() {
+        numbers.extend(0..args.runs as usize);
+    }
     let progress = Progress::new("driving", numbers.len() * args.frames as usize, "frames");
     let runs = workers::share(args.threads.map(usize::from), &numbers, |&number| {
         let stage = &stages[number % stages.len()];

@@ -128,6 +128,13 @@ fn a_test_drive_is_the_same_for_any_number_of_threads() {
     // The first runs of a longer drive are those of a shorter one.
     let fewer = without_time(desk.json(&format!("{drive} --runs 2").replace("--runs 5 ", "")));
     assert_eq!(fewer["runs"][1], one["runs"][1]);
+    let chosen = drive.replace("--runs 5", "--only 4,1,4");
+    let chosen = without_time(desk.json(&chosen));
+    assert_eq!(
+        chosen["runs"],
+        serde_json::json!([one["runs"][1], one["runs"][4]])
+    );
+    assert_eq!(chosen["all"]["runs"], 2);
 }
 
 #[test]
@@ -152,6 +159,7 @@ fn a_test_drive_takes_cloths_in_turn_and_writes_its_runs() {
 fn calls_that_make_no_sense_are_refused() {
     let desk = Desk::new();
     desk.fails("stress --speed 0", 2, &["above 0"]);
+    desk.fails("stress --only 3 --runs 4", 2, &["--only", "--runs"]);
     desk.fails("stress --mesh sock", 2, &["\"sock\"", "triangle-17"]);
     desk.fails(
         "stress --mesh wide --density=-3",
