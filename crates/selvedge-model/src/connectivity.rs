@@ -91,6 +91,30 @@ impl Connectivity {
     pub fn arc_count(&self) -> usize {
         self.senders.len()
     }
+
+    /// The vertex that each arc comes from, `[arcs]`.
+    #[must_use]
+    pub fn senders(&self) -> &[u32] {
+        &self.senders
+    }
+
+    /// The vertex that each arc arrives at, in ascending order, `[arcs]`.
+    #[must_use]
+    pub fn receivers(&self) -> &[u32] {
+        &self.receivers
+    }
+
+    /// The first arc into each vertex, and the number of arcs, `[vertices + 1]`.
+    #[must_use]
+    pub fn first_arc(&self) -> &[u32] {
+        &self.first_arc
+    }
+
+    /// The same edge the other way, of each arc, `[arcs]`.
+    #[must_use]
+    pub fn twins(&self) -> &[u32] {
+        &self.twins
+    }
 }
 
 #[cfg(test)]

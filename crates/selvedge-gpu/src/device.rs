@@ -1,0 +1,163 @@
+//! What a device is to the rest: something that compiles a program, holds an arena, and runs schedules.
+//!
+//! This is all that another kind of GPU would have to do: the kernels' source in its own language, a
+//! product, and these two traits.
+
+use thiserror::Error;
+
+use crate::plan::{Plan, Region};
+use crate::schedule::{Schedule, ScheduleError};
+use crate::source::Program;
+
+/// How exact products are. Sums are f32 always.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// f32 throughout.
+    #[default]
+    Full,
+    /// Factors rounded to 10 bits (TF32).
+    Tensor,
+    /// Factors rounded to 7 bits (bf16).
+    Half,
+}
+
+/// A kind of machine that runs kernels.
+pub trait Device: Send {
+    /// What it is called, with its memory, for people.
+    fn name(&self) -> String;
+
+    /// Bytes that can be allocated now.
+    ///
+    /// # Errors
+    /// When the device does not answer.
+    fn free_bytes(&self) -> Result<usize, DeviceError>;
+
+    /// Compiles a program and allocates the arena of a plan.
+    ///
+    /// # Errors
+    /// When a kernel does not compile, or the memory is not there.
+    fn load(
+        &self,
+        program: &Program,
+        plan: &Plan,
+        precision: Precision,
+    ) -> Result<Box<dyn Loaded>, DeviceError>;
+}
+
+/// Number of a schedule that a device knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Prepared(pub(crate) usize);
+
+/// A program and its arena on a device.
+pub trait Loaded: Send {
+    /// Writes words to a region, as many as it has.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn upload(&mut self, to: Region, words: &[u32]) -> Result<(), DeviceError>;
+
+    /// Reads a region, as many words as it has; waits for what runs.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn download(&mut self, from: Region, words: &mut [u32]) -> Result<(), DeviceError>;
+
+    /// Makes a schedule ready to be run often.
+    ///
+    /// # Errors
+    /// When it names a kernel that the program does not have, or the device fails.
+    fn prepare(&mut self, schedule: &Schedule) -> Result<Prepared, DeviceError>;
+
+    /// Runs a schedule after all that was asked for before; does not wait for it.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn run(&mut self, schedule: Prepared) -> Result<(), DeviceError>;
+
+    /// Waits until all is done.
+    ///
+    /// # Errors
+    /// When something that ran has failed.
+    fn wait(&mut self) -> Result<(), DeviceError>;
+}
+
+/// Numbers of four bytes that go up and down.
+impl dyn Loaded {
+    /// Writes `f32` to a region.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn put(&mut self, to: Region, values: &[f32]) -> Result<(), DeviceError> {
+        let words: Vec<u32> = values.iter().map(|x| x.to_bits()).collect();
+        self.upload(to, &words)
+    }
+
+    /// Writes `f64` to a region.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn put_doubles(&mut self, to: Region, values: &[f64]) -> Result<(), DeviceError> {
+        let bits = values.iter().map(|x| x.to_bits());
+        let words: Vec<u32> = bits.flat_map(|b| [b as u32, (b >> 32) as u32]).collect();
+        self.upload(to, &words)
+    }
+
+    /// Reads a region of `f32`.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn get(&mut self, from: Region) -> Result<Vec<f32>, DeviceError> {
+        let mut words = vec![0; from.count()];
+        self.download(from, &mut words)?;
+        Ok(words.into_iter().map(f32::from_bits).collect())
+    }
+
+    /// Reads a region of `f64`.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn get_doubles(&mut self, from: Region) -> Result<Vec<f64>, DeviceError> {
+        let mut words = vec![0; 2 * from.count()];
+        self.download(from, &mut words)?;
+        let pairs = words.as_chunks::<2>().0.iter();
+        Ok(pairs
+            .map(|&[low, high]| f64::from_bits(u64::from(low) | u64::from(high) << 32))
+            .collect())
+    }
+}
+
+/// Why a device does not do what it should.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum DeviceError {
+    #[error("{library} was not found: {remedy}")]
+    Library {
+        library: &'static str,
+        remedy: &'static str,
+    },
+    #[error(
+        "the driver is too old: it knows CUDA {found}, and {needed} is needed; install a newer driver"
+    )]
+    OldDriver { found: String, needed: String },
+    #[error("there is a driver of CUDA but no GPU that it can use: see what nvidia-smi says")]
+    NoDevice,
+    #[error("there is no GPU number {number}: {count} are there, counted from 0")]
+    NoSuchDevice { number: usize, count: usize },
+    #[error("{what} needs {needed} of memory on the device, {free} are free: {remedy}")]
+    Memory {
+        what: String,
+        needed: String,
+        free: String,
+        remedy: String,
+    },
+    #[error("the kernels do not compile with {compiler}:\n{log}")]
+    Compile { compiler: String, log: String },
+    #[error("a file for the compiler: {0}")]
+    File(#[from] std::io::Error),
+    #[error("the program has no kernel {0}")]
+    NoKernel(String),
+    #[error(transparent)]
+    Schedule(#[from] ScheduleError),
+    #[error("{call} failed on the device: {reason}")]
+    Call { call: &'static str, reason: String },
+}

@@ -1,0 +1,496 @@
+//! What a device does, as a list of commands: plain data, made once for a spec, the shapes of a graph
+//! and a purpose, and run as often as wanted.
+//!
+//! Nothing in a command changes from run to run: what does (positions, weights, a learning rate) lies
+//! in the arena. So a device may record a schedule once and replay it. [`Trace`] follows schedules
+//! without running them and finds what a GPU would not say: a region that ends before a kernel does, a
+//! value that is read before it is written, an array that was overwritten by another.
+
+use std::collections::BTreeMap;
+
+use thiserror::Error;
+
+use crate::plan::{Element, Plan, Region};
+use crate::source::{Access, Extent, Kernel, Sizes};
+
+/// An argument of a kernel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Argument {
+    /// Part of an array.
+    Region(Region),
+    /// A null pointer, where the kernel allows one: what it would write is not wanted.
+    Nothing,
+    /// A `u32`.
+    Count(u32),
+    /// An `f32`.
+    Number(f32),
+}
+
+impl From<Region> for Argument {
+    fn from(region: Region) -> Self {
+        Self::Region(region)
+    }
+}
+
+impl From<Option<Region>> for Argument {
+    fn from(region: Option<Region>) -> Self {
+        region.map_or(Self::Nothing, Self::Region)
+    }
+}
+
+/// A kernel on so many elements, rows or blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Launch {
+    /// Which.
+    pub kernel: &'static Kernel,
+    /// Elements, rows or blocks, as the kernel's shape says.
+    pub count: usize,
+    /// In the order of the kernel's parameters.
+    pub arguments: Vec<Argument>,
+}
+
+/// A matrix in the arena: row `i` begins `i * leading` elements after the region does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Matrix {
+    /// From its first element to at least its last.
+    pub region: Region,
+    /// From the beginning of a row to that of the next.
+    pub leading: usize,
+    /// Whether the operand of a product is its transpose.
+    pub transposed: bool,
+}
+
+impl Matrix {
+    /// Rows of `width` elements.
+    #[must_use]
+    pub fn new(region: Region, width: usize) -> Self {
+        Self {
+            region,
+            leading: width,
+            transposed: false,
+        }
+    }
+
+    /// Its columns from number `first` on.
+    #[must_use]
+    pub fn from_column(self, first: usize) -> Self {
+        let region = self.region.part(first..self.region.count());
+        Self { region, ..self }
+    }
+
+    /// Its transpose, as an operand of a product.
+    #[must_use]
+    pub fn transpose(self) -> Self {
+        Self {
+            transposed: !self.transposed,
+            ..self
+        }
+    }
+}
+
+/// What a product does to what lies in its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Onto {
+    /// It takes its place.
+    Set,
+    /// It is added.
+    Add,
+}
+
+/// What happens to the sums of a product before they are left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Finish {
+    /// Nothing.
+    Nothing,
+    /// A bias per column is added.
+    Bias(Region),
+    /// A bias per column is added, then what is negative becomes zero.
+    BiasRelu(Region),
+}
+
+/// c = a b (or c += a b), with a `[m, k]`, b `[k, n]`, c `[m, n]`; then its finish.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Product {
+    /// m, n, k.
+    pub size: [usize; 3],
+    /// The left operand.
+    pub a: Matrix,
+    /// The right operand.
+    pub b: Matrix,
+    /// The result, not transposed.
+    pub c: Matrix,
+    /// Set or added.
+    pub onto: Onto,
+    /// What follows.
+    pub finish: Finish,
+}
+
+/// One thing to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    /// Runs a kernel.
+    Launch(Launch),
+    /// Multiplies matrices.
+    Product(Product),
+    /// Sets every element of an array of `f32` to zero.
+    Clear(Region),
+    /// Copies from the first region to the second.
+    Copy(Region, Region),
+}
+
+/// Commands, done one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Schedule {
+    /// What it is, for messages.
+    pub name: &'static str,
+    /// In order.
+    pub commands: Vec<Command>,
+}
+
+impl Schedule {
+    /// No commands yet.
+    #[must_use]
+    pub fn new(name: &'static str) -> Self {
+        Self {
+            name,
+            commands: Vec::new(),
+        }
+    }
+
+    /// Adds a launch of a kernel on `count` elements, rows or blocks.
+    pub fn launch(&mut self, kernel: &'static Kernel, count: usize, arguments: &[Argument]) {
+        self.commands.push(Command::Launch(Launch {
+            kernel,
+            count,
+            arguments: arguments.to_vec(),
+        }));
+    }
+
+    /// Adds a product.
+    pub fn product(&mut self, product: Product) {
+        self.commands.push(Command::Product(product));
+    }
+
+    /// Adds the setting of a region to zero.
+    pub fn clear(&mut self, region: Region) {
+        self.commands.push(Command::Clear(region));
+    }
+
+    /// Adds a copy.
+    pub fn copy(&mut self, from: Region, to: Region) {
+        self.commands.push(Command::Copy(from, to));
+    }
+
+    /// Kernels, products, clears and copies in it.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.commands.len()
+    }
+
+    /// Whether it does nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.commands.is_empty()
+    }
+}
+
+/// A schedule that would do wrong on a device.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("schedule {schedule}, command {number} ({command}): {what}")]
+pub struct ScheduleError {
+    /// Its name.
+    pub schedule: &'static str,
+    /// Which of its commands.
+    pub number: usize,
+    /// What the command is.
+    pub command: String,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+/// What lies in the arena while schedules are followed without running them.
+pub struct Trace<'a> {
+    plan: &'a Plan,
+    sizes: Sizes,
+    /// Words from each key up to the value's first part were last written as part of the array of the
+    /// value's second part.
+    owners: BTreeMap<usize, (usize, usize)>,
+    values: Values,
+}
+
+/// What a trace knows of the values in an arena.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Values {
+    Followed,
+    Unknown,
+}
+
+impl<'a> Trace<'a> {
+    /// An arena in which nothing is written; `sizes` are those of the program.
+    #[must_use]
+    pub fn new(plan: &'a Plan, sizes: Sizes) -> Self {
+        Self {
+            plan,
+            sizes,
+            owners: BTreeMap::new(),
+            values: Values::Followed,
+        }
+    }
+
+    /// Checks arguments and sizes of a schedule, whatever lies in the arena.
+    ///
+    /// # Errors
+    /// The first command whose arguments are not those of its kernel, or whose regions are too short.
+    pub fn fits(plan: &'a Plan, sizes: Sizes, schedule: &Schedule) -> Result<(), ScheduleError> {
+        let mut trace = Self::new(plan, sizes);
+        trace.values = Values::Unknown;
+        trace.follow(schedule)
+    }
+
+    /// Something is written from outside.
+    pub fn give(&mut self, region: Region) {
+        if self.values == Values::Unknown {
+            return;
+        }
+        let place = self.plan.place(region);
+        self.write(place.start, place.end, Plan::number_of(region));
+    }
+
+    /// Whether all of a region has been written, and by no other array since.
+    #[must_use]
+    pub fn holds(&self, region: Region) -> bool {
+        let place = self.plan.place(region);
+        self.covers(place.start, place.end, Plan::number_of(region))
+    }
+
+    /// Follows a schedule.
+    ///
+    /// # Errors
+    /// The first command that reads what was not written or was overwritten, whose arguments are not
+    /// those of its kernel, or whose regions are too short.
+    pub fn follow(&mut self, schedule: &Schedule) -> Result<(), ScheduleError> {
+        for (number, command) in schedule.commands.iter().enumerate() {
+            self.command(command).map_err(|what| ScheduleError {
+                schedule: schedule.name,
+                number,
+                command: describe(command),
+                what,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, command: &Command) -> Result<(), String> {
+        match command {
+            Command::Launch(launch) => self.launch(launch),
+            Command::Product(product) => self.product(product),
+            Command::Clear(region) => {
+                self.expect(*region, Element::Float)?;
+                self.give(*region);
+                Ok(())
+            }
+            Command::Copy(from, to) => {
+                let bytes = |region: &Region| region.count() * region.element().words();
+                if bytes(from) != bytes(to) {
+                    return Err(format!("{} words to {}", bytes(from), bytes(to)));
+                }
+                self.read(*from)?;
+                self.give(*to);
+                Ok(())
+            }
+        }
+    }
+
+    fn launch(&mut self, launch: &Launch) -> Result<(), String> {
+        let (kernel, found) = (launch.kernel, launch.arguments.len());
+        if kernel.parameters.len() != found {
+            let expected = kernel.parameters.len();
+            return Err(format!("{found} arguments, expected {expected}"));
+        }
+        u32::try_from(launch.count).map_err(|_| format!("{} of them", launch.count))?;
+        let (mut read, mut written) = (Vec::new(), Vec::new());
+        for (parameter, argument) in kernel.parameters.iter().zip(&launch.arguments) {
+            let wrong = |what: String| Err(format!("{}: {what}", parameter.name));
+            let region = match (parameter.access, argument) {
+                (Access::Count, Argument::Count(_)) | (Access::Number, Argument::Number(_)) => {
+                    continue;
+                }
+                (access, Argument::Nothing) if access.may_be_nothing() => continue,
+                (access, Argument::Region(region))
+                    if access.element() == Some(region.element()) =>
+                {
+                    *region
+                }
+                (access, argument) => return wrong(format!("{argument:?} for {access:?}")),
+            };
+            let expected = match parameter.extent {
+                Extent::PerCount(width) => Some(launch.count * width.of(self.sizes)),
+                Extent::Fixed(width) => Some(width.of(self.sizes)),
+                Extent::Any => None,
+            };
+            if let Some(expected) = expected.filter(|&expected| expected != region.count()) {
+                return wrong(format!("{} elements, expected {expected}", region.count()));
+            }
+            if parameter.access.reads() {
+                self.read(region)?;
+            }
+            if parameter.access.writes() {
+                written.push(region);
+            } else {
+                read.push(region);
+            }
+        }
+        for (number, &region) in written.iter().enumerate() {
+            let others = written[number + 1..].iter().map(|&other| (other, false));
+            let overlaps = |(other, may_be_same): (Region, bool)| {
+                let [a, b] = [region, other].map(|r| self.plan.place(r));
+                let same = may_be_same && a == b;
+                !same && a.start < b.end && b.start < a.end
+            };
+            if others
+                .chain(read.iter().map(|&other| (other, true)))
+                .any(overlaps)
+            {
+                return Err(format!("{} overlaps another argument", self.name(region)));
+            }
+        }
+        written.into_iter().for_each(|region| self.give(region));
+        Ok(())
+    }
+
+    fn product(&mut self, product: &Product) -> Result<(), String> {
+        let [m, n, k] = product.size;
+        let transposed = |matrix: Matrix, rows, columns| {
+            if matrix.transposed {
+                [columns, rows]
+            } else {
+                [rows, columns]
+            }
+        };
+        self.rows(product.a, transposed(product.a, m, k), Self::read)?;
+        self.rows(product.b, transposed(product.b, k, n), Self::read)?;
+        if product.c.transposed {
+            return Err("a transposed result".to_owned());
+        }
+        if product.onto == Onto::Add {
+            self.rows(product.c, [m, n], Self::read)?;
+        }
+        if let Finish::Bias(bias) | Finish::BiasRelu(bias) = product.finish {
+            if bias.count() != n {
+                return Err(format!("a bias of {}, expected {n}", bias.count()));
+            }
+            self.read(bias)?;
+        }
+        self.rows(product.c, [m, n], |trace, region| {
+            trace.give(region);
+            Ok(())
+        })
+    }
+
+    /// Does something with every row of a matrix, or with all at once where they lie side by side.
+    fn rows(
+        &mut self,
+        matrix: Matrix,
+        [rows, columns]: [usize; 2],
+        mut each: impl FnMut(&mut Self, Region) -> Result<(), String>,
+    ) -> Result<(), String> {
+        self.expect(matrix.region, Element::Float)?;
+        let (leading, count) = (matrix.leading, matrix.region.count());
+        let needed = rows.saturating_sub(1) * leading + columns;
+        if columns > leading || needed > count {
+            return Err(format!(
+                "a matrix of {rows} by {columns}, {leading} apart, in {count} elements"
+            ));
+        }
+        if leading == columns {
+            return each(self, matrix.region.part(0..rows * columns));
+        }
+        (0..rows).try_for_each(|row| {
+            let first = row * leading;
+            each(self, matrix.region.part(first..first + columns))
+        })
+    }
+
+    fn expect(&self, region: Region, element: Element) -> Result<(), String> {
+        if region.element() == element {
+            Ok(())
+        } else {
+            Err(format!("{} is not of {element:?}", self.name(region)))
+        }
+    }
+
+    fn read(&mut self, region: Region) -> Result<(), String> {
+        if self.values == Values::Unknown || self.holds(region) {
+            Ok(())
+        } else {
+            Err(format!(
+                "reads {}, which was not written, or was overwritten",
+                self.name(region)
+            ))
+        }
+    }
+
+    fn name(&self, region: Region) -> &str {
+        &self.plan.array_of(region).name
+    }
+
+    fn write(&mut self, start: usize, end: usize, array: usize) {
+        if start == end {
+            return;
+        }
+        let overlapping: Vec<_> = self
+            .owners
+            .range(..end)
+            .rev()
+            .take_while(|(_, (stop, _))| *stop > start)
+            .map(|(&first, &(stop, owner))| (first, stop, owner))
+            .collect();
+        for (first, stop, owner) in overlapping {
+            self.owners.remove(&first);
+            if first < start {
+                self.owners.insert(first, (start, owner));
+            }
+            if stop > end {
+                self.owners.insert(end, (stop, owner));
+            }
+        }
+        let (mut start, mut end) = (start, end);
+        if let Some((&first, &(stop, owner))) = self.owners.range(..start).next_back()
+            && stop == start
+            && owner == array
+        {
+            self.owners.remove(&first);
+            start = first;
+        }
+        if let Some(&(stop, owner)) = self.owners.get(&end)
+            && owner == array
+        {
+            self.owners.remove(&end);
+            end = stop;
+        }
+        self.owners.insert(start, (end, array));
+    }
+
+    fn covers(&self, start: usize, end: usize, array: usize) -> bool {
+        if start == end {
+            return true;
+        }
+        let found = self.owners.range(..=start).next_back();
+        found.is_some_and(|(_, &(stop, owner))| stop >= end && owner == array)
+    }
+}
+
+fn describe(command: &Command) -> String {
+    match command {
+        Command::Launch(launch) => format!("{} of {}", launch.kernel.name, launch.count),
+        Command::Product(product) => {
+            let [m, n, k] = product.size;
+            format!("product {m} by {n} by {k}")
+        }
+        Command::Clear(_) => "clear".to_owned(),
+        Command::Copy(..) => "copy".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

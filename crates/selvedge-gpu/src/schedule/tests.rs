@@ -1,0 +1,156 @@
+//! What a trace finds.
+
+use super::*;
+use crate::layers::{ADD_BIAS, NORM};
+
+const SIZES: Sizes = Sizes {
+    latent: 8,
+    node_width: 5,
+    edge_width: 4,
+};
+
+/// The message for a schedule with these commands, in an arena where `given` is written.
+fn message(plan: &Plan, given: &[Region], build: impl FnOnce(&mut Schedule)) -> String {
+    let mut schedule = Schedule::new("test");
+    build(&mut schedule);
+    let mut trace = Trace::new(plan, SIZES);
+    given.iter().for_each(|&region| trace.give(region));
+    match trace.follow(&schedule) {
+        Ok(()) => String::new(),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn product(a: Region, b: Region, c: Region, onto: Onto) -> Product {
+    Product {
+        size: [3, 2, 4],
+        a: Matrix::new(a, 4),
+        b: Matrix::new(b, 4).transpose(),
+        c: Matrix::new(c, 2),
+        onto,
+        finish: Finish::Nothing,
+    }
+}
+
+#[test]
+fn a_product_reads_and_writes_its_matrices() {
+    let mut plan = Plan::new();
+    let [a, b, c] = [("a", 12), ("b", 8), ("c", 6)].map(|(name, count)| plan.floats(name, count));
+    let of = |given: &[Region], onto| {
+        message(&plan, given, |schedule| {
+            schedule.product(product(a, b, c, onto))
+        })
+    };
+    assert_eq!(of(&[a, b], Onto::Set), "");
+    assert!(of(&[a], Onto::Set).contains("reads b"));
+    assert!(of(&[a, b], Onto::Add).contains("reads c"));
+    assert_eq!(of(&[a, b, c], Onto::Add), "");
+    let short = product(a.part(0..11), b, c, Onto::Set);
+    let found = message(&plan, &[a, b], |schedule| schedule.product(short));
+    assert!(
+        found.contains("a matrix of 3 by 4, 4 apart, in 11 elements"),
+        "{found}"
+    );
+}
+
+#[test]
+fn only_the_columns_that_a_product_writes_are_written() {
+    let mut plan = Plan::new();
+    let [a, b, c] = [("a", 12), ("b", 8), ("c", 9)].map(|(name, count)| plan.floats(name, count));
+    let wide = Product {
+        c: Matrix::new(c, 3),
+        ..product(a, b, c, Onto::Set)
+    };
+    let mut schedule = Schedule::new("test");
+    schedule.product(wide);
+    let mut trace = Trace::new(&plan, SIZES);
+    [a, b].into_iter().for_each(|region| trace.give(region));
+    trace.follow(&schedule).expect("a product");
+    assert!(trace.holds(c.part(0..2)) && trace.holds(c.part(6..8)));
+    assert!(!trace.holds(c.part(0..3)) && !trace.holds(c));
+    schedule.product(Product {
+        c: Matrix::new(c, 3).from_column(1),
+        ..wide
+    });
+    trace.follow(&schedule).expect("two products");
+    assert!(trace.holds(c), "both together fill it");
+}
+
+#[test]
+fn what_another_array_was_written_over_is_not_read() {
+    let mut plan = Plan::new();
+    let mark = plan.mark();
+    let first = plan.floats("first", 10);
+    plan.release(mark);
+    let (second, to) = (plan.floats("second", 4), plan.floats("to", 10));
+    let found = message(&plan, &[first], |schedule| {
+        schedule.copy(first, to);
+        schedule.clear(second);
+        schedule.copy(first, to);
+    });
+    assert_eq!(
+        found,
+        "schedule test, command 2 (copy): reads first, which was not written, or was overwritten"
+    );
+    let found = message(&plan, &[first], |schedule| {
+        schedule.clear(second);
+        schedule.copy(first.part(4..10), to.part(0..6));
+    });
+    assert_eq!(found, "", "what lies behind it is still there");
+}
+
+#[test]
+fn a_launch_has_the_arguments_of_its_kernel() {
+    let mut plan = Plan::new();
+    let [x, y, inverse] = [16, 16, 2].map(|count| plan.floats("rows", count));
+    let [bias, weight, shift] = [8; 3].map(|count| plan.floats("latent", count));
+    let given = [x, bias, weight, shift];
+    let arguments = |after: Region, inverse: Argument| -> Vec<Argument> {
+        let first = [x, bias, weight, shift].map(Argument::from);
+        let rest = [Argument::Nothing, after.into(), Argument::Nothing, inverse];
+        [first, rest].concat()
+    };
+    let of = |count, arguments: &[Argument]| {
+        message(&plan, &given, |schedule| {
+            schedule.launch(&NORM, count, arguments)
+        })
+    };
+    let good = arguments(y, inverse.into());
+    assert_eq!(of(2, &good), "");
+    assert_eq!(of(2, &arguments(x, Argument::Nothing)), "", "in place");
+    assert!(of(3, &good).contains("x: 16 elements, expected 24"));
+    assert!(of(2, &good[..7]).contains("7 arguments, expected 8"));
+    let found = of(2, &arguments(y, Argument::Count(1)));
+    assert!(
+        found.contains("inverse: Count(1) for OutOrNothing"),
+        "{found}"
+    );
+    let found = of(2, &[&[Argument::Nothing], &good[1..]].concat());
+    assert!(found.contains("x: Nothing for In"), "{found}");
+    let mut overlapping = plan.clone();
+    let both = overlapping.floats("both", 24);
+    let found = message(&overlapping, &[both, bias, weight, shift], |schedule| {
+        let mut arguments = arguments(both.part(8..24), Argument::Nothing);
+        arguments[0] = both.part(0..16).into();
+        schedule.launch(&NORM, 2, &arguments);
+    });
+    assert!(found.contains("both overlaps another argument"), "{found}");
+}
+
+#[test]
+fn what_points_to_indices_is_not_taken_for_numbers() {
+    let mut plan = Plan::new();
+    let rows = plan.floats("rows", 8);
+    let indices = plan.indices("indices", 8);
+    let found = message(&plan, &[indices], |schedule| {
+        let counts = [Argument::Count(8), Argument::Count(8)];
+        schedule.launch(
+            &ADD_BIAS,
+            1,
+            &[rows.into(), counts[0], indices.into(), counts[1]],
+        );
+    });
+    assert!(found.contains("rows"), "{found}");
+    let found = message(&plan, &[rows, indices], |schedule| schedule.clear(indices));
+    assert!(found.contains("indices is not of Float"), "{found}");
+}
