@@ -76,6 +76,8 @@ pub enum StepError {
         change: f64,
         bound: f64,
     },
+    #[error("frame {frame}: the device that computes it failed: {reason}")]
+    Device { frame: usize, reason: String },
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
 }

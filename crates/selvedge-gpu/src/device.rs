@@ -82,7 +82,7 @@ pub trait Loaded: Send {
 }
 
 /// Numbers of four bytes that go up and down.
-impl dyn Loaded {
+impl dyn Loaded + '_ {
     /// Writes `f32` to a region.
     ///
     /// # Errors
@@ -123,6 +123,39 @@ impl dyn Loaded {
         Ok(pairs
             .map(|&[low, high]| f64::from_bits(u64::from(low) | u64::from(high) << 32))
             .collect())
+    }
+}
+
+/// That a device has the memory for `what`, before it is asked for it; else an error that says, by
+/// `what_fits` of the free bytes, what it has memory for.
+///
+/// # Errors
+/// [`DeviceError::Memory`], or when the device does not answer.
+pub fn require_memory(
+    device: &dyn Device,
+    what: &str,
+    needed: usize,
+    what_fits: impl FnOnce(usize) -> String,
+) -> Result<(), DeviceError> {
+    let free = device.free_bytes()?;
+    if needed <= free {
+        return Ok(());
+    }
+    Err(DeviceError::Memory {
+        what: what.to_owned(),
+        needed: in_bytes(needed),
+        free: in_bytes(free),
+        remedy: what_fits(free),
+    })
+}
+
+/// A number of bytes for people.
+pub(crate) fn in_bytes(bytes: usize) -> String {
+    let units = [(1e9, "GB"), (1e6, "MB"), (1e3, "kB")];
+    let bytes = bytes as f64;
+    match units.into_iter().find(|(size, _)| bytes >= *size) {
+        Some((size, unit)) => format!("{:.1} {unit}", bytes / size),
+        None => format!("{bytes} bytes"),
     }
 }
 

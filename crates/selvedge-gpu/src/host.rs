@@ -74,6 +74,7 @@ impl Host {
             "-Wextra",
             "-Werror",
             "-Wno-unused-function",
+            "-Wno-unused-variable",
             "-Wno-unused-parameter",
             "-Wno-unknown-pragmas",
         ];

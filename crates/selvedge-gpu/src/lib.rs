@@ -6,14 +6,20 @@
 //! everything but the calls of a driver is proven where there is no GPU, on the `host`: the same kernels,
 //! compiled by the C compiler, under the same schedules, against the CPU engine.
 
+pub mod cloths;
 pub mod device;
+pub mod features;
+pub mod frames;
 #[cfg(feature = "host")]
 pub mod host;
 pub mod layers;
+pub mod motion;
 pub mod network;
 pub mod plan;
+pub mod rollout;
 pub mod schedule;
 pub mod source;
+pub mod stepper;
 
 #[cfg(test)]
 mod test_graphs;

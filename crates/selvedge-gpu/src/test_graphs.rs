@@ -1,9 +1,16 @@
 //! Networks, graphs and numbers for the tests of this crate.
 
+use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_model::{Connectivity, Encoder, ModelSpec, Network};
+use selvedge_cloth::{Environment, Handles};
+use selvedge_model::{
+    ClothGraph, ClothParts, Connectivity, EdgeFeature, Encoder, Integration, Model, ModelSpec,
+    Network, NodeFeature, Normalizer, Normalizers,
+};
+
+use crate::host::Host;
 
 /// The arcs of squares of so many vertices, side by side.
 pub(crate) fn squares(counts: &[usize]) -> Connectivity {
@@ -52,4 +59,109 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         physical(Encoder::NodeGru { window: 3 }, 36, 2),
         physical(Encoder::StreamingGru { window: 2 }, 16, 2),
     ]
+}
+
+/// A hanging square of `side`² vertices in moving air, its handles the upper corners.
+pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
+    let vertices = side * side;
+    let spec = SquareSpec {
+        vertices,
+        size: 1.0,
+        seed,
+    };
+    let sheet = square(&spec).expect("a square");
+    let [left, right] = sheet.labels["upper-corners"][..] else {
+        panic!("two upper corners");
+    };
+    let (mesh, rest) = (&sheet.mesh, sheet.mesh.rest_shape(0.15));
+    let coordinates = mesh.material_coordinates().iter().map(|c| c.as_vec2());
+    let ripple = |p: &DVec3| DVec3::new(0.05 * (9.0 * p.z).sin() * p.y, p.y, p.z);
+    ClothParts {
+        topology: mesh.topology().clone(),
+        handles: Handles::new(&[right, left], vertices).expect("two corners"),
+        vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
+        face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
+        material_coordinates: coordinates.collect(),
+        rest_positions: mesh
+            .positions()
+            .iter()
+            .map(|p| ripple(p).as_vec3())
+            .collect(),
+        environment: Environment {
+            wind: DVec3::new(0.4, 0.1, -0.7),
+            air_drag: 0.3,
+            ..Environment::default()
+        },
+        frame_rate: 60.0,
+    }
+}
+
+/// The cloth of [`parts`].
+pub(crate) fn cloth(side: usize, seed: u64) -> ClothGraph {
+    ClothGraph::new(parts(side, seed)).expect("a cloth")
+}
+
+/// `positions` moved at random by up to `size` `[m]` per coordinate.
+pub(crate) fn shaken(positions: &[Vec3], size: f32, seed: u64) -> Vec<Vec3> {
+    let moves = numbers(3 * positions.len(), size, seed);
+    let moves = moves.as_chunks::<3>().0.iter();
+    let pairs = positions.iter().zip(moves);
+    pairs.map(|(&p, &by)| p + Vec3::from_array(by)).collect()
+}
+
+/// All features, all ways of integration.
+pub(crate) fn full_specs() -> Vec<ModelSpec> {
+    let carried = Integration::Carried {
+        damping: 0.03,
+        stiffness: 0.003,
+    };
+    let mut specs = specs();
+    for (encoder, integration) in [
+        (Encoder::Gru { window: 3 }, Integration::default()),
+        (Encoder::NodeGru { window: 2 }, carried),
+        (Encoder::StreamingGru { window: 2 }, carried),
+    ] {
+        let mut spec = ModelSpec::physical(encoder, 12, 1);
+        spec.node_features.extend([
+            NodeFeature::Acceleration,
+            NodeFeature::ExpectedMove,
+            NodeFeature::RestOffset,
+        ]);
+        spec.edge_features.insert(EdgeFeature::MaterialVector);
+        spec.integration = integration;
+        specs.push(spec);
+    }
+    specs
+}
+
+/// A model of `spec` whose accelerations are about `size` `[m/frame²]`, with statistics none of which is
+/// special but for one constant column.
+pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
+    let network = Network::new(spec).expect("a spec");
+    let statistics = |width: usize, constant: usize| {
+        let mean = (0..width).map(|k| 0.01 * (k as f64).sin()).collect();
+        let mut deviation: Vec<f64> = (0..width).map(|k| 0.1 + 0.01 * k as f64).collect();
+        if let Some(d) = deviation.get_mut(constant) {
+            *d = 0.0;
+        }
+        Normalizer::new(mean, deviation).expect("statistics")
+    };
+    let normalizers = Normalizers {
+        nodes: statistics(spec.node_width(), 8),
+        edges: statistics(spec.edge_width(), 40),
+        acceleration: Normalizer::new(vec![0.0; 3], vec![size; 3]).expect("statistics"),
+    };
+    let weights = weights(&network, seed);
+    Model::new(spec, weights, normalizers, String::new()).expect("a model")
+}
+
+/// The device of the tests; where there is no C compiler they say so and are not run.
+pub(crate) fn host() -> Option<Host> {
+    match Host::new() {
+        Ok(host) => Some(host),
+        Err(error) => {
+            eprintln!("NOT TESTED: {error}");
+            None
+        }
+    }
 }

@@ -36,6 +36,18 @@ impl Yaw {
         }
     }
 
+    /// Its cosine.
+    #[must_use]
+    pub fn cos(self) -> f64 {
+        self.cos
+    }
+
+    /// Its sine.
+    #[must_use]
+    pub fn sin(self) -> f64 {
+        self.sin
+    }
+
     /// The angle of rotation about +y `[rad]`, in (-π, π].
     #[must_use]
     pub fn angle(self) -> f64 {

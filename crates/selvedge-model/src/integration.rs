@@ -34,33 +34,77 @@ impl Default for Integration {
     }
 }
 
-/// Centroid and yaw of the handles in both frames and where they go.
-fn places(
-    graph: &ClothGraph,
-    frames: [&[Vec3]; 2],
-    next_handles: &[Vec3],
-    yaw: Yaw,
-) -> [(DVec3, Yaw); 3] {
-    let [before, now] = frames.map(|positions| {
-        let handles = graph.handles().of(positions);
-        let centre = centroid(handles.clone());
-        (centre, graph.frame().yaw_of(handles, yaw))
-    });
-    let next = centroid(next_handles.iter().copied());
-    [before, now, (next, graph.frame().yaw(next_handles, yaw))]
-}
-
 /// A rigid motion of the handles: a turn about the vertical through `from`, then to `to`.
-struct Carry {
-    from: DVec3,
-    to: DVec3,
-    turn: Yaw,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carry {
+    /// Where it turns about `[m]`.
+    pub from: DVec3,
+    /// Where that goes `[m]`.
+    pub to: DVec3,
+    /// By how much it turns.
+    pub turn: Yaw,
 }
 
 impl Carry {
-    fn point(&self, p: Vec3) -> DVec3 {
+    fn between(from: (DVec3, Yaw), to: (DVec3, Yaw)) -> Self {
+        Self {
+            from: from.0,
+            to: to.0,
+            turn: Yaw::from_angle(to.1.angle() - from.1.angle()),
+        }
+    }
+
+    /// That of the handles of `graph` from the rest pose to `handles` `[m]`, `[handles]`, of yaw `yaw`.
+    #[must_use]
+    pub fn from_rest(graph: &ClothGraph, handles: &[Vec3], yaw: Yaw) -> Self {
+        Self::between(rest(graph), (centroid(handles.iter().copied()), yaw))
+    }
+
+    /// Where it takes a point `[m]`.
+    #[must_use]
+    pub fn point(&self, p: Vec3) -> DVec3 {
         self.to + self.turn.to_world_f64(p.as_dvec3() - self.from)
     }
+}
+
+/// How handles carry a cloth to where they go next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carries {
+    /// From where they are now.
+    pub to_next: Carry,
+    /// From where they were one frame earlier.
+    pub from_before: Carry,
+    /// From the rest pose.
+    pub from_rest: Carry,
+}
+
+impl Carries {
+    /// For handles that were at the first of `handles`, are at the second and go to `next` `[m]`,
+    /// `[handles]` each; `yaw` is that of the frame where they are.
+    pub fn new<H>(graph: &ClothGraph, handles: [H; 2], next: &[Vec3], yaw: Yaw) -> Self
+    where
+        H: ExactSizeIterator<Item = Vec3> + Clone,
+    {
+        let [before, now] = handles.map(|handles| {
+            let centre = centroid(handles.clone());
+            (centre, graph.frame().yaw_of(handles, yaw))
+        });
+        let next = (
+            centroid(next.iter().copied()),
+            graph.frame().yaw(next, yaw),
+        );
+        Self {
+            to_next: Carry::between(now, next),
+            from_before: Carry::between(before, next),
+            from_rest: Carry::between(rest(graph), next),
+        }
+    }
+}
+
+/// Centroid and yaw of the handles at rest.
+fn rest(graph: &ClothGraph) -> (DVec3, Yaw) {
+    let centre = centroid(graph.handles().of(graph.rest_positions()));
+    (centre, graph.frame().rest_yaw())
 }
 
 impl Integration {
@@ -81,13 +125,12 @@ impl Integration {
             reference.extend_from_slice(previous);
             return;
         };
-        let rest = (
-            centroid(graph.handles().of(graph.rest_positions())),
-            graph.frame().rest_yaw(),
-        );
-        let [before, now, next] = places(graph, [previous, current], next_handles, yaw);
-        let (to_next, from_before) = (carry(now, next), carry(before, next));
-        let from_rest = carry(rest, next);
+        let handles = [previous, current].map(|positions| graph.handles().of(positions));
+        let Carries {
+            to_next,
+            from_before,
+            from_rest,
+        } = Carries::new(graph, handles, next_handles, yaw);
         let rows = previous.iter().zip(current).zip(graph.rest_positions());
         reference.extend(rows.map(|((&q, &p), &r)| {
             let here = to_next.point(p);
@@ -133,11 +176,9 @@ pub(crate) fn carried_rest(
         rest.extend_from_slice(current);
         return;
     }
-    let positions = graph.rest_positions();
-    let start = centroid(graph.handles().of(positions));
-    let there = centroid(handles.iter().copied());
-    let from_rest = carry((start, graph.frame().rest_yaw()), (there, yaw));
-    rest.extend(positions.iter().map(|&r| from_rest.point(r).as_vec3()));
+    let from_rest = Carry::from_rest(graph, handles, yaw);
+    let positions = graph.rest_positions().iter();
+    rest.extend(positions.map(|&r| from_rest.point(r).as_vec3()));
 }
 
 impl Integration {
@@ -159,19 +200,12 @@ impl Integration {
                 current: (0.0, 0.0, Yaw::WORLD),
             };
         };
-        let [before, now, next] = places(graph, frames, next_handles, yaw);
+        let handles = frames.map(|positions| graph.handles().of(positions));
+        let carries = Carries::new(graph, handles, next_handles, yaw);
         ReferenceSlope {
-            previous: (1.0 - damping, carry(before, next).turn),
-            current: (2.0, -(2.0 - damping - stiffness), carry(now, next).turn),
+            previous: (1.0 - damping, carries.from_before.turn),
+            current: (2.0, -(2.0 - damping - stiffness), carries.to_next.turn),
         }
-    }
-}
-
-fn carry(from: (DVec3, Yaw), to: (DVec3, Yaw)) -> Carry {
-    Carry {
-        from: from.0,
-        to: to.0,
-        turn: Yaw::from_angle(to.1.angle() - from.1.angle()),
     }
 }
 

@@ -43,7 +43,7 @@ pub use features::{
 pub use frame::{LocalFrame, Yaw};
 pub use graph::{ClothGraph, ClothParts, GraphError, Hinge};
 pub use half::WeightType;
-pub use integration::{Integration, ReferenceSlope};
+pub use integration::{Carries, Carry, Integration, ReferenceSlope};
 pub use lanes::Instructions;
 pub use limits::EdgeLimits;
 pub use model::{Model, ModelError, Normalizers};
@@ -53,7 +53,7 @@ pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
 pub use packed::{PackedWeights, Purpose};
 pub use parameters::{Parameter, Start};
 pub use real::Real;
-pub use rollout::{LearnedStepper, RolloutError, integrate};
+pub use rollout::{LearnedStepper, RolloutError, integrate, opening_frames};
 pub use spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};
 pub use window::{Extent, Frames, Place, Window};
 pub use workspace::{EncoderState, Workspace};

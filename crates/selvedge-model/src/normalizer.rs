@@ -243,6 +243,13 @@ impl Normalizer {
         &self.deviation
     }
 
+    /// What [`Self::normalize`] takes off, multiplies by (0 for a constant component), and what
+    /// [`Self::denormalize`] multiplies by, `[width]` each.
+    #[must_use]
+    pub fn factors(&self) -> [&[f32]; 3] {
+        [&self.shift, &self.scale, &self.spread]
+    }
+
     /// x ← (x - mean) / deviation, and 0 for constant components, in every row of `rows`
     /// (`[rows, width]`).
     ///

@@ -18,6 +18,7 @@ use crate::lanes::Instructions;
 use crate::model::Model;
 use crate::network::{Input, Pass};
 use crate::packed::{PackedWeights, Purpose};
+use crate::spec::ModelSpec;
 use crate::window::{Extent, Frames, Place, Window};
 use crate::workspace::{EncoderState, Workspace};
 
@@ -55,6 +56,35 @@ pub enum RolloutError {
     NonFinite { vertex: VertexId },
 }
 
+/// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from the
+/// last ones before now: where there are fewer than the model looks at, the cloth is taken to have
+/// stood still before the first.
+///
+/// # Errors
+/// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
+pub fn opening_frames(
+    spec: &ModelSpec,
+    vertices: usize,
+    start: &[&[Vec3]],
+) -> Result<Vec<Vec<Vec3>>, RolloutError> {
+    let needed = spec.history();
+    let first = *start.first().ok_or(RolloutError::NoFrame)?;
+    for frame in start {
+        if frame.len() != vertices {
+            let (expected, found) = (vertices, frame.len());
+            return Err(RolloutError::Count { expected, found });
+        }
+        if let Some(vertex) = frame.iter().position(|p| !p.is_finite()) {
+            let vertex = VertexId(vertex as u32);
+            return Err(RolloutError::NonFinite { vertex });
+        }
+    }
+    let still = std::iter::repeat_n(first, needed.saturating_sub(start.len()));
+    let recent = &start[start.len().saturating_sub(needed)..];
+    let frames = still.chain(recent.iter().copied());
+    Ok(frames.map(<[_]>::to_vec).collect())
+}
+
 impl LearnedStepper {
     /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where
     /// there are fewer than the model looks at, the cloth is taken to have stood still before the first.
@@ -66,28 +96,11 @@ impl LearnedStepper {
         graph: ClothGraph,
         start: &[&[Vec3]],
     ) -> Result<Self, RolloutError> {
-        let expected = graph.vertex_count();
-        let needed = model.spec().history();
-        let first = *start.first().ok_or(RolloutError::NoFrame)?;
-        for frame in start {
-            if frame.len() != expected {
-                let found = frame.len();
-                return Err(RolloutError::Count { expected, found });
-            }
-            if let Some(vertex) = frame.iter().position(|p| !p.is_finite()) {
-                let vertex = VertexId(vertex as u32);
-                return Err(RolloutError::NonFinite { vertex });
-            }
-        }
-        let still = std::iter::repeat_n(first, needed.saturating_sub(start.len()));
-        let recent = &start[start.len().saturating_sub(needed)..];
+        let vertices = graph.vertex_count();
         Ok(Self {
             connectivity: Connectivity::of(graph.topology()),
-            history: still
-                .chain(recent.iter().copied())
-                .map(<[_]>::to_vec)
-                .collect(),
-            next: vec![Vec3::ZERO; expected],
+            history: opening_frames(model.spec(), vertices, start)?,
+            next: vec![Vec3::ZERO; vertices],
             next_handles: Vec::new(),
             reference: Vec::new(),
             yaw: graph.frame().rest_yaw(),

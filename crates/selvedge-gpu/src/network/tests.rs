@@ -5,11 +5,11 @@ use selvedge_model::{Connectivity, Input, ModelSpec, Network, Pass, Workspace, r
 
 use super::{ForwardPass, GraphArrays, InputArrays, Keep, Record, WeightArrays, forward};
 use crate::device::{Device, Precision};
-use crate::host::Host;
 use crate::layers;
 use crate::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
 use crate::source::{Program, Sizes};
+pub(crate) use crate::test_graphs::host;
 use crate::test_graphs::{numbers, specs, squares, weights};
 
 /// A network on a graph, lowered.
@@ -69,17 +69,6 @@ impl Lowered {
             c,
             d,
         ]
-    }
-}
-
-/// The device of these tests; where there is no C compiler they say so and are not run.
-pub(crate) fn host() -> Option<Host> {
-    match Host::new() {
-        Ok(host) => Some(host),
-        Err(error) => {
-            eprintln!("NOT TESTED: {error}");
-            None
-        }
     }
 }
 

@@ -1,0 +1,358 @@
+//! What does not change of the cloths of a union, in the arena: what features, integration and edge
+//! limits are made from.
+
+use selvedge_model::{ClothGraph, Connectivity};
+
+use crate::device::{DeviceError, Loaded};
+use crate::network::GraphArrays;
+use crate::plan::{Plan, Region};
+
+/// Of a vertex that is no handle, as in `kernels/common.h`.
+const NO_HANDLE: u32 = u32::MAX;
+
+/// Cloths side by side, by their sizes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UnionSizes {
+    /// Cloths.
+    pub cloths: usize,
+    /// Vertices of all.
+    pub vertices: usize,
+    /// Arcs of all.
+    pub arcs: usize,
+    /// Edges of all.
+    pub edges: usize,
+    /// Faces of all.
+    pub faces: usize,
+    /// Handles of all.
+    pub handles: usize,
+    /// Colours that the edges of any one of them need.
+    pub colours: usize,
+}
+
+impl UnionSizes {
+    /// Those of some cloths.
+    #[must_use]
+    pub fn of(graphs: &[&ClothGraph]) -> Self {
+        let mut sizes = Self {
+            cloths: graphs.len(),
+            ..Self::default()
+        };
+        for graph in graphs {
+            sizes.vertices += graph.vertex_count();
+            sizes.arcs += graph.arc_count();
+            sizes.edges += graph.topology().edges().len();
+            sizes.faces += graph.topology().faces().len();
+            sizes.handles += graph.handles().len();
+            sizes.colours = sizes.colours.max(colours(graph).1);
+        }
+        sizes
+    }
+}
+
+/// The cloths of a union in the arena.
+#[derive(Clone, Copy, Debug)]
+pub struct ClothArrays {
+    /// How many of everything.
+    pub sizes: UnionSizes,
+    /// The arcs as the network sees them.
+    pub graph: GraphArrays,
+    /// Number of the cloth of each vertex, `[vertices]`.
+    pub cloth_of: Region,
+    /// Number of the handle that each vertex is, in the union, `[vertices]`.
+    pub handle_of: Region,
+    /// `[vertices]` `[kg]`.
+    pub mass: Region,
+    /// The sagged rest pose `[vertices, 3]` `[m]`.
+    pub rest: Region,
+    /// Wind, density and drag of each cloth's air, and the rate of three corners, `[cloths, 6]`.
+    pub air: Region,
+    /// Corners of the faces, `[faces, 3]`.
+    pub corners: Region,
+    /// Areas of the faces, `[faces]` `[m²]`.
+    pub areas: Region,
+    /// The first of the faces of each vertex in `faces`, `[vertices + 1]`.
+    pub first_face: Region,
+    /// The faces of the vertices, in ascending order for each, `[3 faces]`.
+    pub faces: Region,
+    /// Rest vector and its length of each arc, `[arcs, 4]` `[m]`.
+    pub arc_rest: Region,
+    /// Material vector and its length of each arc, `[arcs, 3]` `[m]`.
+    pub arc_material: Region,
+    /// From, to, left and right of the hinge of each arc; four times 0 at a border, `[arcs, 4]`.
+    pub hinges: Region,
+    /// Both ends of the edges, colour after colour for each cloth, `[edges, 2]`.
+    pub edge_ends: Region,
+    /// Rest lengths of the same, `[edges]` `[m]`.
+    pub edge_rest: Region,
+    /// Where the edges of each colour begin, and where the last end, `[cloths, colours + 1]`.
+    pub colour_bounds: Region,
+    /// 1 / mass of each vertex, 0 of handles, `[vertices]` `[1/kg]`.
+    pub inverse_mass: Region,
+}
+
+impl ClothArrays {
+    /// Room for a union.
+    pub fn new(plan: &mut Plan, sizes: UnionSizes) -> Self {
+        let UnionSizes {
+            cloths,
+            vertices,
+            arcs,
+            edges,
+            faces,
+            colours,
+            ..
+        } = sizes;
+        Self {
+            sizes,
+            graph: GraphArrays::new(plan, vertices, arcs),
+            cloth_of: plan.indices("cloths of vertices", vertices),
+            handle_of: plan.indices("handles of vertices", vertices),
+            mass: plan.floats("masses", vertices),
+            rest: plan.floats("rest poses", 3 * vertices),
+            air: plan.floats("air", 6 * cloths),
+            corners: plan.indices("corners", 3 * faces),
+            areas: plan.floats("areas", faces),
+            first_face: plan.indices("first faces", vertices + 1),
+            faces: plan.indices("faces of vertices", 3 * faces),
+            arc_rest: plan.floats("rest vectors", 4 * arcs),
+            arc_material: plan.floats("material vectors", 3 * arcs),
+            hinges: plan.indices("hinges", 4 * arcs),
+            edge_ends: plan.indices("ends of edges", 2 * edges),
+            edge_rest: plan.floats("rest lengths", edges),
+            colour_bounds: plan.indices("colours", cloths * (colours + 1)),
+            inverse_mass: plan.floats("inverse masses", vertices),
+        }
+    }
+
+    /// All that [`Self::upload`] writes.
+    #[must_use]
+    pub fn regions(&self) -> Vec<Region> {
+        let mut regions = self.graph.regions().to_vec();
+        regions.extend(self.indices());
+        regions.extend(self.floats());
+        regions
+    }
+
+    fn indices(&self) -> [Region; 8] {
+        [
+            self.cloth_of,
+            self.handle_of,
+            self.corners,
+            self.first_face,
+            self.faces,
+            self.hinges,
+            self.edge_ends,
+            self.colour_bounds,
+        ]
+    }
+
+    fn floats(&self) -> [Region; 8] {
+        [
+            self.mass,
+            self.rest,
+            self.air,
+            self.areas,
+            self.arc_rest,
+            self.arc_material,
+            self.edge_rest,
+            self.inverse_mass,
+        ]
+    }
+
+    /// Writes cloths there.
+    ///
+    /// # Errors
+    /// When the device fails.
+    ///
+    /// # Panics
+    /// When they have other sizes.
+    pub fn upload(
+        &self,
+        loaded: &mut dyn Loaded,
+        graphs: &[&ClothGraph],
+    ) -> Result<(), DeviceError> {
+        assert_eq!(UnionSizes::of(graphs), self.sizes, "sizes of the cloths");
+        let parts: Vec<Connectivity> = graphs
+            .iter()
+            .map(|graph| Connectivity::of(graph.topology()))
+            .collect();
+        self.graph.upload(loaded, &Connectivity::union(&parts))?;
+        let mut statics = Statics::default();
+        for (number, graph) in graphs.iter().enumerate() {
+            statics.add(number as u32, graph, self.sizes.colours);
+        }
+        statics.first_face.push(statics.faces.len() as u32);
+        for (region, words) in self.indices().into_iter().zip(statics.indices()) {
+            loaded.upload(region, words)?;
+        }
+        for (region, values) in self.floats().into_iter().zip(statics.floats()) {
+            loaded.put(region, values)?;
+        }
+        Ok(())
+    }
+}
+
+/// The numbers of [`ClothArrays`].
+#[derive(Default)]
+struct Statics {
+    cloth_of: Vec<u32>,
+    handle_of: Vec<u32>,
+    mass: Vec<f32>,
+    rest: Vec<f32>,
+    air: Vec<f32>,
+    corners: Vec<u32>,
+    areas: Vec<f32>,
+    first_face: Vec<u32>,
+    faces: Vec<u32>,
+    arc_rest: Vec<f32>,
+    arc_material: Vec<f32>,
+    hinges: Vec<u32>,
+    edge_ends: Vec<u32>,
+    edge_rest: Vec<f32>,
+    colour_bounds: Vec<u32>,
+    inverse_mass: Vec<f32>,
+    handles: u32,
+}
+
+impl Statics {
+    fn indices(&self) -> [&[u32]; 8] {
+        [
+            &self.cloth_of,
+            &self.handle_of,
+            &self.corners,
+            &self.first_face,
+            &self.faces,
+            &self.hinges,
+            &self.edge_ends,
+            &self.colour_bounds,
+        ]
+    }
+
+    fn floats(&self) -> [&[f32]; 8] {
+        [
+            &self.mass,
+            &self.rest,
+            &self.air,
+            &self.areas,
+            &self.arc_rest,
+            &self.arc_material,
+            &self.edge_rest,
+            &self.inverse_mass,
+        ]
+    }
+
+    fn add(&mut self, number: u32, graph: &ClothGraph, colours: usize) {
+        let first_vertex = self.cloth_of.len() as u32;
+        self.add_vertices(number, graph);
+        self.add_faces(first_vertex, graph);
+        self.add_arcs(first_vertex, graph);
+        self.add_edges(first_vertex, graph, colours);
+    }
+
+    fn add_vertices(&mut self, number: u32, graph: &ClothGraph) {
+        let vertices = graph.vertex_count();
+        self.cloth_of.extend(std::iter::repeat_n(number, vertices));
+        let first = self.handle_of.len();
+        self.handle_of.resize(first + vertices, NO_HANDLE);
+        for vertex in graph.handles().vertices() {
+            self.handle_of[first + vertex.index()] = self.handles;
+            self.handles += 1;
+        }
+        self.mass.extend(graph.vertex_mass());
+        self.rest
+            .extend(graph.rest_positions().iter().flat_map(|p| p.to_array()));
+        let masses = graph.vertex_mass().iter().zip(graph.handle_mask());
+        let inverse = |(&mass, &handle): (&f32, &bool)| if handle { 0.0 } else { 1.0 / mass };
+        self.inverse_mass.extend(masses.map(inverse));
+        let environment = graph.environment();
+        self.air.extend(environment.wind.as_vec3().to_array());
+        self.air.extend([
+            environment.air_density as f32,
+            environment.air_drag as f32,
+            graph.frame_rate() as f32 / 3.0,
+        ]);
+    }
+
+    fn add_faces(&mut self, first_vertex: u32, graph: &ClothGraph) {
+        let first_face = self.areas.len() as u32;
+        let mut of_vertex = vec![Vec::new(); graph.vertex_count()];
+        for (number, face) in graph.topology().faces().iter().enumerate() {
+            for v in face {
+                self.corners.push(first_vertex + v.0);
+                of_vertex[v.index()].push(first_face + number as u32);
+            }
+        }
+        self.areas.extend(graph.face_area());
+        for faces in of_vertex {
+            self.first_face.push(self.faces.len() as u32);
+            self.faces.extend(faces);
+        }
+    }
+
+    fn add_arcs(&mut self, first_vertex: u32, graph: &ClothGraph) {
+        let arcs = graph.arc_count();
+        let first = self.arc_rest.len() / 4;
+        self.arc_rest.resize(4 * (first + arcs), 0.0);
+        self.arc_material.resize(3 * (first + arcs), 0.0);
+        self.hinges.resize(4 * (first + arcs), 0);
+        let uv = graph.material_coordinates();
+        for (number, edge) in graph.topology().edges().iter().enumerate() {
+            let (rest, length) = (graph.rest_vectors()[number], graph.rest_lengths()[number]);
+            let [a, b] = edge.vertices.map(|v| uv[v.index()]);
+            let (flat, flat_length) = (a - b, a.distance(b));
+            for (arc, sign) in graph.edge_arcs()[number].into_iter().zip([1.0, -1.0]) {
+                let arc = first + arc as usize;
+                let rest = sign * rest;
+                self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
+                let flat = sign * flat;
+                self.arc_material[3 * arc..][..3].copy_from_slice(&[flat.x, flat.y, flat_length]);
+            }
+        }
+        for hinge in graph.hinges() {
+            let corners = [hinge.from, hinge.to, hinge.left, hinge.right];
+            for arc in graph.edge_arcs()[hinge.edge as usize] {
+                let arc = first + arc as usize;
+                self.hinges[4 * arc..][..4].copy_from_slice(&corners.map(|v| v + first_vertex));
+            }
+        }
+    }
+
+    fn add_edges(&mut self, first_vertex: u32, graph: &ClothGraph, all_colours: usize) {
+        let (of_edges, _) = colours(graph);
+        let edges = graph.topology().edges();
+        for colour in 0..=all_colours {
+            self.colour_bounds.push(self.edge_rest.len() as u32);
+            let of_colour = of_edges.iter().enumerate().filter(|&(_, &c)| c == colour);
+            for (number, _) in of_colour {
+                self.edge_ends
+                    .extend(edges[number].vertices.map(|v| first_vertex + v.0));
+                self.edge_rest.push(graph.rest_lengths()[number]);
+            }
+        }
+    }
+}
+
+/// A colour for every edge such that no vertex has two of the same, the smallest that is free for one
+/// edge after the other; and how many there are: fewer than twice the most edges of a vertex.
+pub(crate) fn colours(graph: &ClothGraph) -> (Vec<usize>, usize) {
+    let mut used: Vec<Vec<bool>> = vec![Vec::new(); graph.vertex_count()];
+    let mut count = 0;
+    let edges = graph.topology().edges().iter();
+    let colours = edges.map(|edge| {
+        let [a, b] = edge.vertices.map(|v| v.index());
+        let is_free = |colour: usize| {
+            [a, b]
+                .iter()
+                .all(|&v| !used[v].get(colour).copied().unwrap_or(false))
+        };
+        let colour = (0..).find(|&colour| is_free(colour)).unwrap_or(0);
+        for v in [a, b] {
+            let length = used[v].len().max(colour + 1);
+            used[v].resize(length, false);
+            used[v][colour] = true;
+        }
+        count = count.max(colour + 1);
+        colour
+    });
+    (colours.collect(), count)
+}

@@ -1,0 +1,159 @@
+//! The features of the host device against those of the CPU engine.
+
+use glam::Vec3;
+use selvedge_model::{ClothGraph, Extent, Frames, ModelSpec, Place, Window, Yaw};
+
+use super::*;
+use crate::cloths::UnionSizes;
+use crate::device::{Device, Precision};
+use crate::frames::{FrameNumbers, HandleFrames};
+use crate::schedule::Trace;
+use crate::source::Sizes;
+use crate::test_graphs::{cloth, full_specs, host, model, parts, shaken};
+
+/// A cloth that swings, its last frames oldest first, and where its handles go.
+struct Moving {
+    graph: ClothGraph,
+    positions: Vec<Vec<Vec3>>,
+    next: Vec<Vec3>,
+    yaw: Yaw,
+}
+
+impl Moving {
+    fn new(graph: ClothGraph, history: usize) -> Self {
+        let at = |frame: usize| {
+            let angle = 0.2 + 0.05 * frame as f64;
+            let turn = Yaw::from_angle(angle);
+            let turned = graph.rest_positions().iter().map(|p| turn.to_world(*p));
+            let moved: Vec<Vec3> = turned.map(|p| p + 0.01 * frame as f32 * Vec3::X).collect();
+            shaken(&moved, 0.01, frame as u64)
+        };
+        let positions: Vec<Vec<Vec3>> = (0..history).map(at).collect();
+        let next = graph.handles().select(&at(history));
+        let newest = graph.handles().select(&positions[history - 1]);
+        let yaw = graph.frame().yaw(&newest, graph.frame().rest_yaw());
+        Self {
+            graph,
+            positions,
+            next,
+            yaw,
+        }
+    }
+}
+
+/// Normalised features of the CPU, of the whole window or of its newest frame.
+fn of_cpu(spec: &ModelSpec, cloths: &[Moving], extent: Extent, norms: &Normalizers) -> Window {
+    let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
+    let places = Place::side_by_side(&graphs);
+    let mut window = Window::default();
+    window.fit_extent(spec, &places[0], extent);
+    for (cloth, place) in cloths.iter().zip(&places) {
+        let frames = Frames {
+            positions: &cloth.positions,
+            next_handles: &cloth.next,
+            yaw: cloth.yaw,
+        };
+        window.write(spec, &cloth.graph, frames, place);
+    }
+    window.normalize(&norms.nodes, &norms.edges);
+    window
+}
+
+/// The same of the host device.
+fn of_host(
+    spec: &ModelSpec,
+    cloths: &[Moving],
+    steps: [usize; 2],
+    norms: &Normalizers,
+) -> Option<[Vec<f32>; 2]> {
+    let host = host()?;
+    let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
+    let sizes = UnionSizes::of(&graphs);
+    let (mut plan, mut program) = (Plan::new(), Program::new(Sizes::of(spec)));
+    define(&mut program, spec);
+    let arrays = ClothArrays::new(&mut plan, sizes);
+    let frames = FrameArrays::new(&mut plan, spec, sizes);
+    let normalizers = NormalizerArrays::new(&mut plan, spec);
+    let network = selvedge_model::Network::new(spec).expect("a spec");
+    let input = InputArrays::new(&mut plan, &network, &arrays.graph, steps);
+    let mut schedule = Schedule::new("features");
+    let sources = FeatureSources {
+        cloths: &arrays,
+        frames: &frames,
+        normalizers: &normalizers,
+    };
+    features(&mut schedule, sources, &input);
+    let mut trace = Trace::new(&plan, program.sizes());
+    let given = [
+        arrays.regions(),
+        frames.regions().to_vec(),
+        normalizers.regions(),
+    ]
+    .concat();
+    given.into_iter().for_each(|region| trace.give(region));
+    trace.follow(&schedule).expect("a schedule");
+    let mut loaded = host
+        .load(&program, &plan, Precision::Full)
+        .expect("kernels");
+    arrays.upload(&mut *loaded, &graphs).expect("cloths");
+    normalizers.upload(&mut *loaded, norms).expect("statistics");
+    // The newest frame does not stand last in the ring.
+    let (history, newest) = (spec.history(), 1);
+    for frame in 0..history {
+        let slot = (newest + frames.slots + 1 + frame - history) % frames.slots;
+        let all = cloths.iter().flat_map(|cloth| &cloth.positions[frame]);
+        let all: Vec<f32> = all.flat_map(|p| p.to_array()).collect();
+        loaded.put(frames.slot(slot), &all).expect("positions");
+    }
+    let mut numbers = FrameNumbers::default();
+    for cloth in cloths {
+        let past: Vec<Vec<Vec3>> = cloth
+            .positions
+            .iter()
+            .map(|frame| cloth.graph.handles().select(frame))
+            .collect();
+        let handles = HandleFrames {
+            past: &past,
+            next: &cloth.next,
+            yaw: cloth.yaw,
+        };
+        numbers.add(spec, &cloth.graph, handles, steps[0]);
+    }
+    numbers
+        .upload(&mut *loaded, &frames, newest)
+        .expect("numbers");
+    let prepared = loaded.prepare(&schedule).expect("a schedule");
+    loaded.run(prepared).expect("a run");
+    Some([input.nodes, input.edges].map(|region| loaded.get(region).expect("features")))
+}
+
+#[test]
+fn a_window_of_several_cloths_is_that_of_the_cpu() {
+    for spec in full_specs() {
+        let norms = model(&spec, 1.0, 1).normalizers().clone();
+        let mut without = parts(4, 5);
+        without.handles = selvedge_cloth::Handles::new(&[], 16).expect("none");
+        without.environment.air_drag = 0.0;
+        without.environment.air_density = 0.0;
+        let graphs = [
+            cloth(5, 3),
+            cloth(4, 4),
+            ClothGraph::new(without).expect("a cloth"),
+        ];
+        let cloths = graphs.map(|graph| Moving::new(graph, spec.history()));
+        let whole = [spec.node_window(), spec.edge_window()];
+        for (extent, steps) in [(Extent::Whole, whole), (Extent::Newest, [1, 1])] {
+            let window = of_cpu(&spec, &cloths, extent, &norms);
+            let Some([nodes, edges]) = of_host(&spec, &cloths, steps, &norms) else {
+                return;
+            };
+            for (found, expected) in [(nodes, &window.nodes), (edges, &window.edges)] {
+                assert_eq!(found.len(), expected.len());
+                for (number, (x, y)) in found.iter().zip(expected).enumerate() {
+                    // Ten times what f32 positions of 1 m are rounded by, in statistics of 0.1.
+                    assert!((x - y).abs() < 1e-5 * y.abs().max(1.0), "{number}: {x} {y}");
+                }
+            }
+        }
+    }
+}

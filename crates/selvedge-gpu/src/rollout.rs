@@ -1,0 +1,384 @@
+//! Rollouts on a device: several cloths at once, side by side as one graph, frame by frame.
+//!
+//! A frame is one schedule: features, network, integration, bounds of edges. Up go, per cloth, where its
+//! handles are to be and a few numbers that follow from them; down come the positions. A frame that is
+//! not finite is not taken: the cloths stay as they were.
+
+mod plan;
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use selvedge_cloth::VertexId;
+use selvedge_model::{ClothGraph, Model, RolloutError, Yaw, opening_frames};
+use thiserror::Error;
+
+use crate::cloths::UnionSizes;
+use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
+use crate::frames::{FrameNumbers, HandleFrames};
+
+pub use plan::RolloutPlan;
+
+/// A cloth and the last frames before now.
+pub struct Opening<'a> {
+    /// The cloth.
+    pub graph: ClothGraph,
+    /// Frames, oldest first `[m]`, `[frames][vertices]`; where there are fewer than the model looks at,
+    /// the cloth has stood still.
+    pub start: &'a [&'a [Vec3]],
+}
+
+/// Why a rollout cannot start.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum OpeningError {
+    #[error("a rollout needs at least one cloth")]
+    NoCloth,
+    #[error("cloth {cloth}: {source}")]
+    Start { cloth: usize, source: RolloutError },
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+}
+
+/// Why a frame is not there.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum FrameError {
+    #[error("cloth {cloth}: the position of vertex {vertex} is no longer finite")]
+    NonFinite { cloth: usize, vertex: VertexId },
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+}
+
+/// What the CPU knows of one cloth.
+struct Cloth {
+    graph: ClothGraph,
+    /// Its vertices in the union.
+    vertices: std::ops::Range<usize>,
+    /// Where its handles were, oldest first, `[history][handles]`.
+    handles: Vec<Vec<Vec3>>,
+    yaw: Yaw,
+}
+
+/// What the next frame begins with.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Next {
+    /// The whole window.
+    Whole,
+    /// The states that were left in these arrays.
+    FromState(usize),
+}
+
+/// Cloths that one model moves on a device.
+pub struct Rollout {
+    model: Arc<Model>,
+    cloths: Vec<Cloth>,
+    plan: RolloutPlan,
+    loaded: Box<dyn Loaded>,
+    whole: Prepared,
+    /// From the states of either array to the other's, where the network streams.
+    newest: Vec<Prepared>,
+    next: Next,
+    slot: usize,
+    numbers: FrameNumbers,
+    positions: Vec<Vec3>,
+    downloaded: Vec<u32>,
+}
+
+impl Rollout {
+    /// Starts cloths side by side.
+    ///
+    /// # Errors
+    /// [`OpeningError`] for a start that does not fit its cloth, too little memory (with what would fit), or
+    /// a device that fails.
+    pub fn new(
+        device: &dyn Device,
+        model: Arc<Model>,
+        openings: Vec<Opening<'_>>,
+        precision: Precision,
+    ) -> Result<Self, OpeningError> {
+        let (cloths, frames) = open(&model, openings)?;
+        let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
+        let sizes = UnionSizes::of(&graphs);
+        let plan = RolloutPlan::new(model.network(), sizes);
+        require_memory(device, "this rollout", plan.plan.bytes(), |free| {
+            plan::what_fits(model.network(), sizes, free)
+        })?;
+        let mut loaded = device.load(&plan.program, &plan.plan, precision)?;
+        plan.upload(&mut *loaded, &model, &graphs)?;
+        for (slot, frame) in frames.iter().enumerate() {
+            loaded.put(plan.frames.slot(slot), &flat(frame))?;
+        }
+        let newest_frame = frames.last().cloned().unwrap_or_default();
+        loaded.put(plan.frames.slot(frames.len()), &flat(&newest_frame))?;
+        let pack = loaded.prepare(&plan.pack)?;
+        loaded.run(pack)?;
+        let whole = loaded.prepare(&plan.whole)?;
+        let newest = plan.newest.iter();
+        let newest = newest
+            .map(|schedule| loaded.prepare(schedule))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            slot: frames.len() - 1,
+            positions: newest_frame,
+            downloaded: vec![0; 3 * sizes.vertices],
+            numbers: FrameNumbers::default(),
+            next: Next::Whole,
+            model,
+            cloths,
+            plan,
+            loaded,
+            whole,
+            newest,
+        })
+    }
+
+    /// The model that moves the cloths.
+    #[must_use]
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// Number of cloths.
+    #[must_use]
+    pub fn cloth_count(&self) -> usize {
+        self.cloths.len()
+    }
+
+    /// A cloth.
+    ///
+    /// # Panics
+    /// When there is no such cloth.
+    #[must_use]
+    pub fn graph(&self, cloth: usize) -> &ClothGraph {
+        &self.cloths[cloth].graph
+    }
+
+    /// Positions of a cloth now `[m]`, `[vertices]`.
+    ///
+    /// # Panics
+    /// When there is no such cloth.
+    #[must_use]
+    pub fn positions(&self, cloth: usize) -> &[Vec3] {
+        &self.positions[self.cloths[cloth].vertices.clone()]
+    }
+
+    /// Bytes on the device.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.plan.plan.bytes()
+    }
+
+    /// Moves all cloths by one frame; `targets` is where the handles of each are to be `[m]`,
+    /// `[cloths][handles]`.
+    ///
+    /// # Errors
+    /// [`FrameError`]; the cloths are left as they were.
+    ///
+    /// # Panics
+    /// When there are not as many targets as handles.
+    pub fn step(&mut self, targets: &[&[Vec3]]) -> Result<(), FrameError> {
+        let yaws = self.begin(targets)?;
+        let next = self.next_slot();
+        self.loaded
+            .download(self.plan.frames.slot(next), &mut self.downloaded)?;
+        let words = self.downloaded.as_chunks::<3>().0;
+        let found: Vec<Vec3> = words
+            .iter()
+            .map(|p| Vec3::from_array(p.map(f32::from_bits)))
+            .collect();
+        self.check(&found)?;
+        self.positions = found;
+        self.commit(targets, &yaws);
+        Ok(())
+    }
+
+    /// The same without looking at the positions: they stay on the device, and [`Self::positions`] those
+    /// of the last frame that was looked at. For measuring; what is not finite stays unnoticed.
+    ///
+    /// # Errors
+    /// When the device fails.
+    ///
+    /// # Panics
+    /// As [`Self::step`].
+    pub fn step_unseen(&mut self, targets: &[&[Vec3]]) -> Result<(), DeviceError> {
+        let yaws = self.begin(targets)?;
+        self.commit(targets, &yaws);
+        Ok(())
+    }
+
+    /// Waits for the device.
+    ///
+    /// # Errors
+    /// When something that ran has failed.
+    pub fn wait(&mut self) -> Result<(), DeviceError> {
+        self.loaded.wait()
+    }
+
+    /// Starts the computation of a frame; gives the yaws of the cloths.
+    fn begin(&mut self, targets: &[&[Vec3]]) -> Result<Vec<Yaw>, DeviceError> {
+        assert_eq!(targets.len(), self.cloths.len(), "targets of every cloth");
+        let steps = match self.next {
+            Next::Whole => self.model.spec().node_window(),
+            Next::FromState(_) => 1,
+        };
+        self.numbers.clear();
+        let mut yaws = Vec::with_capacity(self.cloths.len());
+        for (cloth, &next) in self.cloths.iter().zip(targets) {
+            assert_eq!(next.len(), cloth.graph.handles().len(), "targets");
+            let yaw = cloth.yaw_now();
+            let handles = HandleFrames {
+                past: &cloth.handles,
+                next,
+                yaw,
+            };
+            self.numbers
+                .add(self.model.spec(), &cloth.graph, handles, steps);
+            yaws.push(yaw);
+        }
+        self.numbers
+            .upload(&mut *self.loaded, &self.plan.frames, self.slot)?;
+        let schedule = match self.next {
+            Next::Whole => self.whole,
+            Next::FromState(which) => self.newest[which],
+        };
+        self.loaded.run(schedule)?;
+        Ok(yaws)
+    }
+
+    /// Takes the frame that was computed.
+    fn commit(&mut self, targets: &[&[Vec3]], yaws: &[Yaw]) {
+        self.slot = self.next_slot();
+        for ((cloth, targets), &yaw) in self.cloths.iter_mut().zip(targets).zip(yaws) {
+            cloth.push_handles(targets.to_vec());
+            cloth.yaw = yaw;
+        }
+        self.next = match self.next {
+            _ if self.newest.is_empty() => Next::Whole,
+            Next::Whole => Next::FromState(0),
+            Next::FromState(which) => Next::FromState(1 - which),
+        };
+    }
+
+    fn next_slot(&self) -> usize {
+        (self.slot + 1) % self.plan.frames.slots
+    }
+
+    fn check(&self, positions: &[Vec3]) -> Result<(), FrameError> {
+        assert_eq!(positions.len(), self.positions.len(), "positions");
+        let Some(found) = positions.iter().position(|p| !p.is_finite()) else {
+            return Ok(());
+        };
+        let of = |cloth: &Cloth| cloth.vertices.contains(&found);
+        let cloth = self.cloths.iter().position(of).unwrap_or(0);
+        let vertex = VertexId((found - self.cloths[cloth].vertices.start) as u32);
+        Err(FrameError::NonFinite { cloth, vertex })
+    }
+
+    /// Puts `positions` `[m]`, `[vertices]` of all cloths one after the other, in the place of the newest
+    /// frame. What a streaming network carries has seen the frames before it, and stays.
+    ///
+    /// # Errors
+    /// [`FrameError`]; the cloths are left as they were.
+    ///
+    /// # Panics
+    /// When there are not as many positions as vertices.
+    pub fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), FrameError> {
+        self.check(positions)?;
+        let slot = self.plan.frames.slot(self.slot);
+        self.loaded.put(slot, &flat(positions))?;
+        for cloth in &mut self.cloths {
+            let handles = cloth
+                .graph
+                .handles()
+                .select(&positions[cloth.vertices.clone()]);
+            if let Some(newest) = cloth.handles.last_mut() {
+                *newest = handles;
+            }
+        }
+        self.positions.copy_from_slice(positions);
+        Ok(())
+    }
+
+    /// Takes `positions` `[m]`, `[vertices]` of all cloths one after the other, as the next frame. What a
+    /// streaming network carries begins anew.
+    ///
+    /// # Errors
+    /// As [`Self::replace_frame`].
+    ///
+    /// # Panics
+    /// As [`Self::replace_frame`].
+    pub fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), FrameError> {
+        self.check(positions)?;
+        let next = self.next_slot();
+        self.loaded
+            .put(self.plan.frames.slot(next), &flat(positions))?;
+        self.slot = next;
+        for cloth in &mut self.cloths {
+            cloth.yaw = cloth.yaw_now();
+            let handles = cloth
+                .graph
+                .handles()
+                .select(&positions[cloth.vertices.clone()]);
+            cloth.push_handles(handles);
+        }
+        self.positions.copy_from_slice(positions);
+        self.next = Next::Whole;
+        Ok(())
+    }
+}
+
+impl Cloth {
+    /// The yaw of the newest frame; `yaw` is that of the one before.
+    fn yaw_now(&self) -> Yaw {
+        let newest = self.handles.last().map_or(&[][..], |handles| handles);
+        self.graph.frame().yaw(newest, self.yaw)
+    }
+
+    fn push_handles(&mut self, handles: Vec<Vec3>) {
+        self.handles.rotate_left(1);
+        if let Some(newest) = self.handles.last_mut() {
+            *newest = handles;
+        }
+    }
+}
+
+/// The cloths, and the first frames of all of them, oldest first.
+fn open(
+    model: &Model,
+    openings: Vec<Opening<'_>>,
+) -> Result<(Vec<Cloth>, Vec<Vec<Vec3>>), OpeningError> {
+    if openings.is_empty() {
+        return Err(OpeningError::NoCloth);
+    }
+    let mut frames = vec![Vec::new(); model.spec().history()];
+    let mut cloths = Vec::with_capacity(openings.len());
+    for (number, Opening { graph, start }) in openings.into_iter().enumerate() {
+        let vertices = graph.vertex_count();
+        let own = opening_frames(model.spec(), vertices, start).map_err(|source| {
+            let cloth = number;
+            OpeningError::Start { cloth, source }
+        })?;
+        let first = frames[0].len();
+        for (all, own) in frames.iter_mut().zip(&own) {
+            all.extend_from_slice(own);
+        }
+        cloths.push(Cloth {
+            vertices: first..first + vertices,
+            handles: own
+                .iter()
+                .map(|frame| graph.handles().select(frame))
+                .collect(),
+            yaw: graph.frame().rest_yaw(),
+            graph,
+        });
+    }
+    Ok((cloths, frames))
+}
+
+fn flat(positions: &[Vec3]) -> Vec<f32> {
+    positions.iter().flat_map(|p| p.to_array()).collect()
+}
+
+#[cfg(test)]
+mod tests;

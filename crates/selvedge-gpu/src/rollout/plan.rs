@@ -1,0 +1,190 @@
+//! The memory and the schedules of a rollout, made before anything is allocated.
+
+use selvedge_model::{ClothGraph, Model, Network};
+
+use crate::cloths::{ClothArrays, UnionSizes};
+use crate::device::{DeviceError, Loaded};
+use crate::features::{FeatureSources, NormalizerArrays, features};
+use crate::frames::FrameArrays;
+use crate::network::{ForwardPass, InputArrays, Keep, StateArrays, WeightArrays, forward};
+use crate::plan::{Plan, Region};
+use crate::schedule::Schedule;
+use crate::source::{Program, Sizes};
+use crate::{features as feature_kernels, layers, motion};
+
+/// What a rollout of a network on a union takes and does.
+pub struct RolloutPlan {
+    /// The memory.
+    pub plan: Plan,
+    /// The kernels.
+    pub program: Program,
+    /// The weights.
+    pub weights: WeightArrays,
+    /// The cloths.
+    pub cloths: ClothArrays,
+    /// What changes from frame to frame.
+    pub frames: FrameArrays,
+    /// The statistics.
+    pub normalizers: NormalizerArrays,
+    /// Room for the bounds of edges, `[cloths]`, where the spec has any.
+    pub changed: Option<Region>,
+    /// To run once, when the weights are there.
+    pub pack: Schedule,
+    /// A frame from the whole window.
+    pub whole: Schedule,
+    /// Where the network streams: a frame from the states in the first arrays to those in the second, and
+    /// the other way round. A frame from the whole window leaves them in the first.
+    pub newest: Vec<Schedule>,
+}
+
+impl RolloutPlan {
+    /// That of a network on cloths of these sizes.
+    #[must_use]
+    pub fn new(network: &Network, sizes: UnionSizes) -> Self {
+        let spec = network.spec();
+        let mut program = Program::new(Sizes::of(spec));
+        program.add(&layers::PART);
+        feature_kernels::define(&mut program, spec);
+        motion::define(&mut program, spec);
+        let mut plan = Plan::new();
+        let weights = WeightArrays::new(&mut plan, network);
+        let cloths = ClothArrays::new(&mut plan, sizes);
+        let changed = spec
+            .edge_limits
+            .map(|_| plan.indices("cloths out of bounds", sizes.cloths));
+        let mut built = Self {
+            frames: FrameArrays::new(&mut plan, spec, sizes),
+            normalizers: NormalizerArrays::new(&mut plan, spec),
+            pack: Schedule::new("packing the weights"),
+            whole: Schedule::default(),
+            newest: Vec::new(),
+            plan,
+            program,
+            weights,
+            cloths,
+            changed,
+        };
+        built.weights.pack(&mut built.pack);
+        let steps = [spec.node_window(), spec.edge_window()];
+        if network.streams() {
+            let states =
+                [0, 1].map(|_| StateArrays::new(&mut built.plan, network, &built.cloths.graph));
+            let [first, second] = [&states[0], &states[1]];
+            built.whole = built.frame(network, "a whole window", steps, [None, Some(first)]);
+            built.newest = [[first, second], [second, first]]
+                .map(|both| built.frame(network, "the newest frame", [1, 1], both.map(Some)))
+                .into();
+        } else {
+            built.whole = built.frame(network, "a frame", steps, [None, None]);
+        }
+        built
+    }
+
+    /// The schedule of a frame; it may write over what other schedules leave but states.
+    fn frame(
+        &mut self,
+        network: &Network,
+        name: &'static str,
+        steps: [usize; 2],
+        [start, end]: [Option<&StateArrays>; 2],
+    ) -> Schedule {
+        let mut schedule = Schedule::new(name);
+        let mark = self.plan.mark();
+        let graph = &self.cloths.graph;
+        let input = InputArrays::new(&mut self.plan, network, graph, steps);
+        let sources = FeatureSources {
+            cloths: &self.cloths,
+            frames: &self.frames,
+            normalizers: &self.normalizers,
+        };
+        features(&mut schedule, sources, &input);
+        let pass = ForwardPass {
+            network,
+            weights: &self.weights,
+            graph,
+            input: &input,
+            start,
+            end,
+            keep: Keep::Output,
+        };
+        let record = forward(&mut self.plan, &mut schedule, pass);
+        let both = (&self.cloths, &self.frames);
+        motion::advance(
+            &mut schedule,
+            both,
+            &self.normalizers,
+            record.output,
+            self.changed,
+        );
+        self.plan.release(mark);
+        schedule
+    }
+
+    /// Writes what does not change.
+    ///
+    /// # Errors
+    /// When the device fails.
+    ///
+    /// # Panics
+    /// When the cloths have other sizes.
+    pub fn upload(
+        &self,
+        loaded: &mut dyn Loaded,
+        model: &Model,
+        graphs: &[&ClothGraph],
+    ) -> Result<(), DeviceError> {
+        loaded.put(self.weights.flat(), model.weights())?;
+        self.normalizers.upload(loaded, model.normalizers())?;
+        self.cloths.upload(loaded, graphs)?;
+        match self.changed {
+            Some(changed) => loaded.upload(changed, &vec![0; changed.count()]),
+            None => Ok(()),
+        }
+    }
+
+    /// All that is written from outside before a frame.
+    #[must_use]
+    pub fn given(&self) -> Vec<Region> {
+        let mut given = vec![self.weights.flat()];
+        given.extend(self.cloths.regions());
+        given.extend(self.frames.regions());
+        given.extend(self.normalizers.regions());
+        given.extend(self.changed);
+        given
+    }
+}
+
+/// How much of a union fits into so many bytes, in words.
+pub(super) fn what_fits(network: &Network, sizes: UnionSizes, free: usize) -> String {
+    let part = |thousandths: usize| {
+        let of = |count: usize| (count * thousandths).div_ceil(1000);
+        UnionSizes {
+            cloths: sizes.cloths,
+            vertices: of(sizes.vertices),
+            arcs: of(sizes.arcs),
+            edges: of(sizes.edges),
+            faces: of(sizes.faces),
+            handles: of(sizes.handles),
+            colours: sizes.colours,
+        }
+    };
+    let fits =
+        |thousandths: usize| RolloutPlan::new(network, part(thousandths)).plan.bytes() <= free;
+    let (mut low, mut high) = (0, 1000);
+    while high - low > 1 {
+        let middle = usize::midpoint(low, high);
+        if fits(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    match low {
+        0 => "not even a thousandth of it would fit".to_owned(),
+        low => format!(
+            "about {} vertices would fit, instead of {}",
+            sizes.vertices * low / 1000,
+            sizes.vertices
+        ),
+    }
+}

@@ -1,0 +1,348 @@
+//! Rollouts on the host device against those of the CPU engine.
+
+use glam::DVec3;
+use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
+use selvedge_model::{EdgeLimits, Encoder, LearnedStepper, ModelSpec};
+
+use super::*;
+use crate::cloths::colours;
+use crate::schedule::Trace;
+use crate::stepper::GpuStepper;
+use crate::test_graphs::{cloth, full_specs, host, model, shaken};
+
+/// Where the handles of a cloth are in a frame: on a swing.
+fn targets(graph: &ClothGraph, frame: usize) -> Vec<Vec3> {
+    let turn = Yaw::from_angle(0.02 * frame as f64);
+    let rest = graph.handles().select(graph.rest_positions());
+    let there = |p: &Vec3| turn.to_world(*p) + 0.003 * frame as f32 * Vec3::new(1.0, 0.2, -0.5);
+    rest.iter().map(there).collect()
+}
+
+fn handle_targets(graph: &ClothGraph, frame: usize) -> HandleTargets {
+    let positions: Vec<DVec3> = targets(graph, frame).iter().map(|p| p.as_dvec3()).collect();
+    HandleTargets::at_frame_end(positions).expect("targets")
+}
+
+fn farthest(a: &[Vec3], b: &[Vec3]) -> f32 {
+    let pairs = a.iter().zip(b);
+    pairs.map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
+}
+
+fn gpu(model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> Option<GpuStepper> {
+    let model = Arc::clone(model);
+    let stepper = GpuStepper::new(&host()?, model, graph, start, Precision::Full);
+    Some(stepper.expect("a stepper"))
+}
+
+#[test]
+fn schedules_of_every_spec_read_what_was_written() {
+    let graphs = [cloth(5, 1), cloth(4, 2)];
+    for mut spec in full_specs() {
+        spec.edge_limits = Some(EdgeLimits {
+            least: 0.8,
+            most: 1.25,
+            sweeps: 20,
+        });
+        let network = selvedge_model::Network::new(&spec).expect("a spec");
+        let plan = RolloutPlan::new(&network, UnionSizes::of(&[&graphs[0], &graphs[1]]));
+        let mut trace = Trace::new(&plan.plan, plan.program.sizes());
+        plan.given()
+            .into_iter()
+            .for_each(|region| trace.give(region));
+        let frames = std::iter::once(&plan.whole)
+            .chain(&plan.newest)
+            .chain(&plan.newest);
+        for schedule in std::iter::once(&plan.pack)
+            .chain(frames)
+            .chain([&plan.whole])
+        {
+            trace.follow(schedule).expect("a schedule");
+        }
+        assert_eq!(plan.newest.len(), if network.streams() { 2 } else { 0 });
+    }
+}
+
+#[test]
+fn a_rollout_is_that_of_the_cpu() {
+    for spec in full_specs() {
+        let graph = cloth(5, 3);
+        let model = Arc::new(model(&spec, 1e-3, 7));
+        let start = shaken(graph.rest_positions(), 0.005, 9);
+        let start: [&[Vec3]; 2] = [graph.rest_positions(), &start];
+        let mut cpu =
+            LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
+        let Some(mut device) = gpu(&model, graph.clone(), &start) else {
+            return;
+        };
+        for frame in 1..=12 {
+            let targets = handle_targets(&graph, frame);
+            cpu.step(&targets).expect("a frame");
+            device.step(&targets).expect("a frame");
+            let off = farthest(cpu.positions(), device.positions());
+            // 1e-7 m of rounding per frame, doubled by the integration from frame to frame and fed back.
+            assert!(off < 2e-5, "frame {frame}: {off} m with {:?}", spec.encoder);
+        }
+        assert_eq!(device.frame(), 12);
+        assert!(
+            farthest(device.positions(), graph.rest_positions()) > 0.03,
+            "it moves"
+        );
+    }
+}
+
+#[test]
+fn several_cloths_move_as_each_alone() {
+    let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 2);
+    let model = Arc::new(model(&spec, 1e-3, 7));
+    let graphs = [cloth(4, 1), cloth(6, 2), cloth(5, 3)];
+    let Some(host) = host() else { return };
+    let starts: Vec<Vec<Vec3>> = graphs
+        .iter()
+        .map(|graph| shaken(graph.rest_positions(), 0.003, 4))
+        .collect();
+    let starts: Vec<[&[Vec3]; 1]> = starts.iter().map(|start| [&**start]).collect();
+    let openings = graphs.iter().zip(&starts).map(|(graph, start)| Opening {
+        graph: graph.clone(),
+        start,
+    });
+    let precision = Precision::Full;
+    let mut all =
+        Rollout::new(&host, Arc::clone(&model), openings.collect(), precision).expect("cloths");
+    let mut alone: Vec<GpuStepper> = graphs
+        .iter()
+        .zip(&starts)
+        .map(|(graph, start)| gpu(&model, graph.clone(), start).expect("a host"))
+        .collect();
+    for frame in 1..=6 {
+        let goals: Vec<Vec<Vec3>> = graphs.iter().map(|graph| targets(graph, frame)).collect();
+        let goals: Vec<&[Vec3]> = goals.iter().map(|goal| &**goal).collect();
+        all.step(&goals).expect("a frame");
+        for (number, stepper) in alone.iter_mut().enumerate() {
+            stepper
+                .step(&handle_targets(&graphs[number], frame))
+                .expect("a frame");
+            assert_eq!(
+                all.positions(number),
+                stepper.positions(),
+                "to the last bit"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_frame_that_is_not_finite_is_not_taken() {
+    let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 1);
+    let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
+    let Some(mut stepper) = gpu(&model, graph.clone(), &[graph.rest_positions()]) else {
+        return;
+    };
+    let mut other = gpu(&model, graph.clone(), &[graph.rest_positions()]).expect("a host");
+    for frame in 1..=3 {
+        let targets = handle_targets(&graph, frame);
+        stepper.step(&targets).expect("a frame");
+        other.step(&targets).expect("a frame");
+    }
+    let before = stepper.positions().to_vec();
+    let far = HandleTargets::at_frame_end(vec![DVec3::splat(1e300); 2]).expect("targets");
+    let found = stepper.step(&far).expect_err("not finite");
+    assert!(
+        matches!(found, StepError::NonFinite { frame: 4, .. }),
+        "{found}"
+    );
+    assert_eq!((stepper.positions(), stepper.frame()), (&*before, 3));
+    let none = HandleTargets::at_frame_end(Vec::new()).expect("targets");
+    assert!(matches!(
+        stepper.step(&none),
+        Err(StepError::Handles { frame: 4, .. })
+    ));
+    let lost = vec![Vec3::NAN; before.len()];
+    assert!(stepper.replace_frame(&lost).is_err() && stepper.take_frame(&lost).is_err());
+    for frame in 4..=6 {
+        let targets = handle_targets(&graph, frame);
+        stepper.step(&targets).expect("a frame");
+        other.step(&targets).expect("a frame");
+        assert_eq!(
+            stepper.positions(),
+            other.positions(),
+            "it goes on as if nothing had been"
+        );
+    }
+}
+
+#[test]
+fn frames_of_somebody_else_are_gone_on_from_as_on_the_cpu() {
+    for encoder in [
+        Encoder::Gru { window: 3 },
+        Encoder::StreamingGru { window: 2 },
+    ] {
+        let spec = ModelSpec::physical(encoder, 12, 1);
+        let (graph, model) = (cloth(5, 1), Arc::new(model(&spec, 1e-3, 7)));
+        let start: [&[Vec3]; 1] = [graph.rest_positions()];
+        let mut cpu =
+            LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
+        let Some(mut device) = gpu(&model, graph.clone(), &start) else {
+            return;
+        };
+        for frame in 1..=9 {
+            let mut both: [&mut dyn Correctable; 2] = [&mut cpu, &mut device];
+            for stepper in &mut both {
+                let other = shaken(graph.rest_positions(), 0.002, frame as u64);
+                match frame {
+                    3 => stepper.take_frame(&other).expect("a frame"),
+                    _ => stepper
+                        .step(&handle_targets(&graph, frame))
+                        .expect("a frame"),
+                }
+                if frame == 6 {
+                    stepper.replace_frame(&other).expect("a frame");
+                }
+            }
+            assert_eq!(cpu.frame(), device.frame());
+            let off = farthest(cpu.positions(), device.positions());
+            assert!(off < 2e-5, "frame {frame}: {off} m with {encoder:?}");
+        }
+    }
+}
+
+/// The bounds of edges as the device keeps them: colour after colour.
+fn limit(limits: EdgeLimits, graph: &ClothGraph, positions: &mut [Vec3]) {
+    let (of_edges, count) = colours(graph);
+    let mut order: Vec<usize> = (0..of_edges.len()).collect();
+    order.sort_by_key(|&edge| of_edges[edge]);
+    assert!(count < 20, "few colours, found {count}");
+    let inverse = |v: usize| {
+        if graph.handle_mask()[v] {
+            0.0
+        } else {
+            1.0 / graph.vertex_mass()[v]
+        }
+    };
+    for _ in 0..limits.sweeps {
+        let mut changed = false;
+        for &edge in &order {
+            let rest = graph.rest_lengths()[edge];
+            let [a, b] = graph.topology().edges()[edge].vertices.map(|v| v.index());
+            let apart = positions[a] - positions[b];
+            let (length, both) = (apart.length(), inverse(a) + inverse(b));
+            let wanted = length.clamp(limits.least as f32 * rest, limits.most as f32 * rest);
+            if (wanted - length).abs() > 1e-5 * rest && both > 0.0 {
+                let change = (wanted - length) / (length * both) * apart;
+                positions[a] += inverse(a) * change;
+                positions[b] -= inverse(b) * change;
+                changed = true;
+            }
+        }
+        if !changed {
+            return;
+        }
+    }
+}
+
+#[test]
+fn edges_are_limited_colour_by_colour() {
+    let limits = EdgeLimits {
+        least: 0.9,
+        most: 1.1,
+        sweeps: 7,
+    };
+    let mut spec = ModelSpec::physical(Encoder::MLP, 12, 1);
+    let free = Arc::new(model(&spec, 0.02, 7));
+    spec.edge_limits = Some(limits);
+    let limited = Arc::new(model(&spec, 0.02, 7));
+    let graph = cloth(6, 2);
+    let start = shaken(graph.rest_positions(), 0.04, 0);
+    let start: [&[Vec3]; 1] = [&start];
+    let Some(mut free) = gpu(&free, graph.clone(), &start) else {
+        return;
+    };
+    let mut limited = gpu(&limited, graph.clone(), &start).expect("a host");
+    for frame in 1..=4 {
+        let targets = handle_targets(&graph, frame);
+        free.step(&targets).expect("a frame");
+        limited.step(&targets).expect("a frame");
+        let mut expected = free.positions().to_vec();
+        limit(limits, &graph, &mut expected);
+        assert!(
+            farthest(&expected, free.positions()) > 0.005,
+            "something to do"
+        );
+        // The same operations in the same order, but for how the compilers round products of vectors.
+        assert!(farthest(&expected, limited.positions()) < 1e-6);
+        let next = shaken(graph.rest_positions(), 0.04, frame as u64);
+        free.replace_frame(&next).expect("a frame");
+        limited.replace_frame(&next).expect("a frame");
+    }
+}
+
+#[test]
+fn edges_of_a_colour_share_no_vertex() {
+    let graph = cloth(7, 4);
+    let (of_edges, count) = colours(&graph);
+    for colour in 0..count {
+        let edges = graph.topology().edges().iter().zip(&of_edges);
+        let mut seen = vec![false; graph.vertex_count()];
+        for (edge, _) in edges.filter(|&(_, &c)| c == colour) {
+            for v in edge.vertices {
+                assert!(!std::mem::replace(&mut seen[v.index()], true));
+            }
+        }
+    }
+}
+
+/// The host with little memory.
+struct Small(usize);
+
+impl Device for Small {
+    fn name(&self) -> String {
+        "a small one".to_owned()
+    }
+
+    fn free_bytes(&self) -> Result<usize, DeviceError> {
+        Ok(self.0)
+    }
+
+    fn load(
+        &self,
+        _: &crate::source::Program,
+        _: &crate::plan::Plan,
+        _: Precision,
+    ) -> Result<Box<dyn Loaded>, DeviceError> {
+        Err(DeviceError::NoDevice)
+    }
+}
+
+#[test]
+fn too_little_memory_is_said_before_anything_is_allocated_with_what_would_fit() {
+    let spec = ModelSpec::physical(Encoder::Gru { window: 5 }, 32, 2);
+    let graph = cloth(12, 1);
+    let network = selvedge_model::Network::new(&spec).expect("a spec");
+    let whole = RolloutPlan::new(&network, UnionSizes::of(&[&graph]))
+        .plan
+        .bytes();
+    let message = |free: usize| {
+        let opening = Opening {
+            graph: graph.clone(),
+            start: &[graph.rest_positions()],
+        };
+        let model = Arc::new(model(&spec, 1e-3, 7));
+        let rollout = Rollout::new(&Small(free), model, vec![opening], Precision::Full);
+        rollout.err().expect("no memory").to_string()
+    };
+    assert!(message(whole).contains("no GPU"), "that much is enough");
+    let found = message(whole * 3 / 4);
+    assert!(found.starts_with("this rollout needs"), "{found}");
+    let fits = found
+        .split("about ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next());
+    let fits: usize = fits
+        .and_then(|number| number.parse().ok())
+        .expect("a number");
+    // The weights take some of it.
+    assert!((72..144 * 3 / 4 + 1).contains(&fits), "{found}");
+    assert!(
+        message(1000).contains("not even"),
+        "the weights alone are too much"
+    );
+}
