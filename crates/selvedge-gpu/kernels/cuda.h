@@ -12,3 +12,8 @@ INNER float sum_over_lanes(float x) {
     return x;
 }
 #define SUM_OVER_LANES(x) sum_over_lanes(x)
+INNER double sum_doubles_over_lanes(double x) {
+    for (int apart = 16; apart > 0; apart /= 2) x += __shfl_xor_sync(0xffffffffu, x, apart);
+    return x;
+}
+#define SUM_DOUBLES_OVER_LANES(x) sum_doubles_over_lanes(x)

@@ -8,4 +8,5 @@
 #define THREAD 0u
 #define BARRIER ((void)0)
 #define SUM_OVER_LANES(x) (x)
+#define SUM_DOUBLES_OVER_LANES(x) (x)
 #define UNROLL

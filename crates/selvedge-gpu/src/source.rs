@@ -43,6 +43,8 @@ pub enum Access {
     IndicesInOut,
     /// Reads `f64`.
     Doubles,
+    /// Writes every `f64`.
+    DoublesOut,
     /// Reads and writes `f64`.
     DoublesInOut,
     /// Takes a `u32`.
@@ -57,7 +59,7 @@ impl Access {
     pub fn reads(self) -> bool {
         !matches!(
             self,
-            Self::Out | Self::OutOrNothing | Self::Count | Self::Number
+            Self::Out | Self::OutOrNothing | Self::DoublesOut | Self::Count | Self::Number
         )
     }
 
@@ -66,7 +68,12 @@ impl Access {
     pub fn writes(self) -> bool {
         matches!(
             self,
-            Self::Out | Self::OutOrNothing | Self::InOut | Self::IndicesInOut | Self::DoublesInOut
+            Self::Out
+                | Self::OutOrNothing
+                | Self::InOut
+                | Self::IndicesInOut
+                | Self::DoublesOut
+                | Self::DoublesInOut
         )
     }
 
@@ -84,7 +91,7 @@ impl Access {
                 Some(Element::Float)
             }
             Self::Indices | Self::IndicesInOut => Some(Element::Index),
-            Self::Doubles | Self::DoublesInOut => Some(Element::Double),
+            Self::Doubles | Self::DoublesOut | Self::DoublesInOut => Some(Element::Double),
             Self::Count | Self::Number => None,
         }
     }
@@ -97,7 +104,7 @@ impl Access {
             Self::Indices => "const unsigned *",
             Self::IndicesInOut => "unsigned *",
             Self::Doubles => "const double *",
-            Self::DoublesInOut => "double *",
+            Self::DoublesOut | Self::DoublesInOut => "double *",
             Self::Count => "unsigned ",
             Self::Number => "float ",
         }

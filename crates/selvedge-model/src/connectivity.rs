@@ -1,9 +1,11 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
+use std::ops::Range;
+
 use selvedge_cloth::Topology;
 
-use crate::leaves::{Leaf, leaves};
+use crate::leaves::{Leaf, chunks, leaves};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
 /// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
@@ -114,6 +116,24 @@ impl Connectivity {
     #[must_use]
     pub fn twins(&self) -> &[u32] {
         &self.twins
+    }
+
+    /// How [`crate::Dropout`] counts rows, of every vertex `[vertices]` and of every arc `[arcs]`: the
+    /// number of its row in the first of `steps` frames, and what is added for each frame after that.
+    #[must_use]
+    pub fn dropout_rows(&self, steps: [usize; 2]) -> [Vec<[u32; 2]>; 2] {
+        let of = |rows: fn(&Leaf) -> &Range<usize>, steps: usize| {
+            let chunks = self.leaves.iter().flat_map(move |leaf| chunks(rows(leaf).clone()));
+            let rows = chunks.flat_map(move |chunk| {
+                let (first, count) = (chunk.start * steps, chunk.len());
+                (0..count).map(move |row| [first + row, count].map(|n| n as u32))
+            });
+            rows.collect()
+        };
+        [
+            of(|leaf| &leaf.vertices, steps[0]),
+            of(|leaf| &leaf.arcs, steps[1]),
+        ]
     }
 }
 

@@ -96,6 +96,14 @@ impl Dropout {
         }
     }
 
+    /// What the masks of vertices and of arcs follow from: value `column` of a row with number `row`
+    /// ([`crate::Connectivity::dropout_rows`]) is zero where the upper half of the hash (SplitMix64) of
+    /// seed + row · latent + column is below `rate`.
+    #[must_use]
+    pub fn seeds(self) -> [u64; 2] {
+        [self.seed, self.other().seed]
+    }
+
     /// The mask of the other encoder.
     fn other(self) -> Self {
         Self {

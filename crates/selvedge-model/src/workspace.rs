@@ -48,6 +48,13 @@ impl<T: Real> EncoderState<T> {
         state
     }
 
+    /// Both layers of vertices, then both of arcs; empty for zero.
+    #[must_use]
+    pub fn arrays(&self) -> [&[T]; 4] {
+        let ([a, b], [c, d]) = (&self.nodes, &self.edges);
+        [a, b, c, d]
+    }
+
     /// Whether nothing is carried.
     #[must_use]
     pub fn is_zero(&self) -> bool {

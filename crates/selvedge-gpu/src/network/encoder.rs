@@ -3,11 +3,12 @@
 
 use selvedge_model::{Encoder, ModelSpec};
 
+use super::dropout::drop_out;
 use super::record::{EncoderRecord, GruRecord};
 use super::{ForwardPass, Keep, Lower, StateArrays};
-use crate::layers::{DROPOUT, GATES};
+use crate::layers::GATES;
 use crate::plan::Region;
-use crate::schedule::{Argument, Finish, Matrix, Onto};
+use crate::schedule::{Finish, Matrix, Onto};
 
 /// How rows of one kind are encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,20 +27,6 @@ pub fn row_encoders(spec: &ModelSpec) -> [RowEncoder; 2] {
         Encoder::Gru { .. } | Encoder::StreamingGru { .. } => [RowEncoder::Gru; 2],
         Encoder::NodeGru { .. } => [RowEncoder::Gru, RowEncoder::Mlp],
     }
-}
-
-/// Dropout between the layers of the recurrent encoders, the same values as
-/// [`selvedge_model::Dropout`] drops: value `column` of a row in `step` has the number
-/// (first + step apart) latent + column, which is added to the row's seed and hashed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dropout {
-    /// Probability of a zero.
-    pub rate: f64,
-    /// For vertices and for arcs: of each row its first number, and how far those of its steps are
-    /// apart, `[rows, 2]`.
-    pub numbers: [Region; 2],
-    /// For vertices and for arcs: the seed of each row, low half first, `[rows, 2]`.
-    pub seeds: [Region; 2],
 }
 
 /// One of the encoders.
@@ -206,25 +193,10 @@ impl Lower<'_> {
 
     /// What the second layer sees of the first one's state after a step, where that differs.
     fn drop_out(&mut self, rows: &Rows<'_>, step: usize, record: &GruRecord) {
-        let Keep::Activations(Some(dropout)) = self.keep else {
-            return;
-        };
-        // As selvedge_model reckons them.
-        let scale = (1.0 / (1.0 - dropout.rate)) as f32;
-        let threshold = (dropout.rate * (1_u64 << 32) as f64) as u32;
-        self.schedule.launch(
-            &DROPOUT,
-            rows.rows,
-            &[
-                record.states[0][step + 1].into(),
-                record.between[step].into(),
-                dropout.numbers[rows.kind].into(),
-                dropout.seeds[rows.kind].into(),
-                Argument::Count(step as u32),
-                Argument::Count(threshold),
-                Argument::Number(scale),
-            ],
-        );
+        if let Keep::Activations(Some(dropout)) = &self.keep {
+            let both = [record.states[0][step + 1], record.between[step]];
+            drop_out(self.schedule, dropout, (rows.kind, step), both);
+        }
     }
 
     fn gru_record(&mut self, rows: &Rows<'_>) -> GruRecord {

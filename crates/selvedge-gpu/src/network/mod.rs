@@ -5,7 +5,9 @@
 //! weights in the same order; only what is done in one go differs. Rows are vertices or arcs of a
 //! disjoint union, as many cloths as wanted.
 
+mod backward;
 mod block;
+mod dropout;
 mod encoder;
 mod mlp;
 mod record;
@@ -17,7 +19,10 @@ use crate::device::{DeviceError, Loaded};
 use crate::plan::{Plan, Region};
 use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
 
-pub use encoder::{Dropout, RowEncoder, row_encoders};
+pub use backward::{BackwardPass, backward};
+use dropout::drop_out;
+pub use dropout::{Dropout, dropout_words};
+pub use encoder::{RowEncoder, row_encoders};
 pub use record::{BlockRecord, EncoderRecord, GruRecord, MlpRecord, Record};
 pub use weights::WeightArrays;
 

@@ -1,0 +1,339 @@
+//! The backward pass on the host device against the CPU engine's, for every encoder, with dropout, and
+//! through states that are carried.
+
+use selvedge_model::{
+    Connectivity, Dropout as CpuDropout, EncoderState, Gradients, Input, InputGradient, Network,
+    PackedWeights, Pass, Purpose, StateGradients, Workspace,
+};
+
+use super::{BackwardPass, backward};
+use crate::device::{Device, Loaded, Precision};
+use crate::network::{
+    Dropout, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, Record, StateArrays,
+    WeightArrays, dropout_words, forward,
+};
+use crate::plan::{Plan, Region};
+use crate::schedule::{Schedule, Trace};
+use crate::source::{Program, Sizes};
+use crate::test_graphs::{host, numbers, specs, squares, weights};
+use crate::{backward as kernels, layers};
+
+const RATE: f64 = 0.3;
+const SEED: u64 = 0x1234_5678_9abc_def0;
+/// What a state that is carried holds everywhere.
+const CARRIED: f32 = 0.2;
+/// The gradient of the last states, everywhere.
+const BY_END: f32 = 0.01;
+
+/// Whether encoders begin with zero or go on from states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Start {
+    Zero,
+    Carried,
+}
+
+/// A network on a graph, lowered both ways.
+struct Lowered {
+    plan: Plan,
+    program: Program,
+    weights: WeightArrays,
+    gradient: Region,
+    ones: Region,
+    graph: GraphArrays,
+    input: InputArrays,
+    to_input: InputArrays,
+    /// The states at the start and at the end, the gradients of both.
+    states: [StateArrays; 4],
+    dropout: Option<Dropout>,
+    output: Region,
+    record: Record,
+    schedules: [Schedule; 3],
+}
+
+impl Lowered {
+    fn new(network: &Network, graph: &Connectivity, start: Start, drops: bool) -> Self {
+        let mut plan = Plan::new();
+        let mut program = Program::new(Sizes::of(network.spec()));
+        program.add(&layers::PART);
+        program.add(&kernels::PART);
+        let weights = WeightArrays::new(&mut plan, network);
+        let gradient = plan.floats("gradient", network.parameter_count());
+        let counts = [graph.vertex_count(), graph.arc_count()];
+        let ones = plan.floats("ones", counts[0].max(counts[1]));
+        let graph = GraphArrays::new(&mut plan, counts[0], counts[1]);
+        let spec = network.spec();
+        let steps = match start {
+            Start::Zero => [spec.node_window(), spec.edge_window()],
+            Start::Carried => [1, 1],
+        };
+        let [input, to_input] =
+            [(); 2].map(|()| InputArrays::new(&mut plan, network, &graph, steps));
+        let states = [(); 4].map(|()| StateArrays::new(&mut plan, network, &graph));
+        let dropout = drops.then(|| Dropout {
+            rate: RATE,
+            numbers: counts.map(|rows| plan.indices("dropout", 2 * rows)),
+            seeds: counts.map(|rows| plan.indices("seeds", 2 * rows)),
+        });
+        let output = plan.floats("gradient of the output", counts[0] * OUTPUTS);
+        let mut schedules = ["pack", "forward", "backward"].map(Schedule::new);
+        weights.pack(&mut schedules[0]);
+        let carries = start == Start::Carried;
+        let pass = ForwardPass {
+            network,
+            weights: &weights,
+            graph: &graph,
+            input: &input,
+            start: carries.then_some(&states[0]),
+            end: carries.then_some(&states[1]),
+            keep: Keep::Activations(dropout),
+        };
+        let record = forward(&mut plan, &mut schedules[1], pass);
+        let pass = BackwardPass {
+            network,
+            weights: &weights,
+            gradient,
+            ones,
+            graph: &graph,
+            input: &input,
+            record: &record,
+            dropout,
+            output,
+            to_input: Some(&to_input),
+            end: carries.then_some(&states[3]),
+            start: carries.then_some(&states[2]),
+        };
+        schedules[2].clear(gradient);
+        backward(&mut plan, &mut schedules[2], &pass);
+        Self {
+            plan,
+            program,
+            weights,
+            gradient,
+            ones,
+            graph,
+            input,
+            to_input,
+            states,
+            dropout,
+            output,
+            record,
+            schedules,
+        }
+    }
+
+    fn follow(&self, start: Start) {
+        let mut trace = Trace::new(&self.plan, self.program.sizes());
+        let mut given = vec![self.weights.flat(), self.input.nodes, self.input.edges];
+        given.extend(self.graph.regions());
+        given.extend([self.ones, self.output]);
+        if start == Start::Carried {
+            given.extend(self.states[0].regions());
+            given.extend(self.states[3].regions());
+        }
+        if let Some(dropout) = &self.dropout {
+            given.extend(dropout.numbers);
+            given.extend(dropout.seeds);
+        }
+        given.into_iter().for_each(|region| trace.give(region));
+        for schedule in &self.schedules {
+            trace.follow(schedule).expect("a schedule");
+        }
+        assert!(trace.holds(self.gradient) && trace.holds(self.to_input.nodes));
+        assert!(trace.holds(self.record.output));
+    }
+}
+
+/// Numbers that the two engines are given.
+struct Given {
+    weights: Vec<f32>,
+    nodes: Vec<f32>,
+    edges: Vec<f32>,
+    output: Vec<f32>,
+}
+
+impl Given {
+    fn new(network: &Network, lowered: &Lowered) -> Self {
+        Self {
+            weights: weights(network, 3),
+            nodes: numbers(lowered.input.nodes.count(), 1.5, 1),
+            edges: numbers(lowered.input.edges.count(), 1.5, 2),
+            output: numbers(lowered.output.count(), 1.0, 4),
+        }
+    }
+}
+
+/// The gradients of weights, of vertex features, of arc features, and of the states at the start.
+type All = Vec<Vec<f32>>;
+
+fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> Option<All> {
+    let host = host()?;
+    let loaded = host.load(&lowered.program, &lowered.plan, Precision::Full);
+    let mut loaded = loaded.expect("kernels");
+    let loaded: &mut dyn Loaded = &mut *loaded;
+    lowered.graph.upload(loaded, graph).expect("a graph");
+    let ones = vec![1.0; lowered.ones.count()];
+    let mut floats = vec![
+        (lowered.weights.flat(), &given.weights),
+        (lowered.input.nodes, &given.nodes),
+        (lowered.input.edges, &given.edges),
+        (lowered.output, &given.output),
+        (lowered.ones, &ones),
+    ];
+    let [start, .., by_end] = &lowered.states;
+    let filled = |states: &StateArrays, value| {
+        let regions = states.regions();
+        regions.map(|region| (region, vec![value; region.count()]))
+    };
+    let states = [filled(start, CARRIED), filled(by_end, BY_END)].concat();
+    floats.extend(states.iter().map(|(region, values)| (*region, values)));
+    for (region, values) in floats {
+        loaded.put(region, values).expect("room");
+    }
+    if let Some(dropout) = &lowered.dropout {
+        let words = dropout_words(
+            graph,
+            lowered.input.steps,
+            CpuDropout {
+                rate: RATE,
+                seed: SEED,
+            },
+        );
+        for kind in [0, 1] {
+            let [numbers, seeds] = &words[kind];
+            loaded.upload(dropout.numbers[kind], numbers).expect("room");
+            loaded.upload(dropout.seeds[kind], seeds).expect("room");
+        }
+    }
+    for schedule in &lowered.schedules {
+        let prepared = loaded.prepare(schedule).expect("a schedule");
+        loaded.run(prepared).expect("a run");
+    }
+    let mut regions = vec![
+        lowered.gradient,
+        lowered.to_input.nodes,
+        lowered.to_input.edges,
+    ];
+    regions.extend(lowered.states[2].regions());
+    let got = regions
+        .into_iter()
+        .map(|r| loaded.get(r).expect("a result"));
+    Some(got.collect())
+}
+
+fn on_cpu(
+    network: &Network,
+    graph: &Connectivity,
+    given: &Given,
+    (start, drops): (Start, bool),
+) -> All {
+    let using = selvedge_model::Instructions::Detected;
+    let packed = PackedWeights::new(network, &given.weights, Purpose::Training, using);
+    let counts = [graph.vertex_count(), graph.arc_count()];
+    let filled = |value| EncoderState::filled(value, counts, network.spec().latent);
+    let state = match start {
+        Start::Zero => EncoderState::new(),
+        Start::Carried => filled(CARRIED),
+    };
+    let input = Input {
+        nodes: &given.nodes,
+        edges: &given.edges,
+    };
+    let dropout = drops.then_some(CpuDropout {
+        rate: RATE,
+        seed: SEED,
+    });
+    let mut workspace = Workspace::new();
+    let pass = Pass::Training(dropout);
+    network.forward_carried(&packed, graph, (input, &state), pass, &mut workspace);
+    let mut all = vec![
+        vec![0.0; given.weights.len()],
+        vec![0.0; given.nodes.len()],
+        vec![0.0; given.edges.len()],
+    ];
+    let [weights, nodes, edges] = &mut all[..] else {
+        unreachable!("three of them")
+    };
+    let gradients = Gradients {
+        weights,
+        input: Some(InputGradient { nodes, edges }),
+    };
+    let (end, mut by_start) = (filled(BY_END), EncoderState::new());
+    let carries = start == Start::Carried;
+    let states = StateGradients {
+        end: carries.then_some(&end),
+        start: carries.then_some(&mut by_start),
+    };
+    let both = (&packed, gradients);
+    network.backward_carried(
+        both,
+        graph,
+        (input, &state, states),
+        &given.output,
+        &mut workspace,
+    );
+    if carries {
+        all.extend(by_start.arrays().map(<[f32]>::to_vec));
+    }
+    all
+}
+
+/// |found - expected| / |expected|.
+fn relative(found: &[f32], expected: &[f32]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
+    let pairs = found.iter().zip(expected);
+    let off = squares(&mut pairs.map(|(&x, &y)| f64::from(x) - f64::from(y)));
+    let size = squares(&mut expected.iter().map(|&y| f64::from(y)));
+    (off / size.max(f64::MIN_POSITIVE)).sqrt()
+}
+
+fn compare(network: &Network, graph: &Connectivity, (start, drops): (Start, bool)) {
+    let lowered = Lowered::new(network, graph, start, drops);
+    lowered.follow(start);
+    let given = Given::new(network, &lowered);
+    let Some(found) = on_device(&lowered, graph, &given) else {
+        return;
+    };
+    let expected = on_cpu(network, graph, &given, (start, drops));
+    let what = format!("{:?}, {start:?}, dropout {drops}", network.spec().encoder);
+    for parameter in network.parameters() {
+        let range = parameter.range.clone();
+        let off = relative(&found[0][range.clone()], &expected[0][range]);
+        assert!(off < 1e-4, "{off} off in {} with {what}", parameter.name);
+    }
+    for (number, (found, expected)) in found.iter().zip(&expected).enumerate().skip(1) {
+        let off = relative(found, expected);
+        assert!(off < 1e-4, "{off} off in gradient {number} with {what}");
+    }
+}
+
+#[test]
+fn gradients_of_weights_and_features_are_those_of_the_cpu() {
+    let graph = squares(&[30, 17]);
+    for spec in specs() {
+        let network = Network::new(&spec).expect("a spec");
+        compare(&network, &graph, (Start::Zero, false));
+    }
+}
+
+#[test]
+fn the_same_values_are_dropped_as_on_the_cpu() {
+    // Several leaves and several chunks.
+    let graph = squares(&[300, 40]);
+    for spec in specs().into_iter().filter(|spec| spec.window() > 1) {
+        let network = Network::new(&spec).expect("a spec");
+        compare(&network, &graph, (Start::Zero, true));
+    }
+}
+
+#[test]
+fn gradients_go_through_carried_states_as_on_the_cpu() {
+    let graph = squares(&[30, 17]);
+    let streaming = specs()
+        .into_iter()
+        .map(|spec| Network::new(&spec).expect("a spec"));
+    for network in streaming.filter(Network::streams) {
+        compare(&network, &graph, (Start::Carried, false));
+        compare(&network, &graph, (Start::Carried, true));
+    }
+}
