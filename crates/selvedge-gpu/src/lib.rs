@@ -6,7 +6,10 @@
 //! everything but the calls of a driver is proven where there is no GPU, on the `host`: the same kernels,
 //! compiled by the C compiler, under the same schedules, against the CPU engine.
 
+pub mod backward;
 pub mod cloths;
+#[cfg(feature = "cuda")]
+pub mod cuda;
 pub mod device;
 pub mod features;
 pub mod frames;

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::plan::{Element, Plan, Region};
-use crate::source::{Access, Extent, Kernel, Sizes};
+use crate::source::{Access, BLOCK_THREADS, Extent, Kernel, Shape, Sizes, WARP};
 
 /// An argument of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -307,7 +307,14 @@ impl<'a> Trace<'a> {
             let expected = kernel.parameters.len();
             return Err(format!("{found} arguments, expected {expected}"));
         }
-        u32::try_from(launch.count).map_err(|_| format!("{} of them", launch.count))?;
+        // Kernels count their threads with 32 bits.
+        let threads = match kernel.shape {
+            Shape::Element | Shape::Block => launch.count,
+            Shape::Row => launch.count * WARP as usize,
+        };
+        if threads > (u32::MAX - BLOCK_THREADS) as usize {
+            return Err(format!("{} are too many for one launch", launch.count));
+        }
         let (mut read, mut written) = (Vec::new(), Vec::new());
         for (parameter, argument) in kernel.parameters.iter().zip(&launch.arguments) {
             let wrong = |what: String| Err(format!("{}: {what}", parameter.name));

@@ -384,7 +384,7 @@ fn cuda_entry(text: &mut String, kernel: &Kernel) {
     let (name, names) = (kernel.name, names(kernel));
     let _ = writeln!(
         text,
-        "extern \"C\" __global__ void {name}(unsigned count{declarations}) {{\n    \
+        "extern \"C\" __global__ void run_{name}(unsigned count{declarations}) {{\n    \
          const unsigned index = {index};\n    \
          if (index < count) of_{name}(index{names});\n}}"
     );
@@ -425,7 +425,7 @@ mod tests {
         for kernel in program.kernels() {
             let body = format!("KERNEL({})", kernel.name);
             assert_eq!(cuda.matches(&body).count(), 1, "{body}");
-            let entry = format!("__global__ void {}(unsigned count, ", kernel.name);
+            let entry = format!("__global__ void run_{}(unsigned count, ", kernel.name);
             assert_eq!(cuda.matches(&entry).count(), 1, "{entry}");
         }
         let bodies = cuda

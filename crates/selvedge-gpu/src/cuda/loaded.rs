@@ -1,0 +1,360 @@
+//! A program and its arena on a GPU. A schedule runs as plain calls the first time, so that whatever the
+//! libraries load late is loaded; the second time it is recorded as a CUDA graph, which is replayed from
+//! then on. Where recording fails it stays with plain calls.
+
+use std::collections::HashMap;
+use std::ffi::{CString, c_void};
+use std::sync::Arc;
+
+use cudarc::driver::result;
+use cudarc::driver::sys;
+
+use super::product::{Blas, Gemm, Memory, WORKSPACE};
+use super::{Context, failed};
+use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
+use crate::layers::{ADD_BIAS, ADD_BIAS_RELU};
+use crate::plan::{Plan, Region};
+use crate::schedule::{Argument, Command, Finish, Launch, Matrix, Product, Schedule, Trace};
+use crate::source::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
+
+/// Blocks, and threads of each, for so many elements, rows or blocks of a kernel.
+pub(super) fn grid(shape: Shape, count: usize) -> (u32, u32) {
+    let blocks = |per_block: u32| count.div_ceil(per_block as usize) as u32;
+    match shape {
+        Shape::Element => (blocks(BLOCK_THREADS), BLOCK_THREADS),
+        Shape::Row => (blocks(BLOCK_THREADS / WARP), BLOCK_THREADS),
+        Shape::Block => (count as u32, WIDE_BLOCK_THREADS),
+    }
+}
+
+/// One call.
+enum Call {
+    Kernel {
+        function: sys::CUfunction,
+        grid: (u32, u32),
+        /// The count, then the arguments, each in the low bytes of its place.
+        values: Vec<u64>,
+    },
+    Product(Gemm),
+    Clear {
+        first: u64,
+        bytes: usize,
+    },
+    Copy {
+        from: u64,
+        to: u64,
+        bytes: usize,
+    },
+}
+
+/// How a schedule runs.
+enum Mode {
+    /// Not yet run.
+    Fresh,
+    /// Run once by plain calls.
+    Warm,
+    /// By plain calls, since it could not be recorded.
+    Plain,
+    /// Recorded.
+    Recorded(sys::CUgraphExec),
+}
+
+struct Ready {
+    calls: Vec<Call>,
+    mode: Mode,
+}
+
+/// A program and its arena.
+pub(super) struct CudaLoaded {
+    functions: HashMap<&'static str, sys::CUfunction>,
+    plan: Plan,
+    sizes: Sizes,
+    schedules: Vec<Ready>,
+    blas: Option<Blas>,
+    arena: Memory,
+    workspace: Option<Memory>,
+    stream: sys::CUstream,
+    module: sys::CUmodule,
+    context: Arc<Context>,
+}
+
+// SAFETY: what it points to belongs to the context, which every call makes current for its thread; nothing
+// is used by two threads at once, since all calls take it mutably.
+unsafe impl Send for CudaLoaded {}
+
+impl CudaLoaded {
+    pub(super) fn new(
+        context: Arc<Context>,
+        image: &[u8],
+        (program, plan): (&Program, &Plan),
+        precision: Precision,
+    ) -> Result<Self, DeviceError> {
+        let stream = result::stream::create(result::stream::StreamKind::NonBlocking);
+        let stream = stream.map_err(failed("cuStreamCreate"))?;
+        // SAFETY: the image is what NVRTC made for this card.
+        let module = unsafe { result::module::load_data(image.as_ptr().cast()) };
+        let module = module.map_err(failed("cuModuleLoadData"))?;
+        let memory = |bytes: usize| {
+            Memory::new(bytes).map_err(|error| match error.0 {
+                sys::CUresult::CUDA_ERROR_OUT_OF_MEMORY => DeviceError::Memory {
+                    what: "the arena".to_owned(),
+                    needed: in_bytes(bytes),
+                    free: result::mem_get_info().map_or("?".to_owned(), |(free, _)| in_bytes(free)),
+                    remedy: "something else took the memory meanwhile: see what nvidia-smi says"
+                        .to_owned(),
+                },
+                _ => failed("cuMemAlloc")(error),
+            })
+        };
+        let mut loaded = Self {
+            functions: HashMap::new(),
+            plan: plan.clone(),
+            sizes: program.sizes(),
+            schedules: Vec::new(),
+            blas: None,
+            arena: memory(plan.bytes())?,
+            workspace: None,
+            stream,
+            module,
+            context,
+        };
+        for kernel in program.kernels() {
+            let function = loaded.find(kernel)?;
+            loaded.functions.insert(kernel.name, function);
+        }
+        let workspace = memory(WORKSPACE)?;
+        loaded.blas = Some(Blas::new(stream, workspace.0, precision)?);
+        loaded.workspace = Some(workspace);
+        Ok(loaded)
+    }
+
+    fn find(&self, kernel: &Kernel) -> Result<sys::CUfunction, DeviceError> {
+        let no_kernel = || DeviceError::NoKernel(kernel.name.to_owned());
+        let name = CString::new(format!("run_{}", kernel.name)).map_err(|_| no_kernel())?;
+        // SAFETY: the module is loaded.
+        unsafe { result::module::get_function(self.module, name) }.map_err(|_| no_kernel())
+    }
+
+    fn address(&self, region: Region) -> u64 {
+        self.arena.0 + 4 * self.plan.place(region).start as u64
+    }
+
+    fn calls(&self, schedule: &Schedule) -> Result<Vec<Call>, DeviceError> {
+        let mut calls = Vec::with_capacity(schedule.len());
+        for command in &schedule.commands {
+            match command {
+                Command::Launch(launch) => calls.extend(self.launch(launch)?),
+                Command::Product(product) => self.product(product, &mut calls)?,
+                Command::Clear(region) => calls.push(Call::Clear {
+                    first: self.address(*region),
+                    bytes: 4 * self.plan.place(*region).len(),
+                }),
+                Command::Copy(from, to) => calls.push(Call::Copy {
+                    from: self.address(*from),
+                    to: self.address(*to),
+                    bytes: 4 * self.plan.place(*from).len(),
+                }),
+            }
+        }
+        Ok(calls)
+    }
+
+    /// The call of a kernel; none where there is nothing to do.
+    fn launch(&self, launch: &Launch) -> Result<Option<Call>, DeviceError> {
+        if launch.count == 0 {
+            return Ok(None);
+        }
+        let kernel = launch.kernel;
+        let function = self.functions.get(kernel.name);
+        let function = function.ok_or_else(|| DeviceError::NoKernel(kernel.name.to_owned()))?;
+        let value = |argument: &Argument| match *argument {
+            Argument::Region(region) => self.address(region),
+            Argument::Nothing => 0,
+            Argument::Count(count) => u64::from(count),
+            Argument::Number(number) => u64::from(number.to_bits()),
+        };
+        let count = launch.count as u64;
+        Ok(Some(Call::Kernel {
+            function: *function,
+            grid: grid(kernel.shape, launch.count),
+            values: std::iter::once(count)
+                .chain(launch.arguments.iter().map(value))
+                .collect(),
+        }))
+    }
+
+    /// The calls of a product and of its finish.
+    fn product(&self, product: &Product, calls: &mut Vec<Call>) -> Result<(), DeviceError> {
+        let [rows, columns, _] = product.size;
+        if rows == 0 || columns == 0 {
+            return Ok(());
+        }
+        let first = |matrix: &Matrix| self.plan.place(matrix.region).start;
+        let gemm = Gemm::of(product, first).ok_or_else(|| DeviceError::Call {
+            call: "cublasGemmEx",
+            reason: format!("a product of {:?} is too large", product.size),
+        })?;
+        calls.push(Call::Product(gemm));
+        let (kernel, bias) = match product.finish {
+            Finish::Nothing => return Ok(()),
+            Finish::Bias(bias) => (&ADD_BIAS, bias),
+            Finish::BiasRelu(bias) => (&ADD_BIAS_RELU, bias),
+        };
+        let finish = Launch {
+            kernel,
+            count: rows,
+            arguments: vec![
+                product.c.region.into(),
+                Argument::Count(product.c.leading as u32),
+                bias.into(),
+                Argument::Count(columns as u32),
+            ],
+        };
+        calls.extend(self.launch(&finish)?);
+        Ok(())
+    }
+
+    fn call_all(&self, calls: &[Call]) -> Result<(), DeviceError> {
+        calls.iter().try_for_each(|call| self.call(call))
+    }
+
+    fn call(&self, call: &Call) -> Result<(), DeviceError> {
+        // SAFETY: all of them work within the arena, which was checked when the schedule was prepared;
+        // functions, stream and arena live as long as this.
+        match call {
+            Call::Kernel {
+                function,
+                grid: (blocks, threads),
+                values,
+            } => {
+                let pointer = |value: &u64| std::ptr::from_ref(value).cast::<c_void>().cast_mut();
+                let mut pointers: Vec<*mut c_void> = values.iter().map(pointer).collect();
+                let (grid, block) = ((*blocks, 1, 1), (*threads, 1, 1));
+                unsafe {
+                    result::launch_kernel(*function, grid, block, 0, self.stream, &mut pointers)
+                }
+                .map_err(failed("cuLaunchKernel"))
+            }
+            Call::Product(gemm) => match &self.blas {
+                Some(blas) => blas.multiply(gemm, self.arena.0),
+                None => Ok(()),
+            },
+            Call::Clear { first, bytes } => {
+                unsafe { result::memset_d8_async(*first, 0, *bytes, self.stream) }
+                    .map_err(failed("cuMemsetD8Async"))
+            }
+            Call::Copy { from, to, bytes } => {
+                unsafe { result::memcpy_dtod_async(*to, *from, *bytes, self.stream) }
+                    .map_err(failed("cuMemcpyDtoDAsync"))
+            }
+        }
+    }
+
+    /// Records calls as a graph; none where that does not work.
+    fn record(&self, calls: &[Call]) -> Option<sys::CUgraphExec> {
+        let mode = sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED;
+        // SAFETY: the stream is alive; the graph is destroyed when what was made of it is there. A recording
+        // that was begun is ended whatever happened in it.
+        unsafe {
+            result::stream::begin_capture(self.stream, mode).ok()?;
+            let called = self.call_all(calls);
+            let graph = result::stream::end_capture(self.stream).ok()?;
+            if graph.is_null() {
+                return None;
+            }
+            let flags = sys::CUgraphInstantiate_flags_enum(0);
+            let recorded = result::graph::instantiate(graph, flags).ok();
+            let _ = result::graph::destroy(graph);
+            called.ok()?;
+            recorded
+        }
+    }
+
+    fn run_ready(&self, ready: &mut Ready) -> Result<(), DeviceError> {
+        if matches!(ready.mode, Mode::Warm) {
+            let recorded = self.record(&ready.calls);
+            ready.mode = recorded.map_or(Mode::Plain, Mode::Recorded);
+        }
+        if let Mode::Recorded(graph) = ready.mode {
+            // SAFETY: graph and stream are alive.
+            let launched = unsafe { result::graph::launch(graph, self.stream) };
+            return launched.map_err(failed("cuGraphLaunch"));
+        }
+        self.call_all(&ready.calls)?;
+        if matches!(ready.mode, Mode::Fresh) {
+            ready.mode = Mode::Warm;
+        }
+        Ok(())
+    }
+}
+
+impl Loaded for CudaLoaded {
+    fn upload(&mut self, to: Region, words: &[u32]) -> Result<(), DeviceError> {
+        self.context.enter()?;
+        let found = self.plan.place(to).len();
+        assert_eq!(found, words.len(), "words of a region");
+        if words.is_empty() {
+            return Ok(());
+        }
+        // SAFETY: the region has as many words. What is copied from ordinary memory is taken before the
+        // call returns.
+        unsafe { result::memcpy_htod_async(self.address(to), words, self.stream) }
+            .map_err(failed("cuMemcpyHtoDAsync"))
+    }
+
+    fn download(&mut self, from: Region, words: &mut [u32]) -> Result<(), DeviceError> {
+        self.context.enter()?;
+        let found = self.plan.place(from).len();
+        assert_eq!(found, words.len(), "words of a region");
+        if words.is_empty() {
+            return self.wait();
+        }
+        // SAFETY: the region has as many words, and the stream is waited for before they are read.
+        unsafe { result::memcpy_dtoh_async(words, self.address(from), self.stream) }
+            .map_err(failed("cuMemcpyDtoHAsync"))?;
+        self.wait()
+    }
+
+    fn prepare(&mut self, schedule: &Schedule) -> Result<Prepared, DeviceError> {
+        Trace::fits(&self.plan, self.sizes, schedule)?;
+        let calls = self.calls(schedule)?;
+        self.schedules.push(Ready {
+            calls,
+            mode: Mode::Fresh,
+        });
+        Ok(Prepared(self.schedules.len() - 1))
+    }
+
+    fn run(&mut self, schedule: Prepared) -> Result<(), DeviceError> {
+        self.context.enter()?;
+        let mut schedules = std::mem::take(&mut self.schedules);
+        let ran = self.run_ready(&mut schedules[schedule.0]);
+        self.schedules = schedules;
+        ran
+    }
+
+    fn wait(&mut self) -> Result<(), DeviceError> {
+        self.context.enter()?;
+        // SAFETY: the stream is alive.
+        unsafe { result::stream::synchronize(self.stream) }.map_err(failed("cuStreamSynchronize"))
+    }
+}
+
+impl Drop for CudaLoaded {
+    fn drop(&mut self) {
+        // Nobody is left to be told of a failure.
+        let _ = self.wait();
+        for ready in &self.schedules {
+            if let Mode::Recorded(graph) = ready.mode {
+                // SAFETY: it was made and not destroyed.
+                let _ = unsafe { result::graph::exec_destroy(graph) };
+            }
+        }
+        self.blas = None;
+        // SAFETY: nothing uses them any more.
+        unsafe {
+            let _ = result::stream::destroy(self.stream);
+            let _ = result::module::unload(self.module);
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Products by cuBLAS, which reads matrices column by column: what is a matrix to us is its transpose
+//! to it, so that cᵀ = bᵀ aᵀ is asked for, and nothing is moved.
+
+use std::ffi::{c_int, c_void};
+
+use cudarc::cublas::result::{self, CublasError};
+use cudarc::cublas::sys::{self, cublasComputeType_t, cublasOperation_t, cudaDataType};
+use cudarc::driver::result as driver;
+
+use crate::device::{DeviceError, Precision};
+use crate::schedule::{Matrix, Onto, Product};
+
+/// Bytes that cuBLAS may work in: what it takes by itself on the largest cards.
+pub(super) const WORKSPACE: usize = 32 << 20;
+
+/// A product as cuBLAS takes it; pointers are offsets from the arena's beginning, in words.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Gemm {
+    /// Rows, columns and depth, of cᵀ.
+    pub(super) size: [c_int; 3],
+    /// bᵀ: whether it is transposed, where it begins, from column to column.
+    pub(super) left: (bool, usize, c_int),
+    /// aᵀ.
+    pub(super) right: (bool, usize, c_int),
+    /// cᵀ.
+    pub(super) out: (usize, c_int),
+    /// What the old values of c are multiplied by.
+    pub(super) beta: f32,
+}
+
+impl Gemm {
+    /// That of a product whose matrices begin at `first` words; none where a size is beyond what
+    /// cuBLAS counts.
+    pub(super) fn of(product: &Product, first: impl Fn(&Matrix) -> usize) -> Option<Self> {
+        let number = |size: usize| c_int::try_from(size).ok();
+        let operand =
+            |matrix: &Matrix| Some((matrix.transposed, first(matrix), number(matrix.leading)?));
+        let [m, n, k] = product.size;
+        Some(Self {
+            size: [number(n)?, number(m)?, number(k)?],
+            left: operand(&product.b)?,
+            right: operand(&product.a)?,
+            out: (first(&product.c), number(product.c.leading)?),
+            beta: if product.onto == Onto::Add { 1.0 } else { 0.0 },
+        })
+    }
+}
+
+/// cuBLAS on one stream.
+pub(super) struct Blas {
+    handle: sys::cublasHandle_t,
+    compute: cublasComputeType_t,
+}
+
+fn failed(call: &'static str) -> impl Fn(CublasError) -> DeviceError {
+    move |error| DeviceError::Call {
+        call,
+        reason: format!("{error}"),
+    }
+}
+
+impl Blas {
+    /// Products on `stream`, in `workspace`, which has [`WORKSPACE`] bytes.
+    pub(super) fn new(
+        stream: cudarc::driver::sys::CUstream,
+        workspace: cudarc::driver::sys::CUdeviceptr,
+        precision: Precision,
+    ) -> Result<Self, DeviceError> {
+        let handle = result::create_handle().map_err(failed("cublasCreate"))?;
+        let blas = Self {
+            handle,
+            compute: match precision {
+                Precision::Full => cublasComputeType_t::CUBLAS_COMPUTE_32F,
+                Precision::Tensor => cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
+                Precision::Half => cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_16BF,
+            },
+        };
+        // SAFETY: handle, stream and workspace are alive as long as what holds all of them. The stream
+        // comes first: setting it gives the workspace back.
+        unsafe {
+            result::set_stream(handle, stream.cast()).map_err(failed("cublasSetStream"))?;
+            sys::cublasSetWorkspace_v2(handle, workspace as *mut c_void, WORKSPACE)
+                .result()
+                .map_err(failed("cublasSetWorkspace"))?;
+        }
+        Ok(blas)
+    }
+
+    /// Multiplies, in the arena that begins at `arena`.
+    pub(super) fn multiply(
+        &self,
+        gemm: &Gemm,
+        arena: cudarc::driver::sys::CUdeviceptr,
+    ) -> Result<(), DeviceError> {
+        let [m, n, k] = gemm.size;
+        let operation = |transposed: bool| {
+            if transposed {
+                cublasOperation_t::CUBLAS_OP_T
+            } else {
+                cublasOperation_t::CUBLAS_OP_N
+            }
+        };
+        let at = |word: usize| (arena + 4 * word as u64) as *const c_void;
+        let ((left, a, lda), (right, b, ldb), (c, ldc)) = (gemm.left, gemm.right, gemm.out);
+        let alpha = 1.0_f32;
+        let kind = cudaDataType::CUDA_R_32F;
+        // SAFETY: the matrices lie in the arena, as was checked when the schedule was prepared; the factors
+        // are read before the call returns.
+        let done = unsafe {
+            result::gemm_ex(
+                self.handle,
+                operation(left),
+                operation(right),
+                m,
+                n,
+                k,
+                (&raw const alpha).cast(),
+                at(a),
+                kind,
+                lda,
+                at(b),
+                kind,
+                ldb,
+                (&raw const gemm.beta).cast(),
+                at(c).cast_mut(),
+                kind,
+                ldc,
+                self.compute,
+                sys::cublasGemmAlgo_t::CUBLAS_GEMM_DEFAULT,
+            )
+        };
+        done.map_err(failed("cublasGemmEx"))
+    }
+}
+
+impl Drop for Blas {
+    fn drop(&mut self) {
+        // SAFETY: it was created and not destroyed. Nobody is left to be told of a failure.
+        let _ = unsafe { result::destroy_handle(self.handle) };
+    }
+}
+
+/// Memory on the GPU.
+pub(super) struct Memory(pub(super) cudarc::driver::sys::CUdeviceptr);
+
+impl Memory {
+    /// So many bytes; their contents are whatever they are.
+    pub(super) fn new(bytes: usize) -> Result<Self, driver::DriverError> {
+        // SAFETY: what is in it is written before it is read, which schedules are checked for.
+        unsafe { driver::malloc_sync(bytes.max(1)) }.map(Self)
+    }
+}
+
+impl Drop for Memory {
+    fn drop(&mut self) {
+        // SAFETY: it was allocated and not freed. Nobody is left to be told of a failure.
+        let _ = unsafe { driver::free_sync(self.0) };
+    }
+}
