@@ -51,6 +51,38 @@ pub trait Correctable: Stepper {
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError>;
 }
 
+impl<S: Stepper + ?Sized> Stepper for Box<S> {
+    fn topology(&self) -> &Topology {
+        (**self).topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        (**self).handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        (**self).positions()
+    }
+
+    fn frame(&self) -> usize {
+        (**self).frame()
+    }
+
+    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+        (**self).step(handles)
+    }
+}
+
+impl<S: Correctable + ?Sized> Correctable for Box<S> {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        (**self).replace_frame(positions)
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        (**self).take_frame(positions)
+    }
+}
+
 /// Why a step failed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]

@@ -77,17 +77,19 @@ KERNEL(norm_messages) {
 }
 
 // One step of a gated recurrent unit from the products with its input and with its state, gates r, z, n:
-// n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before. Kept are r, z, n and the
-// recurrent part of n.
+// n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before; without a state before, from
+// zero. Kept are r, z, n and the recurrent part of n.
 KERNEL(gates) {
-    const float *in = ROW_OF(input, 3 * LATENT), *back = ROW_OF(recurrent, 3 * LATENT);
+    const float *in = ROW_OF(input, 3 * LATENT), *back = recurrent ? ROW_OF(recurrent, 3 * LATENT) : 0;
     FOR_COLUMNS(j, k) {
         const unsigned z_at = LATENT + k, n_at = 2 * LATENT + k;
-        const float r = sigmoid(in[k] + bias_input[k] + back[k] + bias_recurrent[k]);
-        const float z = sigmoid(in[z_at] + bias_input[z_at] + back[z_at] + bias_recurrent[z_at]);
-        const float state = back[n_at] + bias_recurrent[n_at];
+        const float of_r = back ? back[k] : 0.0f, of_z = back ? back[z_at] : 0.0f;
+        const float r = sigmoid(in[k] + bias_input[k] + of_r + bias_recurrent[k]);
+        const float z = sigmoid(in[z_at] + bias_input[z_at] + of_z + bias_recurrent[z_at]);
+        const float state = (back ? back[n_at] : 0.0f) + bias_recurrent[n_at];
         const float n = tanhf(in[n_at] + bias_input[n_at] + r * state);
-        ROW_OF(after, LATENT)[k] = (1.0f - z) * n + z * ROW_OF(before, LATENT)[k];
+        const float old = before ? ROW_OF(before, LATENT)[k] : 0.0f;
+        ROW_OF(after, LATENT)[k] = (1.0f - z) * n + z * old;
         if (kept) {
             float *gates = ROW_OF(kept, 4 * LATENT);
             gates[k] = r;

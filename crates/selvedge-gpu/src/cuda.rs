@@ -12,7 +12,8 @@ mod compile;
 mod loaded;
 mod product;
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use cudarc::driver::result::{self, DriverError};
 use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
@@ -31,11 +32,12 @@ const LEAST_VERSION: i32 = 12_000;
 const RESERVE: usize = 256 << 20;
 
 /// An NVIDIA GPU.
-#[derive(Clone)]
 pub struct Cuda {
     context: Arc<Context>,
     name: String,
     architecture: Architecture,
+    /// What was compiled, by its source.
+    images: Mutex<HashMap<String, Arc<Vec<u8>>>>,
 }
 
 /// The primary context of a GPU, held as long as anything uses it.
@@ -127,7 +129,19 @@ impl Cuda {
             context: Arc::new(Context { device, context }),
             name: format!("{name}, {}", in_bytes(memory)),
             architecture,
+            images: Mutex::default(),
         })
+    }
+
+    /// The machine code of a source, which is compiled once.
+    fn image(&self, text: String) -> Result<Arc<Vec<u8>>, DeviceError> {
+        let mut images = self.images.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = images.get(&text) {
+            return Ok(Arc::clone(known));
+        }
+        let image = Arc::new(compile(&text, self.architecture)?);
+        images.insert(text, Arc::clone(&image));
+        Ok(image)
     }
 }
 
@@ -199,7 +213,7 @@ impl Device for Cuda {
         precision: Precision,
     ) -> Result<Box<dyn Loaded>, DeviceError> {
         self.context.enter()?;
-        let image = compile(&program.text(Dialect::Cuda), self.architecture)?;
+        let image = self.image(program.text(Dialect::Cuda))?;
         let context = Arc::clone(&self.context);
         let loaded = CudaLoaded::new(context, &image, (program, plan), precision)?;
         Ok(Box::new(loaded))

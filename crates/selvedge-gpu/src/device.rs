@@ -22,7 +22,7 @@ pub enum Precision {
 }
 
 /// A kind of machine that runs kernels.
-pub trait Device: Send {
+pub trait Device: Send + Sync {
     /// What it is called, with its memory, for people.
     fn name(&self) -> String;
 

@@ -12,6 +12,7 @@ use std::collections::HashMap;
 use std::ffi::c_void;
 use std::path::Path;
 use std::process::Command as Process;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use libloading::Library;
 
@@ -38,9 +39,11 @@ type ProductEntry = unsafe extern "C" fn(
 const UNWRITTEN: u64 = 0x7fc0_dead_7fc0_dead;
 
 /// This machine, through its C compiler.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Host {
     compiler: String,
+    /// What was compiled, by its source.
+    libraries: Mutex<HashMap<String, Arc<Library>>>,
 }
 
 impl Host {
@@ -52,12 +55,29 @@ impl Host {
         let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
         let answer = Process::new(&compiler).arg("--version").output();
         match answer {
-            Ok(answer) if answer.status.success() => Ok(Self { compiler }),
+            Ok(answer) if answer.status.success() => Ok(Self {
+                compiler,
+                libraries: Mutex::default(),
+            }),
             _ => Err(DeviceError::Library {
                 library: "a C compiler (cc, or what CC names)",
                 remedy: "the host device compiles its kernels with it; install one",
             }),
         }
+    }
+
+    /// The library of a source, which is compiled once.
+    fn library(&self, text: String) -> Result<Arc<Library>, DeviceError> {
+        let mut libraries = self
+            .libraries
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = libraries.get(&text) {
+            return Ok(Arc::clone(known));
+        }
+        let library = Arc::new(self.compile(&text)?);
+        libraries.insert(text, Arc::clone(&library));
+        Ok(library)
     }
 
     fn compile(&self, text: &str) -> Result<Library, DeviceError> {
@@ -117,7 +137,7 @@ impl Device for Host {
         plan: &Plan,
         _: Precision,
     ) -> Result<Box<dyn Loaded>, DeviceError> {
-        let library = self.compile(&program.text(Dialect::Host))?;
+        let library = self.library(program.text(Dialect::Host))?;
         let mut entries = HashMap::new();
         for kernel in program.kernels() {
             let name = format!("run_{}", kernel.name);
@@ -150,7 +170,7 @@ struct HostLoaded {
     product: ProductEntry,
     schedules: Vec<Schedule>,
     /// What `entries` lie in.
-    _library: Library,
+    _library: Arc<Library>,
 }
 
 impl HostLoaded {

@@ -111,16 +111,16 @@ pub static NORM_MESSAGES: Kernel = Kernel {
     ],
 };
 
-/// One step of a gated recurrent unit.
+/// One step of a gated recurrent unit; without a state before, from zero.
 pub static GATES: Kernel = Kernel {
     name: "gates",
     shape: Shape::Row,
     parameters: &[
         Parameter::per_count("input", In, Width::Latents(3)),
-        Parameter::per_count("recurrent", In, Width::Latents(3)),
+        Parameter::per_count("recurrent", InOrNothing, Width::Latents(3)),
         Parameter::fixed("bias_input", In, Width::Latents(3)),
         Parameter::fixed("bias_recurrent", In, Width::Latents(3)),
-        latent_rows("before", In),
+        latent_rows("before", InOrNothing),
         latent_rows("after", Out),
         Parameter::per_count("kept", OutOrNothing, Width::Latents(4)),
     ],

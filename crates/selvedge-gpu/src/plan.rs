@@ -69,6 +69,22 @@ impl Region {
         }
     }
 
+    /// From its beginning to the end of `last`, a later part of the same array or this one.
+    ///
+    /// # Panics
+    /// When it is no such part.
+    #[must_use]
+    pub fn up_to(self, last: Self) -> Self {
+        assert!(
+            self.array == last.array && self.first <= last.first,
+            "parts of one array"
+        );
+        Self {
+            count: last.first + last.count - self.first,
+            ..self
+        }
+    }
+
     /// Rows `range` of it, of `width` elements each.
     ///
     /// # Panics

@@ -1,6 +1,7 @@
 //! What can be asked, and the help that teaches it.
 
 mod bench;
+mod device;
 mod evaluate;
 mod export;
 mod guard;
@@ -14,6 +15,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_train::Setting;
 
 pub(crate) use self::bench::{BenchCommand, EngineArgs, ScaleArgs};
+pub(crate) use self::device::{DeviceArgs, DeviceName, PrecisionName};
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::guard::{GuardName, StressArgs};
@@ -106,6 +108,7 @@ Examples:
   selvedge rollout my-scene.toml --model my-model.safetensors --out my-run
   selvedge rollout --export cloth.glb --export cloth.usda
   selvedge rollout --guard none --trust trust.csv
+  selvedge rollout my-large-scene.toml --device cuda
 
 Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
 contact sheet) and clip.gif.")]
@@ -125,6 +128,9 @@ pub(crate) struct RolloutArgs {
     /// What is done about frames that no cloth could have.
     #[arg(long, value_enum, default_value_t = GuardName::Limit)]
     pub(crate) guard: GuardName,
+    /// Where the model runs.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
     /// Write how far each frame can be trusted to this file (.csv): verdict, strains, energy, speed,
     /// correction.
     #[arg(long, value_name = "FILE")]

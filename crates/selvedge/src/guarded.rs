@@ -8,8 +8,9 @@ use anyhow::Context;
 use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{Cloth, write_atomically};
 use selvedge_guard::{Guard, GuardSettings, GuardedCloth, Measured, Tally, Trust};
-use selvedge_model::LearnedStepper;
 use serde::{Deserialize, Serialize};
+
+use crate::machine::Mover;
 
 /// A run diverges where some edge strains more, (l - l₀)/l₀ against the material ...
 pub(crate) const DIVERGED_STRAIN: f64 = 0.3;
@@ -18,7 +19,7 @@ pub(crate) const DIVERGED_FRAMES: usize = 10;
 
 /// A model under a guard.
 pub(crate) struct Watched {
-    guard: Guard<LearnedStepper>,
+    guard: Guard<Mover>,
     log: Vec<Trust>,
 }
 
@@ -53,7 +54,7 @@ impl Watched {
     /// # Errors
     /// A cloth that cannot be guarded.
     pub(crate) fn new(
-        stepper: LearnedStepper,
+        stepper: Mover,
         cloth: &Cloth,
         frame_rate: f64,
         scene: Option<Arc<Scene>>,

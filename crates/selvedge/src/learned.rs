@@ -10,10 +10,11 @@ use anyhow::Context;
 use glam::Vec3;
 use selvedge_cloth::{HandlePath, Scene, Stepper};
 use selvedge_data::{Cloth, Drive, record};
-use selvedge_model::{ClothGraph, LearnedStepper, Model};
+use selvedge_model::{ClothGraph, Model};
 use selvedge_train::cloth_graph;
 
 use crate::assets;
+use crate::machine::{Machine, Mover};
 use crate::reference::{self, Run};
 
 /// A model and what people call it.
@@ -57,16 +58,18 @@ pub(crate) fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<Clo
         .with_context(|| format!("the graph of scene {:?}", scene.name))
 }
 
-/// `model` at `start` `[m]`, `[vertices]`, at rest.
+/// `model` at `start` `[m]`, `[vertices]`, at rest, on a machine.
 ///
 /// # Errors
-/// A start that does not fit the cloth.
+/// A start that does not fit the cloth, or a machine that cannot run it.
 pub(crate) fn stepper(
     model: &NamedModel,
     graph: ClothGraph,
     start: &[Vec3],
-) -> anyhow::Result<LearnedStepper> {
-    LearnedStepper::new(Arc::clone(&model.model), graph, &[start])
+    machine: &Machine,
+) -> anyhow::Result<Mover> {
+    machine
+        .start(&model.model, graph, &[start])
         .with_context(|| format!("starting model {}", model.name))
 }
 

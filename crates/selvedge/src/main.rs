@@ -15,6 +15,7 @@ mod guarded;
 mod interrupt;
 mod keeping;
 mod learned;
+mod machine;
 mod output;
 mod pictures;
 mod place;

@@ -1,6 +1,8 @@
 //! The encoders of vertices and of arcs: normalised features of a window to latent rows, by a
 //! perceptron on the frames side by side, or by a recurrent network of two layers.
 
+use std::ops::Range;
+
 use selvedge_model::{Encoder, ModelSpec};
 
 use super::dropout::drop_out;
@@ -9,6 +11,9 @@ use super::{ForwardPass, Keep, Lower, StateArrays};
 use crate::layers::GATES;
 use crate::plan::Region;
 use crate::schedule::{Finish, Matrix, Onto};
+
+/// Most sums of gates that steps may have at a time: 256 MiB. More of them make fewer and larger products.
+const MOST_SUMS: usize = 64 << 20;
 
 /// How rows of one kind are encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,11 +48,14 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// The features of frame `step`.
-    fn frame(&self, step: usize) -> Matrix {
-        let size = self.rows * self.width;
-        let region = self.input.part(step * size..(step + 1) * size);
-        Matrix::new(region, self.width)
+    /// The features of frames `steps`, one after the other.
+    fn frames(&self, steps: Range<usize>) -> Matrix {
+        Matrix::new(self.input.rows(steps, self.rows * self.width), self.width)
+    }
+
+    /// How many steps go through a layer at a time: their products with the input are one.
+    fn group(&self, latent: usize) -> usize {
+        (MOST_SUMS / (self.rows * 3 * latent).max(1)).clamp(1, self.steps)
     }
 }
 
@@ -110,7 +118,10 @@ impl Lower<'_> {
                 Finish::Nothing
             };
             let onto = if step == 0 { Onto::Set } else { Onto::Add };
-            let pair = (rows.frame(step), weight.from_column(step * rows.width));
+            let pair = (
+                rows.frames(step..step + 1),
+                weight.from_column(step * rows.width),
+            );
             self.linear([rows.rows, rows.width, latent], pair, out, onto, finish);
         }
         self.mlp_rest(path, rows.rows, &record);
@@ -120,22 +131,33 @@ impl Lower<'_> {
 
     fn encode_gru(&mut self, rows: &Rows<'_>) -> GruRecord {
         let (latent, path) = (self.latent, rows.path);
-        let record = self.gru_record(rows);
+        let group = rows.group(latent);
+        let record = self.gru_record(rows, group);
         let mark = self.plan.mark();
-        let sums = ["input", "recurrent"].map(|what| {
+        let sums = [("input", group), ("recurrent", 1)].map(|(what, steps)| {
             let name = format!("{path}, sums of the {what}");
-            self.plan.floats(name, rows.rows * 3 * latent)
+            self.plan.floats(name, steps * rows.rows * 3 * latent)
         });
-        if rows.start.is_none() {
+        if rows.start.is_none() && self.keeps() {
             for states in &record.states {
                 self.schedule.clear(states[0]);
             }
         }
-        for step in 0..rows.steps {
-            self.gru_step((rows, 0, step), rows.frame(step), sums, &record);
-            self.drop_out(rows, step, &record);
-            let seen = Matrix::new(record.between[step], latent);
-            self.gru_step((rows, 1, step), seen, sums, &record);
+        for first in (0..rows.steps).step_by(group) {
+            let steps = first..rows.steps.min(first + group);
+            let x = rows.frames(steps.clone());
+            self.gru_steps((rows, 0, steps.clone()), x, sums, &record);
+            for step in steps.clone() {
+                self.drop_out(rows, step, &record);
+            }
+            let seen = record.between[first].up_to(record.between[steps.end - 1]);
+            let x = Matrix::new(seen, latent);
+            self.gru_steps((rows, 1, steps), x, sums, &record);
+        }
+        if let Some(end) = rows.end.filter(|_| rows.steps > 1) {
+            for (states, &end) in record.states.iter().zip(end) {
+                self.schedule.copy(states[rows.steps], end);
+            }
         }
         self.plan.release(mark);
         let weight = self.weights.matrix(&format!("{path}.linear.weight"));
@@ -151,44 +173,49 @@ impl Lower<'_> {
         record
     }
 
-    /// One step of one layer.
-    fn gru_step(
+    /// Some steps of one layer; `input` is that of all of them, one after the other.
+    fn gru_steps(
         &mut self,
-        (rows, layer, step): (&Rows<'_>, usize, usize),
+        (rows, layer, steps): (&Rows<'_>, usize, Range<usize>),
         input: Matrix,
-        sums: [Region; 2],
+        [of_input, recurrent]: [Region; 2],
         record: &GruRecord,
     ) {
         let (latent, path) = (self.latent, format!("{}.gru", rows.path));
+        let get = |what: &str| self.weights.matrix(&format!("{path}.{what}_l{layer}"));
+        let [of_x, of_state] = ["weight_ih", "weight_hh"].map(get);
+        let [bias_input, bias_recurrent] = ["bias_ih", "bias_hh"].map(|b| get(b).region);
         let inputs = if layer == 0 { rows.width } else { latent };
+        let (size, sums) = ([steps.len() * rows.rows, inputs, 3 * latent], 3 * latent);
+        let out = Matrix::new(of_input, sums);
+        self.linear(size, (input, of_x), out, Onto::Set, Finish::Nothing);
         let states = &record.states[layer];
-        let before = Matrix::new(states[step], latent);
-        let operands = [("ih", input, inputs), ("hh", before, latent)];
-        for ((suffix, x, inputs), sums) in operands.into_iter().zip(sums) {
-            let weight = self
-                .weights
-                .matrix(&format!("{path}.weight_{suffix}_l{layer}"));
-            let (size, out) = (
-                [rows.rows, inputs, 3 * latent],
-                Matrix::new(sums, 3 * latent),
+        for (number, step) in steps.enumerate() {
+            // The state that a window begins with is zero.
+            let before = (step > 0 || rows.start.is_some()).then_some(states[step]);
+            if let Some(before) = before {
+                let (pair, size) = (
+                    (Matrix::new(before, latent), of_state),
+                    [rows.rows, latent, sums],
+                );
+                let out = Matrix::new(recurrent, sums);
+                self.linear(size, pair, out, Onto::Set, Finish::Nothing);
+            }
+            let of_input = of_input.rows(number..number + 1, rows.rows * sums);
+            self.schedule.launch(
+                &GATES,
+                rows.rows,
+                &[
+                    of_input.into(),
+                    before.map(|_| recurrent).into(),
+                    bias_input.into(),
+                    bias_recurrent.into(),
+                    before.into(),
+                    states[step + 1].into(),
+                    record.kept[layer].get(step).copied().into(),
+                ],
             );
-            self.linear(size, (x, weight), out, Onto::Set, Finish::Nothing);
         }
-        let [bias_input, bias_recurrent] =
-            ["ih", "hh"].map(|suffix| self.weights.get(&format!("{path}.bias_{suffix}_l{layer}")));
-        self.schedule.launch(
-            &GATES,
-            rows.rows,
-            &[
-                sums[0].into(),
-                sums[1].into(),
-                bias_input.into(),
-                bias_recurrent.into(),
-                states[step].into(),
-                states[step + 1].into(),
-                record.kept[layer].get(step).copied().into(),
-            ],
-        );
     }
 
     /// What the second layer sees of the first one's state after a step, where that differs.
@@ -199,11 +226,11 @@ impl Lower<'_> {
         }
     }
 
-    fn gru_record(&mut self, rows: &Rows<'_>) -> GruRecord {
+    fn gru_record(&mut self, rows: &Rows<'_>, group: usize) -> GruRecord {
         let (latent, steps, path) = (self.latent, rows.steps, rows.path);
         let size = rows.rows * latent;
         let keeps = self.keeps();
-        let states = [0, 1].map(|layer| self.states(rows, layer));
+        let states = [0, 1].map(|layer| self.states(rows, layer, group));
         let frames = |plan: &mut crate::plan::Plan, name: &str, width: usize| -> Vec<Region> {
             let all = plan.floats(format!("{path}, {name}"), steps * width * size);
             (0..steps)
@@ -233,23 +260,27 @@ impl Lower<'_> {
         }
     }
 
-    /// Room for the states of a layer: all of them where activations are kept, else two in turns. The
-    /// first and the last are those carried, where there are such.
-    fn states(&mut self, rows: &Rows<'_>, layer: usize) -> Vec<Region> {
+    /// Room for the states of a layer: all of them where activations are kept, else those of a group of
+    /// steps, which the next group writes over. The states of a group lie side by side. The first one is
+    /// that carried, where there is such; so is the last of a single step.
+    fn states(&mut self, rows: &Rows<'_>, layer: usize, group: usize) -> Vec<Region> {
         let (size, steps) = (rows.rows * self.latent, rows.steps);
-        let count = if self.keeps() {
-            steps + 1
-        } else {
-            2.min(steps + 1)
-        };
+        let count = if self.keeps() { steps + 1 } else { group };
         let name = format!("{}, states of layer {layer}", rows.path);
         let all = self.plan.floats(name, count * size);
-        let state = |step: usize| all.rows(step % count..step % count + 1, size);
+        let state = |step: usize| {
+            let slot = if self.keeps() {
+                step
+            } else {
+                (step + group - 1) % group
+            };
+            all.rows(slot..slot + 1, size)
+        };
         let mut states: Vec<Region> = (0..=steps).map(state).collect();
         if let Some(start) = rows.start {
             states[0] = start[layer];
         }
-        if let Some(end) = rows.end {
+        if let Some(end) = rows.end.filter(|_| steps == 1) {
             states[steps] = end[layer];
         }
         states

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use selvedge_data::Split;
 
-use super::GuardName;
+use super::{DeviceArgs, GuardName};
 use crate::evaluation::Horizons;
 
 /// Threads at most: more than any machine has, few enough to be started.
@@ -73,6 +73,9 @@ pub(crate) struct EvaluateArgs {
     /// Runs that are made at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
+    /// Where the models run.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
 }
 
 impl EvaluateArgs {

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::DeviceArgs;
+
 /// Take hold of a cloth, live, in the browser.
 ///
 /// Serves a page at an address of this machine and says where. The cloth is moved by the learned model, by
@@ -29,6 +31,9 @@ pub(crate) struct ViewArgs {
     /// Who moves the cloth at first.
     #[arg(long, value_enum, default_value_t = Shown::Model)]
     pub(crate) show: Shown,
+    /// Where the models run.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
     /// Another trajectory of the same mesh, to play beside the first.
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) beside: Option<PathBuf>,

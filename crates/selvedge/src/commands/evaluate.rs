@@ -17,6 +17,7 @@ use crate::evaluation::{
     check_horizons, evaluate, summary,
 };
 use crate::failure::WrongUsage;
+use crate::machine::Machine;
 use crate::output::{Answer, End, Facts, Table, length, percent};
 use crate::report::{self, Contest, Heading, Report};
 use crate::{learned, place};
@@ -135,7 +136,7 @@ fn write_files(
 
 /// The models that are named, each with a name of its own.
 fn open_models(args: &EvaluateArgs) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
-    let (named, guards) = (&args.models, args.guards());
+    let (named, guards, machine) = (&args.models, args.guards(), Machine::open(&args.machine)?);
     let parted: Vec<(Option<&str>, &Path)> = named.iter().map(|text| part(text)).collect();
     let short: Vec<String> = parted
         .iter()
@@ -166,7 +167,7 @@ fn open_models(args: &EvaluateArgs) -> anyhow::Result<(Vec<Named>, Vec<Contestan
                     1 => name.clone(),
                     _ => format!("{name} ({})", guard.name()),
                 },
-                racer: Racer::Model(Arc::clone(&model), guard.settings()),
+                racer: Racer::Model(Arc::clone(&model), guard.settings(), machine.clone()),
             });
         }
     }

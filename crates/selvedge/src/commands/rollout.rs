@@ -18,6 +18,7 @@ use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
 use crate::guarded::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
 use crate::learned::{self, NamedModel};
+use crate::machine::Machine;
 use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{self, Show, write_clip_of, write_sheet};
 use crate::progress::Progress;
@@ -28,6 +29,7 @@ use crate::{exporting, interrupt, place, scenes};
 struct Report {
     scene: String,
     model: String,
+    device: String,
     vertices: usize,
     frames: usize,
     model_ms_per_frame: f64,
@@ -69,6 +71,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         place::check_file(trust, "--trust", &["csv"])?;
     }
     let model = learned::open(args.model.as_deref())?;
+    let machine = Machine::open(&args.machine)?;
     let loaded = scenes::open(&args.scene)?;
     let frames = match args.frames {
         Some(frames) => frames as usize,
@@ -82,7 +85,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         frames,
     };
     let mut wrote = Vec::new();
-    let (prediction, log, guarded) = predict(&stage, &model, args)?;
+    let (prediction, log, guarded) = predict(&stage, (&model, &machine), args)?;
     write(&prediction.trajectory, &args.out, "rollout", &mut wrote)?;
     if let Some(trust) = &args.trust {
         guarded::write_trust(trust, &log)?;
@@ -114,6 +117,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     let report = Report {
         scene: stage.loaded.scene.name.clone(),
         model: model.name,
+        device: machine.name(),
         vertices: prediction.trajectory.vertex_count(),
         frames: prediction.trajectory.frame_count(),
         model_ms_per_frame: prediction.ms_per_frame,
@@ -133,14 +137,14 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
 
 fn predict(
     stage: &Stage,
-    model: &NamedModel,
+    (model, machine): (&NamedModel, &Machine),
     args: &RolloutArgs,
 ) -> anyhow::Result<(Timed, Vec<Trust>, Guarded)> {
     let scene = &stage.loaded.scene;
     let cloth = Cloth::of_scene(scene, reference::rounded(&stage.rest.positions));
     let graph = learned::graph_of_scene(scene, &cloth)?;
     let path = scene.handle_path()?;
-    let stepper = learned::stepper(model, graph, &cloth.rest_positions)?;
+    let stepper = learned::stepper(model, graph, &cloth.rest_positions, machine)?;
     let mut watched = Watched::new(
         stepper,
         &cloth,
@@ -226,6 +230,7 @@ fn text(report: &Report) -> Facts {
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);
     facts.add("model", &report.model);
+    facts.add("device", &report.device);
     facts.add("vertices", report.vertices);
     facts.add("frames", report.frames);
     facts.add(

@@ -19,6 +19,7 @@ use crate::cli::StressArgs;
 use crate::failure::{self, WrongUsage};
 use crate::guarded::{DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
 use crate::learned::{self, NamedModel};
+use crate::machine::Machine;
 use crate::output::{Answer, End, Facts, Table, length, percent};
 use crate::progress::Progress;
 use crate::{interrupt, place, reference, scenes, workers};
@@ -246,7 +247,7 @@ fn drive(
     let start = &stage.cloth.rest_positions;
     let held = stage.scene.handles.select(stage.scene.mesh.positions());
     let path = motion.motion().bind(&held, rate)?;
-    let stepper = learned::stepper(model, stage.graph.clone(), start)?;
+    let stepper = learned::stepper(model, stage.graph.clone(), start, &Machine::Cpu)?;
     let scene = Some(Arc::clone(&stage.scene));
     let mut watched = Watched::new(stepper, &stage.cloth, rate, scene, args.guard.settings())?;
     let started = Instant::now();

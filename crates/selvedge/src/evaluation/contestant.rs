@@ -13,11 +13,12 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandlePath, Motion, RecordedMotion, Scene, Stepper};
 use selvedge_data::{Drive, Playback, Recording, SceneSpec, Setting, Trajectory, record};
 use selvedge_guard::{Correction, GuardSettings};
-use selvedge_model::{LearnedStepper, Model};
+use selvedge_model::Model;
 use selvedge_sim::{Simulator, Threads};
 use serde::{Deserialize, Serialize};
 
 use crate::guarded::{Guarded, Watched};
+use crate::machine::Machine;
 use crate::reference;
 use crate::rigid::RigidRest;
 
@@ -47,8 +48,8 @@ pub(crate) struct Contestant {
 
 /// What moves the cloth.
 pub(crate) enum Racer {
-    /// A model, guarded so.
-    Model(Arc<Model>, GuardSettings),
+    /// A model, guarded so, on this machine.
+    Model(Arc<Model>, GuardSettings, Machine),
     /// The rest pose moved rigidly with the handles.
     Rigid,
     /// The physics from the other branch of the buckling.
@@ -139,7 +140,7 @@ impl Contestant {
     /// Whether it wants the scene of what it runs along.
     pub(crate) fn wants_scene(&self) -> bool {
         match &self.racer {
-            Racer::Model(_, guard) => guard.correction != Correction::None,
+            Racer::Model(_, guard, _) => guard.correction != Correction::None,
             Racer::Rigid | Racer::Mirror | Racer::Physics(_) | Racer::Truth => false,
         }
     }
@@ -152,7 +153,9 @@ impl Contestant {
     pub(crate) fn runner(&self, course: &Course<'_>, start: usize) -> anyhow::Result<Runner> {
         let truth = course.truth;
         let stepper = match &self.racer {
-            Racer::Model(model, guard) => guarded(model, *guard, course, start)?,
+            Racer::Model(model, guard, machine) => {
+                guarded((model, machine), *guard, course, start)?
+            }
             Racer::Rigid => Mover::Other(Box::new(RigidRest::new(truth.cloth()))),
             Racer::Truth => Mover::Other(Box::new(Playback::new(truth.clone()))),
             Racer::Mirror => {
@@ -201,7 +204,7 @@ impl Runner {
 
 /// A model that knows the true frames up to `start`, with a guard where that is to do something.
 fn guarded(
-    model: &Arc<Model>,
+    (model, machine): (&Arc<Model>, &Machine),
     guard: GuardSettings,
     course: &Course<'_>,
     start: usize,
@@ -210,7 +213,7 @@ fn guarded(
     let graph = selvedge_train::graph_of(course.motion, truth)?;
     let first = (start + 1).saturating_sub(model.spec().history());
     let known: Vec<&[Vec3]> = (first..=start).map(|frame| truth.frame(frame)).collect();
-    let stepper = LearnedStepper::new(Arc::clone(model), graph, &known)?;
+    let stepper = machine.start(model, graph, &known)?;
     if guard.correction == Correction::None {
         return Ok(Mover::Other(Box::new(stepper)));
     }

@@ -12,6 +12,7 @@ use super::{Desk, StudyData, kept, training};
 use crate::evaluation::{
     Contestant, Evaluation, Horizons, Plan, Racer, Row, TestData, Timing, check_horizons, evaluate,
 };
+use crate::machine::Machine;
 use crate::output::End;
 use crate::{learned, place};
 
@@ -182,6 +183,7 @@ fn measure(
             racer: Racer::Model(
                 learned::open(Some(&file))?.model,
                 GuardSettings::with(Correction::None),
+                Machine::Cpu,
             ),
         },
     };

@@ -9,6 +9,7 @@ use selvedge_live::{Bench, Hold, LiveStepper, MoverKind, Start};
 use selvedge_model::Model;
 
 use super::movers::{LiveModel, LivePhysics};
+use crate::machine::Machine;
 use crate::reference;
 
 /// A scene with its rest pose and a model.
@@ -25,6 +26,8 @@ pub(super) struct SceneBench {
     pub(super) start: SavedState,
     /// What moves it, where no physics does.
     pub(super) model: Arc<Model>,
+    /// Where that runs.
+    pub(super) machine: Machine,
     /// What people should know.
     pub(super) remarks: Vec<String>,
 }
@@ -64,7 +67,8 @@ impl Bench for SceneBench {
         match kind {
             MoverKind::Model => {
                 let frames: Vec<&[Vec3]> = frames.iter().map(Vec::as_slice).collect();
-                let (model, scene, cloth) = (&self.model, &self.led, &self.cloth);
+                let model = (&self.model, &self.machine);
+                let (scene, cloth) = (&self.led, &self.cloth);
                 Ok(Box::new(LiveModel::start(
                     model, scene, cloth, hold, &frames,
                 )?))

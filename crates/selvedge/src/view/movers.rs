@@ -9,9 +9,10 @@ use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::Cloth;
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_live::{Hold, LiveStepper};
-use selvedge_model::{LearnedStepper, Model};
+use selvedge_model::Model;
 use selvedge_sim::Simulator;
 
+use crate::machine::{Machine, Mover};
 use crate::{guarded, learned};
 
 /// The simulator, with the scene that it was made from.
@@ -68,7 +69,8 @@ pub(super) struct LiveModel {
     model: Arc<Model>,
     scene: Arc<Scene>,
     cloth: Arc<Cloth>,
-    stepper: Guard<LearnedStepper>,
+    machine: Machine,
+    stepper: Guard<Mover>,
     /// As many as the model looks at, oldest first.
     recent: VecDeque<Vec<Vec3>>,
 }
@@ -77,7 +79,7 @@ impl LiveModel {
     /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. The rest pose
     /// that the model compares with stays that of the scene's own handles in the scene's own wind.
     pub(super) fn start(
-        model: &Arc<Model>,
+        (model, machine): (&Arc<Model>, &Machine),
         scene: &Arc<Scene>,
         cloth: &Arc<Cloth>,
         hold: &Hold,
@@ -94,8 +96,7 @@ impl LiveModel {
         };
         let text = |error: anyhow::Error| crate::failure::chain(&error);
         let graph = learned::graph_of_scene(&held_scene, &held).map_err(text)?;
-        let stepper = LearnedStepper::new(Arc::clone(model), graph, frames);
-        let stepper = stepper.map_err(|error| error.to_string())?;
+        let stepper = machine.start(model, graph, frames).map_err(text)?;
         let guarded = guarded::cloth_of(cloth, scene.frame_rate);
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
         let stepper = Guard::new(stepper, guarded, Some(known), settings);
@@ -105,6 +106,7 @@ impl LiveModel {
             model: Arc::clone(model),
             scene: Arc::clone(scene),
             cloth: Arc::clone(cloth),
+            machine: machine.clone(),
             stepper: stepper.map_err(|error| error.to_string())?,
             recent: frames[first..].iter().map(|frame| frame.to_vec()).collect(),
         })
@@ -127,7 +129,7 @@ impl Stepper for LiveModel {
 impl LiveStepper for LiveModel {
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
         let frames: Vec<&[Vec3]> = self.recent.iter().map(Vec::as_slice).collect();
-        let (model, scene, cloth) = (&self.model, &self.scene, &self.cloth);
+        let (model, scene, cloth) = ((&self.model, &self.machine), &self.scene, &self.cloth);
         Ok(Box::new(Self::start(model, scene, cloth, hold, &frames)?))
     }
 }
@@ -148,7 +150,7 @@ mod tests {
     /// A mover that is changed to the very hold it has goes on as the one that is left alone: the largest
     /// distance of a vertex over ten frames after ten `[m]`.
     fn difference(kind: MoverKind) -> f32 {
-        let mut workshop = ViewWorkshop::new("default", &[]).unwrap();
+        let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
         let bench = workshop.prepare(&order, &mut |_| ()).unwrap();
         let hold = Hold {
@@ -184,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_model_that_is_shaken_keeps_its_edges() {
-        let mut workshop = ViewWorkshop::new("default", &[]).unwrap();
+        let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
         let bench = workshop.prepare(&order, &mut |_| ()).unwrap();
         let hold = Hold {

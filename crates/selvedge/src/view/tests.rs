@@ -3,9 +3,10 @@
 use selvedge_live::{MeshOrder, Order, Workshop};
 
 use super::ViewWorkshop;
+use crate::machine::Machine;
 
 fn refused(change: impl FnOnce(&mut Order)) -> String {
-    let mut workshop = ViewWorkshop::new("default", &[]).unwrap();
+    let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
     let mut order = workshop.first_order();
     change(&mut order);
     match workshop.prepare(&order, &mut |_| ()) {
@@ -32,7 +33,7 @@ fn a_page_cannot_open_what_was_not_named_at_the_start() {
 
 #[test]
 fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
-    let mut workshop = ViewWorkshop::new("default", &[]).unwrap();
+    let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
     let order = Order {
         mesh: mesh("triangle-17", 60),
         material: Some("11oz-black-denim".to_owned()),

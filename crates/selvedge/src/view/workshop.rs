@@ -18,6 +18,7 @@ use selvedge_sim::sag_with_progress;
 
 use super::bench::SceneBench;
 use crate::learned::{self, NamedModel};
+use crate::machine::Machine;
 use crate::{assets, reference, scenes};
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
@@ -31,16 +32,18 @@ const MOST_KEPT: usize = 32;
 pub(crate) struct ViewWorkshop {
     scenes: Vec<String>,
     models: Vec<NamedModel>,
+    machine: Machine,
     /// Settings with their rest poses `[m]`, the last used last.
     rests: Vec<(Setting, Vec<DVec3>)>,
 }
 
 impl ViewWorkshop {
-    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped one.
+    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped one, which run on
+    /// `machine`.
     ///
     /// # Errors
     /// When a model cannot be read.
-    pub(crate) fn new(scene: &str, models: &[PathBuf]) -> anyhow::Result<Self> {
+    pub(crate) fn new(scene: &str, models: &[PathBuf], machine: Machine) -> anyhow::Result<Self> {
         let mut scenes = vec![scene.to_owned()];
         let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());
         scenes.extend(shipped.filter(|name| name != scene));
@@ -52,6 +55,7 @@ impl ViewWorkshop {
         Ok(Self {
             scenes,
             models: opened,
+            machine,
             rests: Vec::new(),
         })
     }
@@ -98,6 +102,7 @@ impl ViewWorkshop {
             led: Arc::new(led),
             start,
             model,
+            machine: self.machine.clone(),
             remarks,
         })
     }

@@ -1,0 +1,113 @@
+//! Where models run: on the processor, or on a GPU where the program was built for them.
+//!
+//! Whatever drives, guards, measures or shows a model takes the [`Mover`] that it gets here and does not
+//! ask where its arithmetic is done.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use selvedge_cloth::Correctable;
+#[cfg(feature = "gpu")]
+use selvedge_gpu::device::{Device, Precision};
+use selvedge_model::{ClothGraph, LearnedStepper, Model};
+
+#[cfg(feature = "gpu")]
+use crate::cli::PrecisionName;
+use crate::cli::{DeviceArgs, DeviceName};
+
+/// A model at work on a cloth.
+pub(crate) type Mover = Box<dyn Correctable + Send>;
+
+/// What models run on.
+#[derive(Clone)]
+pub(crate) enum Machine {
+    /// The processor.
+    Cpu,
+    /// A GPU.
+    #[cfg(feature = "gpu")]
+    Gpu(Arc<dyn Device>, Precision),
+}
+
+impl Machine {
+    /// What is asked for.
+    ///
+    /// # Errors
+    /// A device that is not there, with what is missing.
+    pub(crate) fn open(args: &DeviceArgs) -> anyhow::Result<Self> {
+        match args.device {
+            DeviceName::Cpu => Ok(Self::Cpu),
+            #[cfg(feature = "gpu")]
+            name => Ok(Self::Gpu(device(name)?, precision(args.precision))),
+            #[cfg(not(feature = "gpu"))]
+            DeviceName::Cuda(_) | DeviceName::Host => {
+                let _ = args.precision;
+                anyhow::bail!(
+                    "--device: this selvedge was built without GPUs: build it with \
+                     cargo build --release --features gpu, or leave out --device"
+                )
+            }
+        }
+    }
+
+    /// `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
+    ///
+    /// # Errors
+    /// A start that does not fit the cloth; of a GPU also what it does not have.
+    pub(crate) fn start(
+        &self,
+        model: &Arc<Model>,
+        graph: ClothGraph,
+        start: &[&[Vec3]],
+    ) -> anyhow::Result<Mover> {
+        let model = Arc::clone(model);
+        match self {
+            Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device, precision) => {
+                let (device, precision) = (device.as_ref(), *precision);
+                let stepper =
+                    selvedge_gpu::stepper::GpuStepper::new(device, model, graph, start, precision)?;
+                Ok(Box::new(stepper))
+            }
+        }
+    }
+
+    /// What it is, for people.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Self::Cpu => "cpu".to_owned(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device, _) => device.name(),
+        }
+    }
+}
+
+/// The device of this name.
+///
+/// # Errors
+/// What is missing.
+#[cfg(feature = "gpu")]
+pub(crate) fn device(name: DeviceName) -> anyhow::Result<Arc<dyn Device>> {
+    use anyhow::Context;
+    match name {
+        DeviceName::Cpu => anyhow::bail!("--device cpu is no GPU"),
+        DeviceName::Cuda(number) => {
+            let cuda = selvedge_gpu::cuda::Cuda::new(number);
+            Ok(Arc::new(cuda.context("--device cuda")?))
+        }
+        DeviceName::Host => {
+            let host = selvedge_gpu::host::Host::new();
+            Ok(Arc::new(host.context("--device host")?))
+        }
+    }
+}
+
+/// What a device multiplies with.
+#[cfg(feature = "gpu")]
+pub(crate) fn precision(name: PrecisionName) -> Precision {
+    match name {
+        PrecisionName::Full => Precision::Full,
+        PrecisionName::Tensor => Precision::Tensor,
+        PrecisionName::Half => Precision::Half,
+    }
+}
