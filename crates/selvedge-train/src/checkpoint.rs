@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use crate::config::TrainConfig;
 use crate::corpus::Corpus;
+use crate::engine::Learned;
 use crate::lane::LaneState;
 use crate::losses::RunningLossStatistics;
 use crate::optimizer::Adam;
@@ -95,7 +96,8 @@ struct LaneEntry {
 }
 
 impl Trainer {
-    /// Writes everything that decides how the training goes on.
+    /// Writes everything that decides how the training goes on, as it was last collected
+    /// ([`Self::collect`]).
     ///
     /// # Errors
     /// [`WriteError`]; what was at `path` is then still there.
@@ -109,7 +111,7 @@ impl Trainer {
         };
         let state = State {
             step: self.step,
-            optimizer_steps: self.adam.steps(),
+            optimizer_steps: self.learned.adam.steps(),
             inputs: self.inputs.clone(),
             targets: self.targets.clone(),
             lanes: self.lanes.iter().map(LaneEntry::of).collect(),
@@ -117,15 +119,15 @@ impl Trainer {
         let histories = self.histories();
         let flat = |name, values| TensorOut {
             name,
-            shape: vec![self.weights.len()],
+            shape: vec![self.learned.weights.len()],
             values: TensorValues::F32(values),
         };
         let mut tensors = vec![
-            flat("weights", &self.weights),
-            flat("first_moment", self.adam.first_moment()),
-            flat("second_moment", self.adam.second_moment()),
+            flat("weights", &self.learned.weights),
+            flat("first_moment", self.learned.adam.first_moment()),
+            flat("second_moment", self.learned.adam.second_moment()),
         ];
-        if let Some(averaged) = &self.averaged {
+        if let Some(averaged) = &self.learned.averaged {
             tensors.push(flat("averaged", averaged));
         }
         tensors.extend(histories.iter().map(|(name, shape, values)| TensorOut {
@@ -185,11 +187,13 @@ impl Trainer {
         let lanes = lanes.map(|(number, entry)| file.lane(number, entry, &cfg, &corpus));
         let averaged = cfg.weight_average.map(|_| file.numbers("averaged", count));
         let parts = Parts {
-            weights: file.numbers("weights", count)?,
-            averaged: averaged.transpose()?,
+            learned: Learned {
+                weights: file.numbers("weights", count)?,
+                averaged: averaged.transpose()?,
+                adam,
+            },
             lanes: lanes.collect::<Result<_, _>>()?,
             network,
-            adam,
             inputs: state.inputs,
             targets: state.targets,
             step: state.step,
@@ -220,10 +224,12 @@ impl Trainer {
         let (corpus, network) = prepare(&cfg, dataset)?;
         let weights = file.numbers("weights", network.parameter_count())?;
         let parts = Parts {
-            adam: Adam::new(cfg.optimizer, weights.len()).map_err(TrainError::from)?,
+            learned: Learned {
+                adam: Adam::new(cfg.optimizer, weights.len()).map_err(TrainError::from)?,
+                averaged: cfg.weight_average.map(|_| weights.clone()),
+                weights,
+            },
             lanes: vec![LaneState::new(); cfg.batch.samples],
-            averaged: cfg.weight_average.map(|_| weights.clone()),
-            weights,
             network,
             inputs: state.inputs,
             targets: state.targets,

@@ -182,6 +182,10 @@ impl Corpus {
         self.motions.iter().map(|motion| &*motion.graph)
     }
 
+    pub(crate) fn motions(&self) -> impl Iterator<Item = &Motion> {
+        self.motions.iter()
+    }
+
     pub(crate) fn motion(&self, trajectory: usize) -> &Motion {
         &self.motions[trajectory]
     }

@@ -33,17 +33,18 @@ pub(crate) struct LaneState {
 }
 
 /// What the network is shown in one step.
-pub(crate) struct Shown {
+pub struct Shown {
     pub(crate) trajectory: usize,
-    pub(crate) yaw: Yaw,
+    /// The local frame of the current positions.
+    pub yaw: Yaw,
     /// World positions of the frame before the window and of the window, noise included `[m]`.
-    pub(crate) frames: Vec<Vec<Vec3>>,
+    pub frames: Vec<Vec<Vec3>>,
     /// Where the handles go `[m]`, `[handles]`.
-    pub(crate) next_handles: Vec<Vec3>,
+    pub next_handles: Vec<Vec3>,
     /// Previous, current and target positions in the local frame of the current ones `[m]`.
-    pub(crate) local: [Vec<DVec3>; 3],
+    pub local: [Vec<DVec3>; 3],
     /// Decides the dropout of this sample's shard.
-    pub(crate) dropout_seed: u64,
+    pub dropout_seed: u64,
 }
 
 impl LaneState {

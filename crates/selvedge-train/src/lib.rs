@@ -5,6 +5,7 @@ mod aim;
 mod checkpoint;
 mod config;
 mod corpus;
+mod engine;
 mod gathering;
 mod lane;
 mod losses;
@@ -13,6 +14,7 @@ mod optimizer;
 mod run;
 mod schedule;
 mod shard;
+mod shards;
 #[cfg(test)]
 mod test_data;
 mod trainer;
@@ -25,13 +27,15 @@ pub use config::{
     SettingError, TrainConfig,
 };
 pub use corpus::{CorpusError, cloth_graph, graph_of};
+pub use engine::{Batch, Engine, EngineError, LaneRun, Learned, Setup, Update};
 pub use gathering::Gathered;
+pub use lane::Shown;
 pub use losses::{
     LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError, Report,
     RunningLossStatistics, Triplet,
 };
 pub use memory::MemoryError;
-pub use optimizer::{Adam, AdamError, AdamSettings, clip_norm};
+pub use optimizer::{Adam, AdamError, AdamRates, AdamSettings, clip_norm};
 pub use run::{Kept, Limits, RunEnd, RunError, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use trainer::{StepReport, TrainError, Trainer};

@@ -162,6 +162,23 @@ impl Adam {
         self.steps
     }
 
+    /// The constants of the next step, for a machine that takes it by itself and then says so by
+    /// [`Self::count_step`].
+    #[must_use]
+    pub fn next_rates(&self, learning_rate: f64) -> AdamRates {
+        AdamRates::new(&self.settings, self.steps + 1, learning_rate)
+    }
+
+    /// Counts a step that was taken.
+    pub fn count_step(&mut self) {
+        self.steps += 1;
+    }
+
+    /// Both moments, for those that another machine has brought further, `[parameters]` each.
+    pub fn moments_mut(&mut self) -> [&mut [f32]; 2] {
+        [&mut self.first_moment, &mut self.second_moment]
+    }
+
     /// One step of `parameters` against `gradient` (`[parameters]` both) at `learning_rate`.
     ///
     /// # Panics
@@ -169,33 +186,39 @@ impl Adam {
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f64) {
         assert_eq!(parameters.len(), self.first_moment.len(), "parameters");
         assert_eq!(gradient.len(), self.first_moment.len(), "gradient");
-        self.steps += 1;
-        let update = Update::new(&self.settings, self.steps, learning_rate);
+        let rates = self.next_rates(learning_rate);
+        self.count_step();
         parameters
             .par_chunks_mut(CHUNK)
             .zip(gradient.par_chunks(CHUNK))
             .zip(self.first_moment.par_chunks_mut(CHUNK))
             .zip(self.second_moment.par_chunks_mut(CHUNK))
             .for_each(|(((parameters, gradient), first), second)| {
-                update.apply(parameters, gradient, first, second);
+                rates.apply(parameters, gradient, first, second);
             });
     }
 }
 
 /// The constants of one step.
-struct Update {
-    keep1: f32,
-    take1: f32,
-    keep2: f32,
-    take2: f32,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdamRates {
+    /// β₁.
+    pub keep1: f32,
+    /// 1 - β₁.
+    pub take1: f32,
+    /// β₂.
+    pub keep2: f32,
+    /// 1 - β₂.
+    pub take2: f32,
     /// η / (1 - β₁ᵗ).
-    rate: f32,
+    pub rate: f32,
     /// 1 / √(1 - β₂ᵗ).
-    root: f32,
-    epsilon: f32,
+    pub root: f32,
+    /// ε.
+    pub epsilon: f32,
 }
 
-impl Update {
+impl AdamRates {
     fn new(settings: &AdamSettings, step: u64, learning_rate: f64) -> Self {
         let correction = |beta: f64| 1.0 - beta.powf(step as f64);
         Self {

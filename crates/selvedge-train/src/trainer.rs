@@ -1,48 +1,39 @@
-//! The training step, read from top to bottom: every lane shows a sample, every shard goes forward
-//! and backward, the gradients are added up in order, the optimiser steps, the lanes advance.
+//! The training step, read from top to bottom: every lane shows a sample and is taken forward and
+//! backward by the engine, the lanes advance, the optimiser steps.
 //!
-//! Threads share shards. What a shard computes and the order in which shards are added do not depend
-//! on their number, so the same seed gives the same bytes with any number of threads.
+//! The engine is that of this machine's processor unless another one is put in its place.
 
 use std::ops::ControlFlow;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use selvedge_data::Dataset;
-use selvedge_model::{
-    Instructions, Model, ModelError, Network, Normalizers, PackedWeights, Purpose,
-    RunningStatistics, SpecError,
-};
+use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::corpus::{Corpus, CorpusError};
+use crate::engine::{Batch, Engine, EngineError, Learned, Setup, Update};
 use crate::gathering::{Gathered, Gathering, Statistics};
 use crate::lane::LaneState;
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{MemoryError, Need};
-use crate::optimizer::{Adam, AdamError, clip_norm};
-use crate::shard::{Context, Shard};
+use crate::optimizer::{Adam, AdamError};
+use crate::shards::Shards;
 
 /// A training between two steps.
 pub struct Trainer {
     pub(crate) cfg: TrainConfig,
     corpus: Corpus,
     network: Network,
-    pub(crate) weights: Vec<f32>,
-    /// Their running mean, where the configuration wants one.
-    pub(crate) averaged: Option<Vec<f32>>,
-    packed: PackedWeights<f32>,
-    pub(crate) adam: Adam,
+    pub(crate) learned: Learned,
     pub(crate) inputs: [RunningStatistics; 2],
     pub(crate) targets: RunningLossStatistics,
     statistics: LossStatistics,
     normalizers: Normalizers,
     pub(crate) lanes: Vec<LaneState>,
     pub(crate) step: u64,
-    shards: Vec<Shard>,
-    gradient: Vec<f32>,
+    engine: Box<dyn Engine>,
 }
 
 /// What a step did.
@@ -78,6 +69,8 @@ pub enum TrainError {
     Memory(#[from] MemoryError),
     #[error(transparent)]
     Model(#[from] ModelError),
+    #[error(transparent)]
+    Engine(#[from] EngineError),
     #[error("step {step}: the loss is not finite: lower learning_rate or set gradient_clip")]
     NotFinite { step: u64 },
 }
@@ -125,11 +118,13 @@ impl Trainer {
         let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
         let weights = network.initialise(&mut || rng.random::<f64>());
         let parts = Parts {
-            adam: Adam::new(cfg.optimizer, weights.len())?,
+            learned: Learned {
+                adam: Adam::new(cfg.optimizer, weights.len())?,
+                averaged: cfg.weight_average.map(|_| weights.clone()),
+                weights,
+            },
             lanes: vec![LaneState::new(); cfg.batch.samples],
-            averaged: cfg.weight_average.map(|_| weights.clone()),
             network,
-            weights,
             inputs,
             targets,
             step: 0,
@@ -145,24 +140,10 @@ impl Trainer {
             edges: edges.freeze(),
             acceleration: statistics.acceleration.clone(),
         };
-        let shard_count = cfg.batch.samples.div_ceil(cfg.batch.shard);
-        let shards = (0..shard_count)
-            .map(|k| {
-                Shard::new(
-                    &cfg,
-                    parts.weights.len(),
-                    cfg.batch.samples - k * cfg.batch.shard,
-                )
-            })
-            .collect();
-        let (purpose, using) = (Purpose::Training, Instructions::Detected);
+        let engine = Shards::new(&cfg, &parts.network, &parts.learned.weights);
         Self {
-            packed: PackedWeights::new(&parts.network, &parts.weights, purpose, using),
-            gradient: vec![0.0; parts.weights.len()],
             network: parts.network,
-            weights: parts.weights,
-            averaged: parts.averaged,
-            adam: parts.adam,
+            learned: parts.learned,
             inputs: parts.inputs,
             targets: parts.targets,
             lanes: parts.lanes,
@@ -170,86 +151,88 @@ impl Trainer {
             corpus,
             statistics,
             normalizers,
-            shards,
+            engine: Box::new(engine),
             cfg,
         }
+    }
+
+    /// Lets another engine do the arithmetic from the next step on.
+    ///
+    /// # Errors
+    /// What `make` says, and what the engine before it does.
+    pub fn run_on(
+        &mut self,
+        make: &mut dyn FnMut(Setup<'_>) -> Result<Box<dyn Engine>, EngineError>,
+    ) -> Result<(), TrainError> {
+        self.collect()?;
+        self.engine = make(self.setup())?;
+        Ok(())
+    }
+
+    fn setup(&self) -> Setup<'_> {
+        Setup {
+            cfg: &self.cfg,
+            network: &self.network,
+            normalizers: &self.normalizers,
+            statistics: &self.statistics,
+            learned: &self.learned,
+            corpus: &self.corpus,
+        }
+    }
+
+    /// Brings weights and optimiser to where the engine has them; [`Self::save`] and [`Self::model`] are
+    /// of then. On this machine's processor they always are there.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn collect(&mut self) -> Result<(), TrainError> {
+        Ok(self.engine.collect(&mut self.learned)?)
     }
 
     /// Learns from one batch.
     ///
     /// # Errors
     /// [`TrainError::NotFinite`]; the weights are then those before the step, but the lanes have
-    /// moved on: a checkpoint is what to go on from.
+    /// moved on: a checkpoint is what to go on from. So it is when the engine fails.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
-        self.packed.update(&self.network, &self.weights);
-        let context = Context {
-            cfg: &self.cfg,
-            corpus: &self.corpus,
-            network: &self.network,
-            weights: &self.packed,
-            normalizers: &self.normalizers,
-            statistics: &self.statistics,
-            step,
-        };
         let frames = self.cfg.unroll.at(step);
-        self.lanes
-            .par_chunks_mut(self.cfg.batch.shard)
-            .zip(&mut self.shards)
-            .enumerate()
-            .for_each(|(number, (lanes, shard))| match frames {
-                1 => shard.learn(&context, number, lanes),
-                _ => shard.learn_unrolled(&context, (number, frames), lanes),
-            });
-
-        self.sum_gradients();
-        let terms = LossTerms::mean(self.shards.iter().flat_map(|shard| &shard.terms));
-        let limit = self.cfg.gradient_clip.unwrap_or(f64::INFINITY);
-        let gradient_norm = clip_norm(&mut self.gradient, limit);
-        if !(terms.total.is_finite() && gradient_norm.is_finite()) {
-            return Err(TrainError::NotFinite { step: step + 1 });
+        let batch = Batch {
+            setup: Setup {
+                cfg: &self.cfg,
+                network: &self.network,
+                normalizers: &self.normalizers,
+                statistics: &self.statistics,
+                learned: &self.learned,
+                corpus: &self.corpus,
+            },
+            lanes: &mut self.lanes,
+            step,
+            frames,
+        };
+        let terms = LossTerms::mean(&self.engine.learn(batch)?);
+        let not_finite = TrainError::NotFinite { step: step + 1 };
+        if !terms.total.is_finite() {
+            return Err(not_finite);
         }
-        let learning_rate = self.cfg.learning_rate.at(step);
-        self.adam
-            .step(&mut self.weights, &self.gradient, learning_rate);
-        self.average();
+        let update = Update {
+            learning_rate: self.cfg.learning_rate.at(step),
+            clip: self.cfg.gradient_clip.unwrap_or(f64::INFINITY),
+            average: self.cfg.weight_average,
+        };
+        let gradient_norm = self.engine.update(&mut self.learned, update)?;
+        if !gradient_norm.is_finite() {
+            return Err(not_finite);
+        }
         self.step += 1;
         Ok(StepReport {
             step: self.step,
             terms,
             gradient_norm,
-            learning_rate,
+            learning_rate: update.learning_rate,
             truth_probability: self.cfg.scheduled_sampling.truth.at(step),
             frames,
         })
-    }
-
-    /// Takes the weights into their running mean.
-    fn average(&mut self) {
-        let (Some(part), Some(averaged)) = (self.cfg.weight_average, &mut self.averaged) else {
-            return;
-        };
-        let steps = self.adam.steps() as f64;
-        let left = part.min((1.0 + steps) / (10.0 + steps)) as f32;
-        for (mean, &weight) in averaged.iter_mut().zip(&self.weights) {
-            *mean += (1.0 - left) * (weight - *mean);
-        }
-    }
-
-    /// The mean over the batch of the shards' gradients, added in their order whatever the number
-    /// of threads.
-    fn sum_gradients(&mut self) {
-        const CHUNK: usize = 16 * 1024;
-        let share = 1.0 / self.cfg.batch.samples as f32;
-        let shards = &self.shards;
-        let chunks = self.gradient.par_chunks_mut(CHUNK).enumerate();
-        chunks.for_each(|(chunk, sum)| {
-            sum.fill(0.0);
-            for shard in shards {
-                let part = &shard.gradient[chunk * CHUNK..][..sum.len()];
-                sum.iter_mut().zip(part).for_each(|(s, g)| *s += share * g);
-            }
-        });
     }
 
     /// Steps done so far.
@@ -267,7 +250,7 @@ impl Trainer {
     /// Number of weights.
     #[must_use]
     pub fn parameter_count(&self) -> usize {
-        self.weights.len()
+        self.learned.weights.len()
     }
 
     /// Number of samples in the sections of the data set.
@@ -276,18 +259,23 @@ impl Trainer {
         self.corpus.sample_count()
     }
 
-    /// The mean gradient of the last step, after clipping.
-    #[cfg(test)]
-    pub(crate) fn gradient(&self) -> &[f32] {
-        &self.gradient
+    /// The mean gradient of the last step, after clipping, laid out like the weights.
+    ///
+    /// # Errors
+    /// When the engine fails.
+    pub fn gradient(&mut self) -> Result<Vec<f32>, TrainError> {
+        Ok(self.engine.gradient()?)
     }
 
-    /// The model as it is now, with `training` as its account of how it was trained.
+    /// The model as it was last collected, with `training` as its account of how it was trained.
     ///
     /// # Errors
     /// [`TrainError::Model`] when a weight is not finite.
     pub fn model(&self, training: String) -> Result<Model, TrainError> {
-        let weights = self.averaged.as_ref().unwrap_or(&self.weights).clone();
+        let Learned {
+            weights, averaged, ..
+        } = &self.learned;
+        let weights = averaged.as_ref().unwrap_or(weights).clone();
         let normalizers = self.normalizers.clone();
         Ok(Model::new(&self.cfg.model, weights, normalizers, training)?)
     }
@@ -310,9 +298,7 @@ pub(crate) fn prepare(
 /// What a training consists of besides configuration and data.
 pub(crate) struct Parts {
     pub(crate) network: Network,
-    pub(crate) weights: Vec<f32>,
-    pub(crate) averaged: Option<Vec<f32>>,
-    pub(crate) adam: Adam,
+    pub(crate) learned: Learned,
     pub(crate) inputs: [RunningStatistics; 2],
     pub(crate) targets: RunningLossStatistics,
     pub(crate) lanes: Vec<LaneState>,

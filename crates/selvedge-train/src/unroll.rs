@@ -17,6 +17,7 @@ use selvedge_model::{
 };
 
 use crate::aim::Aim;
+use crate::config::TrainConfig;
 use crate::corpus::Motion;
 use crate::lane::{LaneState, Shown};
 use crate::losses::{LossEvaluator, LossTerms};
@@ -79,9 +80,8 @@ impl Unroll {
         if self.frames.len() < count {
             self.frames.resize_with(count, FrameBuffers::default);
         }
-        let correction = lane.correction(cfg);
         let mut aim: Option<Aim> = None;
-        let mut terms: Vec<(f64, LossTerms)> = Vec::with_capacity(count);
+        let mut terms = Vec::with_capacity(count);
         for number in 0..count {
             let (before, frame) = self.frames[..=number].split_at_mut(number);
             let frame = &mut frame[0];
@@ -90,24 +90,20 @@ impl Unroll {
                 frame.state.clone_from(before.workspace.end_state());
             }
             lane.show(cfg, corpus, rng, &mut frame.shown);
+            let (shown, sampling) = (&mut frame.shown, &cfg.scheduled_sampling);
             let aim = aim.get_or_insert_with(|| {
-                let what = cfg.scheduled_sampling.offset;
-                Aim::new(what, correction, lane, (corpus, frame.shown.yaw))
+                let (correction, given) = (lane.correction(cfg), (corpus, shown.yaw));
+                Aim::new(sampling.offset, correction, lane, given)
             });
-            lane.aim(corpus, aim.next(), &mut frame.shown);
-            let number = number as f64 + 1.0;
+            lane.aim(corpus, aim.next(), shown);
             frame.forward(context);
-            terms.push((number.powi(-2), frame.judge(context, losses)));
+            terms.push(frame.judge(context, losses));
             let acceleration = frame.acceleration(context);
             if !lane.follow(cfg, corpus, frame.shown.yaw, &acceleration) {
                 break;
             }
         }
-        let mean = LossTerms::weighted_mean(&terms);
-        let cap = cfg.loss_cap.filter(|&cap| mean.total > cap);
-        let weight = cap.map_or(1.0, |cap| cap / mean.total);
-        let sum: f64 = terms.iter().map(|(weight, _)| weight).sum();
-        let weights: Vec<f64> = terms.iter().map(|(w, _)| w * weight / sum).collect();
+        let (mean, weights) = weigh(cfg, &terms);
         self.backward(context, &weights, gradient);
         mean
     }
@@ -139,6 +135,22 @@ impl Unroll {
             self.by_state.swap(0, 1);
         }
     }
+}
+
+/// The mean of the terms of the frames of a run, and what the gradient of each counts in it.
+pub(crate) fn weigh(cfg: &TrainConfig, terms: &[LossTerms]) -> (LossTerms, Vec<f64>) {
+    let number = |frame: usize| frame as f64 + 1.0;
+    let terms: Vec<(f64, LossTerms)> = terms
+        .iter()
+        .enumerate()
+        .map(|(frame, terms)| (number(frame).powi(-2), *terms))
+        .collect();
+    let mean = LossTerms::weighted_mean(&terms);
+    let cap = cfg.loss_cap.filter(|&cap| mean.total > cap);
+    let weight = cap.map_or(1.0, |cap| cap / mean.total);
+    let sum: f64 = terms.iter().map(|(weight, _)| weight).sum();
+    let weights = terms.iter().map(|(w, _)| w * weight / sum).collect();
+    (mean, weights)
 }
 
 impl FrameBuffers {

@@ -147,6 +147,30 @@ pub struct LossTerms {
 }
 
 impl LossTerms {
+    /// Those of acceleration, kinetic energy, edge vector, edge length and bending angle, of which ones of
+    /// weight 0 are off.
+    #[must_use]
+    pub fn weighted(weights: &LossWeights, terms: [f64; 5]) -> Self {
+        let [acceleration, rest @ ..] = terms;
+        let all = [
+            weights.kinetic_energy,
+            weights.edge_vector,
+            weights.edge_length,
+            weights.bending_angle,
+        ];
+        let [kinetic_energy, edge_vector, edge_length, bending_angle] =
+            [0, 1, 2, 3].map(|k| (all[k] > 0.0).then_some(rest[k]));
+        let counted = all.iter().zip(rest).filter(|(weight, _)| **weight > 0.0);
+        Self {
+            acceleration,
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
+            total: acceleration + counted.map(|(w, l)| w * l).sum::<f64>(),
+        }
+    }
+
     /// The mean of each term; `None` where one of `terms` has none.
     pub(crate) fn mean<'a>(terms: impl IntoIterator<Item = &'a Self>) -> Self {
         let all: Vec<(f64, Self)> = terms.into_iter().map(|terms| (1.0, *terms)).collect();

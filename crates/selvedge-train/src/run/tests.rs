@@ -93,7 +93,7 @@ fn a_finished_run_leaves_four_files_and_nothing_else() {
     let read = TrainConfig::read(&case.path(files::CONFIG)).expect("its own");
     assert_eq!(read, case.cfg);
     let model = Model::from_bytes(&case.bytes(files::MODEL)).expect("a model");
-    assert_eq!(model.weights(), trainer.weights);
+    assert_eq!(model.weights(), trainer.learned.weights);
     let account: serde_json::Value = serde_json::from_str(&model.training).expect("JSON");
     assert_eq!(account["steps_done"], 6);
     assert_eq!(account["dataset"], "swinging");
@@ -147,7 +147,7 @@ fn the_observer_stops_a_run_and_it_is_saved() {
     assert_eq!((end, trainer.steps_done()), (RunEnd::Stopped, 5));
     let resumed = case.resumed();
     assert_eq!(resumed.steps_done(), 5);
-    assert_eq!(resumed.weights, trainer.weights);
+    assert_eq!(resumed.learned.weights, trainer.learned.weights);
     assert_eq!(case.logged_steps(), [2, 4]);
 }
 

@@ -81,16 +81,16 @@ fn the_model_is_made_of_the_mean_of_the_weights() {
     let mut cfg = config(Encoder::MLP);
     cfg.weight_average = Some(0.3);
     let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
-    let mut mean: Vec<f64> = trainer.weights.iter().map(|&w| f64::from(w)).collect();
+    let mut mean: Vec<f64> = trainer.learned.weights.iter().map(|&w| f64::from(w)).collect();
     // (1 + n)/(10 + n) of it is left after n steps: 2/11, 3/12, and from the third on less than 4/13.
     for left in [2.0 / 11.0, 3.0 / 12.0, 0.3, 0.3] {
         trainer.step().expect("a step");
-        for (mean, &weight) in mean.iter_mut().zip(&trainer.weights) {
+        for (mean, &weight) in mean.iter_mut().zip(&trainer.learned.weights) {
             *mean = left * *mean + (1.0 - left) * f64::from(weight);
         }
     }
     let model = trainer.model(String::new()).expect("a model");
-    assert_ne!(model.weights(), trainer.weights);
+    assert_ne!(model.weights(), trainer.learned.weights);
     for (&found, expected) in model.weights().iter().zip(mean) {
         assert!((f64::from(found) - expected).abs() < 1e-6 * expected.abs().max(0.1));
     }
@@ -118,14 +118,14 @@ fn a_step_that_is_not_finite_leaves_the_weights() {
     cfg.learning_rate = LearningRate::Constant { rate: 1e30 };
     let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
     trainer.step().expect("the first gradient is finite");
-    let weights = trainer.weights.clone();
-    let adam = trainer.adam.clone();
+    let weights = trainer.learned.weights.clone();
+    let adam = trainer.learned.adam.clone();
     for _ in 0..2 {
         let error = trainer.step().expect_err("weights of 1e30");
         assert!(matches!(error, TrainError::NotFinite { step: 2 }));
         assert!(error.to_string().contains("lower learning_rate"));
-        assert_eq!(trainer.weights, weights);
-        assert_eq!(trainer.adam, adam);
+        assert_eq!(trainer.learned.weights, weights);
+        assert_eq!(trainer.learned.adam, adam);
         assert_eq!(trainer.steps_done(), 1);
     }
 }
@@ -138,10 +138,8 @@ fn a_clipped_gradient_has_the_length_of_the_limit() {
         cfg.gradient_clip = limit;
         let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
         let report = trainer.step().expect("a step");
-        let squares = trainer
-            .gradient
-            .iter()
-            .map(|&g| f64::from(g) * f64::from(g));
+        let gradient = trainer.gradient().expect("a gradient");
+        let squares = gradient.iter().map(|&g| f64::from(g) * f64::from(g));
         (report.gradient_norm, squares.sum::<f64>().sqrt())
     };
     let (norm, length) = run(None);
@@ -185,7 +183,7 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
     assert!(heard.into_iter().eq(expected));
     let plain = Trainer::new(cfg(), &data.dataset).expect("a training");
     assert_eq!(observed.inputs, plain.inputs);
-    assert_eq!(observed.weights, plain.weights);
+    assert_eq!(observed.learned.weights, plain.learned.weights);
     let mut count = 0;
     let mut stop = |gathered: Gathered| {
         count = gathered.done;

@@ -32,15 +32,15 @@ fn swinging_back() -> Return {
 fn first_step(cfg: &TrainConfig, data: &Swinging, weights: Option<&[f32]>) -> (f64, Vec<f32>) {
     let mut trainer = Trainer::new(cfg.clone(), &data.dataset).expect("a training");
     if let Some(weights) = weights {
-        trainer.weights.copy_from_slice(weights);
+        trainer.learned.weights.copy_from_slice(weights);
     }
     let report = trainer.step().expect("a step");
-    (report.terms.total, trainer.gradient().to_vec())
+    (report.terms.total, trainer.gradient().expect("a gradient"))
 }
 
 fn first_weights(cfg: &TrainConfig, data: &Swinging) -> Vec<f32> {
     let trainer = Trainer::new(cfg.clone(), &data.dataset);
-    trainer.expect("a training").weights.clone()
+    trainer.expect("a training").learned.weights.clone()
 }
 
 /// The largest difference between the gradient and central differences of the loss along random
@@ -144,7 +144,7 @@ fn runs_go_on_over_steps_and_threads_do_not_show() {
                 .map(|report| (report.frames, report.terms.total.to_bits()))
                 .collect();
             let longest = trainer.lanes.iter().map(|lane| lane.run).max();
-            (frames_and_loss, longest, trainer.weights.clone())
+            (frames_and_loss, longest, trainer.learned.weights.clone())
         })
     };
     let (one, two) = (losses(1), losses(2));
