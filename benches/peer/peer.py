@@ -4,8 +4,12 @@ The network is docs/python/selvedge_network.py, plain PyTorch with PyTorch's own
 of JSON (spec, vertices, node_width, edge_width, senders, receivers, threads), answers "ready", and then runs what each
 line asks for: "frame", a forward pass without gradients, or "step", a forward pass, the mean square error of the
 output, a backward pass and Adam. It answers with the milliseconds that it took.
+
+Options: --device cuda runs it on a GPU, --compile by torch.compile (CUDA graphs where there is a GPU), --precision
+tensor with products in TF32.
 """
 
+import argparse
 import json
 import pathlib
 import sys
@@ -18,9 +22,13 @@ from selvedge_network import Network  # noqa: E402
 
 
 class Peer:
-    def __init__(self, given):
+    def __init__(self, given, options):
         torch.manual_seed(1)
         torch.set_num_threads(given["threads"])
+        torch.set_float32_matmul_precision("high" if options.precision == "tensor" else "highest")
+        torch.set_default_device(options.device)
+        self.on_gpu = options.device.startswith("cuda")
+        torch.backends.cudnn.allow_tf32 = options.precision == "tensor"
         spec, vertices, arcs = given["spec"], given["vertices"], len(given["senders"])
         encoder, latent = spec["encoder"], spec["latent"]
         self.network = Network(spec, given["node_width"], given["edge_width"])
@@ -35,12 +43,19 @@ class Peer:
         self.states = tuple(torch.full((2, count, latent), 0.1) for count in rows) or (None, None)
         self.target = torch.randn(vertices, 3)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=1e-5)
+        mode = "reduce-overhead" if self.on_gpu else "default"
+        self.run = torch.compile(self.network, mode=mode) if options.compile else self.network
+        self.without_gradients = torch.no_grad if options.compile else torch.inference_mode
 
     def forward(self):
-        return self.network(self.nodes, self.edges, self.senders, self.receivers, self.states)
+        return self.run(self.nodes, self.edges, self.senders, self.receivers, self.states)
+
+    def wait(self):
+        if self.on_gpu:
+            torch.cuda.synchronize()
 
     def frame(self):
-        with torch.inference_mode():
+        with self.without_gradients():
             self.forward()
 
     def step(self):
@@ -51,11 +66,17 @@ class Peer:
 
 
 def main():
-    peer = Peer(json.loads(sys.stdin.readline()))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--compile", action="store_true")
+    parser.add_argument("--precision", choices=["full", "tensor"], default="full")
+    peer = Peer(json.loads(sys.stdin.readline()), parser.parse_args())
     print("ready", flush=True)
     for line in sys.stdin:
+        peer.wait()
         begin = time.perf_counter()
         {"frame": peer.frame, "step": peer.step}[line.strip()]()
+        peer.wait()
         print(1e3 * (time.perf_counter() - begin), flush=True)
 
 

@@ -14,7 +14,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_train::Setting;
 
-pub(crate) use self::bench::{BenchCommand, EngineArgs, ScaleArgs};
+pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
 pub(crate) use self::device::{DeviceArgs, DeviceName, PrecisionName};
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};

@@ -7,7 +7,7 @@ use super::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 14] = [
+const FORBIDDEN: [(&str, &str); 19] = [
     ("selvedge-sim", "selvedge-model"),
     ("selvedge-model", "selvedge-sim"),
     ("selvedge-sim", "selvedge-data"),
@@ -22,6 +22,11 @@ const FORBIDDEN: [(&str, &str); 14] = [
     ("selvedge-live", "selvedge-sim"),
     ("selvedge-live", "selvedge-model"),
     ("selvedge-live", "selvedge-train"),
+    ("selvedge-gpu", "selvedge-sim"),
+    ("selvedge-view", "selvedge-gpu"),
+    ("selvedge-live", "selvedge-gpu"),
+    ("selvedge-model", "cudarc"),
+    ("selvedge-train", "cudarc"),
 ];
 
 /// Pairs that not even a test may join.

@@ -1,6 +1,8 @@
 //! What can be measured.
 
 use clap::{Args, Subcommand, ValueEnum};
+
+use super::DeviceArgs;
 use selvedge_model::Instructions;
 
 /// Measure how fast this machine runs the product.
@@ -8,6 +10,8 @@ use selvedge_model::Instructions;
 pub(crate) enum BenchCommand {
     Engine(EngineArgs),
     Scale(ScaleArgs),
+    Gpu(GpuArgs),
+    Conformance(ConformanceArgs),
 }
 
 /// Time the networks: a frame and a training step of each variant.
@@ -81,4 +85,60 @@ pub(crate) struct ScaleArgs {
     /// Threads [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
+}
+
+/// Time the networks on a GPU: the forward pass alone, and whole frames with features and integration.
+///
+/// Beside them what the card can do at most, measured in the same run: products in each precision, and its
+/// bandwidth. With --against, another program runs the same forward passes in turn. Medians.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge bench gpu --device cuda --precision tensor
+  selvedge bench gpu --device cuda --vertices 1024 --against \"python benches/peer/peer.py --device cuda\"
+
+The other programs get what those of `selvedge bench engine` get.")]
+pub(crate) struct GpuArgs {
+    /// Where, and how exactly.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
+    /// As for `selvedge bench engine`; may stand several times [default: all but small].
+    #[arg(long, value_name = "NAME")]
+    pub(crate) variant: Vec<String>,
+    /// Vertices of a cloth, separated by commas.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1024,10000,100000", value_parser = clap::value_parser!(u32).range(16..=10_000_000))]
+    pub(crate) vertices: Vec<u32>,
+    /// Also so many cloths of the first of these sizes at once; 0 for none.
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub(crate) cloths: u16,
+    /// Runs of each that count.
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) runs: u16,
+    /// Rows of the matrices that the card's limits are measured with.
+    #[arg(long, value_name = "N", default_value_t = 8192, value_parser = clap::value_parser!(u16).range(16..=32_768))]
+    pub(crate) side: u16,
+    /// A program that runs the same networks, with its arguments; may stand several times.
+    #[arg(long, value_name = "COMMAND")]
+    pub(crate) against: Vec<String>,
+}
+
+/// Hold a GPU against the processor: forward passes, gradients, training steps, rollouts.
+///
+/// Every network of `selvedge bench engine` with weights drawn from a seed, and the shipped model. What is
+/// off by more than its bound makes the command fail.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge bench conformance --device cuda
+  selvedge bench conformance --device host --variant small")]
+pub(crate) struct ConformanceArgs {
+    /// Where, and how exactly; the bounds are those of full precision.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
+    /// As for `selvedge bench engine`; may stand several times [default: all].
+    #[arg(long, value_name = "NAME")]
+    pub(crate) variant: Vec<String>,
+    /// Frames of a rollout.
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) frames: u16,
 }

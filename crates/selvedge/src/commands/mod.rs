@@ -43,6 +43,8 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Presets => presets::run(),
         Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
         Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),
+        Command::Bench(BenchCommand::Gpu(args)) => bench::gpu(args),
+        Command::Bench(BenchCommand::Conformance(args)) => bench::conformance(args),
         Command::Rollout(args) => rollout::run(args),
         Command::View(args) => view::run(args),
         Command::Train(args) => train::run(args),

@@ -8,6 +8,7 @@ mod bad_input;
 mod common;
 mod convert;
 mod data_sets;
+mod devices;
 mod evaluation;
 mod export;
 mod guard;

@@ -26,6 +26,9 @@ fn wrong_calls_exit_with_2_and_say_why() {
         ("rollout --truth --no-truth", "--no-truth"),
         ("view default --beside a.safetensors", "--beside"),
         ("view --address here", "--address"),
+        ("rollout --device gpu", "cuda:N"),
+        ("evaluate --model a --data b --device cuda:x", "cuda:N"),
+        ("rollout --precision double", "--precision"),
     ] {
         let said = desk.run(call);
         assert_eq!(said.code, Some(2), "{call}");
@@ -54,6 +57,8 @@ fn every_command_has_help() {
         "bench",
         "bench engine",
         "bench scale",
+        "bench gpu",
+        "bench conformance",
     ] {
         let said = desk.run(&format!("{call} --help"));
         assert_eq!(said.code, Some(0), "{call}");

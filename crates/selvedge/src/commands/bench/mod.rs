@@ -1,15 +1,55 @@
 //! `selvedge bench`: how fast this machine runs the product.
 
+#[cfg(feature = "gpu")]
+mod cloths;
+#[cfg(feature = "gpu")]
+mod conformance;
 pub(crate) mod engine;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod peer;
 mod products;
 pub(crate) mod scale;
 mod variants;
 
+/// Runs a command of a program that was built for GPUs, or says that it was not.
+macro_rules! on_gpu {
+    ($command:ident, $args:expr) => {{
+        #[cfg(feature = "gpu")]
+        {
+            $command::run($args)
+        }
+        #[cfg(not(feature = "gpu"))]
+        {
+            let machine = crate::machine::Machine::open(&$args.machine)?;
+            anyhow::bail!("{} is no GPU: take --device cuda", machine.name())
+        }
+    }};
+}
+
 use std::time::Instant;
 
 use anyhow::Context;
 use rayon::ThreadPool;
+
+use crate::cli::{ConformanceArgs, GpuArgs};
+use crate::output::Answer;
+
+/// `selvedge bench gpu`.
+///
+/// # Errors
+/// A device that is not there, or fails.
+pub(crate) fn gpu(args: &GpuArgs) -> anyhow::Result<Answer> {
+    on_gpu!(gpu, args)
+}
+
+/// `selvedge bench conformance`.
+///
+/// # Errors
+/// A device that is not there, or fails, or computes something else than the processor.
+pub(crate) fn conformance(args: &ConformanceArgs) -> anyhow::Result<Answer> {
+    on_gpu!(conformance, args)
+}
 
 /// The middle of some numbers, or the mean of the middle two; 0 of none.
 fn median(mut numbers: Vec<f64>) -> f64 {

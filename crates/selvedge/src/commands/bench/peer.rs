@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use anyhow::{Context, bail, ensure};
-use selvedge_cloth::Topology;
+use selvedge_cloth::{Arc, Topology};
 use selvedge_model::ModelSpec;
 use serde_json::json;
 
@@ -28,6 +28,19 @@ impl Peer {
         topology: &Topology,
         threads: usize,
     ) -> anyhow::Result<Self> {
+        Self::start_many(command, spec, (topology, 1), threads)
+    }
+
+    /// The same for several such cloths side by side.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub(crate) fn start_many(
+        command: &str,
+        spec: &ModelSpec,
+        (topology, cloths): (&Topology, usize),
+        threads: usize,
+    ) -> anyhow::Result<Self> {
         let mut words = command.split_whitespace();
         let Some(program) = words.next() else {
             bail!("--against names no program");
@@ -48,11 +61,18 @@ impl Peer {
             from: BufReader::new(from),
         };
         let arcs = topology.arcs();
-        let senders: Vec<u32> = arcs.iter().map(|arc| arc.sender.0).collect();
-        let receivers: Vec<u32> = arcs.iter().map(|arc| arc.receiver.0).collect();
+        let vertices = topology.vertex_count();
+        let all = |end: fn(&Arc) -> u32| -> Vec<u32> {
+            let cloth = |cloth: usize| {
+                arcs.iter()
+                    .map(move |arc| end(arc) + (cloth * vertices) as u32)
+            };
+            (0..cloths).flat_map(cloth).collect()
+        };
+        let (senders, receivers) = (all(|arc| arc.sender.0), all(|arc| arc.receiver.0));
         let network = json!({
             "spec": spec,
-            "vertices": topology.vertex_count(),
+            "vertices": cloths * vertices,
             "node_width": spec.node_width(),
             "edge_width": spec.edge_width(),
             "senders": senders,

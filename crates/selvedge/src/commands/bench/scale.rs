@@ -90,7 +90,7 @@ fn measure(spec: &ModelSpec, vertices: usize) -> anyhow::Result<Row> {
 }
 
 /// A sheet of about so many vertices, as nearly square as can be.
-fn sheet(vertices: usize) -> anyhow::Result<Topology> {
+pub(super) fn sheet(vertices: usize) -> anyhow::Result<Topology> {
     let columns = vertices.isqrt().max(2);
     let lines = (vertices / columns).max(2);
     let mut faces = Vec::with_capacity(2 * (columns - 1) * (lines - 1));

@@ -1,0 +1,111 @@
+//! What a device can do at most, measured: how fast it multiplies large matrices, and how fast it moves
+//! memory. What a network takes is compared with these, not with a data sheet.
+
+use std::time::Instant;
+
+use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
+use crate::plan::Plan;
+use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
+use crate::source::{Program, Sizes};
+
+/// Runs of each, of which the fastest counts.
+const RUNS: usize = 5;
+
+/// Products or copies in a run.
+const REPEATS: usize = 8;
+
+/// What a device can do.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Floating-point operations per second of square products, two for each multiplication with its
+    /// addition: full, tensor and half.
+    pub products: [f64; 3],
+    /// Bytes read and written per second by a copy.
+    pub bandwidth: f64,
+}
+
+/// Measures a device by square matrices of `side` rows.
+///
+/// # Errors
+/// When it fails, or has not the memory.
+pub fn limits(device: &dyn Device, side: usize) -> Result<Limits, DeviceError> {
+    let mut products = [0.0; 3];
+    let precisions = [Precision::Full, Precision::Tensor, Precision::Half];
+    for (limit, precision) in products.iter_mut().zip(precisions) {
+        let seconds = measure(device, precision, side, |[a, b, c]| {
+            let mut schedule = Schedule::new("products");
+            for _ in 0..REPEATS {
+                schedule.product(Product {
+                    size: [side; 3],
+                    a: Matrix::new(a, side),
+                    b: Matrix::new(b, side),
+                    c: Matrix::new(c, side),
+                    onto: Onto::Set,
+                    finish: Finish::Nothing,
+                });
+            }
+            schedule
+        })?;
+        *limit = (REPEATS * 2 * side * side * side) as f64 / seconds;
+    }
+    let seconds = measure(device, Precision::Full, side, |[a, _, c]| {
+        let mut schedule = Schedule::new("copies");
+        (0..REPEATS).for_each(|_| schedule.copy(a, c));
+        schedule
+    })?;
+    let bandwidth = (REPEATS * 2 * 4 * side * side) as f64 / seconds;
+    Ok(Limits {
+        products,
+        bandwidth,
+    })
+}
+
+/// Seconds of the fastest run of a schedule on three matrices of zeros.
+fn measure(
+    device: &dyn Device,
+    precision: Precision,
+    side: usize,
+    schedule: impl FnOnce([crate::plan::Region; 3]) -> Schedule,
+) -> Result<f64, DeviceError> {
+    let mut plan = Plan::new();
+    let matrices = ["a", "b", "c"].map(|name| plan.floats(name, side * side));
+    let mut zeros = Schedule::new("zeros");
+    matrices.into_iter().for_each(|matrix| zeros.clear(matrix));
+    let program = Program::new(Sizes {
+        latent: 1,
+        node_width: 1,
+        edge_width: 1,
+    });
+    let mut loaded = device.load(&program, &plan, precision)?;
+    let zeros = loaded.prepare(&zeros)?;
+    let prepared = loaded.prepare(&schedule(matrices))?;
+    loaded.run(zeros)?;
+    // The first runs find cold libraries, and a device that may record them.
+    let times = (0..RUNS + 2).map(|_| time(&mut *loaded, prepared));
+    let times = times.collect::<Result<Vec<f64>, _>>()?;
+    Ok(times.into_iter().skip(2).fold(f64::INFINITY, f64::min))
+}
+
+fn time(loaded: &mut dyn Loaded, prepared: Prepared) -> Result<f64, DeviceError> {
+    loaded.wait()?;
+    let begin = Instant::now();
+    loaded.run(prepared)?;
+    loaded.wait()?;
+    Ok(begin.elapsed().as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_graphs::host;
+
+    #[test]
+    fn limits_are_those_of_something_that_computes() {
+        let Some(host) = host() else { return };
+        let found = limits(&host, 64).expect("a measurement");
+        // Slower than any machine, faster than any processor: only that the counts are about right.
+        for limit in found.products.into_iter().chain([found.bandwidth]) {
+            assert!((1e6..1e13).contains(&limit), "{limit}");
+        }
+    }
+}
