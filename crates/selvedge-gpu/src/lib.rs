@@ -15,7 +15,9 @@ pub mod features;
 pub mod frames;
 #[cfg(feature = "host")]
 pub mod host;
+pub mod inference;
 pub mod layers;
+pub mod limits;
 pub mod motion;
 pub mod network;
 pub mod plan;
