@@ -194,23 +194,23 @@ impl ClothArrays {
 
 /// The numbers of [`ClothArrays`].
 #[derive(Default)]
-struct Statics {
-    cloth_of: Vec<u32>,
-    handle_of: Vec<u32>,
-    mass: Vec<f32>,
-    rest: Vec<f32>,
-    air: Vec<f32>,
-    corners: Vec<u32>,
-    areas: Vec<f32>,
-    first_face: Vec<u32>,
-    faces: Vec<u32>,
-    arc_rest: Vec<f32>,
-    arc_material: Vec<f32>,
-    hinges: Vec<u32>,
-    edge_ends: Vec<u32>,
-    edge_rest: Vec<f32>,
-    colour_bounds: Vec<u32>,
-    inverse_mass: Vec<f32>,
+pub(crate) struct Statics {
+    pub(crate) cloth_of: Vec<u32>,
+    pub(crate) handle_of: Vec<u32>,
+    pub(crate) mass: Vec<f32>,
+    pub(crate) rest: Vec<f32>,
+    pub(crate) air: Vec<f32>,
+    pub(crate) corners: Vec<u32>,
+    pub(crate) areas: Vec<f32>,
+    pub(crate) first_face: Vec<u32>,
+    pub(crate) faces: Vec<u32>,
+    pub(crate) arc_rest: Vec<f32>,
+    pub(crate) arc_material: Vec<f32>,
+    pub(crate) hinges: Vec<u32>,
+    pub(crate) edge_ends: Vec<u32>,
+    pub(crate) edge_rest: Vec<f32>,
+    pub(crate) colour_bounds: Vec<u32>,
+    pub(crate) inverse_mass: Vec<f32>,
     handles: u32,
 }
 
@@ -249,7 +249,7 @@ impl Statics {
         self.add_edges(first_vertex, graph, colours);
     }
 
-    fn add_vertices(&mut self, number: u32, graph: &ClothGraph) {
+    pub(crate) fn add_vertices(&mut self, number: u32, graph: &ClothGraph) {
         let vertices = graph.vertex_count();
         self.cloth_of.extend(std::iter::repeat_n(number, vertices));
         let first = self.handle_of.len();
@@ -273,7 +273,7 @@ impl Statics {
         ]);
     }
 
-    fn add_faces(&mut self, first_vertex: u32, graph: &ClothGraph) {
+    pub(crate) fn add_faces(&mut self, first_vertex: u32, graph: &ClothGraph) {
         let first_face = self.areas.len() as u32;
         let mut of_vertex = vec![Vec::new(); graph.vertex_count()];
         for (number, face) in graph.topology().faces().iter().enumerate() {
@@ -289,7 +289,7 @@ impl Statics {
         }
     }
 
-    fn add_arcs(&mut self, first_vertex: u32, graph: &ClothGraph) {
+    pub(crate) fn add_arcs(&mut self, first_vertex: u32, graph: &ClothGraph) {
         let arcs = graph.arc_count();
         let first = self.arc_rest.len() / 4;
         self.arc_rest.resize(4 * (first + arcs), 0.0);

@@ -79,10 +79,21 @@ pub struct FrameArrays {
 impl FrameArrays {
     /// Room for the frames of a union.
     pub fn new(plan: &mut Plan, spec: &ModelSpec, sizes: UnionSizes) -> Self {
-        let (slots, layout) = (spec.history() + 1, CarryLayout::of(spec));
-        let per_step = sizes.cloths * layout.count;
+        let slots = spec.history() + 1;
+        let positions = plan.floats("positions", slots * sizes.vertices * 3);
+        Self::on(plan, spec, sizes, (positions, slots))
+    }
+
+    /// Room for a frame of a ring that it shares with others, of so many slots.
+    pub fn on(
+        plan: &mut Plan,
+        spec: &ModelSpec,
+        sizes: UnionSizes,
+        (positions, slots): (Region, usize),
+    ) -> Self {
+        let per_step = sizes.cloths * CarryLayout::of(spec).count;
         Self {
-            positions: plan.floats("positions", slots * sizes.vertices * 3),
+            positions,
             slots,
             newest: plan.indices("newest frame", 1),
             numbers: plan.floats("local frames", sizes.cloths * CLOTH_NUMBERS),
@@ -216,12 +227,27 @@ impl FrameNumbers {
         frames: &FrameArrays,
         newest: usize,
     ) -> Result<(), DeviceError> {
-        let carries = frames.carries.part(0..self.carries.len());
         loaded.upload(frames.newest, &[newest as u32])?;
+        self.upload_motions(loaded, frames)?;
+        loaded.put(frames.targets, &self.targets)
+    }
+
+    /// Writes what features and the integration are measured with, but not where handles go.
+    ///
+    /// # Errors
+    /// When the device fails.
+    ///
+    /// # Panics
+    /// As [`Self::upload`].
+    pub fn upload_motions(
+        &self,
+        loaded: &mut dyn Loaded,
+        frames: &FrameArrays,
+    ) -> Result<(), DeviceError> {
+        let carries = frames.carries.part(0..self.carries.len());
         loaded.put(frames.numbers, &self.numbers)?;
         loaded.put_doubles(carries, &self.carries)?;
-        loaded.put_doubles(frames.last, &self.last)?;
-        loaded.put(frames.targets, &self.targets)
+        loaded.put_doubles(frames.last, &self.last)
     }
 }
 

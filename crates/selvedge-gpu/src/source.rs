@@ -43,6 +43,8 @@ pub enum Access {
     IndicesInOut,
     /// Reads `f64`.
     Doubles,
+    /// Reads `f64`, unless there are none.
+    DoublesOrNothing,
     /// Writes every `f64`.
     DoublesOut,
     /// Reads and writes `f64`.
@@ -80,7 +82,10 @@ impl Access {
     /// Whether there may be nothing to read or write.
     #[must_use]
     pub fn may_be_nothing(self) -> bool {
-        matches!(self, Self::InOrNothing | Self::OutOrNothing)
+        matches!(
+            self,
+            Self::InOrNothing | Self::OutOrNothing | Self::DoublesOrNothing
+        )
     }
 
     /// What it points to, if it does.
@@ -91,7 +96,9 @@ impl Access {
                 Some(Element::Float)
             }
             Self::Indices | Self::IndicesInOut => Some(Element::Index),
-            Self::Doubles | Self::DoublesOut | Self::DoublesInOut => Some(Element::Double),
+            Self::Doubles | Self::DoublesOrNothing | Self::DoublesOut | Self::DoublesInOut => {
+                Some(Element::Double)
+            }
             Self::Count | Self::Number => None,
         }
     }
@@ -103,7 +110,7 @@ impl Access {
             Self::Out | Self::OutOrNothing | Self::InOut => "float *",
             Self::Indices => "const unsigned *",
             Self::IndicesInOut => "unsigned *",
-            Self::Doubles => "const double *",
+            Self::Doubles | Self::DoublesOrNothing => "const double *",
             Self::DoublesOut | Self::DoublesInOut => "double *",
             Self::Count => "unsigned ",
             Self::Number => "float ",

@@ -190,7 +190,10 @@ impl LaneRun<'_> {
     pub fn go_on(&mut self, output: &[f32]) -> bool {
         let (cfg, corpus) = (self.setup.cfg, self.setup.corpus);
         let mut acceleration = output.to_vec();
-        self.setup.normalizers.acceleration.denormalize(&mut acceleration);
+        self.setup
+            .normalizers
+            .acceleration
+            .denormalize(&mut acceleration);
         let yaw = self.shown.yaw;
         let chance = (self.step, &mut self.rng);
         if self.frames == 1 {

@@ -170,9 +170,7 @@ fn failed(folder: &Path, source: TrainError) -> RunError {
 /// Writes checkpoint and model. The model comes first into memory: it refuses weights that are not
 /// finite, and they must not replace a good checkpoint.
 fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
-    trainer
-        .collect()
-        .map_err(|source| failed(folder, source))?;
+    trainer.collect().map_err(|source| failed(folder, source))?;
     let account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),

@@ -235,6 +235,12 @@ impl Trainer {
         })
     }
 
+    /// What was learned when it was last collected.
+    #[must_use]
+    pub fn learned(&self) -> &Learned {
+        &self.learned
+    }
+
     /// Steps done so far.
     #[must_use]
     pub fn steps_done(&self) -> u64 {

@@ -81,7 +81,12 @@ fn the_model_is_made_of_the_mean_of_the_weights() {
     let mut cfg = config(Encoder::MLP);
     cfg.weight_average = Some(0.3);
     let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
-    let mut mean: Vec<f64> = trainer.learned.weights.iter().map(|&w| f64::from(w)).collect();
+    let mut mean: Vec<f64> = trainer
+        .learned
+        .weights
+        .iter()
+        .map(|&w| f64::from(w))
+        .collect();
     // (1 + n)/(10 + n) of it is left after n steps: 2/11, 3/12, and from the third on less than 4/13.
     for left in [2.0 / 11.0, 3.0 / 12.0, 0.3, 0.3] {
         trainer.step().expect("a step");

@@ -1,0 +1,86 @@
+//! A training on a device, held against the same one on the CPU: the gradient of its first step, and the
+//! losses of all steps from one seed.
+
+use selvedge_train::{StepReport, TrainError, Trainer};
+
+use crate::device::{Device, Precision};
+use crate::training::engine;
+
+/// How far a training on a device is from the one on the CPU, in parts of the latter's numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrainingCheck {
+    /// The gradient of the first step, by its length.
+    pub gradient: f64,
+    /// The first loss.
+    pub first_loss: f64,
+    /// The loss of the step that is farthest off.
+    pub losses: f64,
+    /// The weights at the end, by how far they have come.
+    pub weights: f64,
+}
+
+/// Takes so many steps of the training that `make` makes, with both.
+///
+/// # Errors
+/// When a training cannot be made, or a step fails.
+pub fn training(
+    device: &dyn Device,
+    precision: Precision,
+    make: &mut dyn FnMut() -> Result<Trainer, TrainError>,
+    steps: usize,
+) -> Result<TrainingCheck, TrainError> {
+    let (mut cpu, mut other) = (make()?, make()?);
+    other.run_on(&mut |setup| engine(device, precision, setup))?;
+    let start = cpu.learned().weights.clone();
+    let mut check = TrainingCheck::default();
+    for step in 0..steps {
+        let [expected, found] = [cpu.step()?, other.step()?];
+        let off = loss_apart(&expected, &found);
+        if step == 0 {
+            check.first_loss = off;
+            check.gradient = apart(&other.gradient()?, &cpu.gradient()?, &[]);
+        }
+        check.losses = check.losses.max(off);
+    }
+    other.collect()?;
+    let [found, expected] = [&other, &cpu].map(|trainer| &trainer.learned().weights[..]);
+    check.weights = apart(found, expected, &start);
+    Ok(check)
+}
+
+/// The worst of the terms, in parts of the whole.
+fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
+    let terms = |report: &StepReport| {
+        let terms = &report.terms;
+        [
+            Some(terms.total),
+            Some(terms.acceleration),
+            terms.kinetic_energy,
+            terms.edge_vector,
+            terms.edge_length,
+            terms.bending_angle,
+        ]
+    };
+    let pairs = terms(expected).into_iter().zip(terms(found));
+    let off = pairs.map(|(expected, found)| match (expected, found) {
+        (Some(expected), Some(found)) => (found - expected).abs() / expected.abs().max(1e-30),
+        (None, None) => 0.0,
+        _ => f64::INFINITY,
+    });
+    off.fold(0.0, f64::max)
+}
+
+/// |found - expected| / |expected - start|, where start is zero if it is empty.
+fn apart(found: &[f32], expected: &[f32], start: &[f32]) -> f64 {
+    let length = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
+    let difference = |(a, b): (&f32, &f32)| f64::from(*a) - f64::from(*b);
+    let off = length(&mut found.iter().zip(expected).map(difference));
+    let zeros = std::iter::repeat(&0.0);
+    let size = length(
+        &mut expected
+            .iter()
+            .zip(start.iter().chain(zeros))
+            .map(difference),
+    );
+    off / size.max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,341 @@
+//! The memory and the schedules of a training, made before anything is allocated.
+
+use selvedge_model::{ModelSpec, Network};
+use selvedge_train::TrainConfig;
+
+use super::places::union_sizes;
+use crate::adam::{self, AdamArrays};
+use crate::cloths::ClothArrays;
+use crate::features::{FeatureSources, NormalizerArrays, features};
+use crate::features_backward::{self, FrameBack};
+use crate::frames::FrameArrays;
+use crate::losses::{self, Judged, LossArrays, PlaceSizes, TERMS, TripletArrays};
+use crate::network::{
+    BackwardPass, Dropout, ForwardPass, InputArrays, Keep, OUTPUTS, Record, StateArrays,
+    WeightArrays, backward, forward,
+};
+use crate::plan::{Plan, Region};
+use crate::schedule::Schedule;
+use crate::source::{Program, Sizes};
+use crate::{backward as backward_kernels, features as feature_kernels, layers};
+
+/// One of the frames that a step goes through.
+pub struct FramePlan {
+    /// Frames of the window of vertices and of arcs.
+    pub steps: [usize; 2],
+    /// What its features are made from.
+    pub frames: FrameArrays,
+    /// Slot of its newest positions.
+    pub newest: usize,
+    /// What it is judged by.
+    pub triplet: TripletArrays,
+    /// What it drops, where the configuration wants that.
+    pub dropout: Option<Dropout>,
+    /// What each lane counts in the loss, `[lanes]`.
+    pub weights: Region,
+    /// The terms of each lane, `[lanes, 5]`.
+    pub terms: Region,
+    /// Its prediction, normalised, `[vertices, 3]`.
+    pub output: Region,
+    /// From positions to terms.
+    pub forward: Schedule,
+    /// From the terms to the gradient of the weights, and of the positions before.
+    pub backward: Schedule,
+}
+
+/// What a training takes and does.
+pub struct TrainingPlan {
+    /// The memory.
+    pub plan: Plan,
+    /// The kernels.
+    pub program: Program,
+    /// The weights.
+    pub weights: WeightArrays,
+    /// Their gradient.
+    pub gradient: Region,
+    /// Ones, for sums.
+    pub ones: Region,
+    /// The optimiser.
+    pub adam: AdamArrays,
+    /// The cloths of the lanes.
+    pub cloths: ClothArrays,
+    /// What the losses know of them.
+    pub losses: LossArrays,
+    /// The statistics.
+    pub normalizers: NormalizerArrays,
+    /// Positions of all frames, `[slots, vertices, 3]`.
+    pub positions: Region,
+    /// The frames, in order.
+    pub frames: Vec<FramePlan>,
+    /// To run once, when the weights are there.
+    pub pack: Schedule,
+    /// To run before the first frame of a step goes back.
+    pub begin: Schedule,
+    /// To run when all have gone back.
+    pub update: Schedule,
+}
+
+/// What the frames of a step share while they are planned.
+struct Shared<'a> {
+    network: &'a Network,
+    rate: f64,
+    by_position: Option<Region>,
+}
+
+/// What a frame has room for beside what is written from outside.
+struct Room {
+    input: InputArrays,
+    output_gradient: Region,
+    /// The states that it goes on from, and those that it leaves.
+    states: [Option<StateArrays>; 2],
+}
+
+impl TrainingPlan {
+    /// That of a configuration, for cloths that fit into places of these sizes.
+    #[must_use]
+    pub fn new(cfg: &TrainConfig, network: &Network, place: PlaceSizes) -> Self {
+        let (spec, lanes) = (network.spec(), cfg.batch.samples);
+        let most = cfg.unroll.most();
+        let sizes = union_sizes(lanes, place);
+        let mut plan = Plan::new();
+        let slots = spec.history() + most;
+        let positions = plan.floats("positions", slots * sizes.vertices * 3);
+        let weights = WeightArrays::new(&mut plan, network);
+        let parameters = network.parameter_count();
+        let mut built = Self {
+            program: program(spec),
+            gradient: plan.floats("gradient", parameters),
+            ones: plan.floats("ones", sizes.vertices.max(sizes.arcs)),
+            adam: AdamArrays::new(&mut plan, parameters, cfg.weight_average.map(|_| ())),
+            cloths: ClothArrays::new(&mut plan, sizes),
+            losses: LossArrays::new(&mut plan, lanes, place),
+            normalizers: NormalizerArrays::new(&mut plan, spec),
+            weights,
+            positions,
+            frames: Vec::with_capacity(most),
+            pack: Schedule::new("packing the weights"),
+            begin: Schedule::new("the beginning of a step"),
+            update: Schedule::new("a step of the optimiser"),
+            plan,
+        };
+        built.weights.pack(&mut built.pack);
+        built.begin.clear(built.gradient);
+        let by_position = (most > 1).then(|| {
+            let size = positions.count();
+            built.plan.floats("gradient of positions", size)
+        });
+        if let Some(by_position) = by_position {
+            built.begin.clear(by_position);
+        }
+        let shared = Shared {
+            network,
+            rate: cfg.dropout,
+            by_position,
+        };
+        built.add_frames(&shared, most);
+        let both = (built.weights.flat(), built.gradient);
+        built.adam.step(&mut built.plan, &mut built.update, both);
+        built.weights.pack(&mut built.update);
+        built
+    }
+
+    fn add_frames(&mut self, shared: &Shared<'_>, most: usize) {
+        // What is written from outside first: nothing else may lie in its place.
+        let mut rooms: Vec<Room> = Vec::with_capacity(most);
+        for number in 0..most {
+            let start = rooms.last().and_then(|before| before.states[1]);
+            let (frame, room) = self.room(shared, number, (start, most));
+            self.frames.push(frame);
+            rooms.push(room);
+        }
+        let records: Vec<Record> = rooms
+            .iter()
+            .enumerate()
+            .map(|(number, room)| self.forth(shared, number, room))
+            .collect();
+        // The gradients of the states between two frames, in turns.
+        let graph = self.cloths.graph;
+        let turns = [0, 1].map(|_| {
+            (shared.network.streams() && most > 1)
+                .then(|| StateArrays::new(&mut self.plan, shared.network, &graph))
+        });
+        // Nothing comes after the last frame of a step, whichever that is.
+        for states in turns.iter().flatten() {
+            for region in states.regions() {
+                self.begin.clear(region);
+            }
+        }
+        let mark = self.plan.mark();
+        for number in (0..most).rev() {
+            let [start, end] = [turns[number % 2], turns[(number + 1) % 2]];
+            let ends = [
+                start.filter(|_| number > 0),
+                end.filter(|_| number + 1 < most),
+            ];
+            let left = (&rooms[number], &records[number]);
+            self.frames[number].backward = self.back(shared, number, left, ends);
+            self.plan.release(mark);
+        }
+    }
+
+    /// Room for frame `number`. A streaming network goes on from the states of the frame before.
+    fn room(
+        &mut self,
+        shared: &Shared<'_>,
+        number: usize,
+        (start, most): (Option<StateArrays>, usize),
+    ) -> (FramePlan, Room) {
+        let (network, spec) = (shared.network, shared.network.spec());
+        let (plan, graph, sizes) = (&mut self.plan, self.cloths.graph, self.cloths.sizes);
+        let steps = match start {
+            Some(_) => [1, 1],
+            None => [spec.node_window(), spec.edge_window()],
+        };
+        let (rows, slots) = ([sizes.vertices, sizes.arcs], spec.history() + most);
+        let frame = FramePlan {
+            steps,
+            frames: FrameArrays::on(plan, spec, sizes, (self.positions, slots)),
+            newest: spec.history() - 1 + number,
+            triplet: TripletArrays::new(plan, sizes.vertices),
+            dropout: (shared.rate > 0.0).then(|| Dropout {
+                rate: shared.rate,
+                numbers: rows.map(|rows| plan.indices("dropped rows", 2 * rows)),
+                seeds: rows.map(|rows| plan.indices("dropout seeds", 2 * rows)),
+            }),
+            weights: plan.floats("weights of lanes", sizes.cloths),
+            terms: plan.doubles("terms of losses", sizes.cloths * TERMS),
+            output: self.positions.part(0..0),
+            forward: Schedule::new("a frame forward"),
+            backward: Schedule::default(),
+        };
+        let streams = network.streams() && most > 1;
+        let end = streams.then(|| StateArrays::new(plan, network, &graph));
+        let room = Room {
+            input: InputArrays::new(plan, network, &graph, steps),
+            output_gradient: plan.floats("gradient of the output", sizes.vertices * OUTPUTS),
+            states: [start, end],
+        };
+        (frame, room)
+    }
+
+    /// Frame `number` up to its terms.
+    fn forth(&mut self, shared: &Shared<'_>, number: usize, room: &Room) -> Record {
+        let (graph, frame) = (self.cloths.graph, &self.frames[number]);
+        let [start, end] = &room.states;
+        let mut schedule = Schedule::new("a frame forward");
+        features(&mut schedule, self.sources(&frame.frames), &room.input);
+        let pass = ForwardPass {
+            network: shared.network,
+            weights: &self.weights,
+            graph: &graph,
+            input: &room.input,
+            start: start.as_ref(),
+            end: end.as_ref(),
+            keep: Keep::Activations(frame.dropout),
+        };
+        let record = forward(&mut self.plan, &mut schedule, pass);
+        let what = Judged {
+            cloths: &self.cloths,
+            triplet: &frame.triplet,
+            predicted: record.output,
+            gradient: room.output_gradient,
+            terms: frame.terms,
+        };
+        losses::judge(&mut self.plan, &mut schedule, &self.losses, what);
+        self.frames[number].output = record.output;
+        self.frames[number].forward = schedule;
+        record
+    }
+
+    fn sources<'a>(&'a self, frames: &'a FrameArrays) -> FeatureSources<'a> {
+        FeatureSources {
+            cloths: &self.cloths,
+            frames,
+            normalizers: &self.normalizers,
+        }
+    }
+
+    /// Frame `number` back, with the gradients of the states that it goes on from and that it leaves.
+    fn back(
+        &mut self,
+        shared: &Shared<'_>,
+        number: usize,
+        (room, record): (&Room, &Record),
+        [start, end]: [Option<StateArrays>; 2],
+    ) -> Schedule {
+        let mut schedule = Schedule::new("a frame backward");
+        let (graph, frame) = (self.cloths.graph, &self.frames[number]);
+        let (dropout, frames) = (frame.dropout, frame.frames);
+        let (gradient, newest) = (room.output_gradient, frame.newest);
+        losses::weigh(&mut schedule, &self.losses, gradient, frame.weights);
+        let positions = shared.by_position.map(|by_position| (by_position, newest));
+        // What the first frame starts from is given.
+        let to_input = (number > 0)
+            .then(|| InputArrays::new(&mut self.plan, shared.network, &graph, room.input.steps));
+        let from = FeatureSources {
+            cloths: &self.cloths,
+            frames: &frames,
+            normalizers: &self.normalizers,
+        };
+        let back = positions.map(|(by_position, newest)| FrameBack {
+            from,
+            losses: &self.losses,
+            by_position,
+            newest,
+        });
+        if let Some(back) = &back {
+            back.join(&mut schedule, gradient);
+        }
+        let pass = BackwardPass {
+            network: shared.network,
+            weights: &self.weights,
+            gradient: self.gradient,
+            ones: self.ones,
+            graph: &graph,
+            input: &room.input,
+            record,
+            dropout,
+            output: gradient,
+            to_input: to_input.as_ref(),
+            end: end.as_ref(),
+            start: start.as_ref(),
+        };
+        backward(&mut self.plan, &mut schedule, &pass);
+        if let (Some(back), Some(to_input)) = (back, to_input) {
+            back.to_positions(&mut self.plan, &mut schedule, &to_input);
+        }
+        schedule
+    }
+
+    /// All that is written from outside before a step.
+    #[must_use]
+    pub fn given(&self) -> Vec<Region> {
+        let mut given = vec![self.weights.flat(), self.ones, self.positions];
+        given.extend(self.adam.regions());
+        given.extend(self.cloths.regions());
+        given.extend(self.losses.regions());
+        given.extend(self.normalizers.regions());
+        for frame in &self.frames {
+            given.extend(frame.frames.regions());
+            given.extend(frame.triplet.regions());
+            given.push(frame.weights);
+            if let Some(dropout) = &frame.dropout {
+                given.extend(dropout.numbers);
+                given.extend(dropout.seeds);
+            }
+        }
+        given
+    }
+}
+
+/// The kernels of a training.
+fn program(spec: &ModelSpec) -> Program {
+    let mut program = Program::new(Sizes::of(spec));
+    program.add(&layers::PART);
+    feature_kernels::define(&mut program, spec);
+    program.add(&losses::PART);
+    program.add(&backward_kernels::PART);
+    program.add(&features_backward::PART);
+    adam::define(&mut program);
+    program
+}
