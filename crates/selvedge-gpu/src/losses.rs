@@ -370,7 +370,6 @@ pub fn weigh(schedule: &mut Schedule, losses: &LossArrays, gradient: Region, wei
     let vertices = losses.lanes * losses.place.vertices;
     schedule.launch(
         &WEIGH,
-        &SQUARE_ERROR,
         vertices,
         &[gradient.into(), weights.into(), per_lane],
     );

@@ -1,12 +1,14 @@
-//! Checkpoints: all that decides how a training goes on, in one `.safetensors` file, so that a
-//! resumed training continues bit for bit.
+//! Checkpoints: all that decides how a training goes on, in one `.safetensors` file, or in several small
+//! ones where that would be large, so that a resumed training continues bit for bit.
+
+mod parts;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use selvedge_data::{Dataset, Section, TensorOut, TensorValues, WriteError, write_tensors};
+use selvedge_data::{Dataset, Section, WriteError};
 use selvedge_model::{ModelSpec, RunningStatistics};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -102,6 +104,11 @@ impl Trainer {
     /// # Errors
     /// [`WriteError`]; what was at `path` is then still there.
     pub fn save(&self, path: &Path, dataset: &Dataset) -> Result<(), WriteError> {
+        self.save_in_parts(path, dataset, parts::MOST_BYTES)
+    }
+
+    /// The same, in files of at most so many bytes of numbers.
+    fn save_in_parts(&self, path: &Path, dataset: &Dataset, most: usize) -> Result<(), WriteError> {
         let json = |result: Result<String, serde_json::Error>| {
             result.map_err(|error| WriteError {
                 path: path.to_owned(),
@@ -117,24 +124,24 @@ impl Trainer {
             lanes: self.lanes.iter().map(LaneEntry::of).collect(),
         };
         let histories = self.histories();
-        let flat = |name, values| TensorOut {
-            name,
-            shape: vec![self.learned.weights.len()],
-            values: TensorValues::F32(values),
-        };
-        let mut tensors = vec![
-            flat("weights", &self.learned.weights),
-            flat("first_moment", self.learned.adam.first_moment()),
-            flat("second_moment", self.learned.adam.second_moment()),
+        let Learned {
+            weights,
+            averaged,
+            adam,
+        } = &self.learned;
+        let mut flat: Vec<(&str, &[f32])> = vec![
+            ("weights", weights),
+            ("first_moment", adam.first_moment()),
+            ("second_moment", adam.second_moment()),
         ];
-        if let Some(averaged) = &self.learned.averaged {
-            tensors.push(flat("averaged", averaged));
-        }
-        tensors.extend(histories.iter().map(|(name, shape, values)| TensorOut {
-            name,
-            shape: shape.clone(),
-            values: TensorValues::F32(values),
-        }));
+        flat.extend(averaged.iter().map(|averaged| ("averaged", &averaged[..])));
+        let flat = flat
+            .into_iter()
+            .map(|(name, values)| (name, vec![values.len()], values));
+        let of_lanes = histories.iter();
+        let of_lanes =
+            of_lanes.map(|(name, shape, values)| (&name[..], shape.clone(), &values[..]));
+        let tensors: Vec<parts::Tensor<'_>> = flat.chain(of_lanes).collect();
         let metadata = BTreeMap::from([
             ("format", CHECKPOINT_FORMAT.to_owned()),
             ("version", VERSION.to_owned()),
@@ -142,7 +149,7 @@ impl Trainer {
             ("dataset", json(fingerprint(dataset))?),
             ("state", json(serde_json::to_string(&state))?),
         ]);
-        write_tensors(path, &tensors, &metadata)
+        parts::write(path, &tensors, &metadata, most)
     }
 
     /// Name, shape and numbers of the history of each lane that is in a run.
@@ -165,7 +172,7 @@ impl Trainer {
     /// [`ResumeError`] names the file and what does not fit.
     pub fn resume(cfg: TrainConfig, dataset: &Dataset, path: &Path) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = read(path)?;
+        let bytes = Bytes::read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
@@ -215,7 +222,7 @@ impl Trainer {
         path: &Path,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = read(path)?;
+        let bytes = Bytes::read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         let made: TrainConfig = file.json("config")?;
         file.check_network(&made, &cfg)?;
@@ -256,20 +263,40 @@ impl LaneEntry {
     }
 }
 
+/// The bytes of a checkpoint: its first file's, and those of the others.
+struct Bytes {
+    first: Vec<u8>,
+    others: Vec<(PathBuf, Vec<u8>)>,
+}
+
+impl Bytes {
+    fn read(path: &Path) -> Result<Self, ResumeError> {
+        let first = read(path)?;
+        let others = parts::read_others(path, &first)?;
+        Ok(Self { first, others })
+    }
+}
+
 struct CheckpointFile<'a> {
     path: &'a Path,
     tensors: SafeTensors<'a>,
+    others: Vec<SafeTensors<'a>>,
     metadata: std::collections::HashMap<String, String>,
 }
 
 impl<'a> CheckpointFile<'a> {
-    fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ResumeError> {
-        let container = |source| ResumeError::Container {
+    fn open(path: &'a Path, bytes: &'a Bytes) -> Result<Self, ResumeError> {
+        let container = |path: &Path, source| ResumeError::Container {
             path: path.to_owned(),
             source,
         };
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
+        let here = |source| container(path, source);
+        let (_, header) = SafeTensors::read_metadata(&bytes.first).map_err(here)?;
+        let tensors = SafeTensors::deserialize(&bytes.first).map_err(here)?;
+        let others = bytes.others.iter().map(|(path, bytes)| {
+            SafeTensors::deserialize(bytes).map_err(|source| container(path, source))
+        });
+        let others: Vec<SafeTensors<'_>> = others.collect::<Result<_, _>>()?;
         let metadata = header.metadata().clone().unwrap_or_default();
         for (key, expected) in [("format", CHECKPOINT_FORMAT), ("version", VERSION)] {
             let found = metadata.get(key);
@@ -285,6 +312,7 @@ impl<'a> CheckpointFile<'a> {
         Ok(Self {
             path,
             tensors,
+            others,
             metadata,
         })
     }
@@ -375,20 +403,34 @@ impl<'a> CheckpointFile<'a> {
     }
 
     fn numbers(&self, name: &str, count: usize) -> Result<Vec<f32>, ResumeError> {
-        let view = self
-            .tensors
-            .tensor(name)
-            .map_err(|error| self.content(name, error))?;
-        if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
-            let found = format!(
-                "{:?} {:?}, expected {count} × F32",
-                view.dtype(),
-                view.shape()
-            );
-            return Err(self.content(name, found));
-        }
-        let chunks = view.data().as_chunks().0.iter();
-        let values: Vec<f32> = chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let files = || std::iter::once(&self.tensors).chain(&self.others);
+        let values = match parts::joined(files(), name) {
+            Some(values) if values.len() == count => values,
+            Some(values) => {
+                let found = format!("{} numbers in pieces, expected {count}", values.len());
+                return Err(self.content(name, found));
+            }
+            None => {
+                let whole = files().find_map(|file| file.tensor(name).ok());
+                let view = match whole {
+                    Some(view) => view,
+                    None => self
+                        .tensors
+                        .tensor(name)
+                        .map_err(|e| self.content(name, e))?,
+                };
+                if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
+                    let found = format!(
+                        "{:?} {:?}, expected {count} × F32",
+                        view.dtype(),
+                        view.shape()
+                    );
+                    return Err(self.content(name, found));
+                }
+                let chunks = view.data().as_chunks().0.iter();
+                chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect()
+            }
+        };
         match values.iter().position(|x| !x.is_finite()) {
             Some(index) => Err(self.content(name, format!("entry {index} is not finite"))),
             None => Ok(values),

@@ -10,6 +10,7 @@ use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
+use selvedge_train::{TrainError, Trainer};
 
 #[cfg(feature = "gpu")]
 use crate::cli::PrecisionName;
@@ -69,6 +70,21 @@ impl Machine {
                     selvedge_gpu::stepper::GpuStepper::new(device, model, graph, start, precision)?;
                 Ok(Box::new(stepper))
             }
+        }
+    }
+
+    /// Lets a training's arithmetic be done there.
+    ///
+    /// # Errors
+    /// What of a GPU is not there, such as memory, with what would fit.
+    #[cfg_attr(not(feature = "gpu"), allow(unused_variables))]
+    pub(crate) fn train(&self, trainer: &mut Trainer) -> Result<(), TrainError> {
+        match self {
+            Self::Cpu => Ok(()),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device, precision) => trainer.run_on(&mut |setup| {
+                selvedge_gpu::training::engine(device.as_ref(), *precision, setup)
+            }),
         }
     }
 

@@ -141,4 +141,7 @@ pub(crate) struct ConformanceArgs {
     /// Frames of a rollout.
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) frames: u16,
+    /// Steps of each training.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) steps: u16,
 }

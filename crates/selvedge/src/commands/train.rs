@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::dataset;
 use crate::cli::TrainArgs;
+use crate::machine::Machine;
 use crate::output::{Answer, End, Facts};
 use crate::progress::Progress;
 use crate::{assets, interrupt, place};
@@ -23,6 +24,8 @@ const NEWEST: f64 = 0.02;
 #[derive(Serialize)]
 struct Report {
     name: String,
+    /// What did the arithmetic.
+    device: String,
     out: PathBuf,
     parameters: usize,
     samples: usize,
@@ -56,6 +59,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     if let Some(steps) = args.steps {
         cfg.steps = steps;
     }
+    let machine = Machine::open(&args.machine)?;
     let data = dataset::open(&args.data)?;
     let _claimed = place::claim_folder(&args.out)?;
     let steps = cfg.steps;
@@ -68,6 +72,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         };
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
+    machine.train(&mut trainer)?;
     let limits = Limits {
         time: args.span,
         checkpoint_every: CHECKPOINT_EVERY,
@@ -88,6 +93,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     drop(progress);
     let report = Report {
         name: trainer.config().name.clone(),
+        device: machine.name(),
         out: args.out.clone(),
         parameters: trainer.parameter_count(),
         samples: trainer.sample_count(),
@@ -147,6 +153,7 @@ fn stopped(steps: u64) -> Facts {
 fn text(report: &Report) -> Facts {
     let mut facts = Facts::new();
     facts.add("training", &report.name);
+    facts.add("device", &report.device);
     facts.add("parameters", report.parameters);
     facts.add("samples", report.samples);
     facts.add(

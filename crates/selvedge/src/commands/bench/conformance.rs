@@ -1,7 +1,9 @@
 //! `selvedge bench conformance`: what a GPU computes, held against the processor's engine.
 //!
 //! Bounds: a forward pass of normalised numbers 1e-5; a rollout 2e-5 m after so many frames of small
-//! accelerations, which the integration doubles.
+//! accelerations, which the integration doubles; gradients and trainings as `learning` says.
+
+mod learning;
 
 use std::sync::Arc;
 
@@ -69,6 +71,7 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
     let shipped = learned::open(None)?;
     let graph = hanging(289)?;
     conformance.check(&shipped.name, &shipped.model, &graph, &mut checks)?;
+    learning::check(&*device, conformance.precision, args, &mut checks)?;
     let mut table = Table::new(["model", "what", "off", "bound", ""]);
     for check in &checks {
         let [off, bound] = [check.off, check.bound].map(|x| format!("{x:.1e}"));

@@ -1,5 +1,5 @@
-//! `selvedge bench gpu`: forward passes and whole frames on a GPU, beside what the card can do at most
-//! and, where asked for, other programs'.
+//! `selvedge bench gpu`: forward passes, whole frames and steps of learning on a GPU, beside what the card
+//! can do at most and, where asked for, other programs'.
 
 use std::sync::Arc;
 
@@ -9,10 +9,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::inference::Inference;
+use selvedge_gpu::learning::Learning;
 use selvedge_gpu::limits::{Limits, limits};
 use selvedge_gpu::rollout::{Opening, Rollout};
 use selvedge_model::{
-    ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, Network, Normalizer,
+    ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, ModelSpec, Network, Normalizer,
     Normalizers, flops,
 };
 use serde::Serialize;
@@ -46,7 +47,10 @@ struct Row {
     frame_ms: Option<f64>,
     /// The pass, of the card's measured products in the precision that it had.
     share_of_products: Option<f64>,
+    /// A step of learning on features that lie ready: forward, mean square error, backward, Adam.
+    step_ms: Option<f64>,
     peer_ms: Vec<f64>,
+    peer_step_ms: Vec<f64>,
     /// Why something was not measured.
     remarks: Vec<String>,
 }
@@ -138,7 +142,9 @@ impl Bench<'_> {
             pass_ms: None,
             frame_ms: None,
             share_of_products: None,
+            step_ms: None,
             peer_ms: Vec::new(),
+            peer_step_ms: Vec::new(),
             remarks: Vec::new(),
         };
         let model = model(variant)?;
@@ -159,38 +165,28 @@ impl Bench<'_> {
             Ok(ms) => row.frame_ms = Some(ms),
             Err(error) => row.remarks.push(format!("frame: {error:#}")),
         }
+        match self.steps(&variant.spec, &union) {
+            Ok(ms) => row.step_ms = Some(ms),
+            Err(error) => row.remarks.push(format!("step: {error:#}")),
+        }
         for command in &self.args.against {
             let mut peer = Peer::start_many(command, spec, (graph.topology(), cloths), 1)?;
-            let mut asked = || peer.run("frame");
-            (0..WARM).try_for_each(|_| asked().map(|_| ()))?;
-            let times = (0..self.args.runs).map(|_| asked());
-            row.peer_ms.push(median(times.collect::<Result<_, _>>()?));
+            for (what, ms) in [("frame", &mut row.peer_ms), ("step", &mut row.peer_step_ms)] {
+                let mut asked = || peer.run(what);
+                (0..WARM).try_for_each(|_| asked().map(|_| ()))?;
+                let times = (0..self.args.runs).map(|_| asked());
+                ms.push(median(times.collect::<Result<_, _>>()?));
+            }
         }
         Ok(row)
     }
 
     /// A forward pass `[ms]`, and its commands.
     fn passes(&self, model: &Model, graph: &Connectivity) -> anyhow::Result<(f64, usize)> {
-        let (network, spec) = (model.network(), model.spec());
-        let extent = if network.streams() {
-            Extent::Newest
-        } else {
-            Extent::Whole
-        };
-        let steps = match extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
-            Extent::Newest => [1, 1],
-        };
+        let network = model.network();
+        let (extent, [nodes, edges]) = drawn(network, graph);
         let both = (network, model.weights());
         let mut inference = Inference::new(self.device, both, graph, extent, self.precision)?;
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut numbers = |count: usize| -> Vec<f32> {
-            (0..count)
-                .map(|_| 3.0 * rng.random::<f32>() - 1.5)
-                .collect()
-        };
-        let nodes = numbers(steps[0] * graph.vertex_count() * spec.node_width());
-        let edges = numbers(steps[1] * graph.arc_count() * spec.edge_width());
         inference.put(Input {
             nodes: &nodes,
             edges: &edges,
@@ -206,6 +202,32 @@ impl Bench<'_> {
             ran?;
         }
         Ok((median(times.split_off(WARM)), inference.commands()))
+    }
+
+    /// A step of learning `[ms]`.
+    fn steps(&self, spec: &ModelSpec, graph: &Connectivity) -> anyhow::Result<f64> {
+        let network = Network::new(spec)?;
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let weights = network.initialise(&mut || rng.random::<f64>());
+        let (extent, [nodes, edges]) = drawn(&network, graph);
+        let both = (&network, &*weights);
+        let mut learning = Learning::new(self.device, both, graph, extent, self.precision)?;
+        let input = Input {
+            nodes: &nodes,
+            edges: &edges,
+        };
+        learning.put(input, &vec![0.5; 3 * graph.vertex_count()])?;
+        learning.put_state(0.1)?;
+        let mut times = Vec::new();
+        for _ in 0..WARM + usize::from(self.args.runs) {
+            learning.wait()?;
+            let mut ran = Ok(());
+            times.push(time(|| {
+                ran = learning.step(1e-5).and_then(|()| learning.wait());
+            }));
+            ran?;
+        }
+        Ok(median(times.split_off(WARM)))
     }
 
     /// A frame of a rollout `[ms]`.
@@ -227,6 +249,25 @@ impl Bench<'_> {
         }
         Ok(median(times.split_off(WARM)))
     }
+}
+
+/// Drawn features for a network on a graph; one frame where it streams, which goes on from states.
+fn drawn(network: &Network, graph: &Connectivity) -> (Extent, [Vec<f32>; 2]) {
+    let spec = network.spec();
+    let (extent, [of_nodes, of_edges]) = if network.streams() {
+        (Extent::Newest, [1, 1])
+    } else {
+        (Extent::Whole, [spec.node_window(), spec.edge_window()])
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut numbers = |count: usize| -> Vec<f32> {
+        (0..count)
+            .map(|_| 3.0 * rng.random::<f32>() - 1.5)
+            .collect()
+    };
+    let nodes = numbers(of_nodes * graph.vertex_count() * spec.node_width());
+    let edges = numbers(of_edges * graph.arc_count() * spec.edge_width());
+    (extent, [nodes, edges])
 }
 
 /// A model whose accelerations are so small that the cloth stays where it is.
@@ -254,7 +295,8 @@ fn heading(device: &dyn Device, limits: &Limits, args: &GpuArgs) -> String {
     format!(
         "{}, precision {}, medians of {} runs. Measured limits: products {full:.1} TFLOP/s full, {tensor:.1} tensor, \
          {half:.1} half; copies {:.2} TB/s read and written.\npass: the forward pass on features that lie ready; frame: \
-         handles up, features, network, integration, positions down; share: of the products' limit.\n",
+         handles up, features, network, integration, positions down; step: forward, mean square error, backward, Adam on features \
+         that lie ready; share: the pass, of the products' limit.\n",
         device.name(),
         args.machine.precision.name(),
         args.runs,
@@ -267,8 +309,13 @@ fn table(rows: &[Row], args: &GpuArgs) -> String {
     let mut heads = vec![
         "variant", "cloths", "vertices", "arcs", "GFLOP", "commands", "pass, ms",
     ];
-    heads.extend(["share", "frame, ms"]);
-    heads.extend(args.against.iter().map(String::as_str));
+    heads.extend(["share", "frame, ms", "step, ms", "samples/s"]);
+    let peers: Vec<[String; 2]> = args
+        .against
+        .iter()
+        .map(|peer| ["pass", "step"].map(|what| format!("{peer}: {what}, ms")))
+        .collect();
+    heads.extend(peers.iter().flatten().map(String::as_str));
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let owned = |cells: &[&str]| {
         cells
@@ -288,7 +335,11 @@ fn table(rows: &[Row], args: &GpuArgs) -> String {
         let share = row.share_of_products;
         cells.push(share.map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share)));
         cells.push(or_dash(row.frame_ms));
-        cells.extend(row.peer_ms.iter().map(|&ms| or_dash(Some(ms))));
+        cells.push(or_dash(row.step_ms));
+        let samples = row.step_ms.map(|ms| 1e3 * row.cloths as f64 / ms);
+        cells.push(samples.map_or("-".to_owned(), |samples| format!("{samples:.0}")));
+        let peers = row.peer_ms.iter().zip(&row.peer_step_ms);
+        cells.extend(peers.flat_map(|(&pass, &step)| [pass, step].map(|ms| or_dash(Some(ms)))));
         text += &line(&cells);
     }
     for row in rows.iter().filter(|row| !row.remarks.is_empty()) {
