@@ -387,11 +387,17 @@ fn cuda_entry(text: &mut String, kernel: &Kernel) {
         Shape::Row => "(blockIdx.x * blockDim.x + threadIdx.x) / LANES",
         Shape::Block => "blockIdx.x",
     };
+    let threads = match kernel.shape {
+        Shape::Element | Shape::Row => BLOCK_THREADS,
+        Shape::Block => WIDE_BLOCK_THREADS,
+    };
     let declarations: String = declarations(kernel).map(|d| format!(", {d}")).collect();
     let (name, names) = (kernel.name, names(kernel));
+    // With the bound the compiler takes no more registers than a block of so many threads has.
     let _ = writeln!(
         text,
-        "extern \"C\" __global__ void run_{name}(unsigned count{declarations}) {{\n    \
+        "extern \"C\" __global__ void __launch_bounds__({threads})\n\
+         run_{name}(unsigned count{declarations}) {{\n    \
          const unsigned index = {index};\n    \
          if (index < count) of_{name}(index{names});\n}}"
     );
@@ -432,7 +438,7 @@ mod tests {
         for kernel in program.kernels() {
             let body = format!("KERNEL({})", kernel.name);
             assert_eq!(cuda.matches(&body).count(), 1, "{body}");
-            let entry = format!("__global__ void run_{}(unsigned count, ", kernel.name);
+            let entry = format!("\nrun_{}(unsigned count, ", kernel.name);
             assert_eq!(cuda.matches(&entry).count(), 1, "{entry}");
         }
         let bodies = cuda

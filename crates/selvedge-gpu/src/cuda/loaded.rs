@@ -64,7 +64,27 @@ struct Ready {
     mode: Mode,
 }
 
-/// A program and its arena.
+/// Compiled kernels.
+struct Module(sys::CUmodule);
+
+impl Drop for Module {
+    fn drop(&mut self) {
+        // SAFETY: it was loaded, and nothing uses it any more. Nobody is left to be told of a failure.
+        let _ = unsafe { result::module::unload(self.0) };
+    }
+}
+
+/// Where calls queue up.
+struct Stream(sys::CUstream);
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        // SAFETY: it was created, and nothing uses it any more. Nobody is left to be told of a failure.
+        let _ = unsafe { result::stream::destroy(self.0) };
+    }
+}
+
+/// A program and its arena. What uses the stream goes before it.
 pub(super) struct CudaLoaded {
     functions: HashMap<&'static str, sys::CUfunction>,
     plan: Plan,
@@ -73,8 +93,8 @@ pub(super) struct CudaLoaded {
     blas: Option<Blas>,
     arena: Memory,
     workspace: Option<Memory>,
-    stream: sys::CUstream,
-    module: sys::CUmodule,
+    stream: Stream,
+    module: Module,
     context: Arc<Context>,
 }
 
@@ -90,10 +110,10 @@ impl CudaLoaded {
         precision: Precision,
     ) -> Result<Self, DeviceError> {
         let stream = result::stream::create(result::stream::StreamKind::NonBlocking);
-        let stream = stream.map_err(failed("cuStreamCreate"))?;
+        let stream = Stream(stream.map_err(failed("cuStreamCreate"))?);
         // SAFETY: the image is what NVRTC made for this card.
         let module = unsafe { result::module::load_data(image.as_ptr().cast()) };
-        let module = module.map_err(failed("cuModuleLoadData"))?;
+        let module = Module(module.map_err(failed("cuModuleLoadData"))?);
         let memory = |bytes: usize| {
             Memory::new(bytes).map_err(|error| match error.0 {
                 sys::CUresult::CUDA_ERROR_OUT_OF_MEMORY => DeviceError::Memory {
@@ -123,7 +143,7 @@ impl CudaLoaded {
             loaded.functions.insert(kernel.name, function);
         }
         let workspace = memory(WORKSPACE)?;
-        loaded.blas = Some(Blas::new(stream, workspace.0, precision)?);
+        loaded.blas = Some(Blas::new(loaded.stream.0, workspace.0, precision)?);
         loaded.workspace = Some(workspace);
         Ok(loaded)
     }
@@ -132,7 +152,7 @@ impl CudaLoaded {
         let no_kernel = || DeviceError::NoKernel(kernel.name.to_owned());
         let name = CString::new(format!("run_{}", kernel.name)).map_err(|_| no_kernel())?;
         // SAFETY: the module is loaded.
-        unsafe { result::module::get_function(self.module, name) }.map_err(|_| no_kernel())
+        unsafe { result::module::get_function(self.module.0, name) }.map_err(|_| no_kernel())
     }
 
     fn address(&self, region: Region) -> u64 {
@@ -231,7 +251,7 @@ impl CudaLoaded {
                 let mut pointers: Vec<*mut c_void> = values.iter().map(pointer).collect();
                 let (grid, block) = ((*blocks, 1, 1), (*threads, 1, 1));
                 unsafe {
-                    result::launch_kernel(*function, grid, block, 0, self.stream, &mut pointers)
+                    result::launch_kernel(*function, grid, block, 0, self.stream.0, &mut pointers)
                 }
                 .map_err(failed("cuLaunchKernel"))
             }
@@ -240,11 +260,11 @@ impl CudaLoaded {
                 None => Ok(()),
             },
             Call::Clear { first, bytes } => {
-                unsafe { result::memset_d8_async(*first, 0, *bytes, self.stream) }
+                unsafe { result::memset_d8_async(*first, 0, *bytes, self.stream.0) }
                     .map_err(failed("cuMemsetD8Async"))
             }
             Call::Copy { from, to, bytes } => {
-                unsafe { result::memcpy_dtod_async(*to, *from, *bytes, self.stream) }
+                unsafe { result::memcpy_dtod_async(*to, *from, *bytes, self.stream.0) }
                     .map_err(failed("cuMemcpyDtoDAsync"))
             }
         }
@@ -256,9 +276,9 @@ impl CudaLoaded {
         // SAFETY: the stream is alive; the graph is destroyed when what was made of it is there. A recording
         // that was begun is ended whatever happened in it.
         unsafe {
-            result::stream::begin_capture(self.stream, mode).ok()?;
+            result::stream::begin_capture(self.stream.0, mode).ok()?;
             let called = self.call_all(calls);
-            let graph = result::stream::end_capture(self.stream).ok()?;
+            let graph = result::stream::end_capture(self.stream.0).ok()?;
             if graph.is_null() {
                 return None;
             }
@@ -277,7 +297,7 @@ impl CudaLoaded {
         }
         if let Mode::Recorded(graph) = ready.mode {
             // SAFETY: graph and stream are alive.
-            let launched = unsafe { result::graph::launch(graph, self.stream) };
+            let launched = unsafe { result::graph::launch(graph, self.stream.0) };
             return launched.map_err(failed("cuGraphLaunch"));
         }
         self.call_all(&ready.calls)?;
@@ -298,7 +318,7 @@ impl Loaded for CudaLoaded {
         }
         // SAFETY: the region has as many words. What is copied from ordinary memory is taken before the
         // call returns.
-        unsafe { result::memcpy_htod_async(self.address(to), words, self.stream) }
+        unsafe { result::memcpy_htod_async(self.address(to), words, self.stream.0) }
             .map_err(failed("cuMemcpyHtoDAsync"))
     }
 
@@ -310,7 +330,7 @@ impl Loaded for CudaLoaded {
             return self.wait();
         }
         // SAFETY: the region has as many words, and the stream is waited for before they are read.
-        unsafe { result::memcpy_dtoh_async(words, self.address(from), self.stream) }
+        unsafe { result::memcpy_dtoh_async(words, self.address(from), self.stream.0) }
             .map_err(failed("cuMemcpyDtoHAsync"))?;
         self.wait()
     }
@@ -336,7 +356,7 @@ impl Loaded for CudaLoaded {
     fn wait(&mut self) -> Result<(), DeviceError> {
         self.context.enter()?;
         // SAFETY: the stream is alive.
-        unsafe { result::stream::synchronize(self.stream) }.map_err(failed("cuStreamSynchronize"))
+        unsafe { result::stream::synchronize(self.stream.0) }.map_err(failed("cuStreamSynchronize"))
     }
 }
 
@@ -349,12 +369,6 @@ impl Drop for CudaLoaded {
                 // SAFETY: it was made and not destroyed.
                 let _ = unsafe { result::graph::exec_destroy(graph) };
             }
-        }
-        self.blas = None;
-        // SAFETY: nothing uses them any more.
-        unsafe {
-            let _ = result::stream::destroy(self.stream);
-            let _ = result::module::unload(self.module);
         }
     }
 }
