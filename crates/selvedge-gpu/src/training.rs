@@ -28,6 +28,8 @@ use crate::losses::{TERMS, loss_numbers};
 use crate::network::OUTPUTS;
 use crate::plan::Region;
 
+#[cfg(all(test, feature = "cuda"))]
+pub(crate) use plan::program;
 pub use plan::{FramePlan, TrainingPlan};
 
 /// A training's arithmetic on a device.

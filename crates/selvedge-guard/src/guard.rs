@@ -260,9 +260,9 @@ impl<S: Correctable> Stepper for Guard<S> {
 /// Whether a step failed for what its caller did, or for the machine it ran on.
 fn is_callers(error: &StepError) -> bool {
     match error {
-        StepError::Handles { .. }
-        | StepError::EndOfRecording { .. }
-        | StepError::Device { .. } => true,
+        StepError::Handles { .. } | StepError::EndOfRecording { .. } | StepError::Device { .. } => {
+            true
+        }
         StepError::NonFinite { .. } | StepError::Solve { .. } | StepError::Strain { .. } => false,
     }
 }

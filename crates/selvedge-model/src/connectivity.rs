@@ -123,7 +123,10 @@ impl Connectivity {
     #[must_use]
     pub fn dropout_rows(&self, steps: [usize; 2]) -> [Vec<[u32; 2]>; 2] {
         let of = |rows: fn(&Leaf) -> &Range<usize>, steps: usize| {
-            let chunks = self.leaves.iter().flat_map(move |leaf| chunks(rows(leaf).clone()));
+            let chunks = self
+                .leaves
+                .iter()
+                .flat_map(move |leaf| chunks(rows(leaf).clone()));
             let rows = chunks.flat_map(move |chunk| {
                 let (first, count) = (chunk.start * steps, chunk.len());
                 (0..count).map(move |row| [first + row, count].map(|n| n as u32))

@@ -89,10 +89,7 @@ impl Carries {
             let centre = centroid(handles.clone());
             (centre, graph.frame().yaw_of(handles, yaw))
         });
-        let next = (
-            centroid(next.iter().copied()),
-            graph.frame().yaw(next, yaw),
-        );
+        let next = (centroid(next.iter().copied()), graph.frame().yaw(next, yaw));
         Self {
             to_next: Carry::between(now, next),
             from_before: Carry::between(before, next),

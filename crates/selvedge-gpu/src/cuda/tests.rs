@@ -157,8 +157,12 @@ fn the_kernels_of_every_spec_compile_where_nvrtc_is() {
         program.add(&crate::backward::PART);
         crate::features::define(&mut program, &spec);
         crate::motion::define(&mut program, &spec);
-        for (major, minor) in [(8, 6), (9, 0)] {
-            let card = Architecture { major, minor };
+        let programs = [program, crate::training::program(&spec)];
+        let cards = [(8, 6), (9, 0)].map(|(major, minor)| Architecture { major, minor });
+        for (program, card) in programs
+            .iter()
+            .flat_map(|program| cards.map(|card| (program, card)))
+        {
             let image = compile(&program.text(Dialect::Cuda), card);
             let image = image.unwrap_or_else(|error| panic!("{error}"));
             assert!(image.starts_with(b"\x7fELF"), "machine code");

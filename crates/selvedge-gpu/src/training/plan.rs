@@ -329,7 +329,7 @@ impl TrainingPlan {
 }
 
 /// The kernels of a training.
-fn program(spec: &ModelSpec) -> Program {
+pub(crate) fn program(spec: &ModelSpec) -> Program {
     let mut program = Program::new(Sizes::of(spec));
     program.add(&layers::PART);
     feature_kernels::define(&mut program, spec);

@@ -52,6 +52,7 @@ pub(crate) enum PrecisionName {
     Half,
 }
 
+#[cfg(feature = "gpu")]
 impl PrecisionName {
     /// As the command line has it.
     pub(crate) fn name(self) -> &'static str {

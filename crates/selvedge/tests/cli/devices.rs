@@ -53,3 +53,34 @@ fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
         }
     }
 }
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_training_that_the_kernels_of_a_gpu_began_goes_on_with_the_engine() {
+    use serde_json::Value;
+
+    let desk = Desk::new();
+    desk.model();
+    let train = "train moment.toml --data tiny --out halves";
+    let report = desk.json(&format!("{train} --steps 4 --device host"));
+    assert!(
+        report["device"]
+            .as_str()
+            .unwrap()
+            .starts_with("this machine")
+    );
+    desk.json(&format!("{train} --resume"));
+    let losses = |folder: &str| -> Vec<f64> {
+        let log = String::from_utf8(desk.read(&format!("{folder}/log.jsonl"))).unwrap();
+        let lines = log.lines().map(|line| serde_json::from_str(line).unwrap());
+        lines
+            .map(|line: Value| line["loss"].as_f64().unwrap())
+            .collect()
+    };
+    let [found, expected] = ["halves", "run"].map(losses);
+    assert_eq!([found.len(), expected.len()], [3, 3]);
+    for (found, expected) in found.iter().zip(&expected) {
+        // Six steps of f32, of which Adam makes moves of 1e-3 whatever the gradient's size.
+        assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}");
+    }
+}

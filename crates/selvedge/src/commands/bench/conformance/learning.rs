@@ -72,7 +72,11 @@ pub(super) fn check(
                 bound,
             });
         };
-        add("gradient of a training".to_owned(), found.gradient, GRADIENT);
+        add(
+            "gradient of a training".to_owned(),
+            found.gradient,
+            GRADIENT,
+        );
         add(format!("losses of {steps} steps"), found.losses, LOSS);
     }
     Ok(())
@@ -190,7 +194,7 @@ weight_average = 0.99
 mirror_images = true
 
 [model]
-node_features = ["velocity"]
+node_features = ["velocity", "node-type"]
 edge_features = ["vector"]
 encoder = { kind = "mlp" }
 latent = 4
@@ -242,7 +246,8 @@ fn trajectory(graph: &ClothGraph, number: usize) -> anyhow::Result<Trajectory> {
         made_by: "a formula".to_owned(),
     };
     let rest = graph.rest_positions();
-    let positions = (0..FRAMES).flat_map(|frame| rest.iter().map(move |p| swung(*p, frame, number)));
+    let positions =
+        (0..FRAMES).flat_map(|frame| rest.iter().map(move |p| swung(*p, frame, number)));
     Trajectory::new(cloth, positions.collect(), provenance).context("a trajectory")
 }
 
