@@ -30,7 +30,7 @@ pub fn training(
     steps: usize,
 ) -> Result<TrainingCheck, TrainError> {
     let (mut cpu, mut other) = (make()?, make()?);
-    other.run_on(&mut |setup| engine(device, precision, setup))?;
+    other.run_on(|setup| engine(device, precision, setup))?;
     let start = cpu.learned().weights.clone();
     let mut check = TrainingCheck::default();
     for step in 0..steps {

@@ -162,7 +162,7 @@ impl Trainer {
     /// What `make` says, and what the engine before it does.
     pub fn run_on(
         &mut self,
-        make: &mut dyn FnMut(Setup<'_>) -> Result<Box<dyn Engine>, EngineError>,
+        make: impl FnOnce(Setup<'_>) -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<(), TrainError> {
         self.collect()?;
         self.engine = make(self.setup())?;

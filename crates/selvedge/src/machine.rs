@@ -82,9 +82,8 @@ impl Machine {
         match self {
             Self::Cpu => Ok(()),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, precision) => trainer.run_on(&mut |setup| {
-                selvedge_gpu::training::engine(device.as_ref(), *precision, setup)
-            }),
+            Self::Gpu(device, precision) => trainer
+                .run_on(|setup| selvedge_gpu::training::engine(device.as_ref(), *precision, setup)),
         }
     }
 

@@ -121,13 +121,13 @@ impl Back<'_> {
     }
 
     /// Adds to the gradient of a matrix: gᵀ x over `rows` rows.
-    fn to_weight(&mut self, rows: usize, g: Rows, x: Rows, gradient: Matrix) {
+    fn add_to_weight(&mut self, rows: usize, g: Rows, x: Rows, gradient: Matrix) {
         let operands = (g.matrix.transpose(), x.matrix, gradient);
         self.product([g.width, x.width, rows], operands, Onto::Add);
     }
 
     /// Adds the sums of the columns of g.
-    fn to_bias(&mut self, rows: usize, g: Rows, gradient: Region) {
+    fn add_to_bias(&mut self, rows: usize, g: Rows, gradient: Region) {
         let ones = Matrix::new(self.pass.ones.part(0..rows), rows);
         let operands = (ones, g.matrix, Matrix::new(gradient, g.width));
         self.product([1, g.width, rows], operands, Onto::Add);
@@ -171,7 +171,7 @@ impl Back<'_> {
         self.second_layer("decoder", rows, (hidden, first), record);
         let before = Rows::new(self.pass.record.nodes, latent);
         let first = Rows::new(first, latent);
-        self.to_weight(rows, first, before, self.matrix_of("decoder.0.weight"));
+        self.add_to_weight(rows, first, before, self.matrix_of("decoder.0.weight"));
         let weight = self.pass.weights.matrix("decoder.0.weight");
         let to = (Rows::new(nodes, latent), Onto::Set);
         self.through(rows, first, weight, to);

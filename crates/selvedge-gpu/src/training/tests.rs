@@ -108,7 +108,7 @@ fn places_hold_the_largest_cloth_and_one_vertex_more_where_cloths_differ() {
     let data = two_cloths();
     let trainer = Trainer::new(config(everything(Encoder::MLP)), &data.dataset);
     let setup_sizes = std::cell::Cell::new(PlaceSizes::default());
-    let refused = trainer.expect("a training").run_on(&mut |setup| {
+    let refused = trainer.expect("a training").run_on(|setup| {
         setup_sizes.set(sizes_of(setup.graphs()));
         Err(selvedge_train::EngineError("looked at".into()))
     });
@@ -181,7 +181,7 @@ fn a_checkpoint_goes_on_from_one_device_on_the_other() {
     };
     let fresh = || Trainer::new(cfg.clone(), &data.dataset).expect("a training");
     let on_host = |trainer: &mut Trainer| {
-        let made = trainer.run_on(&mut |setup| engine(&host, Precision::Full, setup));
+        let made = trainer.run_on(|setup| engine(&host, Precision::Full, setup));
         made.expect("an engine");
     };
     let mut whole = fresh();
@@ -248,7 +248,7 @@ fn too_little_memory_says_how_many_samples_fit() {
     cfg.batch.samples = 40;
     let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
     let mut refusal = |bytes: usize| {
-        let refused = trainer.run_on(&mut |setup| engine(&Small(bytes), Precision::Full, setup));
+        let refused = trainer.run_on(|setup| engine(&Small(bytes), Precision::Full, setup));
         refused.expect_err("no room").to_string()
     };
     let message = refusal(1_000_000);

@@ -81,6 +81,9 @@ fn a_training_that_the_kernels_of_a_gpu_began_goes_on_with_the_engine() {
     assert_eq!([found.len(), expected.len()], [3, 3]);
     for (found, expected) in found.iter().zip(&expected) {
         // Six steps of f32, of which Adam makes moves of 1e-3 whatever the gradient's size.
-        assert!((found - expected).abs() < 1e-3 * expected, "{found} {expected}");
+        assert!(
+            (found - expected).abs() < 1e-3 * expected,
+            "{found} {expected}"
+        );
     }
 }

@@ -41,7 +41,7 @@ impl Back<'_> {
         let first = Rows::new(first, latent);
         for (column, x) in [(0, record.before[0]), (latent, record.incoming)] {
             let (x, gradient) = (Rows::new(x, latent), gradient.from_column(column));
-            self.to_weight(rows, first, x, gradient);
+            self.add_to_weight(rows, first, x, gradient);
         }
         let to = (Rows::new(nodes, latent), Onto::Add);
         self.through(rows, first, weight, to);
@@ -81,7 +81,7 @@ impl Back<'_> {
             Rows::new(first, latent),
             Rows::new(record.before[1], latent),
         );
-        self.to_weight(graph.arcs, g, x, gradient.from_column(2 * latent));
+        self.add_to_weight(graph.arcs, g, x, gradient.from_column(2 * latent));
         let to = (Rows::new(edges, latent), Onto::Add);
         self.through(graph.arcs, g, weight.from_column(2 * latent), to);
     }
@@ -107,7 +107,7 @@ impl Back<'_> {
         let before = Rows::new(record.before[0], latent);
         for column in [0, latent] {
             let (g, to) = (both.columns(column, latent), gradient.from_column(column));
-            self.to_weight(graph.vertices, g, before, to);
+            self.add_to_weight(graph.vertices, g, before, to);
         }
         let weight = self.pass.weights.ends(number);
         let to = (Rows::new(nodes, latent), Onto::Add);

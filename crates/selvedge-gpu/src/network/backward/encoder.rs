@@ -83,7 +83,7 @@ impl Back<'_> {
         let first = Rows::new(gradient, latent);
         for step in 0..kind.steps {
             let (x, column) = (kind.frame(kind.input, step), step * kind.width);
-            self.to_weight(rows, first, x, to_weight.from_column(column));
+            self.add_to_weight(rows, first, x, to_weight.from_column(column));
             if let Some(to) = kind.to_input {
                 let to = (kind.frame(to, step), Onto::Set);
                 self.through(rows, first, weight.from_column(column), to);
@@ -183,17 +183,17 @@ impl Back<'_> {
             ],
         );
         let gates = Rows::new(buffers.sums, 4 * latent);
-        self.to_bias(rows, gates, buffers.biases[layer]);
+        self.add_to_bias(rows, gates, buffers.biases[layer]);
         let name = |suffix| format!("{}.gru.weight_{suffix}_l{layer}", kind.path);
         let recurrent = gates.columns(latent, 3 * latent);
         let to = self.matrix_of(&name("hh"));
-        self.to_weight(rows, recurrent, Rows::new(before, latent), to);
+        self.add_to_weight(rows, recurrent, Rows::new(before, latent), to);
         let weight = self.pass.weights.matrix(&name("hh"));
         let to = (Rows::new(state, latent), Onto::Add);
         self.through(rows, recurrent, weight, to);
         let all = self.matrix_of(&name("ih"));
         for (gates, part) in of_input(gates, latent, all) {
-            self.to_weight(rows, gates, input, part);
+            self.add_to_weight(rows, gates, input, part);
         }
     }
 

@@ -11,8 +11,8 @@ impl Back<'_> {
     /// input `x`.
     pub(super) fn linear(&mut self, rows: usize, path: &str, g: Rows, x: Rows) {
         let weight = self.matrix_of(&format!("{path}.weight"));
-        self.to_weight(rows, g, x, weight);
-        self.to_bias(rows, g, self.gradient_of(&format!("{path}.bias")));
+        self.add_to_weight(rows, g, x, weight);
+        self.add_to_bias(rows, g, self.gradient_of(&format!("{path}.bias")));
     }
 
     /// Takes the gradient of a layer normalisation's output to that of its input, in place; `other` is
@@ -27,7 +27,7 @@ impl Back<'_> {
         let inverse = inverse.unwrap_or(normal);
         let weight = self.pass.weights.get(&format!("{path}.weight"));
         let g = Rows::new(gradient, self.latent);
-        self.to_bias(rows, g, self.gradient_of(&format!("{path}.bias")));
+        self.add_to_bias(rows, g, self.gradient_of(&format!("{path}.bias")));
         self.schedule.launch(
             &NORM_BACKWARD,
             rows,
@@ -40,7 +40,7 @@ impl Back<'_> {
             ],
         );
         let g = Rows::new(other, self.latent);
-        self.to_bias(rows, g, self.gradient_of(&format!("{path}.weight")));
+        self.add_to_bias(rows, g, self.gradient_of(&format!("{path}.weight")));
     }
 
     /// From the gradient of the second layer's sums to that of the first one's, with the gradients of
@@ -60,7 +60,7 @@ impl Back<'_> {
         let to = Rows::new(first, latent);
         self.through(rows, g, weight, (to, Onto::Set));
         self.mask(first, record.hidden1);
-        self.to_bias(rows, to, self.gradient_of(&format!("{path}.0.bias")));
+        self.add_to_bias(rows, to, self.gradient_of(&format!("{path}.0.bias")));
     }
 
     /// From the gradient of a perceptron's output to that of its first layer's sums, in place; `other` is
