@@ -11,9 +11,9 @@ use crate::training::engine;
 pub struct TrainingCheck {
     /// The gradient of the first step, by its length.
     pub gradient: f64,
-    /// The first loss.
+    /// The term of the first loss that is farthest off.
     pub first_loss: f64,
-    /// The loss of the step that is farthest off.
+    /// The whole loss of the step that is farthest off.
     pub losses: f64,
     /// The weights at the end, by how far they have come.
     pub weights: f64,
@@ -35,12 +35,12 @@ pub fn training(
     let mut check = TrainingCheck::default();
     for step in 0..steps {
         let [expected, found] = [cpu.step()?, other.step()?];
-        let off = loss_apart(&expected, &found);
         if step == 0 {
-            check.first_loss = off;
+            check.first_loss = loss_apart(&expected, &found);
             check.gradient = apart(&other.gradient()?, &cpu.gradient()?, &[]);
         }
-        check.losses = check.losses.max(off);
+        let [found, expected] = [found, expected].map(|report| report.terms.total);
+        check.losses = check.losses.max((found - expected).abs() / expected.abs());
     }
     other.collect()?;
     let [found, expected] = [&other, &cpu].map(|trainer| &trainer.learned().weights[..]);
