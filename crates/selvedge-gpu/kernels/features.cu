@@ -98,6 +98,11 @@ INNER float bending_angle(const float *now, const unsigned *hinge) {
     return atan2f(0.0f - length(along) * dot(normal_left, right), dot(normal_left, normal_right));
 }
 
+// 1 for an arc of a coarse level, 0 for one of the mesh, whose edges all have an extent in the flat cloth.
+INNER float is_link(const float *arc_material, unsigned arc) {
+    return arc_material[3 * (size_t)arc + 2] > 0.0f ? 0.0f : 1.0f;
+}
+
 // One arc in one frame of the window, [steps, arcs].
 KERNEL(edge_features) {
     const unsigned step = ELEMENT / arcs, arc = ELEMENT % arcs;
@@ -107,20 +112,31 @@ KERNEL(edge_features) {
     const Vector apart = minus(vector(now + 3 * (size_t)senders[arc]), vector(now + 3 * (size_t)receivers[arc]));
     const float *at_rest = arc_rest + 4 * (size_t)arc;
     float *row = out + (size_t)ELEMENT * EDGE_WIDTH;
-#ifdef EDGE_VECTOR
     const Vector local = to_local(yaw, apart);
-    put_vector(row, shift, scale, EDGE_VECTOR, local);
-    put(row, shift, scale, EDGE_VECTOR + 3, length(local));
+#ifdef EDGE_COARSE_VECTOR
+    const float link = is_link(arc_material, arc), edge = 1.0f - link;
+    put_vector(row, shift, scale, EDGE_COARSE_VECTOR, times(link, local));
+    put(row, shift, scale, EDGE_COARSE_VECTOR + 3, link * length(local));
+#else
+    const float edge = 1.0f;
+#endif
+#ifdef EDGE_COARSE_REST_VECTOR
+    put_vector(row, shift, scale, EDGE_COARSE_REST_VECTOR, times(link, vector(at_rest)));
+    put(row, shift, scale, EDGE_COARSE_REST_VECTOR + 3, link * at_rest[3]);
+#endif
+#ifdef EDGE_VECTOR
+    put_vector(row, shift, scale, EDGE_VECTOR, times(edge, local));
+    put(row, shift, scale, EDGE_VECTOR + 3, edge * length(local));
 #endif
 #ifdef EDGE_REST_VECTOR
-    put_vector(row, shift, scale, EDGE_REST_VECTOR, vector(at_rest));
-    put(row, shift, scale, EDGE_REST_VECTOR + 3, at_rest[3]);
+    put_vector(row, shift, scale, EDGE_REST_VECTOR, times(edge, vector(at_rest)));
+    put(row, shift, scale, EDGE_REST_VECTOR + 3, edge * at_rest[3]);
 #endif
 #ifdef EDGE_MATERIAL_VECTOR
     put_vector(row, shift, scale, EDGE_MATERIAL_VECTOR, vector(arc_material + 3 * (size_t)arc));
 #endif
 #ifdef EDGE_ELONGATION
-    put(row, shift, scale, EDGE_ELONGATION, length(apart) - at_rest[3]);
+    put(row, shift, scale, EDGE_ELONGATION, edge * (length(apart) - at_rest[3]));
 #endif
 #ifdef EDGE_BENDING_ANGLE
     const unsigned *hinge = hinges + 4 * (size_t)arc;

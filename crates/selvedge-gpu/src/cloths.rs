@@ -174,7 +174,7 @@ impl ClothArrays {
         assert_eq!(UnionSizes::of(graphs), self.sizes, "sizes of the cloths");
         let parts: Vec<Connectivity> = graphs
             .iter()
-            .map(|graph| Connectivity::of(graph.topology()))
+            .map(|graph| Connectivity::of_cloth(graph))
             .collect();
         self.graph.upload(loaded, &Connectivity::union(&parts))?;
         let mut statics = Statics::default();
@@ -306,6 +306,14 @@ impl Statics {
                 self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
                 let flat = sign * flat;
                 self.arc_material[3 * arc..][..3].copy_from_slice(&[flat.x, flat.y, flat_length]);
+            }
+        }
+        // Links have no extent in the flat cloth, which tells them from edges.
+        for link in graph.links() {
+            for (arc, sign) in link.arcs.into_iter().zip([1.0, -1.0]) {
+                let (arc, rest) = (first + arc as usize, sign * link.rest_vector);
+                let length = rest.length();
+                self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
             }
         }
         for hinge in graph.hinges() {

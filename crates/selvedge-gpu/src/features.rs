@@ -119,6 +119,8 @@ fn edge_name(feature: EdgeFeature) -> &'static str {
         EdgeFeature::MaterialVector => "EDGE_MATERIAL_VECTOR",
         EdgeFeature::Elongation => "EDGE_ELONGATION",
         EdgeFeature::BendingAngle => "EDGE_BENDING_ANGLE",
+        EdgeFeature::CoarseVector => "EDGE_COARSE_VECTOR",
+        EdgeFeature::CoarseRestVector => "EDGE_COARSE_REST_VECTOR",
     }
 }
 

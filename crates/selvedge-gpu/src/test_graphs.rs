@@ -127,7 +127,12 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
             NodeFeature::ExpectedMove,
             NodeFeature::RestOffset,
         ]);
-        spec.edge_features.insert(EdgeFeature::MaterialVector);
+        spec.edge_features.extend([
+            EdgeFeature::MaterialVector,
+            EdgeFeature::CoarseVector,
+            EdgeFeature::CoarseRestVector,
+        ]);
+        spec.coarse_levels = 1;
         spec.integration = integration;
         specs.push(spec);
     }

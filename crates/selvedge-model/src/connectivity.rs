@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use selvedge_cloth::Topology;
 
+use crate::graph::ClothGraph;
 use crate::leaves::{Leaf, chunks, leaves};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
@@ -20,7 +21,7 @@ pub struct Connectivity {
 }
 
 impl Connectivity {
-    /// The arcs of a cloth.
+    /// The arcs of a mesh, without coarse levels.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let arcs = topology.arcs();
@@ -46,6 +47,32 @@ impl Connectivity {
             vertex_count: topology.vertex_count(),
             senders: arcs.iter().map(|arc| arc.sender.0).collect(),
             receivers: arcs.iter().map(|arc| arc.receiver.0).collect(),
+            leaves: leaves(&first_arc),
+            first_arc,
+            twins,
+        }
+    }
+
+    /// The arcs of a cloth with its coarse levels.
+    #[must_use]
+    pub fn of_cloth(graph: &ClothGraph) -> Self {
+        let mut twins = vec![0; graph.arc_count()];
+        let of_links = graph.links().iter().map(|link| link.arcs);
+        for [forward, back] in graph.edge_arcs().iter().copied().chain(of_links) {
+            twins[forward as usize] = back;
+            twins[back as usize] = forward;
+        }
+        let mut first_arc = vec![0; graph.vertex_count() + 1];
+        for &receiver in graph.receivers() {
+            first_arc[receiver as usize + 1] += 1;
+        }
+        for vertex in 0..graph.vertex_count() {
+            first_arc[vertex + 1] += first_arc[vertex];
+        }
+        Self {
+            vertex_count: graph.vertex_count(),
+            senders: graph.senders().to_vec(),
+            receivers: graph.receivers().to_vec(),
             leaves: leaves(&first_arc),
             first_arc,
             twins,
@@ -88,7 +115,7 @@ impl Connectivity {
         self.vertex_count
     }
 
-    /// Number of arcs, two per edge.
+    /// Number of arcs, two per edge and two per link.
     #[must_use]
     pub fn arc_count(&self) -> usize {
         self.senders.len()

@@ -74,6 +74,10 @@ impl EdgeFeature {
             }
             Self::Elongation => columns!["m": "elongation"],
             Self::BendingAngle => columns!["rad": "bending angle"],
+            Self::CoarseVector => columns!["m": "coarse vector x", "coarse vector y",
+                "coarse vector z", "coarse length"],
+            Self::CoarseRestVector => columns!["m": "coarse rest vector x",
+                "coarse rest vector y", "coarse rest vector z", "coarse rest length"],
         }
     }
 
@@ -194,6 +198,9 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
         "current positions"
     );
     assert_eq!(out.len(), graph.arc_count() * width, "edge features");
+    if spec.coarse_levels > 0 {
+        out.fill(0.0);
+    }
     let mut first = 0;
     for &feature in &spec.edge_features {
         let columns = Columns {
@@ -207,6 +214,8 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
             EdgeFeature::MaterialVector => material_vector(graph, columns),
             EdgeFeature::Elongation => elongation(graph, pose, columns),
             EdgeFeature::BendingAngle => bending(graph, pose, columns),
+            EdgeFeature::CoarseVector => coarse_vector(graph, pose, columns),
+            EdgeFeature::CoarseRestVector => coarse_rest_vector(graph, columns),
         }
         first += feature.width();
     }
@@ -353,6 +362,21 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
         for arc in graph.edge_arcs()[hinge.edge as usize] {
             out.put(arc as usize, [angle]);
         }
+    }
+}
+
+fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    for link in graph.links() {
+        let [a, b] = link.ends.map(|v| pose.current[v as usize]);
+        let d = pose.yaw.to_local(a - b);
+        put_vector(&mut out, link.arcs, d, d.length());
+    }
+}
+
+fn coarse_rest_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+    for link in graph.links() {
+        let d = link.rest_vector;
+        put_vector(&mut out, link.arcs, d, d.length());
     }
 }
 

@@ -10,6 +10,7 @@ use selvedge_cloth::{Environment, EnvironmentError, HandleError, Handles, Topolo
 use thiserror::Error;
 
 use crate::frame::LocalFrame;
+use crate::levels::{Link, links};
 
 /// What a [`ClothGraph`] is made from.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +62,7 @@ pub struct ClothGraph {
     pub(crate) hinges: Vec<Hinge>,
     pub(crate) rest_vectors: Vec<Vec3>,
     pub(crate) rest_lengths: Vec<f32>,
+    pub(crate) links: Vec<Link>,
 }
 
 /// Why parts do not make a graph.
@@ -128,8 +130,62 @@ impl ClothGraph {
             hinges: hinges(topology),
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
+            links: Vec::new(),
             parts,
         })
+    }
+
+    /// The same cloth with so many coarse levels, whose links are arcs too; fewer where it has too few
+    /// vertices for them.
+    #[must_use]
+    pub fn with_coarse_levels(mut self, levels: usize) -> Self {
+        let topology = &self.parts.topology;
+        let handles: Vec<u32> = self.parts.handles.vertices().iter().map(|v| v.0).collect();
+        let flat = |v: VertexId| self.parts.material_coordinates[v.index()];
+        let lengths: Vec<f32> = topology
+            .edges()
+            .iter()
+            .map(|edge| flat(edge.vertices[0]).distance(flat(edge.vertices[1])))
+            .collect();
+        let links = links(topology, &lengths, &handles, levels);
+        let yaw = self.frame.rest_yaw();
+        let rest = |v: u32| self.parts.rest_positions[v as usize];
+        let edge_count = topology.edges().len();
+        // Receiver, level, sender, number of the edge or, after those, of the link.
+        let mut arcs: Vec<(u32, u32, u32, u32)> = topology
+            .arcs()
+            .iter()
+            .map(|arc| (arc.receiver.0, 0, arc.sender.0, arc.edge.0))
+            .collect();
+        for (number, &([a, b], level)) in links.iter().enumerate() {
+            let number = (edge_count + number) as u32;
+            arcs.extend([(b, level, a, number), (a, level, b, number)]);
+        }
+        arcs.sort_unstable();
+        let mut pairs = vec![[0; 2]; edge_count + links.len()];
+        for (arc, &(_, _, sender, number)) in arcs.iter().enumerate() {
+            let first = match topology.edges().get(number as usize) {
+                Some(edge) => edge.vertices[0].0,
+                None => links[number as usize - edge_count].0[0],
+            };
+            pairs[number as usize][usize::from(sender != first)] = arc as u32;
+        }
+        let of_links = pairs.split_off(edge_count);
+        self.links = links
+            .iter()
+            .zip(of_links)
+            .map(|(&(ends, level), arcs)| Link {
+                ends,
+                level,
+                arcs,
+                rest_vector: yaw.to_local(rest(ends[0]) - rest(ends[1])),
+            })
+            .collect();
+        self.receivers = arcs.iter().map(|arc| arc.0).collect();
+        self.senders = arcs.iter().map(|arc| arc.2).collect();
+        self.arc_edges = arcs.iter().map(|arc| arc.3).collect();
+        self.edge_arcs = pairs;
+        self
     }
 
     /// The connectivity.
@@ -198,7 +254,7 @@ impl ClothGraph {
         self.parts.topology.vertex_count()
     }
 
-    /// Number of arcs, two per edge.
+    /// Number of arcs, two per edge and two per link.
     #[must_use]
     pub fn arc_count(&self) -> usize {
         self.senders.len()
@@ -216,7 +272,7 @@ impl ClothGraph {
         &self.receivers
     }
 
-    /// The edge of each arc, `[arcs]`.
+    /// The edge of each arc, `[arcs]`; from the number of edges on, the link.
     #[must_use]
     pub fn arc_edges(&self) -> &[u32] {
         &self.arc_edges
@@ -232,6 +288,12 @@ impl ClothGraph {
     #[must_use]
     pub fn hinges(&self) -> &[Hinge] {
         &self.hinges
+    }
+
+    /// The edges of the coarse levels, level by level; none unless [`Self::with_coarse_levels`] made some.
+    #[must_use]
+    pub fn links(&self) -> &[Link] {
+        &self.links
     }
 
     /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,

@@ -97,8 +97,9 @@ impl LearnedStepper {
         start: &[&[Vec3]],
     ) -> Result<Self, RolloutError> {
         let vertices = graph.vertex_count();
+        let graph = graph.with_coarse_levels(model.spec().coarse_levels);
         Ok(Self {
-            connectivity: Connectivity::of(graph.topology()),
+            connectivity: Connectivity::of_cloth(&graph),
             history: opening_frames(model.spec(), vertices, start)?,
             next: vec![Vec3::ZERO; vertices],
             next_handles: Vec::new(),

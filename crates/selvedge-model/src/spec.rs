@@ -27,6 +27,10 @@ pub struct ModelSpec {
     pub latent: usize,
     /// Number of message-passing blocks.
     pub blocks: usize,
+    /// Coarse levels, each of a quarter of the vertices of the one before, whose links pass messages beside
+    /// the edges of the mesh; none in the paper.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub coarse_levels: usize,
     /// Where the cloth goes without the network.
     #[serde(default)]
     pub integration: Integration,
@@ -72,6 +76,11 @@ pub enum EdgeFeature {
     Elongation,
     /// Signed dihedral angle `[rad]`, 1 column.
     BendingAngle,
+    /// The vector of a link of a coarse level and its length `[m]`, 4 columns; 0 for an edge of the mesh, as
+    /// all columns above are for a link.
+    CoarseVector,
+    /// The same in the sagged rest pose `[m]`, 4 columns.
+    CoarseRestVector,
 }
 
 /// How features become latent vectors.
@@ -106,6 +115,10 @@ pub enum Encoder {
 
 fn one() -> usize {
     1
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A list in which nothing may stand twice.
@@ -169,6 +182,10 @@ pub enum SpecError {
         expected: &'static str,
         found: f64,
     },
+    #[error(
+        "model.edge_features contains \"{feature}\", but there are no coarse levels: give model.coarse_levels, or take it out"
+    )]
+    NoLevels { feature: &'static str },
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -196,6 +213,7 @@ impl ModelSpec {
             encoder,
             latent,
             blocks,
+            coarse_levels: 0,
             integration: Integration::default(),
             edge_limits: None,
         }
@@ -210,6 +228,7 @@ impl ModelSpec {
             encoder: Encoder::MLP,
             latent,
             blocks,
+            coarse_levels: 0,
             integration: Integration::default(),
             edge_limits: None,
         }
@@ -224,6 +243,7 @@ impl ModelSpec {
             ("latent", self.latent, 4, 4096),
             ("blocks", self.blocks, 1, 256),
             ("encoder.window", self.window(), 1, 64),
+            ("coarse_levels", self.coarse_levels, 0, 8),
         ];
         for (field, found, least, most) in sizes {
             if !(least..=most).contains(&found) {
@@ -283,7 +303,18 @@ impl ModelSpec {
         if !self.edge_features.contains(&EdgeFeature::Vector) {
             return missing("edge_features", "vector");
         }
-        Ok(())
+        let coarse = [
+            (EdgeFeature::CoarseVector, "coarse-vector"),
+            (EdgeFeature::CoarseRestVector, "coarse-rest-vector"),
+        ];
+        let found = |feature| self.edge_features.contains(feature);
+        if self.coarse_levels > 0 && !found(&coarse[0].0) {
+            return missing("edge_features", coarse[0].1);
+        }
+        match coarse.iter().find(|(feature, _)| found(feature)) {
+            Some(&(_, feature)) if self.coarse_levels == 0 => Err(SpecError::NoLevels { feature }),
+            _ => Ok(()),
+        }
     }
 
     /// Frames that the encoder sees, the current one included.

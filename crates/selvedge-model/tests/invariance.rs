@@ -299,6 +299,7 @@ fn signs_of_reversal() -> Vec<f32> {
         EdgeFeature::Vector | EdgeFeature::RestVector => vec![-1.0, -1.0, -1.0, 1.0],
         EdgeFeature::MaterialVector => vec![-1.0, -1.0, 1.0],
         EdgeFeature::Elongation | EdgeFeature::BendingAngle => vec![1.0],
+        EdgeFeature::CoarseVector | EdgeFeature::CoarseRestVector => vec![-1.0, -1.0, -1.0, 1.0],
     });
     signs.collect()
 }
@@ -311,6 +312,7 @@ fn signs_of_turning_over() -> Vec<f32> {
         EdgeFeature::MaterialVector => vec![1.0; 3],
         EdgeFeature::Elongation => vec![1.0],
         EdgeFeature::BendingAngle => vec![-1.0],
+        EdgeFeature::CoarseVector | EdgeFeature::CoarseRestVector => vec![1.0; 4],
     });
     signs.collect()
 }

@@ -25,7 +25,7 @@ impl Motion {
                 trajectory,
             },
             None => Self {
-                connectivity: Arc::new(Connectivity::of(graph.topology())),
+                connectivity: Arc::new(Connectivity::of_cloth(&graph)),
                 graph: Arc::new(graph),
                 trajectory,
             },
@@ -136,9 +136,13 @@ fn graph_in(
 }
 
 impl Corpus {
-    /// Reads the training split of `dataset`; with `mirror_images` every trajectory is followed, after
-    /// the last one, by its mirror image.
-    pub(crate) fn load(dataset: &Dataset, mirror_images: bool) -> Result<Self, CorpusError> {
+    /// Reads the training split of `dataset`, of cloths with so many coarse levels; with `mirror_images` every
+    /// trajectory is followed, after the last one, by its mirror image.
+    pub(crate) fn load(
+        dataset: &Dataset,
+        coarse_levels: usize,
+        mirror_images: bool,
+    ) -> Result<Self, CorpusError> {
         let mut motions: Vec<Motion> = Vec::new();
         let mut images = Vec::new();
         for entry in dataset.entries(Split::Train) {
@@ -148,9 +152,11 @@ impl Corpus {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
                 let graph = graph_in(&entry.motion, &image, environment)?;
+                let graph = graph.with_coarse_levels(coarse_levels);
                 images.push(Motion::new(graph, image, &images));
             }
             let graph = graph_in(&entry.motion, &trajectory, environment)?;
+            let graph = graph.with_coarse_levels(coarse_levels);
             motions.push(Motion::new(graph, trajectory, &motions));
         }
         let mut sections = dataset.sections().to_vec();

@@ -296,7 +296,7 @@ pub(crate) fn prepare(
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset);
     need.check(cfg)?;
-    let corpus = Corpus::load(dataset, cfg.mirror_images)?;
+    let corpus = Corpus::load(dataset, cfg.model.coarse_levels, cfg.mirror_images)?;
     need.with_lanes(cfg, &corpus).check(cfg)?;
     Ok((corpus, network))
 }

@@ -23,7 +23,12 @@ fn everything(encoder: Encoder) -> ModelSpec {
         NodeFeature::ExpectedMove,
         NodeFeature::RestOffset,
     ]);
-    spec.edge_features.insert(EdgeFeature::MaterialVector);
+    spec.edge_features.extend([
+        EdgeFeature::MaterialVector,
+        EdgeFeature::CoarseVector,
+        EdgeFeature::CoarseRestVector,
+    ]);
+    spec.coarse_levels = 2;
     spec.integration = Integration::Carried {
         damping: 0.05,
         stiffness: 0.01,

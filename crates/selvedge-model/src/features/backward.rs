@@ -111,7 +111,10 @@ pub fn edge_features_backward(
         };
         match feature {
             EdgeFeature::Vector => vector(graph, pose, rows, to),
-            EdgeFeature::RestVector | EdgeFeature::MaterialVector => {}
+            EdgeFeature::CoarseVector => coarse_vector(graph, pose, rows, to),
+            EdgeFeature::RestVector
+            | EdgeFeature::MaterialVector
+            | EdgeFeature::CoarseRestVector => {}
             EdgeFeature::Elongation => elongation(graph, pose, rows, to),
             EdgeFeature::BendingAngle => bending(graph, pose, rows, to),
         }
@@ -170,16 +173,27 @@ fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
 }
 
 fn vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
-    let edges = graph.topology().edges().iter().map(|edge| edge.vertices);
-    for (ends, ((a, b), [forward, back])) in edges.zip(edge_ends(graph, pose.current)) {
-        let [forward, back] = [forward as usize, back as usize];
-        let by_difference = rows.vector(forward) - rows.vector(back);
-        let by_length = rows.get(forward, 3) + rows.get(back, 3);
-        let along = (a - b).normalize_or_zero();
-        let by_edge = pose.yaw.to_world(by_difference) + by_length * along;
-        to[ends[0].index()] += by_edge;
-        to[ends[1].index()] -= by_edge;
+    let edges = graph.topology().edges().iter();
+    for (edge, &arcs) in edges.zip(graph.edge_arcs()) {
+        vector_of(edge.vertices.map(|v| v.index()), arcs, pose, rows, to);
     }
+}
+
+fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    for link in graph.links() {
+        vector_of(link.ends.map(|v| v as usize), link.arcs, pose, rows, to);
+    }
+}
+
+/// The vector between two vertices and its length, in both arcs.
+fn vector_of(ends: [usize; 2], arcs: [u32; 2], pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    let [forward, back] = arcs.map(|arc| arc as usize);
+    let by_difference = rows.vector(forward) - rows.vector(back);
+    let by_length = rows.get(forward, 3) + rows.get(back, 3);
+    let along = (pose.current[ends[0]] - pose.current[ends[1]]).normalize_or_zero();
+    let by_edge = pose.yaw.to_world(by_difference) + by_length * along;
+    to[ends[0]] += by_edge;
+    to[ends[1]] -= by_edge;
 }
 
 fn elongation(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {

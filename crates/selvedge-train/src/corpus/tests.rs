@@ -13,7 +13,7 @@ fn the_papers_6550_samples_are_drawn_each_once() {
     let names = selvedge_cloth::motion::named::training();
     let plans: Vec<Plan<'_>> = names.into_iter().map(|name| (name, 4, 1261)).collect();
     let data = swinging(&plans, SectionRule::Paper);
-    let corpus = Corpus::load(&data.dataset, false).expect("a corpus");
+    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
     assert_eq!(corpus.sample_count(), 6550);
     let drawn: Vec<Sample> = (0..6550).map(|number| corpus.sample(number).0).collect();
     assert_eq!(drawn, data.dataset.samples().collect::<Vec<_>>());
@@ -43,7 +43,7 @@ fn a_section_has_the_frames_between_its_ends() {
 #[test]
 fn before_its_first_frame_a_cloth_stood_still() {
     let data = two_cloths();
-    let corpus = Corpus::load(&data.dataset, false).expect("a corpus");
+    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
     let motion = corpus.motion(1);
     assert_eq!(motion.frame(-7), motion.frame(0));
     assert_ne!(motion.frame(1), motion.frame(0));
@@ -56,7 +56,7 @@ fn before_its_first_frame_a_cloth_stood_still() {
 fn trajectories_of_one_cloth_share_its_graph() {
     let plans = [("a", 9, 5), ("b", 12, 5), ("c", 9, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let corpus = Corpus::load(&data.dataset, false).expect("a corpus");
+    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
     let graphs = [0, 1, 2].map(|t| &corpus.motion(t).graph);
     assert!(Arc::ptr_eq(graphs[0], graphs[2]));
     assert!(!Arc::ptr_eq(graphs[0], graphs[1]));
@@ -65,7 +65,7 @@ fn trajectories_of_one_cloth_share_its_graph() {
 #[test]
 fn a_set_without_anything_to_train_on_is_refused() {
     let data = swinging(&[], SectionRule::Whole);
-    let error = Corpus::load(&data.dataset, false)
+    let error = Corpus::load(&data.dataset, 0, false)
         .err()
         .expect("no samples");
     assert!(matches!(error, CorpusError::NoSamples));
@@ -98,8 +98,8 @@ fn the_environment_is_that_of_the_scene() {
 fn mirror_images_follow_the_trajectories() {
     let plans = [("a", 9, 5), ("b", 12, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let alone = Corpus::load(&data.dataset, false).expect("a corpus");
-    let both = Corpus::load(&data.dataset, true).expect("a corpus");
+    let alone = Corpus::load(&data.dataset, 0, false).expect("a corpus");
+    let both = Corpus::load(&data.dataset, 0, true).expect("a corpus");
     let samples = alone.sample_count();
     assert_eq!(both.sample_count(), 2 * samples);
     let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);

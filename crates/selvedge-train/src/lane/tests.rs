@@ -25,7 +25,7 @@ fn case(edit: impl FnOnce(&mut TrainConfig)) -> Case {
     let mut cfg = config(Encoder::Gru { window: 3 });
     edit(&mut cfg);
     Case {
-        corpus: Corpus::load(&data.dataset, false).expect("a corpus"),
+        corpus: Corpus::load(&data.dataset, 0, false).expect("a corpus"),
         cfg,
         _data: data,
     }

@@ -12,7 +12,7 @@ fn lanes(change: impl Fn(&mut TrainConfig)) -> f64 {
     let mut cfg = config(Encoder::Gru { window: 3 });
     change(&mut cfg);
     let data = two_cloths();
-    let corpus = Corpus::load(&data.dataset, false).expect("a corpus");
+    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
     Need::default().with_lanes(&cfg, &corpus).lanes
 }
 
@@ -28,7 +28,7 @@ fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
     assert_eq!(with(6, 2), with(6, 6), "shards share, they do not multiply");
     let of = |plans: &[crate::test_data::Plan<'_>]| {
         let data = swinging(plans, SectionRule::Whole);
-        let corpus = Corpus::load(&data.dataset, false).expect("a corpus");
+        let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
         let need = Need::default().with_lanes(&config(Encoder::MLP), &corpus);
         need.lanes
     };

@@ -83,7 +83,7 @@ fn whole(encoder: Encoder) -> Whole {
     };
     let trainer = Trainer::new(cfg.clone(), &data.dataset).expect("a training");
     let model = trainer.model(String::new()).expect("a model");
-    let corpus = Corpus::load(&data.dataset, false).expect("a corpus");
+    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
     let mut shown = Shown::default();
     let mut rng = rng_of(cfg.seed, 0, 0, 1);
     LaneState::new().show(&cfg, &corpus, &mut rng, &mut shown);
