@@ -6,7 +6,8 @@ line asks for: "frame", a forward pass without gradients, or "step", a forward p
 output, a backward pass and Adam. It answers with the milliseconds that it took.
 
 Options: --device cuda runs it on a GPU, --compile by torch.compile (CUDA graphs where there is a GPU), --precision
-tensor with products in TF32.
+tensor with products in TF32, half with what PyTorch's autocast does in bfloat16. A GPU is waited for before and after
+what is timed.
 """
 
 import argparse
@@ -28,6 +29,9 @@ class Peer:
         torch.set_float32_matmul_precision("high" if options.precision == "tensor" else "highest")
         torch.set_default_device(options.device)
         self.on_gpu = options.device.startswith("cuda")
+        self.marks_runs = self.on_gpu and options.compile
+        kind, in_half = torch.device(options.device).type, options.precision == "half"
+        self.precision = lambda: torch.autocast(kind, dtype=torch.bfloat16, enabled=in_half)
         torch.backends.cudnn.allow_tf32 = options.precision == "tensor"
         spec, vertices, arcs = given["spec"], given["vertices"], len(given["senders"])
         encoder, latent = spec["encoder"], spec["latent"]
@@ -48,7 +52,11 @@ class Peer:
         self.without_gradients = torch.no_grad if options.compile else torch.inference_mode
 
     def forward(self):
-        return self.run(self.nodes, self.edges, self.senders, self.receivers, self.states)
+        if self.marks_runs:
+            # What the graphs of the run before have left is not wanted any more.
+            torch.compiler.cudagraph_mark_step_begin()
+        with self.precision():
+            return self.run(self.nodes, self.edges, self.senders, self.receivers, self.states)
 
     def wait(self):
         if self.on_gpu:
@@ -60,7 +68,7 @@ class Peer:
 
     def step(self):
         self.optimizer.zero_grad(set_to_none=True)
-        loss = torch.nn.functional.mse_loss(self.forward(), self.target)
+        loss = torch.nn.functional.mse_loss(self.forward().float(), self.target)
         loss.backward()
         self.optimizer.step()
 
@@ -69,7 +77,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--compile", action="store_true")
-    parser.add_argument("--precision", choices=["full", "tensor"], default="full")
+    parser.add_argument("--precision", choices=["full", "tensor", "half"], default="full")
     peer = Peer(json.loads(sys.stdin.readline()), parser.parse_args())
     print("ready", flush=True)
     for line in sys.stdin:

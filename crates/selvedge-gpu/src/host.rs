@@ -2,7 +2,8 @@
 //! into a shared library, and schedules run one command after the other by plain loops.
 //!
 //! It is there so that everything but the launching can be tested, and compared with the CPU engine,
-//! where there is no GPU. It is slow, and says nothing about the speed of anything.
+//! where there is no GPU. It is slow, and says nothing about the speed of anything. It multiplies in full
+//! whatever the precision.
 //!
 //! `unsafe` here: a library that was compiled a moment ago is loaded and its functions are called with
 //! pointers into the arena. That these stay within it is what [`Loaded::prepare`] checks of every schedule.
@@ -15,6 +16,7 @@ use std::process::Command as Process;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use libloading::Library;
+use selvedge_train::available_memory;
 
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
 use crate::plan::{Plan, Region};
@@ -128,7 +130,7 @@ impl Device for Host {
     }
 
     fn free_bytes(&self) -> Result<usize, DeviceError> {
-        Ok(usize::MAX)
+        Ok(available_memory() as usize)
     }
 
     fn load(

@@ -9,6 +9,7 @@ use crate::network::{
     ForwardPass, GraphArrays, InputArrays, Keep, StateArrays, WeightArrays, forward,
 };
 use crate::plan::{Plan, Region};
+use crate::profile::Work;
 use crate::schedule::Schedule;
 use crate::source::{Program, Sizes};
 
@@ -20,6 +21,7 @@ pub struct Inference {
     output: Region,
     forward: Prepared,
     commands: usize,
+    work: Work,
 }
 
 impl Inference {
@@ -79,6 +81,7 @@ impl Inference {
         Ok(Self {
             forward: loaded.prepare(&schedule)?,
             commands: schedule.len(),
+            work: Work::of_all(&schedule),
             output: record.output,
             loaded,
             input,
@@ -90,6 +93,12 @@ impl Inference {
     #[must_use]
     pub fn commands(&self) -> usize {
         self.commands
+    }
+
+    /// What a pass moves and multiplies.
+    #[must_use]
+    pub fn work(&self) -> Work {
+        self.work
     }
 
     /// Writes normalised features, of as many frames as the pass takes.

@@ -13,7 +13,8 @@ use crate::network::{
     backward, forward,
 };
 use crate::plan::{Plan, Region};
-use crate::schedule::{Argument, Schedule};
+use crate::profile::{Spent, profile};
+use crate::schedule::{Argument, Command, Schedule};
 use crate::source::{Program, Sizes};
 use crate::{backward as backward_kernels, layers};
 
@@ -29,7 +30,8 @@ pub struct Learning {
     optimizer: Adam,
     learn: Prepared,
     update: Prepared,
-    commands: usize,
+    /// Both, as they were prepared.
+    commands: Vec<Command>,
 }
 
 /// Where everything lies and what is done.
@@ -165,7 +167,7 @@ impl Learning {
         Ok(Self {
             learn: loaded.prepare(&layout.learn)?,
             update: loaded.prepare(&layout.update)?,
-            commands: layout.learn.len() + layout.update.len(),
+            commands: [layout.learn.commands, layout.update.commands].concat(),
             loaded,
             input: layout.input,
             target: layout.target,
@@ -180,7 +182,20 @@ impl Learning {
     /// Kernels, products and copies of a step.
     #[must_use]
     pub fn commands(&self) -> usize {
-        self.commands
+        self.commands.len()
+    }
+
+    /// What every command of a step takes by itself. Nothing can be learned afterwards.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn profile(mut self) -> Result<Vec<Spent>, DeviceError> {
+        self.step(0.0)?;
+        let schedule = Schedule {
+            name: "a step of learning",
+            commands: self.commands,
+        };
+        profile(&mut *self.loaded, &schedule)
     }
 
     /// Writes normalised features, of as many frames as the pass takes, and what it should predict,

@@ -26,6 +26,7 @@ pub mod losses;
 pub mod motion;
 pub mod network;
 pub mod plan;
+pub mod profile;
 pub mod rollout;
 pub mod schedule;
 pub mod source;

@@ -16,6 +16,7 @@ use thiserror::Error;
 use crate::cloths::UnionSizes;
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
 use crate::frames::{FrameNumbers, HandleFrames};
+use crate::profile::{Spent, profile};
 
 pub use plan::RolloutPlan;
 
@@ -213,6 +214,20 @@ impl Rollout {
     /// When something that ran has failed.
     pub fn wait(&mut self) -> Result<(), DeviceError> {
         self.loaded.wait()
+    }
+
+    /// What every command of a frame takes by itself, without what goes up and down. A streaming network's frame is
+    /// one that goes on from states. The cloths are lost.
+    ///
+    /// # Errors
+    /// [`FrameError`] of the frame that comes before.
+    ///
+    /// # Panics
+    /// As [`Self::step`].
+    pub fn profile(mut self, targets: &[&[Vec3]]) -> Result<Vec<Spent>, FrameError> {
+        self.step(targets)?;
+        let schedule = self.plan.newest.first().unwrap_or(&self.plan.whole);
+        Ok(profile(&mut *self.loaded, schedule)?)
     }
 
     /// Starts the computation of a frame; gives the yaws of the cloths.

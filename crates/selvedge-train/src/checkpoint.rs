@@ -19,6 +19,7 @@ use crate::corpus::Corpus;
 use crate::engine::Learned;
 use crate::lane::LaneState;
 use crate::losses::RunningLossStatistics;
+use crate::memory::Arithmetic;
 use crate::optimizer::Adam;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
 
@@ -165,19 +166,24 @@ impl Trainer {
             .collect()
     }
 
-    /// Goes on from the checkpoint at `path`. Only `name`, `steps` and `log_every` may differ
-    /// from the configuration it was made with.
+    /// Goes on from the checkpoint at `path`, wherever that was made. Only `name`, `steps` and `log_every`
+    /// may differ from the configuration it was made with.
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.
-    pub fn resume(cfg: TrainConfig, dataset: &Dataset, path: &Path) -> Result<Self, ResumeError> {
+    pub fn resume(
+        cfg: TrainConfig,
+        dataset: &Dataset,
+        path: &Path,
+        on: Arithmetic,
+    ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
         let bytes = Bytes::read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let (corpus, network) = prepare(&cfg, dataset)?;
+        let (corpus, network) = prepare(&cfg, dataset, on)?;
         let count = network.parameter_count();
         let moments = [
             file.numbers("first_moment", count)?,
@@ -205,7 +211,7 @@ impl Trainer {
             targets: state.targets,
             step: state.step,
         };
-        Ok(Self::assemble(cfg, corpus, parts))
+        Ok(Self::assemble(cfg, (corpus, on), parts))
     }
 }
 
@@ -220,6 +226,7 @@ impl Trainer {
         cfg: TrainConfig,
         dataset: &Dataset,
         path: &Path,
+        on: Arithmetic,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
         let bytes = Bytes::read(path)?;
@@ -228,7 +235,7 @@ impl Trainer {
         file.check_network(&made, &cfg)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let (corpus, network) = prepare(&cfg, dataset)?;
+        let (corpus, network) = prepare(&cfg, dataset, on)?;
         let weights = file.numbers("weights", network.parameter_count())?;
         let parts = Parts {
             learned: Learned {
@@ -242,7 +249,7 @@ impl Trainer {
             targets: state.targets,
             step: 0,
         };
-        Ok(Self::assemble(cfg, corpus, parts))
+        Ok(Self::assemble(cfg, (corpus, on), parts))
     }
 }
 

@@ -74,6 +74,35 @@ pub trait Engine: Send {
 #[error(transparent)]
 pub struct EngineError(pub Box<dyn Error + Send + Sync>);
 
+/// The engine of a training whose device is still to be put in: it refuses to learn.
+pub(crate) struct Nobody;
+
+impl Nobody {
+    fn refusal<T>() -> Result<T, EngineError> {
+        Err(EngineError(
+            "the device that is to do the arithmetic was not put in".into(),
+        ))
+    }
+}
+
+impl Engine for Nobody {
+    fn learn(&mut self, _: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
+        Self::refusal()
+    }
+
+    fn update(&mut self, _: &mut Learned, _: Update) -> Result<f64, EngineError> {
+        Self::refusal()
+    }
+
+    fn gradient(&mut self) -> Result<Vec<f32>, EngineError> {
+        Self::refusal()
+    }
+
+    fn collect(&mut self, _: &mut Learned) -> Result<(), EngineError> {
+        Ok(())
+    }
+}
+
 /// How weights follow a gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {

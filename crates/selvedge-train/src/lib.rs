@@ -34,7 +34,7 @@ pub use losses::{
     LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError, Report,
     RunningLossStatistics, Triplet,
 };
-pub use memory::MemoryError;
+pub use memory::{Arithmetic, MemoryError, available_memory};
 pub use optimizer::{Adam, AdamError, AdamRates, AdamSettings, clip_norm};
 pub use run::{Kept, Limits, RunEnd, RunError, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};

@@ -2,7 +2,9 @@
 //! names its causes, not a program that the system ends.
 //!
 //! Reckoned are the trajectories, the weights with their moments and the gradient of every shard, and
-//! what every sample of a batch keeps on its way through the network; the rest is small. What there
+//! what every sample of a batch keeps on its way through the network; the rest is small. Where a device with
+//! memory of its own does the arithmetic, that has the gradients of the shards and what is kept on the way, and
+//! reckons for itself; here are the positions that go up, and copies of them for the transfer. What there
 //! is, is what the system says: the machine's memory, that of the control group and the limit of the
 //! address space (Linux), the least of them; [`FALLBACK`] where it says nothing.
 
@@ -20,6 +22,16 @@ const FALLBACK: f64 = 64.0 * GIB;
 const NUMBER: f64 = 4.0;
 const POSITION: f64 = 12.0;
 const EXACT_POSITION: f64 = 24.0;
+
+/// Where the arithmetic of a training is done, and with that whose memory it takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// By this machine's processor.
+    #[default]
+    OnProcessor,
+    /// By a device with memory of its own, which [`crate::Trainer::run_on`] puts in before the first step.
+    OnDevice,
+}
 
 /// A training that does not fit into memory.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -43,14 +55,21 @@ pub(crate) struct Need {
 
 impl Need {
     /// What can be said before the data are read.
-    pub(crate) fn before_reading(cfg: &TrainConfig, network: &Network, dataset: &Dataset) -> Self {
+    pub(crate) fn before_reading(
+        cfg: &TrainConfig,
+        network: &Network,
+        dataset: &Dataset,
+        on: Arithmetic,
+    ) -> Self {
         let entries = dataset.entries(Split::Train).iter();
         let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
         let images = if cfg.mirror_images { 2.0 } else { 1.0 };
-        let shards = shard_count(cfg) as f64;
-        // Weights, their mean, their gradient and two moments; three copies packed for the engine, three where a
-        // checkpoint is written.
-        let copies = 5.0 + 3.0 + 3.0 + shards;
+        // Weights, their mean, their gradient and two moments, and three where a checkpoint is written; on the
+        // processor three packed for the engine, and the gradients of the shards.
+        let copies = match on {
+            Arithmetic::OnProcessor => 5.0 + 3.0 + 3.0 + shard_count(cfg) as f64,
+            Arithmetic::OnDevice => 5.0 + 3.0,
+        };
         Self {
             trajectories: images * POSITION * positions,
             weights: NUMBER * copies * network.parameter_count() as f64,
@@ -59,8 +78,14 @@ impl Need {
     }
 
     /// The same with what the lanes need, each of them the most that a cloth of `corpus` takes.
-    pub(crate) fn with_lanes(self, cfg: &TrainConfig, corpus: &Corpus) -> Self {
-        let of = |graph: &ClothGraph| of_lanes(cfg, graph.vertex_count(), graph.arc_count());
+    pub(crate) fn with_lanes(self, cfg: &TrainConfig, corpus: &Corpus, on: Arithmetic) -> Self {
+        let of = |graph: &ClothGraph| {
+            let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+            match on {
+                Arithmetic::OnProcessor => of_lanes(cfg, vertices, arcs),
+                Arithmetic::OnDevice => of_sent_lanes(cfg, vertices, arcs),
+            }
+        };
         Self {
             lanes: corpus.graphs().map(of).fold(0.0, f64::max),
             ..self
@@ -73,7 +98,7 @@ impl Need {
 
     /// That so much is there.
     pub(crate) fn check(self, cfg: &TrainConfig) -> Result<(), MemoryError> {
-        self.check_against(cfg, available())
+        self.check_against(cfg, available_memory())
     }
 
     fn check_against(self, cfg: &TrainConfig, available: f64) -> Result<(), MemoryError> {
@@ -115,8 +140,23 @@ fn of_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
     samples + shards * (unrolled as f64 * shown + NUMBER * features + by_position)
 }
 
-/// What this program may take [bytes].
-fn available() -> f64 {
+/// The same where a device takes them through the network: what they show, the predictions that come down, and
+/// two copies of what goes up. What is dropped goes up as four words for a row.
+fn of_sent_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
+    let history = POSITION * (cfg.model.history() * vertices) as f64;
+    let targets = 3.0 * EXACT_POSITION * vertices as f64;
+    let sent = history.max(EXACT_POSITION * vertices as f64);
+    let predicted = 2.0 * POSITION * vertices as f64;
+    let dropped = match cfg.dropout > 0.0 {
+        true => 4.0 * NUMBER * (vertices + arcs) as f64,
+        false => 0.0,
+    };
+    cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * (sent + dropped))
+}
+
+/// What this program may take [bytes]: the machine's memory, or what the system allows of it.
+#[must_use]
+pub fn available_memory() -> f64 {
     let text = |path| std::fs::read_to_string(path).unwrap_or_default();
     let said = [
         machine(&text("/proc/meminfo")),

@@ -1,7 +1,7 @@
 //! The training step, read from top to bottom: every lane shows a sample and is taken forward and
 //! backward by the engine, the lanes advance, the optimiser steps.
 //!
-//! The engine is that of this machine's processor unless another one is put in its place.
+//! The engine is that of this machine's processor unless another one is put in its place, or waited for.
 
 use std::ops::ControlFlow;
 
@@ -13,11 +13,11 @@ use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::corpus::{Corpus, CorpusError};
-use crate::engine::{Batch, Engine, EngineError, Learned, Setup, Update};
+use crate::engine::{Batch, Engine, EngineError, Learned, Nobody, Setup, Update};
 use crate::gathering::{Gathered, Gathering, Statistics};
 use crate::lane::LaneState;
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
-use crate::memory::{MemoryError, Need};
+use crate::memory::{Arithmetic, MemoryError, Need};
 use crate::optimizer::{Adam, AdamError};
 use crate::shards::Shards;
 
@@ -82,23 +82,26 @@ impl Trainer {
     /// [`TrainError`] when the configuration or the data set cannot be used, or there is not enough
     /// memory for both.
     pub fn new(cfg: TrainConfig, dataset: &Dataset) -> Result<Self, TrainError> {
-        let (corpus, network) = prepare(&cfg, dataset)?;
+        let on = Arithmetic::OnProcessor;
+        let (corpus, network) = prepare(&cfg, dataset, on)?;
         let mut gathering = Gathering::new(&cfg, &corpus);
         while gathering.advance().is_some() {}
         let statistics = gathering.finish();
-        Self::begin(cfg, corpus, network, statistics)
+        Self::begin(cfg, (corpus, on), network, statistics)
     }
 
-    /// The same; `observe` hears of every sample of the statistics and may stop, which gives none.
+    /// The same wherever the arithmetic is done; `observe` hears of every sample of the statistics and may
+    /// stop, which gives none.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn new_observed(
         cfg: TrainConfig,
         dataset: &Dataset,
+        on: Arithmetic,
         observe: &mut dyn FnMut(Gathered) -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
-        let (corpus, network) = prepare(&cfg, dataset)?;
+        let (corpus, network) = prepare(&cfg, dataset, on)?;
         let mut gathering = Gathering::new(&cfg, &corpus);
         while let Some(gathered) = gathering.advance() {
             if observe(gathered).is_break() {
@@ -106,12 +109,12 @@ impl Trainer {
             }
         }
         let statistics = gathering.finish();
-        Self::begin(cfg, corpus, network, statistics).map(Some)
+        Self::begin(cfg, (corpus, on), network, statistics).map(Some)
     }
 
     fn begin(
         cfg: TrainConfig,
-        corpus: Corpus,
+        given: (Corpus, Arithmetic),
         network: Network,
         (inputs, targets): Statistics,
     ) -> Result<Self, TrainError> {
@@ -129,10 +132,14 @@ impl Trainer {
             targets,
             step: 0,
         };
-        Ok(Self::assemble(cfg, corpus, parts))
+        Ok(Self::assemble(cfg, given, parts))
     }
 
-    pub(crate) fn assemble(cfg: TrainConfig, corpus: Corpus, parts: Parts) -> Self {
+    pub(crate) fn assemble(
+        cfg: TrainConfig,
+        (corpus, on): (Corpus, Arithmetic),
+        parts: Parts,
+    ) -> Self {
         let statistics = parts.targets.freeze();
         let [nodes, edges] = &parts.inputs;
         let normalizers = Normalizers {
@@ -140,7 +147,12 @@ impl Trainer {
             edges: edges.freeze(),
             acceleration: statistics.acceleration.clone(),
         };
-        let engine = Shards::new(&cfg, &parts.network, &parts.learned.weights);
+        let engine: Box<dyn Engine> = match on {
+            Arithmetic::OnProcessor => {
+                Box::new(Shards::new(&cfg, &parts.network, &parts.learned.weights))
+            }
+            Arithmetic::OnDevice => Box::new(Nobody),
+        };
         Self {
             network: parts.network,
             learned: parts.learned,
@@ -151,7 +163,7 @@ impl Trainer {
             corpus,
             statistics,
             normalizers,
-            engine: Box::new(engine),
+            engine,
             cfg,
         }
     }
@@ -287,17 +299,19 @@ impl Trainer {
     }
 }
 
-/// The data and the network of a training whose configuration is good and for which there is room.
+/// The data and the network of a training whose configuration is good and for which there is room on this
+/// machine.
 pub(crate) fn prepare(
     cfg: &TrainConfig,
     dataset: &Dataset,
+    on: Arithmetic,
 ) -> Result<(Corpus, Network), TrainError> {
     cfg.validate()?;
     let network = Network::new(&cfg.model)?;
-    let need = Need::before_reading(cfg, &network, dataset);
+    let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
     let corpus = Corpus::load(dataset, cfg.model.coarse_levels, cfg.mirror_images)?;
-    need.with_lanes(cfg, &corpus).check(cfg)?;
+    need.with_lanes(cfg, &corpus, on).check(cfg)?;
     Ok((corpus, network))
 }
 

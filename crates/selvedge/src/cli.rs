@@ -15,9 +15,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_train::Setting;
 
 pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
-#[cfg(feature = "gpu")]
-pub(crate) use self::device::PrecisionName;
-pub(crate) use self::device::{DeviceArgs, DeviceName};
+pub(crate) use self::device::{DeviceArgs, DeviceName, PrecisionName};
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::guard::{GuardName, StressArgs};

@@ -10,11 +10,12 @@ use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
-use selvedge_train::{TrainError, Trainer};
+use selvedge_train::{Arithmetic, TrainError, Trainer};
 
-#[cfg(feature = "gpu")]
-use crate::cli::PrecisionName;
-use crate::cli::{DeviceArgs, DeviceName};
+use crate::cli::{DeviceArgs, DeviceName, PrecisionName};
+
+/// The name of [`Machine::Cpu`].
+pub(crate) const PROCESSOR: &str = "cpu";
 
 /// A model at work on a cloth.
 pub(crate) type Mover = Box<dyn Correctable + Send>;
@@ -33,20 +34,22 @@ impl Machine {
     /// What is asked for.
     ///
     /// # Errors
-    /// A device that is not there, with what is missing.
+    /// A device that is not there, with what is missing, or a precision that it does not have.
     pub(crate) fn open(args: &DeviceArgs) -> anyhow::Result<Self> {
         match args.device {
+            DeviceName::Cpu if args.precision != PrecisionName::Full => anyhow::bail!(
+                "--precision {}: the processor multiplies in full precision: name a GPU with --device, or leave \
+                 out --precision",
+                args.precision.name()
+            ),
             DeviceName::Cpu => Ok(Self::Cpu),
             #[cfg(feature = "gpu")]
             name => Ok(Self::Gpu(device(name)?, precision(args.precision))),
             #[cfg(not(feature = "gpu"))]
-            DeviceName::Cuda(_) | DeviceName::Host => {
-                let _ = args.precision;
-                anyhow::bail!(
-                    "--device: this selvedge was built without GPUs: build it with \
-                     cargo build --release --features gpu, or leave out --device"
-                )
-            }
+            DeviceName::Cuda(_) | DeviceName::Host => anyhow::bail!(
+                "--device: this selvedge was built without GPUs: build it with \
+                 cargo build --release --features gpu, or leave out --device"
+            ),
         }
     }
 
@@ -87,12 +90,25 @@ impl Machine {
         }
     }
 
-    /// What it is, for people.
+    /// Whose memory a training takes on it.
+    pub(crate) fn arithmetic(&self) -> Arithmetic {
+        match self {
+            Self::Cpu => Arithmetic::OnProcessor,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(..) => Arithmetic::OnDevice,
+        }
+    }
+
+    /// What it is, for people, with its precision where that is not full.
     pub(crate) fn name(&self) -> String {
         match self {
-            Self::Cpu => "cpu".to_owned(),
+            Self::Cpu => PROCESSOR.to_owned(),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, _) => device.name(),
+            Self::Gpu(device, Precision::Full) => device.name(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device, Precision::Tensor) => format!("{}, precision tensor", device.name()),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(device, Precision::Half) => format!("{}, precision half", device.name()),
         }
     }
 }

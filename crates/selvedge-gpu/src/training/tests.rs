@@ -4,7 +4,7 @@
 mod swinging;
 
 use selvedge_model::{EdgeFeature, Encoder, Integration, ModelSpec, Network, NodeFeature};
-use selvedge_train::{TrainConfig, Trainer, TruthProbability, UnrollFrames};
+use selvedge_train::{Arithmetic, TrainConfig, Trainer, TruthProbability, UnrollFrames};
 
 use super::places::{sizes_of, union_sizes};
 use super::{TrainingPlan, engine};
@@ -200,7 +200,12 @@ fn a_checkpoint_goes_on_from_one_device_on_the_other() {
         take(&mut trainer);
         trainer.collect().expect("weights");
         trainer.save(&checkpoint, &data.dataset).expect("room");
-        let resumed = Trainer::resume(cfg.clone(), &data.dataset, &checkpoint);
+        let resumed = Trainer::resume(
+            cfg.clone(),
+            &data.dataset,
+            &checkpoint,
+            Arithmetic::OnProcessor,
+        );
         let mut resumed = resumed.expect("a checkpoint");
         if first == "cpu" {
             on_host(&mut resumed);

@@ -31,7 +31,7 @@ fn five(cfg: TrainConfig, data: &Swinging) -> (PathBuf, Vec<u8>) {
 fn refusal(cfg: TrainConfig, data: &Swinging, bytes: &[u8]) -> String {
     let path = data.folder.path().join("refused");
     std::fs::write(&path, bytes).expect("room");
-    let error = Trainer::resume(cfg, &data.dataset, &path).err();
+    let error = Trainer::resume(cfg, &data.dataset, &path, Arithmetic::OnProcessor).err();
     let text = error.expect("a refusal").to_string();
     let path = path.display().to_string();
     text.replacen(&path, "FILE", 1)
@@ -63,7 +63,9 @@ fn a_resumed_training_is_the_uninterrupted_one() {
             let mut before = Trainer::new(busy(encoder), &data.dataset).expect("a training");
             assert_eq!(steps(&mut before, first), reports[..first]);
             let (path, bytes) = saved(&before, &data, "part");
-            let mut after = Trainer::resume(busy(encoder), &data.dataset, &path).expect("resumed");
+            let mut after =
+                Trainer::resume(busy(encoder), &data.dataset, &path, Arithmetic::OnProcessor)
+                    .expect("resumed");
             assert_eq!(saved(&after, &data, "again").1, bytes, "nothing is lost");
             assert_eq!(steps(&mut after, 12 - first), reports[first..]);
             assert_eq!(saved(&after, &data, "b").1, saved(&whole, &data, "a").1);
@@ -86,7 +88,8 @@ fn histories_of_lanes_in_a_run_are_kept() {
         .count();
     assert!(histories > 0);
     let cfg = busy(Encoder::Gru { window: 3 });
-    let trainer = Trainer::resume(cfg, &data.dataset, &path).expect("resumed");
+    let trainer =
+        Trainer::resume(cfg, &data.dataset, &path, Arithmetic::OnProcessor).expect("resumed");
     let in_runs = trainer.lanes.iter().filter(|lane| lane.run > 0);
     assert_eq!(in_runs.clone().count(), histories);
     for lane in in_runs {
@@ -104,7 +107,8 @@ fn name_steps_and_log_may_change() {
         log_every: 7,
         ..busy(Encoder::MLP)
     };
-    let trainer = Trainer::resume(cfg, &data.dataset, &path).expect("resumed");
+    let trainer =
+        Trainer::resume(cfg, &data.dataset, &path, Arithmetic::OnProcessor).expect("resumed");
     assert_eq!((trainer.steps_done(), trainer.config().steps), (5, 5000));
 }
 
@@ -157,7 +161,8 @@ fn another_model_is_refused_by_all_its_fields() {
     let from = |edit: fn(&mut TrainConfig)| {
         let mut cfg = busy(Encoder::Mlp { window: 1 });
         edit(&mut cfg);
-        Trainer::start_from(cfg, &data.dataset, &path).map_err(|error| error.to_string())
+        Trainer::start_from(cfg, &data.dataset, &path, Arithmetic::OnProcessor)
+            .map_err(|error| error.to_string())
     };
     // What is no part of the network may be another.
     let trainer = from(|cfg| {
@@ -210,7 +215,7 @@ fn damaged_checkpoints_are_refused() {
     let text = refusal(cfg(), &data, &edited(&bytes, "version", |_| "7".into()));
     assert_eq!(text, "FILE: metadata \"version\" is \"7\", expected \"1\"");
     let missing = data.folder.path().join("missing");
-    let error = Trainer::resume(cfg(), &data.dataset, &missing).err();
+    let error = Trainer::resume(cfg(), &data.dataset, &missing, Arithmetic::OnProcessor).err();
     assert!(matches!(error, Some(ResumeError::Read { .. })));
 }
 
@@ -297,7 +302,8 @@ fn a_checkpoint_in_small_files_is_the_same_checkpoint() {
         let size = std::fs::metadata(part).expect("a part").len() as usize;
         assert!(size < MOST + 1000, "{size} bytes");
     }
-    let mut resumed = Trainer::resume(cfg(), &data.dataset, &path).expect("a checkpoint");
+    let mut resumed = Trainer::resume(cfg(), &data.dataset, &path, Arithmetic::OnProcessor)
+        .expect("a checkpoint");
     assert_eq!(resumed.learned, trainer.learned);
     assert_eq!(resumed.lanes, trainer.lanes);
     assert_eq!(steps(&mut resumed, 2), steps(&mut trainer, 2));
@@ -308,7 +314,7 @@ fn a_checkpoint_in_small_files_is_the_same_checkpoint() {
         "what was before is gone"
     );
     std::fs::remove_file(&later[0]).expect("a part");
-    let refused = Trainer::resume(cfg(), &data.dataset, &path)
+    let refused = Trainer::resume(cfg(), &data.dataset, &path, Arithmetic::OnProcessor)
         .err()
         .expect("a refusal");
     let name = later[0].display().to_string();

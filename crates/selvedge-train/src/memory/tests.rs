@@ -13,7 +13,9 @@ fn lanes(change: impl Fn(&mut TrainConfig)) -> f64 {
     change(&mut cfg);
     let data = two_cloths();
     let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    Need::default().with_lanes(&cfg, &corpus).lanes
+    Need::default()
+        .with_lanes(&cfg, &corpus, Arithmetic::OnProcessor)
+        .lanes
 }
 
 #[test]
@@ -29,7 +31,8 @@ fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
     let of = |plans: &[crate::test_data::Plan<'_>]| {
         let data = swinging(plans, SectionRule::Whole);
         let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-        let need = Need::default().with_lanes(&config(Encoder::MLP), &corpus);
+        let need =
+            Need::default().with_lanes(&config(Encoder::MLP), &corpus, Arithmetic::OnProcessor);
         need.lanes
     };
     let (small, large) = (("a", 9, 14), ("b", 12, 11));
@@ -70,11 +73,52 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     );
     let network = Network::new(&cfg.model).expect("a network");
     let data = two_cloths();
-    let need = Need::before_reading(&cfg, &network, &data.dataset);
+    let need = Need::before_reading(&cfg, &network, &data.dataset, Arithmetic::OnProcessor);
     // Three shards; 14 frames of 9 vertices and 11 of 12.
     let weights = (8 + 3 + 3) * 4 * network.parameter_count();
     assert_eq!(need.weights, weights as f64);
     assert_eq!(need.trajectories, f64::from(12 * (14 * 9 + 11 * 12)));
+}
+
+#[test]
+fn what_a_device_keeps_is_not_reckoned_here() {
+    let data = two_cloths();
+    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
+    let needed = |change: fn(&mut TrainConfig)| {
+        let mut cfg = config(Encoder::Gru { window: 3 });
+        (cfg.batch.samples, cfg.batch.shard) = (4, 1);
+        change(&mut cfg);
+        let network = Network::new(&cfg.model).expect("a network");
+        let need = |on| {
+            let need = Need::before_reading(&cfg, &network, &data.dataset, on);
+            need.with_lanes(&cfg, &corpus, on)
+        };
+        [Arithmetic::OnProcessor, Arithmetic::OnDevice].map(need)
+    };
+    let [processor, device] = needed(|_| ());
+    assert_eq!(device.trajectories, processor.trajectories);
+    // Without those packed and the gradients of four shards: 8 of 15 copies.
+    assert_eq!(15.0 * device.weights, 8.0 * processor.weights);
+    // Neither blocks nor frames that are learned through are kept, but samples show what they show.
+    let [_, larger] = needed(|cfg| {
+        cfg.model.blocks *= 10;
+        cfg.unroll = UnrollFrames::Constant { frames: 50 };
+    });
+    assert_eq!(larger.lanes, device.lanes);
+    let [_, more] = needed(|cfg| cfg.batch.samples = 8);
+    assert_eq!(more.lanes, 2.0 * device.lanes);
+}
+
+#[test]
+fn a_training_that_waits_for_its_device_does_not_begin_without_it() {
+    let data = two_cloths();
+    let mut go_on = |_| std::ops::ControlFlow::Continue(());
+    let on = Arithmetic::OnDevice;
+    let trainer = Trainer::new_observed(config(Encoder::MLP), &data.dataset, on, &mut go_on);
+    let mut trainer = trainer.expect("a training").expect("statistics");
+    let refused = trainer.step().expect_err("nobody learns").to_string();
+    assert!(refused.contains("was not put in"), "{refused}");
+    assert_eq!(trainer.steps_done(), 0);
 }
 
 #[test]
@@ -136,5 +180,5 @@ fn the_least_that_the_system_says_counts() {
         [machine(""), address_space(""), control_group("")],
         [None; 3]
     );
-    assert!(available() > 0.0);
+    assert!(available_memory() > 0.0);
 }

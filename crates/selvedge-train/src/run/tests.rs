@@ -6,6 +6,7 @@ use selvedge_model::{Encoder, Model};
 
 use super::*;
 use crate::config::TrainConfig;
+use crate::memory::Arithmetic;
 use crate::schedule::LearningRate;
 use crate::test_data::{Swinging, config, two_cloths};
 
@@ -37,7 +38,13 @@ impl Case {
 
     fn resumed(&self) -> Trainer {
         let path = self.path(files::CHECKPOINT);
-        Trainer::resume(self.cfg.clone(), &self.data.dataset, &path).expect("resumed")
+        Trainer::resume(
+            self.cfg.clone(),
+            &self.data.dataset,
+            &path,
+            Arithmetic::OnProcessor,
+        )
+        .expect("resumed")
     }
 
     fn path(&self, file: &str) -> PathBuf {

@@ -182,7 +182,8 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
         heard.push(gathered);
         ControlFlow::Continue(())
     };
-    let observed = Trainer::new_observed(cfg(), &data.dataset, &mut listen);
+    let observed =
+        Trainer::new_observed(cfg(), &data.dataset, Arithmetic::OnProcessor, &mut listen);
     let observed = observed.expect("a training").expect("nobody stopped it");
     let expected = (1..=12).map(|done| Gathered { done, samples: 12 });
     assert!(heard.into_iter().eq(expected));
@@ -197,7 +198,8 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
             _ => ControlFlow::Continue(()),
         }
     };
-    let stopped = Trainer::new_observed(cfg(), &data.dataset, &mut stop).expect("good");
+    let stopped = Trainer::new_observed(cfg(), &data.dataset, Arithmetic::OnProcessor, &mut stop)
+        .expect("good");
     assert!(stopped.is_none());
     assert_eq!(count, 5);
 }
@@ -212,7 +214,7 @@ fn statistics_have_streams_of_their_own_within_all_bounds() {
     cfg.batch.shard = 65_536;
     cfg.validate().expect("within its bounds");
     let mut stop = |_| ControlFlow::Break(());
-    let stopped = Trainer::new_observed(cfg, &data.dataset, &mut stop);
+    let stopped = Trainer::new_observed(cfg, &data.dataset, Arithmetic::OnProcessor, &mut stop);
     assert!(stopped.expect("room").is_none());
 }
 

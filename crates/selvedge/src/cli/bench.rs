@@ -29,7 +29,7 @@ The other program gets one line of JSON on its standard input: spec, vertices, n
 senders, receivers, threads. It answers \"ready\"; then, for each line \"frame\" or \"step\", it runs one and
 answers with the milliseconds that it took.")]
 pub(crate) struct EngineArgs {
-    /// One of gru-10, node-gru-10, streaming-gru, mlp, meshgraphnets, small; may stand several times
+    /// One of gru-10, gru-5, node-gru-10, streaming-gru, mlp, meshgraphnets, small; may stand several times
     /// [default: all].
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Vec<String>,
@@ -87,15 +87,17 @@ pub(crate) struct ScaleArgs {
     pub(crate) threads: Option<u16>,
 }
 
-/// Time the networks on a GPU: the forward pass alone, and whole frames with features and integration.
+/// Time the networks on a GPU: the forward pass alone, whole frames with features and integration, and steps
+/// of learning.
 ///
 /// Beside them what the card can do at most, measured in the same run: products in each precision, and its
-/// bandwidth. With --against, another program runs the same forward passes in turn. Medians.
+/// bandwidth. With --against, another program runs the same forward passes and steps afterwards. Medians.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge bench gpu --device cuda --precision tensor
   selvedge bench gpu --device cuda --vertices 1024 --against \"python benches/peer/peer.py --device cuda\"
+  selvedge bench gpu --device cuda --variant gru-10 --vertices 1024 --cloths 0 --profile
 
 The other programs get what those of `selvedge bench engine` get.")]
 pub(crate) struct GpuArgs {
@@ -117,6 +119,9 @@ pub(crate) struct GpuArgs {
     /// Rows of the matrices that the card's limits are measured with.
     #[arg(long, value_name = "N", default_value_t = 8192, value_parser = clap::value_parser!(u16).range(16..=32_768))]
     pub(crate) side: u16,
+    /// Also say where the time goes: every kernel and product of a frame and of a step by itself.
+    #[arg(long)]
+    pub(crate) profile: bool,
     /// A program that runs the same networks, with its arguments; may stand several times.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) against: Vec<String>,

@@ -10,7 +10,7 @@ pub(crate) struct DeviceArgs {
     /// What computes the model: cpu, or a GPU as cuda or cuda:N (the N-th, counted from 0).
     #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = DeviceName::from_str)]
     pub(crate) device: DeviceName,
-    /// How a GPU multiplies: sums are single precision always.
+    /// How a GPU multiplies: sums are single precision always. The processor multiplies in full.
     #[arg(long, value_enum, default_value_t = PrecisionName::Full)]
     pub(crate) precision: PrecisionName,
 }
@@ -52,7 +52,6 @@ pub(crate) enum PrecisionName {
     Half,
 }
 
-#[cfg(feature = "gpu")]
 impl PrecisionName {
     /// As the command line has it.
     pub(crate) fn name(self) -> &'static str {
@@ -67,6 +66,14 @@ impl PrecisionName {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn precisions_are_called_what_is_asked_for() {
+        for precision in PrecisionName::value_variants() {
+            let value = precision.to_possible_value().unwrap();
+            assert_eq!(value.get_name(), precision.name());
+        }
+    }
 
     #[test]
     fn devices_are_named_and_numbered() {

@@ -117,6 +117,7 @@ fn each_once<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
 Examples:
   selvedge study small --out studies/small
   selvedge study my-study.toml --out studies/mine
+  selvedge study table1 --out studies/table1 --device cuda
 
 The folder gets report/ (report.md, plots, numbers), trainings/ (a model each), evaluations/ and
 data/ (the data sets that the study makes). docs/studies.md says how a study is written.")]
@@ -129,6 +130,9 @@ pub(crate) struct StudyArgs {
     /// Runs that are measured at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
+    /// Where models are trained and run.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
 }
 
 /// Part of a data set.

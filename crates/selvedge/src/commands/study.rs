@@ -6,12 +6,15 @@ use anyhow::Context;
 use serde::Serialize;
 
 use crate::cli::StudyArgs;
+use crate::machine::Machine;
 use crate::output::{Answer, End, Facts};
 use crate::{place, study};
 
 #[derive(Serialize)]
 struct Answered {
     title: String,
+    /// What does the arithmetic of models.
+    device: String,
     out: PathBuf,
     trained: usize,
     measured: usize,
@@ -25,11 +28,13 @@ struct Answered {
 /// What of the study, a training, a model, a data set or a file went wrong.
 pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
+    let machine = Machine::open(&args.machine)?;
     place::make_folder(&args.out)?;
-    let outcome = study::run(&study, &args.out, args.threads)
+    let outcome = study::run(&study, &args.out, args.threads, &machine)
         .with_context(|| format!("study {}", args.study))?;
     let answered = Answered {
         title: study.title,
+        device: machine.name(),
         out: args.out.clone(),
         trained: outcome.trained,
         measured: outcome.measured,
@@ -42,6 +47,7 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
 fn text(answered: &Answered) -> Facts {
     let mut facts = Facts::new();
     facts.add("study", &answered.title);
+    facts.add("device", &answered.device);
     facts.add("trained", answered.trained);
     facts.add("measured", answered.measured);
     if answered.interrupted {

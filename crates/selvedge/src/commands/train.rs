@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
-use selvedge_train::{Limits, RunEnd, TrainConfig, Trainer, files};
+use selvedge_train::{Arithmetic, Limits, RunEnd, TrainConfig, Trainer, files};
 use serde::Serialize;
 
 use super::dataset;
@@ -34,6 +34,8 @@ struct Report {
     /// A moving mean over about fifty steps; none where no step was made.
     loss: Option<f64>,
     seconds: f64,
+    /// What it learned from, checkpoints and all; a sample that a step goes through several frames of is one.
+    samples_per_second: f64,
     interrupted: bool,
 }
 
@@ -63,7 +65,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let data = dataset::open(&args.data)?;
     let _claimed = place::claim_folder(&args.out)?;
     let steps = cfg.steps;
-    let Some(mut trainer) = trainer(cfg, &data, args)? else {
+    let Some(mut trainer) = trainer(cfg, &data, (args, machine.arithmetic()))? else {
         let report = Stopped {
             out: args.out.clone(),
             steps_done: 0,
@@ -79,7 +81,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     };
     let left = trainer.config().steps.saturating_sub(trainer.steps_done());
     let progress = Progress::new("training", usize::try_from(left)?, "steps");
-    let started = Instant::now();
+    let (started, first) = (Instant::now(), trainer.steps_done());
     let mut loss = None;
     let end = selvedge_train::run(&mut trainer, &data, &args.out, limits, &mut |step| {
         let newest = step.terms.total;
@@ -91,6 +93,8 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     })
     .with_context(|| format!("training into {}", args.out.display()))?;
     drop(progress);
+    let seconds = started.elapsed().as_secs_f64();
+    let shown = (trainer.steps_done() - first) * trainer.config().batch.samples as u64;
     let report = Report {
         name: trainer.config().name.clone(),
         device: machine.name(),
@@ -100,7 +104,8 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         steps_done: trainer.steps_done(),
         steps: trainer.config().steps,
         loss,
-        seconds: started.elapsed().as_secs_f64(),
+        seconds,
+        samples_per_second: shown as f64 / seconds.max(f64::MIN_POSITIVE),
         interrupted: end == RunEnd::Stopped,
     };
     let ended = match end {
@@ -111,10 +116,14 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
 }
 
 /// None where an end was asked for before the first step.
-fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result<Option<Trainer>> {
+fn trainer(
+    cfg: TrainConfig,
+    data: &Dataset,
+    (args, on): (&TrainArgs, Arithmetic),
+) -> anyhow::Result<Option<Trainer>> {
     let checkpoint = args.out.join(files::CHECKPOINT);
     if args.resume {
-        return Ok(Some(Trainer::resume(cfg, data, &checkpoint)?));
+        return Ok(Some(Trainer::resume(cfg, data, &checkpoint, on)?));
     }
     if checkpoint.exists() {
         bail!(
@@ -123,19 +132,23 @@ fn trainer(cfg: TrainConfig, data: &Dataset, args: &TrainArgs) -> anyhow::Result
         );
     }
     if let Some(folder) = &args.from {
-        let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT))?;
+        let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), on)?;
         return Ok(Some(trainer));
     }
-    fresh(cfg, data)
+    fresh(cfg, data, on)
 }
 
 /// A training at its beginning, with its statistics gathered. None where an end was asked for.
 ///
 /// # Errors
 /// What of the configuration or the data went wrong.
-pub(crate) fn fresh(cfg: TrainConfig, data: &Dataset) -> anyhow::Result<Option<Trainer>> {
+pub(crate) fn fresh(
+    cfg: TrainConfig,
+    data: &Dataset,
+    on: Arithmetic,
+) -> anyhow::Result<Option<Trainer>> {
     let progress = Progress::new("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::new_observed(cfg, data, &mut |_| {
+    let trainer = Trainer::new_observed(cfg, data, on, &mut |_| {
         progress.advance();
         interrupt::flow()
     })?;
@@ -160,7 +173,11 @@ fn text(report: &Report) -> Facts {
         "steps",
         format!("{} of {}", report.steps_done, report.steps),
     );
-    facts.add("time", format!("{:.0} s", report.seconds));
+    let (seconds, pace) = (report.seconds, report.samples_per_second);
+    facts.add(
+        "time",
+        format!("{seconds:.0} s, {pace:.1} samples per second"),
+    );
     if let Some(loss) = report.loss {
         facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
     }

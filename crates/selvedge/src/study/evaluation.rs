@@ -12,7 +12,6 @@ use super::{Desk, StudyData, kept, training};
 use crate::evaluation::{
     Contestant, Evaluation, Horizons, Plan, Racer, Row, TestData, Timing, check_horizons, evaluate,
 };
-use crate::machine::Machine;
 use crate::output::End;
 use crate::{learned, place};
 
@@ -36,6 +35,9 @@ struct Subject {
     data: Vec<(String, String)>,
     motions: Vec<String>,
     horizons: Horizons,
+    /// What ran it, since its times are in there: `cpu` for a rival, and where nothing is said.
+    #[serde(default = "kept::processor")]
+    device: String,
 }
 
 /// Raised where evaluations that are kept would come out differently now.
@@ -168,6 +170,10 @@ fn measure(
         data: data.iter().map(hash_of).collect::<Result<_, _>>()?,
         motions: asked.motions.clone(),
         horizons: horizons(desk),
+        device: match waiting.runs {
+            Runs::Model(_) => desk.machine.name(),
+            Runs::Rival(_) => kept::processor(),
+        },
     };
     let path = desk
         .out
@@ -183,7 +189,7 @@ fn measure(
             racer: Racer::Model(
                 learned::open(Some(&file))?.model,
                 GuardSettings::with(Correction::None),
-                Machine::Cpu,
+                desk.machine.clone(),
             ),
         },
     };

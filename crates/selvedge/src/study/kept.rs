@@ -9,6 +9,8 @@ use selvedge_data::write_atomically;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::machine::PROCESSOR;
+
 /// The hash of a file, in hexadecimal.
 ///
 /// # Errors
@@ -38,6 +40,11 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<Option<T>
             path.display()
         )
     })
+}
+
+/// The device of what does not say one.
+pub(super) fn processor() -> String {
+    PROCESSOR.to_owned()
 }
 
 /// Keeps `value` in `path`.

@@ -18,6 +18,7 @@ use selvedge_data::{Dataset, shipped_presets};
 use self::file::{DataSource, Study};
 use crate::cli::GenerateArgs;
 use crate::commands::dataset;
+use crate::machine::Machine;
 use crate::output::End;
 
 pub(crate) use self::file::open;
@@ -27,6 +28,7 @@ struct Desk<'a> {
     study: &'a Study,
     out: &'a Path,
     threads: Option<u16>,
+    machine: &'a Machine,
     data: Vec<StudyData>,
 }
 
@@ -50,11 +52,16 @@ pub(crate) struct Outcome {
     pub(crate) end: End,
 }
 
-/// Does what of `study` is not done yet, in `out`.
+/// Does what of `study` is not done yet, in `out`; models are trained and run on `machine`.
 ///
 /// # Errors
 /// What of a data set, a training, a model or a file went wrong, and what to do.
-pub(crate) fn run(study: &Study, out: &Path, threads: Option<u16>) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    study: &Study,
+    out: &Path,
+    threads: Option<u16>,
+    machine: &Machine,
+) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome {
         trained: 0,
         measured: 0,
@@ -68,6 +75,7 @@ pub(crate) fn run(study: &Study, out: &Path, threads: Option<u16>) -> anyhow::Re
         study,
         out,
         threads,
+        machine,
         data,
     };
     training::check_kept(&desk)?;

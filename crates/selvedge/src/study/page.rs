@@ -136,11 +136,12 @@ fn models(study: &Study, trained: &[Record]) -> anyhow::Result<String> {
 }
 
 fn training_times(study: &Study, trained: &[Record]) -> String {
-    let headings = ["training", "time (s)", "steps per second"].map(str::to_owned);
+    let headings = ["training", "begun on", "time (s)", "steps per second"].map(str::to_owned);
     let cells = |(entry, record): (&super::file::Training, &Record)| {
         let rate = record.steps_done as f64 / record.seconds.max(1e-9);
         vec![
             entry.name.clone(),
+            record.device.clone(),
             format!("{:.0}", record.seconds),
             match entry.after {
                 // The time before is not in it.

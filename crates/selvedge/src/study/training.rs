@@ -26,6 +26,9 @@ pub(super) struct Record {
     data: String,
     budget: Budget,
     after: Option<After>,
+    /// What did the arithmetic when it was begun: `cpu` where nothing is said.
+    #[serde(default = "kept::processor")]
+    pub(super) device: String,
     /// Steps in all, with those of the training that this one goes on from.
     pub(super) steps_done: u64,
     /// Time that it took, without that of the training that this one goes on from `[s]`.
@@ -138,6 +141,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
         return Ok(None);
     };
+    desk.machine.train(&mut trainer)?;
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
     let progress = progress(&entry.name, &trainer, &record)?;
@@ -189,6 +193,7 @@ fn record(
         data: data.hash.clone(),
         budget: desk.study.budget(entry)?,
         after,
+        device: desk.machine.name(),
         steps_done: 0,
         seconds: 0.0,
         parameters: 0,
@@ -219,11 +224,25 @@ fn check_same(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()>
     } else if known.after != now.after {
         "training to go on from"
     } else {
-        return Ok(());
+        return check_device(known, now, folder);
     };
     bail!(
         "{} was made with another {what}: remove the folder to train again, or give the entry another name",
         folder.display()
+    )
+}
+
+/// So many steps are the same wherever they are made, but for rounding; so many seconds are not.
+fn check_device(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()> {
+    if known.device == now.device || matches!(now.budget, Budget::Steps(_)) {
+        return Ok(());
+    }
+    bail!(
+        "{} has a budget in time and was begun on {:?}, not on {:?}: take the --device and --precision that it was \
+         begun with, remove the folder to train again, or give the entry another name",
+        folder.display(),
+        known.device,
+        now.device
     )
 }
 
@@ -235,18 +254,19 @@ fn trainer(
     cfg: TrainConfig,
     data: &StudyData,
 ) -> anyhow::Result<Option<Trainer>> {
+    let on = desk.machine.arithmetic();
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
     if own.is_file() {
-        return Ok(Some(Trainer::resume(cfg, &data.set, &own)?));
+        return Ok(Some(Trainer::resume(cfg, &data.set, &own, on)?));
     }
     match &entry.after {
         Some(before) => {
             let checkpoint = folder(desk, before).join(files::CHECKPOINT);
-            let trainer = Trainer::resume(cfg, &data.set, &checkpoint)
+            let trainer = Trainer::resume(cfg, &data.set, &checkpoint, on)
                 .with_context(|| format!("going on after training {before:?}"))?;
             Ok(Some(trainer))
         }
-        None => commands::train::fresh(cfg, &data.set),
+        None => commands::train::fresh(cfg, &data.set, on),
     }
 }
 

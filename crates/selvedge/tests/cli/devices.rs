@@ -1,31 +1,50 @@
 //! Where models run: what is said where there is no GPU, and, in a program built for them, the kernels of
 //! a GPU on the processor.
 
-use crate::common::{Desk, PUSH};
+use crate::common::{Desk, PUSH, TRAINING};
 
 #[test]
 fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    // Where there is a GPU it works, and there is nothing to say.
-    let said = desk.run("rollout push.toml --device cuda --frames 2 --no-truth --no-clip");
-    if said.code == Some(0) {
-        return;
-    }
+    desk.write("moment.toml", TRAINING);
     let words: &[&str] = if cfg!(feature = "gpu") {
         &["was not found", "no GPU", "too old", "failed on the device"]
     } else {
-        &["built without GPUs", "--features gpu"]
+        &["built without GPUs"]
     };
-    assert_eq!(said.code, Some(1), "{}", said.err);
-    assert!(
-        words.iter().any(|word| said.err.contains(word)),
-        "{}",
-        said.err
-    );
-    assert_eq!(desk.names(), ["push.toml"]);
+    for call in [
+        "rollout push.toml --frames 2 --no-truth --no-clip",
+        "train moment.toml --data nowhere --out run",
+        "evaluate --model nothing.safetensors --data nowhere",
+        "study small --out study",
+        "view",
+        "bench gpu",
+        "bench conformance",
+    ] {
+        let said = desk.run(&format!("{call} --device cuda"));
+        // Where there is a GPU it works, and there is nothing to say.
+        if said.code == Some(0) {
+            return;
+        }
+        assert_eq!(said.code, Some(1), "{call}: {}", said.err);
+        let is_said = words.iter().any(|word| said.err.contains(word));
+        assert!(is_said, "{call}: {}", said.err);
+    }
+    assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
     desk.fails("bench gpu", 1, &["cpu", "--device cuda"]);
     desk.fails("bench conformance", 1, &["cpu", "--device cuda"]);
+}
+
+#[test]
+fn the_processor_has_no_precision_but_its_own() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    for precision in ["tensor", "half"] {
+        let call = format!("rollout push.toml --precision {precision}");
+        desk.fails(&call, 1, &["--precision", precision, "--device"]);
+    }
+    assert_eq!(desk.names(), ["push.toml"]);
 }
 
 #[cfg(feature = "gpu")]
@@ -56,20 +75,21 @@ fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
 
 #[cfg(feature = "gpu")]
 #[test]
-fn a_training_that_the_kernels_of_a_gpu_began_goes_on_with_the_engine() {
+fn a_training_goes_on_from_the_kernels_of_a_gpu_with_the_engine_and_the_other_way() {
     use serde_json::Value;
 
     let desk = Desk::new();
     desk.model();
-    let train = "train moment.toml --data tiny --out halves";
-    let report = desk.json(&format!("{train} --steps 4 --device host"));
-    assert!(
-        report["device"]
-            .as_str()
-            .unwrap()
-            .starts_with("this machine")
-    );
-    desk.json(&format!("{train} --resume"));
+    let begun = [("from", "host", "cpu"), ("to", "cpu", "host")];
+    for (folder, first, second) in begun {
+        let train = format!("train moment.toml --data tiny --out {folder}");
+        for (device, rest) in [(first, "--steps 4"), (second, "--resume")] {
+            let report = desk.json(&format!("{train} --device {device} {rest}"));
+            let said = report["device"].as_str().unwrap();
+            let host = device == "host";
+            assert_eq!(said.starts_with("this machine"), host, "{said}");
+        }
+    }
     let losses = |folder: &str| -> Vec<f64> {
         let log = String::from_utf8(desk.read(&format!("{folder}/log.jsonl"))).unwrap();
         let lines = log.lines().map(|line| serde_json::from_str(line).unwrap());
@@ -77,13 +97,80 @@ fn a_training_that_the_kernels_of_a_gpu_began_goes_on_with_the_engine() {
             .map(|line: Value| line["loss"].as_f64().unwrap())
             .collect()
     };
-    let [found, expected] = ["halves", "run"].map(losses);
-    assert_eq!([found.len(), expected.len()], [3, 3]);
-    for (found, expected) in found.iter().zip(&expected) {
-        // Six steps of f32, of which Adam makes moves of 1e-3 whatever the gradient's size.
-        assert!(
-            (found - expected).abs() < 1e-3 * expected,
-            "{found} {expected}"
-        );
+    let expected = losses("run");
+    for folder in ["from", "to"] {
+        let found = losses(folder);
+        assert_eq!([found.len(), expected.len()], [3, 3]);
+        for (found, expected) in found.iter().zip(&expected) {
+            // Six steps of f32, of which Adam makes moves of 1e-3 whatever the gradient's size.
+            assert!(
+                (found - expected).abs() < 1e-3 * expected,
+                "{folder}: {found} {expected}"
+            );
+        }
     }
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_study_keeps_trainings_by_steps_and_measures_models_anew_on_another_device() {
+    use serde_json::Value;
+
+    const STUDY: &str = r#"
+title = "On a device"
+[data]
+tiny = { preset = "tiny" }
+[evaluation]
+rivals = ["rigid"]
+steps = [1]
+starts = 1
+[[train]]
+name = "moment"
+config = "moment.toml"
+budget = { steps = 4 }
+[[question]]
+title = "What?"
+models = ["moment", "rigid"]
+show = ["table"]
+"#;
+    let desk = Desk::new();
+    desk.write("moment.toml", TRAINING);
+    desk.write("study.toml", STUDY);
+    let study = "study study.toml --out s";
+    let kept = |file: &str| -> Value {
+        let bytes = desk.read(&format!("s/{file}"));
+        serde_json::from_slice(&bytes).unwrap()
+    };
+    let ran_on = |file: &str, pointer: &str| {
+        let found = kept(file).pointer(pointer).cloned();
+        found.unwrap().as_str().unwrap().to_owned()
+    };
+    desk.json(&format!("{study} --device host"));
+    let [record, rigid, moment] = [
+        "trainings/moment/record.json",
+        "evaluations/rigid.json",
+        "evaluations/moment.json",
+    ];
+    assert!(ran_on(record, "/device").starts_with("this machine"));
+    assert!(ran_on(moment, "/of/device").starts_with("this machine"));
+    assert_eq!(ran_on(rigid, "/of/device"), "cpu");
+    let before = [kept(record), kept(rigid)];
+    desk.json(study);
+    assert_eq!(before, [kept(record), kept(rigid)]);
+    assert_eq!(ran_on(moment, "/of/device"), "cpu");
+    // Records from before there were devices say none.
+    let mut old = kept(record);
+    old.as_object_mut().unwrap().remove("device");
+    desk.write(&format!("s/{record}"), old.to_string());
+    desk.json(study);
+    // Time is another thing on another device.
+    desk.write("study.toml", STUDY.replace("steps = 4", "time = \"1s\""));
+    desk.json("study study.toml --out t");
+    let words = [
+        "budget in time",
+        "begun on \"cpu\"",
+        "this machine",
+        "--device",
+    ];
+    desk.fails("study study.toml --out t --device host", 1, &words);
 }

@@ -25,8 +25,8 @@ use super::cloths::hanging;
 use super::gpu::model;
 use super::variants::named;
 use crate::cli::{ConformanceArgs, DeviceName};
-use crate::output::{Answer, Table};
-use crate::{learned, machine};
+use crate::output::{Answer, End, Table};
+use crate::{interrupt, learned, machine};
 
 /// Most that a normalised acceleration may be off.
 const FORWARD: f64 = 1e-5;
@@ -64,6 +64,9 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
     };
     let mut checks = Vec::new();
     for variant in named(&args.variant)? {
+        if interrupt::requested() {
+            break;
+        }
         let graph = hanging(variant.vertices)?;
         let model = Arc::new(model(&variant)?);
         conformance.check(variant.name, &model, &graph, &mut checks)?;
@@ -91,8 +94,13 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
             device.name()
         );
     }
+    let end = if interrupt::requested() {
+        End::Interrupted
+    } else {
+        End::Complete
+    };
     let report = json!({ "device": device.name(), "checks": checks });
-    Answer::new(format!("{}\n{table}", device.name()), &report)
+    Ok(Answer::new(format!("{}\n{table}", device.name()), &report)?.ended(end))
 }
 
 impl Check {

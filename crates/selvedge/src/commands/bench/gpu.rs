@@ -1,5 +1,7 @@
 //! `selvedge bench gpu`: forward passes, whole frames and steps of learning on a GPU, beside what the card
-//! can do at most and, where asked for, other programs'.
+//! can do at most and, where asked for, other programs'. `page` writes what comes out.
+
+mod page;
 
 use std::sync::Arc;
 
@@ -11,6 +13,7 @@ use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::inference::Inference;
 use selvedge_gpu::learning::Learning;
 use selvedge_gpu::limits::{Limits, limits};
+use selvedge_gpu::profile::{Spent, Work};
 use selvedge_gpu::rollout::{Opening, Rollout};
 use selvedge_model::{
     ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, ModelSpec, Network, Normalizer,
@@ -31,8 +34,8 @@ use crate::output::{Answer, End};
 /// Runs of each that do not count.
 const WARM: usize = 5;
 
-/// What was measured of a network on some cloths.
-#[derive(Serialize)]
+/// What was measured of a network on some cloths. What is not there could not be measured, and a remark says why.
+#[derive(Default, Serialize)]
 struct Row {
     variant: &'static str,
     cloths: usize,
@@ -41,18 +44,49 @@ struct Row {
     /// Arithmetic as `selvedge presets` counts it.
     gflop: f64,
     commands: usize,
-    /// A forward pass on features that lie ready; none where the memory does not suffice.
+    /// A forward pass on features that lie ready.
     pass_ms: Option<f64>,
-    /// A frame with handles up, features, network, integration, and positions down.
-    frame_ms: Option<f64>,
     /// The pass, of the card's measured products in the precision that it had.
     share_of_products: Option<f64>,
+    /// The pass, of the card's measured bandwidth, each array counted once for each command that takes it.
+    share_of_bandwidth: Option<f64>,
+    /// A frame with handles up, features, network, integration, and positions down.
+    frame_ms: Option<f64>,
+    /// What the paper says of such a frame.
+    paper_ms: Option<f64>,
     /// A step of learning on features that lie ready: forward, mean square error, backward, Adam.
     step_ms: Option<f64>,
-    peer_ms: Vec<f64>,
-    peer_step_ms: Vec<f64>,
-    /// Why something was not measured.
+    /// The other programs, in their order.
+    peers: Vec<PeerTimes>,
+    /// Commands by themselves.
+    profile: Option<Profile>,
     remarks: Vec<String>,
+}
+
+/// A forward pass and a step of learning of another program.
+#[derive(Default, Serialize)]
+struct PeerTimes {
+    pass_ms: Option<f64>,
+    step_ms: Option<f64>,
+}
+
+/// Where the time of a frame and of a step of learning goes.
+#[derive(Serialize)]
+struct Profile {
+    frame: Vec<Part>,
+    step: Vec<Part>,
+}
+
+/// All commands of a name.
+#[derive(Serialize)]
+struct Part {
+    name: String,
+    commands: usize,
+    elapsed_ms: f64,
+    /// Of the card's measured products; none where there is none.
+    share_of_products: Option<f64>,
+    /// Of the card's measured bandwidth.
+    share_of_bandwidth: f64,
 }
 
 /// Measures them.
@@ -71,19 +105,22 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
     if args.variant.is_empty() {
         variants.retain(|variant| variant.name != "small");
     }
+    let bench = Bench {
+        device: &*device,
+        precision,
+        args,
+        limits: &limits,
+    };
     let mut rows = Vec::new();
     for (vertices, cloths) in sizes(args) {
+        if interrupt::requested() {
+            break;
+        }
         let graph = hanging(vertices)?;
         for variant in &variants {
             if interrupt::requested() {
                 break;
             }
-            let bench = Bench {
-                device: &*device,
-                precision,
-                args,
-                limits: &limits,
-            };
             rows.push(bench.measure(variant, &graph, cloths)?);
         }
     }
@@ -92,11 +129,7 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
     } else {
         End::Complete
     };
-    let text = format!(
-        "{}\n{}",
-        heading(&*device, &limits, args),
-        table(&rows, args)
-    );
+    let text = page::page(&device.name(), &limits, args, &rows);
     let report = json!({
         "device": device.name(), "precision": args.machine.precision.name(), "runs": args.runs,
         "full_flop_per_second": limits.products[0], "tensor_flop_per_second": limits.products[1],
@@ -138,51 +171,88 @@ impl Bench<'_> {
             vertices: graph.vertex_count(),
             arcs: graph.arc_count(),
             gflop: 1e-9 * flop,
-            commands: 0,
-            pass_ms: None,
-            frame_ms: None,
-            share_of_products: None,
-            step_ms: None,
-            peer_ms: Vec::new(),
-            peer_step_ms: Vec::new(),
-            remarks: Vec::new(),
+            paper_ms: paper_ms(variant.name)
+                .filter(|_| cloths == 1 && vertices.abs_diff(1024) < 16),
+            ..Row::default()
         };
         let model = model(variant)?;
         match self.passes(&model, &union) {
-            Ok((ms, commands)) => {
-                let of = match self.precision {
-                    Precision::Full => self.limits.products[0],
-                    Precision::Tensor => self.limits.products[1],
-                    Precision::Half => self.limits.products[2],
-                };
+            Ok((ms, commands, work)) => {
                 row.pass_ms = Some(ms);
                 row.commands = commands;
-                row.share_of_products = Some(flop / of / (1e-3 * ms));
+                row.share_of_products = Some(flop / self.products() / (1e-3 * ms));
+                row.share_of_bandwidth = Some(self.of_bandwidth(work, ms));
             }
             Err(error) => row.remarks.push(format!("pass: {error:#}")),
         }
+        let mut frame = Vec::new();
         match self.frames(model, graph, cloths) {
-            Ok(ms) => row.frame_ms = Some(ms),
+            Ok((ms, parts)) => (row.frame_ms, frame) = (Some(ms), parts),
             Err(error) => row.remarks.push(format!("frame: {error:#}")),
         }
-        match self.steps(&variant.spec, &union) {
-            Ok(ms) => row.step_ms = Some(ms),
+        let mut step = Vec::new();
+        match self.steps(spec, &union) {
+            Ok((ms, parts)) => (row.step_ms, step) = (Some(ms), parts),
             Err(error) => row.remarks.push(format!("step: {error:#}")),
         }
-        for command in &self.args.against {
-            let mut peer = Peer::start_many(command, spec, (graph.topology(), cloths), 1)?;
-            for (what, ms) in [("frame", &mut row.peer_ms), ("step", &mut row.peer_step_ms)] {
-                let mut asked = || peer.run(what);
-                (0..WARM).try_for_each(|_| asked().map(|_| ()))?;
-                let times = (0..self.args.runs).map(|_| asked());
-                ms.push(median(times.collect::<Result<_, _>>()?));
+        row.profile = self.args.profile.then_some(Profile { frame, step });
+        for (number, command) in self.args.against.iter().enumerate() {
+            let mut times = PeerTimes::default();
+            if let Err(error) = self.peer(command, spec, (graph, cloths), &mut times) {
+                row.remarks.push(format!("({}): {error:#}", number + 1));
             }
+            row.peers.push(times);
         }
         Ok(row)
     }
 
-    /// A forward pass `[ms]`, and its commands.
-    fn passes(&self, model: &Model, graph: &Connectivity) -> anyhow::Result<(f64, usize)> {
+    /// The card's measured products in the precision that is used [operations per second].
+    fn products(&self) -> f64 {
+        match self.precision {
+            Precision::Full => self.limits.products[0],
+            Precision::Tensor => self.limits.products[1],
+            Precision::Half => self.limits.products[2],
+        }
+    }
+
+    fn of_bandwidth(&self, work: Work, elapsed_ms: f64) -> f64 {
+        work.bytes / self.limits.bandwidth / (1e-3 * elapsed_ms)
+    }
+
+    fn parts(&self, spent: Vec<Spent>) -> Vec<Part> {
+        let part = |spent: Spent| Part {
+            share_of_products: (spent.work.flop > 0.0)
+                .then(|| spent.work.flop / self.products() / (1e-3 * spent.elapsed_ms)),
+            share_of_bandwidth: self.of_bandwidth(spent.work, spent.elapsed_ms),
+            name: spent.name,
+            commands: spent.commands,
+            elapsed_ms: spent.elapsed_ms,
+        };
+        spent.into_iter().map(part).collect()
+    }
+
+    /// What another program takes; what was measured before it failed stays.
+    fn peer(
+        &self,
+        command: &str,
+        spec: &ModelSpec,
+        (graph, cloths): (&ClothGraph, usize),
+        times: &mut PeerTimes,
+    ) -> anyhow::Result<()> {
+        let mut peer = Peer::start_many(command, spec, (graph.topology(), cloths), 1)?;
+        let both = [("frame", &mut times.pass_ms), ("step", &mut times.step_ms)];
+        for (what, ms) in both {
+            let mut found = Vec::new();
+            for _ in 0..WARM + usize::from(self.args.runs) {
+                found.push(peer.run(what)?);
+            }
+            *ms = Some(median(found.split_off(WARM)));
+        }
+        Ok(())
+    }
+
+    /// A forward pass `[ms]`, its commands, and what they move and multiply.
+    fn passes(&self, model: &Model, graph: &Connectivity) -> anyhow::Result<(f64, usize, Work)> {
         let network = model.network();
         let (extent, [nodes, edges]) = drawn(network, graph);
         let both = (network, model.weights());
@@ -201,11 +271,12 @@ impl Bench<'_> {
             }));
             ran?;
         }
-        Ok((median(times.split_off(WARM)), inference.commands()))
+        let elapsed_ms = median(times.split_off(WARM));
+        Ok((elapsed_ms, inference.commands(), inference.work()))
     }
 
-    /// A step of learning `[ms]`.
-    fn steps(&self, spec: &ModelSpec, graph: &Connectivity) -> anyhow::Result<f64> {
+    /// A step of learning `[ms]`, and where its time goes if that is asked for.
+    fn steps(&self, spec: &ModelSpec, graph: &Connectivity) -> anyhow::Result<(f64, Vec<Part>)> {
         let network = Network::new(spec)?;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let weights = network.initialise(&mut || rng.random::<f64>());
@@ -227,11 +298,20 @@ impl Bench<'_> {
             }));
             ran?;
         }
-        Ok(median(times.split_off(WARM)))
+        let elapsed_ms = median(times.split_off(WARM));
+        if !self.args.profile {
+            return Ok((elapsed_ms, Vec::new()));
+        }
+        Ok((elapsed_ms, self.parts(learning.profile()?)))
     }
 
-    /// A frame of a rollout `[ms]`.
-    fn frames(&self, model: Model, graph: &ClothGraph, cloths: usize) -> anyhow::Result<f64> {
+    /// A frame of a rollout `[ms]`, and where its time goes if that is asked for.
+    fn frames(
+        &self,
+        model: Model,
+        graph: &ClothGraph,
+        cloths: usize,
+    ) -> anyhow::Result<(f64, Vec<Part>)> {
         let start: [&[Vec3]; 1] = [graph.rest_positions()];
         let openings = (0..cloths).map(|_| Opening {
             graph: graph.clone(),
@@ -247,7 +327,21 @@ impl Bench<'_> {
             times.push(time(|| ran = rollout.step(&targets)));
             ran?;
         }
-        Ok(median(times.split_off(WARM)))
+        let elapsed_ms = median(times.split_off(WARM));
+        if !self.args.profile {
+            return Ok((elapsed_ms, Vec::new()));
+        }
+        Ok((elapsed_ms, self.parts(rollout.profile(&targets)?)))
+    }
+}
+
+/// What the paper says of a frame of 1024 vertices on an RTX 3080 `[ms]`.
+fn paper_ms(variant: &str) -> Option<f64> {
+    match variant {
+        "gru-10" => Some(37.0),
+        "gru-5" => Some(26.0),
+        "meshgraphnets" => Some(12.0),
+        _ => None,
     }
 }
 
@@ -288,68 +382,4 @@ pub(super) fn model(variant: &Variant) -> anyhow::Result<Model> {
         normalizers,
         String::new(),
     )?)
-}
-
-fn heading(device: &dyn Device, limits: &Limits, args: &GpuArgs) -> String {
-    let [full, tensor, half] = limits.products.map(|flop| 1e-12 * flop);
-    format!(
-        "{}, precision {}, medians of {} runs. Measured limits: products {full:.1} TFLOP/s full, {tensor:.1} tensor, \
-         {half:.1} half; copies {:.2} TB/s read and written.\npass: the forward pass on features that lie ready; frame: \
-         handles up, features, network, integration, positions down; step: forward, mean square error, backward, Adam on features \
-         that lie ready; share: the pass, of the products' limit.\n",
-        device.name(),
-        args.machine.precision.name(),
-        args.runs,
-        1e-12 * limits.bandwidth,
-    )
-}
-
-/// A table that may stand in a Markdown page.
-fn table(rows: &[Row], args: &GpuArgs) -> String {
-    let mut heads = vec![
-        "variant", "cloths", "vertices", "arcs", "GFLOP", "commands", "pass, ms",
-    ];
-    heads.extend(["share", "frame, ms", "step, ms", "samples/s"]);
-    let peers: Vec<[String; 2]> = args
-        .against
-        .iter()
-        .map(|peer| ["pass", "step"].map(|what| format!("{peer}: {what}, ms")))
-        .collect();
-    heads.extend(peers.iter().flatten().map(String::as_str));
-    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-    let owned = |cells: &[&str]| {
-        cells
-            .iter()
-            .map(|&cell| cell.to_owned())
-            .collect::<Vec<_>>()
-    };
-    let mut text = line(&owned(&heads));
-    text += &line(&vec!["---".to_owned(); heads.len()]);
-    let or_dash = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.3}"));
-    for row in rows {
-        let mut cells = vec![row.variant.to_owned()];
-        cells.extend([row.cloths, row.vertices, row.arcs].map(|count| count.to_string()));
-        cells.push(format!("{:.1}", row.gflop));
-        cells.push(row.commands.to_string());
-        cells.push(or_dash(row.pass_ms));
-        let share = row.share_of_products;
-        cells.push(share.map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share)));
-        cells.push(or_dash(row.frame_ms));
-        cells.push(or_dash(row.step_ms));
-        let samples = row.step_ms.map(|ms| 1e3 * row.cloths as f64 / ms);
-        cells.push(samples.map_or("-".to_owned(), |samples| format!("{samples:.0}")));
-        let peers = row.peer_ms.iter().zip(&row.peer_step_ms);
-        cells.extend(peers.flat_map(|(&pass, &step)| [pass, step].map(|ms| or_dash(Some(ms)))));
-        text += &line(&cells);
-    }
-    for row in rows.iter().filter(|row| !row.remarks.is_empty()) {
-        text += &format!(
-            "{}, {} × {}: {}\n",
-            row.variant,
-            row.cloths,
-            row.vertices,
-            row.remarks.join("; ")
-        );
-    }
-    text
 }

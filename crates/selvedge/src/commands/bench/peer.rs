@@ -108,7 +108,7 @@ impl Peer {
         self.from.read_line(&mut answer).with_context(context)?;
         ensure!(
             !answer.is_empty(),
-            "{:?} ended without an answer",
+            "{:?} ended without an answer: it may say why above",
             self.command
         );
         Ok(answer.trim().to_owned())

@@ -28,6 +28,7 @@ pub(crate) fn all() -> Vec<Variant> {
     };
     vec![
         of("gru-10", Encoder::Gru { window: 10 }),
+        of("gru-5", Encoder::Gru { window: 5 }),
         of("node-gru-10", Encoder::NodeGru { window: 10 }),
         of("streaming-gru", Encoder::StreamingGru { window: 10 }),
         of("mlp", Encoder::MLP),

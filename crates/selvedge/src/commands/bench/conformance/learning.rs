@@ -27,6 +27,7 @@ use super::super::cloths::hanging;
 use super::super::variants::named;
 use super::{Check, worst};
 use crate::cli::ConformanceArgs;
+use crate::interrupt;
 
 /// Most that a gradient may be off, in parts of its length.
 const GRADIENT: f64 = 1e-4;
@@ -40,7 +41,7 @@ const VERTICES: [usize; 2] = [100, 81];
 /// Frames of each trajectory.
 const FRAMES: usize = 60;
 
-/// Compares gradients and trainings.
+/// Compares gradients and trainings, until an end is asked for.
 pub(super) fn check(
     device: &dyn Device,
     precision: Precision,
@@ -48,6 +49,9 @@ pub(super) fn check(
     checks: &mut Vec<Check>,
 ) -> anyhow::Result<()> {
     for variant in named(&args.variant)? {
+        if interrupt::requested() {
+            return Ok(());
+        }
         let graph = Connectivity::of(hanging(variant.vertices)?.topology());
         let off = gradients(device, precision, &variant.spec, &graph);
         checks.push(Check {
@@ -60,6 +64,9 @@ pub(super) fn check(
     let folder = tempfile::tempdir().context("a folder for data")?;
     let data = data(folder.path())?;
     for (name, cfg) in trainings()? {
+        if interrupt::requested() {
+            return Ok(());
+        }
         let mut make = || Trainer::new(cfg.clone(), &data);
         let steps = usize::from(args.steps);
         let found = training(device, precision, &mut make, steps)

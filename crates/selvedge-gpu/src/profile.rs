@@ -1,0 +1,223 @@
+//! What the commands of a schedule cost: bytes and operations by their arguments, and time, each command
+//! run by itself.
+//!
+//! Bytes count every array of a command once for each time that it is read or written as a whole: what a
+//! kernel gathers twice may lie in a cache. Time is that of a few runs in a row which are waited for. A device runs
+//! a schedule without waiting in between, and finds in its caches what the command before left: the whole takes
+//! less than its commands by themselves.
+
+use std::time::Instant;
+
+use crate::device::{DeviceError, Loaded};
+use crate::plan::Region;
+use crate::schedule::{Argument, Command, Finish, Launch, Onto, Product, Schedule};
+
+/// Runs in a row of which one takes the mean.
+const REPEATS: usize = 4;
+
+/// Bytes and operations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Work {
+    /// Read and written.
+    pub bytes: f64,
+    /// Operations of products: two for each multiplication with its addition.
+    pub flop: f64,
+}
+
+/// What all commands of a name cost together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spent {
+    /// A kernel, or a product with its size.
+    pub name: String,
+    /// How many there are.
+    pub commands: usize,
+    /// Time `[ms]`.
+    pub elapsed_ms: f64,
+    /// What they did in it.
+    pub work: Work,
+}
+
+impl Work {
+    /// Of one command.
+    #[must_use]
+    pub fn of(command: &Command) -> Self {
+        match command {
+            Command::Launch(launch) => Self::of_launch(launch),
+            Command::Product(product) => Self::of_product(product),
+            Command::Clear(region) => Self::moved(bytes(*region)),
+            Command::Copy(from, to) => Self::moved(bytes(*from) + bytes(*to)),
+        }
+    }
+
+    /// Of all commands of a schedule.
+    #[must_use]
+    pub fn of_all(schedule: &Schedule) -> Self {
+        let all = schedule.commands.iter().map(Self::of);
+        all.fold(Self::default(), Self::with)
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            bytes: self.bytes + other.bytes,
+            flop: self.flop + other.flop,
+        }
+    }
+
+    fn moved(bytes: f64) -> Self {
+        Self { bytes, flop: 0.0 }
+    }
+
+    fn of_launch(launch: &Launch) -> Self {
+        let pairs = launch.kernel.parameters.iter().zip(&launch.arguments);
+        let of = |(parameter, argument): (&crate::source::Parameter, &Argument)| match argument {
+            Argument::Region(region) => {
+                let [reads, writes] = [parameter.access.reads(), parameter.access.writes()];
+                f64::from(u8::from(reads) + u8::from(writes)) * bytes(*region)
+            }
+            Argument::Nothing | Argument::Count(_) | Argument::Number(_) => 0.0,
+        };
+        Self::moved(pairs.map(of).sum())
+    }
+
+    /// With the addition of a bias, which goes over the result once more where it is a kernel of its own.
+    fn of_product(product: &Product) -> Self {
+        let [m, n, k] = product.size.map(|size| size as f64);
+        let mut results = 1.0;
+        if product.onto == Onto::Add {
+            results += 1.0;
+        }
+        if let Finish::Bias(_) | Finish::BiasRelu(_) = product.finish {
+            results += 2.0;
+        }
+        Self {
+            bytes: 4.0 * (m * k + k * n + results * m * n),
+            flop: 2.0 * m * n * k,
+        }
+    }
+}
+
+/// Runs every command of a schedule by itself; the dearest name comes first. What lies in the arena
+/// afterwards is of no use. All that the schedule reads must have been written.
+///
+/// # Errors
+/// When the device fails.
+pub fn profile(loaded: &mut dyn Loaded, schedule: &Schedule) -> Result<Vec<Spent>, DeviceError> {
+    let mut all: Vec<Spent> = Vec::new();
+    for command in &schedule.commands {
+        let (name, work) = (name(command), Work::of(command));
+        let elapsed_ms = measure(loaded, command)?;
+        match all.iter_mut().find(|spent| spent.name == name) {
+            Some(spent) => {
+                spent.commands += 1;
+                spent.elapsed_ms += elapsed_ms;
+                spent.work = spent.work.with(work);
+            }
+            None => all.push(Spent {
+                name,
+                commands: 1,
+                elapsed_ms,
+                work,
+            }),
+        }
+    }
+    all.sort_by(|a, b| b.elapsed_ms.total_cmp(&a.elapsed_ms));
+    Ok(all)
+}
+
+/// The time of one run `[ms]`.
+fn measure(loaded: &mut dyn Loaded, command: &Command) -> Result<f64, DeviceError> {
+    let mut repeated = Schedule::new("a command by itself");
+    repeated.commands = vec![command.clone(); REPEATS];
+    let prepared = loaded.prepare(&repeated)?;
+    // A device may record what it runs a second time.
+    for _ in 0..2 {
+        loaded.run(prepared)?;
+    }
+    loaded.wait()?;
+    let begin = Instant::now();
+    loaded.run(prepared)?;
+    loaded.wait()?;
+    Ok(1e3 * begin.elapsed().as_secs_f64() / REPEATS as f64)
+}
+
+fn name(command: &Command) -> String {
+    match command {
+        Command::Launch(launch) => launch.kernel.name.to_owned(),
+        Command::Product(product) => {
+            let [m, n, k] = product.size;
+            format!("product {m} × {n} × {k}")
+        }
+        Command::Clear(_) => "clear".to_owned(),
+        Command::Copy(..) => "copy".to_owned(),
+    }
+}
+
+fn bytes(region: Region) -> f64 {
+    (4 * region.count() * region.element().words()) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{Device, Precision};
+    use crate::layers::{self, ADD_BIAS};
+    use crate::plan::Plan;
+    use crate::schedule::Matrix;
+    use crate::source::{Program, Sizes};
+    use crate::test_graphs::host;
+
+    #[test]
+    fn every_command_is_counted_once_with_what_it_moves() {
+        let mut plan = Plan::new();
+        let [a, b, c] =
+            [("a", 12), ("b", 8), ("c", 6)].map(|(name, count)| plan.floats(name, count));
+        let bias = plan.floats("bias", 2);
+        let product = Product {
+            size: [3, 2, 4],
+            a: Matrix::new(a, 4),
+            b: Matrix::new(b, 4).transpose(),
+            c: Matrix::new(c, 2),
+            onto: Onto::Set,
+            finish: Finish::Nothing,
+        };
+        let mut schedule = Schedule::new("test");
+        for region in [a, b, c, bias] {
+            schedule.clear(region);
+        }
+        schedule.product(product);
+        schedule.product(Product {
+            onto: Onto::Add,
+            ..product
+        });
+        let width = Argument::Count(2);
+        let arguments = [c.into(), width, bias.into(), width];
+        schedule.launch(&ADD_BIAS, 3, &arguments);
+        // In words: 28 cleared; 12 + 8 read and 6 written, then 6 read too; 6 read and written, 2 read.
+        let work = Work::of_all(&schedule);
+        assert_eq!(work.bytes, 4.0 * f64::from(28 + 26 + 32 + 14));
+        assert_eq!(work.flop, f64::from(2 * 2 * 3 * 2 * 4));
+        let Some(host) = host() else { return };
+        let mut program = Program::new(Sizes {
+            latent: 2,
+            node_width: 1,
+            edge_width: 1,
+        });
+        program.add(&layers::PART);
+        let mut loaded = host.load(&program, &plan, Precision::Full).expect("room");
+        let mut found = profile(&mut *loaded, &schedule).expect("runs");
+        let order: Vec<f64> = found.iter().map(|spent| spent.elapsed_ms).collect();
+        assert!(order.is_sorted_by(|a, b| a >= b), "{order:?}");
+        found.sort_by(|a, b| a.name.cmp(&b.name));
+        let rows = found.iter().map(|s| (s.name.as_str(), s.commands, s.work));
+        let of = |bytes: u32, flop: u32| Work {
+            bytes: f64::from(bytes),
+            flop: f64::from(flop),
+        };
+        let expected = [
+            (ADD_BIAS.name, 1, of(56, 0)),
+            ("clear", 4, of(112, 0)),
+            ("product 3 × 2 × 4", 2, of(232, 96)),
+        ];
+        assert_eq!(rows.collect::<Vec<_>>(), expected);
+    }
+}
