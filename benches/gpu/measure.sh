@@ -90,6 +90,7 @@ frames() {
         for variant in "${variants[@]}"; do
             try "$selvedge" bench gpu --device "$device" --precision "$precision" --variant "$variant" \
                 "${sizes[@]}" ${against[@]+"${against[@]}"}
+            printf '\n'
         done
     done
 }
@@ -100,6 +101,7 @@ time_by_command() {
         for variant in "${profiled[@]}"; do
             try "$selvedge" bench gpu --device "$device" --precision "$precision" --variant "$variant" \
                 "${sizes[@]}" --profile
+            printf '\n'
         done
     done
 }

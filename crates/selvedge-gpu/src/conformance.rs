@@ -40,7 +40,7 @@ pub fn training(
             check.gradient = apart(&other.gradient()?, &cpu.gradient()?, &[]);
         }
         let [found, expected] = [found, expected].map(|report| report.terms.total);
-        check.losses = check.losses.max((found - expected).abs() / expected.abs());
+        check.losses = worse(check.losses, (found - expected).abs() / expected.abs());
     }
     other.collect()?;
     let [found, expected] = [&other, &cpu].map(|trainer| &trainer.learned().weights[..]);
@@ -67,7 +67,15 @@ fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
         (None, None) => 0.0,
         _ => f64::INFINITY,
     });
-    off.fold(0.0, f64::max)
+    off.fold(0.0, worse)
+}
+
+/// The larger; no number where one is none.
+fn worse(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() {
+        return f64::NAN;
+    }
+    a.max(b)
 }
 
 /// |found - expected| / |expected - start|, where start is zero if it is empty.

@@ -283,10 +283,11 @@ impl CudaLoaded {
                 return None;
             }
             let flags = sys::CUgraphInstantiate_flags_enum(0);
-            let recorded = result::graph::instantiate(graph, flags).ok();
+            let recorded = called.and_then(|()| {
+                result::graph::instantiate(graph, flags).map_err(failed("cuGraphInstantiate"))
+            });
             let _ = result::graph::destroy(graph);
-            called.ok()?;
-            recorded
+            recorded.ok()
         }
     }
 

@@ -25,6 +25,8 @@ use crate::{learned, place};
 #[derive(Serialize)]
 struct Answered<'a> {
     models: &'a [Named],
+    /// What the models ran on.
+    device: String,
     data: &'a [PathBuf],
     split: &'static str,
     guards: Vec<&'static str>,
@@ -60,6 +62,7 @@ struct Mean {
 /// # Errors
 /// What of a model, a data set or a file went wrong.
 pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
+    let machine = Machine::open(&args.machine)?;
     if let Some(curves) = &args.curves {
         place::check_file(curves, "--curves", &["csv"])?;
     }
@@ -73,7 +76,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     if let Some(folder) = &args.report {
         place::make_folder(folder)?;
     }
-    let (models, mut contestants) = open_models(args)?;
+    let (models, mut contestants) = open_models(args, &machine)?;
     contestants.extend(args.substeps().into_iter().map(Contestant::physics));
     let rivals = Contestant::rivals().into_iter();
     contestants.extend(rivals.filter(|rival| !(args.no_mirror && rival.who() == Who::Mirror)));
@@ -90,9 +93,10 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     };
     let (evaluation, end) = evaluate(&plan)?;
     let contest = Contest::of(&evaluation.rows);
-    let wrote = write_files(args, &models, &evaluation, end)?;
+    let wrote = write_files(args, (&models, &machine), &evaluation, end)?;
     let answered = Answered {
         models: &models,
+        device: machine.name(),
         data: &args.data,
         split: args.split.name(),
         guards: args.guards().iter().map(|guard| guard.name()).collect(),
@@ -118,7 +122,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
 /// Writes what is asked for and says where it is.
 fn write_files(
     args: &EvaluateArgs,
-    models: &[Named],
+    (models, machine): (&[Named], &Machine),
     evaluation: &Evaluation,
     end: End,
 ) -> anyhow::Result<Vec<PathBuf>> {
@@ -129,14 +133,17 @@ fn write_files(
         wrote.push(curves.clone());
     }
     if let Some(folder) = &args.report {
-        wrote.extend(paper(args, models, evaluation, end)?.write(folder)?);
+        wrote.extend(paper(args, (models, machine), evaluation, end)?.write(folder)?);
     }
     Ok(wrote)
 }
 
 /// The models that are named, each with a name of its own.
-fn open_models(args: &EvaluateArgs) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
-    let (named, guards, machine) = (&args.models, args.guards(), Machine::open(&args.machine)?);
+fn open_models(
+    args: &EvaluateArgs,
+    machine: &Machine,
+) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
+    let (named, guards) = (&args.models, args.guards());
     let parted: Vec<(Option<&str>, &Path)> = named.iter().map(|text| part(text)).collect();
     let short: Vec<String> = parted
         .iter()
@@ -248,7 +255,7 @@ fn without_curves(row: &Row) -> Result<Value, serde_json::Error> {
 /// The report of an evaluation.
 fn paper(
     args: &EvaluateArgs,
-    models: &[Named],
+    (models, machine): (&[Named], &Machine),
     evaluation: &Evaluation,
     end: End,
 ) -> anyhow::Result<Report> {
@@ -265,7 +272,8 @@ fn paper(
         },
         models: models.iter().map(cells).collect(),
     };
-    let page = report::evaluation_page(heading, &contest)?;
+    let mut page = report::evaluation_page(heading, &contest)?;
+    page.say_of_times(&format!("Models ran on: {}.", machine.name()));
     Ok(page.finish(&contest, &evaluation.timings)?)
 }
 
@@ -277,6 +285,7 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
             format!("{} ({})", model.name, model.file.display()),
         );
     }
+    facts.add("device", &answered.device);
     for folder in answered.data {
         facts.add(
             "data",

@@ -16,7 +16,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
     for call in [
         "rollout push.toml --frames 2 --no-truth --no-clip",
         "train moment.toml --data nowhere --out run",
-        "evaluate --model nothing.safetensors --data nowhere",
+        "evaluate --model nothing.safetensors --data nowhere --report report",
         "study small --out study",
         "view",
         "bench gpu",

@@ -43,8 +43,8 @@ fn name(row: &Row) -> String {
 fn heading(device: &str, limits: &Limits, args: &GpuArgs) -> String {
     let [full, tensor, half] = limits.products.map(|flop| 1e-12 * flop);
     let mut text = format!(
-        "**{device}**, precision {}, medians of {} runs. Measured limits: products {full:.1} TFLOP/s full, \
-         {tensor:.1} tensor, {half:.1} half; copies {:.2} TB/s read and written.\n\n\
+        "**{device}**, precision {}, medians of {} runs. Measured limits: products {full:.3} TFLOP/s full, \
+         {tensor:.3} tensor, {half:.3} half; copies {:.3} TB/s read and written.\n\n\
          pass: the forward pass on features that lie ready; of products, of bandwidth: its share of those limits; \
          frame: handles up, features, network, integration, positions down; paper: its frame on an RTX 3080; step: \
          forward, mean square error, backward, Adam on features that lie ready, of so many samples.\n",
@@ -141,6 +141,9 @@ fn percent(value: Option<f64>) -> String {
     or_dash(value, |share| format!("{:.0} %", 100.0 * share))
 }
 
+/// Of the sum of all commands: what takes less has no line of its own.
+const SMALL_SHARE: f64 = 0.01;
+
 /// Commands by themselves, and what they are together beside the whole, which is run as one.
 fn parts_table(parts: &[Part], whole_ms: Option<f64>) -> String {
     let sum: f64 = parts.iter().map(|part| part.elapsed_ms).sum();
@@ -152,18 +155,36 @@ fn parts_table(parts: &[Part], whole_ms: Option<f64>) -> String {
         "of products",
         "of bandwidth",
     ];
+    let line = |name: String, commands: usize, elapsed_ms: f64, shares: [Option<f64>; 2]| {
+        let mut cells = vec![name, commands.to_string(), milliseconds(Some(elapsed_ms))];
+        cells.push(percent(Some(elapsed_ms / sum)));
+        cells.extend(shares.map(percent));
+        cells
+    };
+    let count = |parts: &[&Part]| parts.iter().map(|part| part.commands).sum::<usize>();
+    let (large, small): (Vec<&Part>, Vec<&Part>) = parts
+        .iter()
+        .partition(|part| part.elapsed_ms >= SMALL_SHARE * sum);
     let mut rows = vec![heads.map(str::to_owned).into()];
-    rows.extend(parts.iter().map(|part| {
-        vec![
+    for part in &large {
+        let shares = [part.share_of_products, Some(part.share_of_bandwidth)];
+        rows.push(line(
             part.name.clone(),
-            part.commands.to_string(),
-            milliseconds(Some(part.elapsed_ms)),
-            percent(Some(part.elapsed_ms / sum)),
-            percent(part.share_of_products),
-            percent(Some(part.share_of_bandwidth)),
-        ]
-    }));
-    let commands: usize = parts.iter().map(|part| part.commands).sum();
+            part.commands,
+            part.elapsed_ms,
+            shares,
+        ));
+    }
+    if !small.is_empty() {
+        let elapsed_ms = small.iter().map(|part| part.elapsed_ms).sum();
+        rows.push(line(
+            "others".to_owned(),
+            count(&small),
+            elapsed_ms,
+            [None; 2],
+        ));
+    }
+    let commands = count(&large) + count(&small);
     format!(
         "{}\nAll {commands} commands by themselves: {sum:.3} ms; run as one, with what goes up and down: {} ms.\n",
         lines(rows),
@@ -207,12 +228,16 @@ mod tests {
             share_of_products: None,
             share_of_bandwidth: 0.25,
         };
-        let found = parts_table(&[part("norm", 3.0), part("clear", 1.0)], Some(2.0));
-        assert!(
-            found.contains("| norm | 2 | 3.000 | 75 % | - | 25 % |"),
-            "{found}"
-        );
-        let expected = "All 4 commands by themselves: 4.000 ms; run as one, with what goes up and down: 2.000 ms.";
+        let mut all = vec![part("norm", 3.0), part("clear", 0.992)];
+        all.extend([part("add", 0.004), part("copy", 0.004)]);
+        let found = parts_table(&all, Some(2.0));
+        for line in [
+            "| norm | 2 | 3.000 | 75 % | - | 25 % |\n| clear | 2 | 0.992 | 25 % | - | 25 % |",
+            "| others | 4 | 0.008 | 0 % | - | - |",
+        ] {
+            assert!(found.contains(line), "{found}");
+        }
+        let expected = "All 8 commands by themselves: 4.000 ms; run as one, with what goes up and down: 2.000 ms.";
         assert!(found.contains(expected), "{found}");
     }
 }
