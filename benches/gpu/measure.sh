@@ -4,6 +4,9 @@
 #
 #     benches/gpu/measure.sh > gpu.md
 #
+# Most of its time is torch.compile's, which makes every network at every size in every precision anew: about a minute
+# each. Where time is short, take fewer of them, or a part at a time.
+#
 # What fails is said and the rest goes on. May be set, with what holds where nothing is:
 #
 #   DEVICE      cuda; as for --device

@@ -4,13 +4,14 @@
 //! handles are to be and a few numbers that follow from them; down come the positions. A frame that is
 //! not finite is not taken: the cloths stay as they were.
 
+mod opening;
 mod plan;
 
 use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::VertexId;
-use selvedge_model::{ClothGraph, Model, RolloutError, Yaw, opening_frames};
+use selvedge_model::{ClothGraph, Model, Yaw};
 use thiserror::Error;
 
 use crate::cloths::UnionSizes;
@@ -18,28 +19,10 @@ use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_me
 use crate::frames::{FrameNumbers, HandleFrames};
 use crate::profile::{Spent, profile};
 
+use opening::{Cloth, open};
+
+pub use opening::{Opening, OpeningError};
 pub use plan::RolloutPlan;
-
-/// A cloth and the last frames before now.
-pub struct Opening<'a> {
-    /// The cloth.
-    pub graph: ClothGraph,
-    /// Frames, oldest first `[m]`, `[frames][vertices]`; where there are fewer than the model looks at,
-    /// the cloth has stood still.
-    pub start: &'a [&'a [Vec3]],
-}
-
-/// Why a rollout cannot start.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum OpeningError {
-    #[error("a rollout needs at least one cloth")]
-    NoCloth,
-    #[error("cloth {cloth}: {source}")]
-    Start { cloth: usize, source: RolloutError },
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-}
 
 /// Why a frame is not there.
 #[derive(Debug, Error)]
@@ -49,16 +32,6 @@ pub enum FrameError {
     NonFinite { cloth: usize, vertex: VertexId },
     #[error(transparent)]
     Device(#[from] DeviceError),
-}
-
-/// What the CPU knows of one cloth.
-struct Cloth {
-    graph: ClothGraph,
-    /// Its vertices in the union.
-    vertices: std::ops::Range<usize>,
-    /// Where its handles were, oldest first, `[history][handles]`.
-    handles: Vec<Vec<Vec3>>,
-    yaw: Yaw,
 }
 
 /// What the next frame begins with.
@@ -341,55 +314,6 @@ impl Rollout {
         self.next = Next::Whole;
         Ok(())
     }
-}
-
-impl Cloth {
-    /// The yaw of the newest frame; `yaw` is that of the one before.
-    fn yaw_now(&self) -> Yaw {
-        let newest = self.handles.last().map_or(&[][..], |handles| handles);
-        self.graph.frame().yaw(newest, self.yaw)
-    }
-
-    fn push_handles(&mut self, handles: Vec<Vec3>) {
-        self.handles.rotate_left(1);
-        if let Some(newest) = self.handles.last_mut() {
-            *newest = handles;
-        }
-    }
-}
-
-/// The cloths, and the first frames of all of them, oldest first.
-fn open(
-    model: &Model,
-    openings: Vec<Opening<'_>>,
-) -> Result<(Vec<Cloth>, Vec<Vec<Vec3>>), OpeningError> {
-    if openings.is_empty() {
-        return Err(OpeningError::NoCloth);
-    }
-    let mut frames = vec![Vec::new(); model.spec().history()];
-    let mut cloths = Vec::with_capacity(openings.len());
-    for (number, Opening { graph, start }) in openings.into_iter().enumerate() {
-        let graph = graph.with_coarse_levels(model.spec().coarse_levels);
-        let vertices = graph.vertex_count();
-        let own = opening_frames(model.spec(), vertices, start).map_err(|source| {
-            let cloth = number;
-            OpeningError::Start { cloth, source }
-        })?;
-        let first = frames[0].len();
-        for (all, own) in frames.iter_mut().zip(&own) {
-            all.extend_from_slice(own);
-        }
-        cloths.push(Cloth {
-            vertices: first..first + vertices,
-            handles: own
-                .iter()
-                .map(|frame| graph.handles().select(frame))
-                .collect(),
-            yaw: graph.frame().rest_yaw(),
-            graph,
-        });
-    }
-    Ok((cloths, frames))
 }
 
 fn flat(positions: &[Vec3]) -> Vec<f32> {

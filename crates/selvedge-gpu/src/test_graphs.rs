@@ -62,6 +62,9 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
 }
 
 /// A hanging square of `side`² vertices in moving air, its handles the upper corners.
+///
+/// The tests of `selvedge-model` have one like it. Nothing depends on their being the same, and a feature to share
+/// it would build that crate and all above it a second time.
 pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
     let vertices = side * side;
     let spec = SquareSpec {

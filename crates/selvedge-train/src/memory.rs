@@ -154,7 +154,7 @@ fn of_sent_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
     cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * (sent + dropped))
 }
 
-/// What this program may take [bytes]: the machine's memory, or what the system allows of it.
+/// What this program may take `[bytes]`: the machine's memory, or what the system allows of it.
 #[must_use]
 pub fn available_memory() -> f64 {
     let text = |path| std::fs::read_to_string(path).unwrap_or_default();

@@ -206,7 +206,7 @@ impl Bench<'_> {
         Ok(row)
     }
 
-    /// The card's measured products in the precision that is used [operations per second].
+    /// The card's measured products in the precision that is used `[operations per second]`.
     fn products(&self) -> f64 {
         match self.precision {
             Precision::Full => self.limits.products[0],

@@ -1,0 +1,87 @@
+//! How rollouts begin: cloths with the frames before now, checked, side by side.
+
+use glam::Vec3;
+use selvedge_model::{ClothGraph, Model, RolloutError, Yaw, opening_frames};
+use thiserror::Error;
+
+use crate::device::DeviceError;
+
+/// A cloth and the last frames before now.
+pub struct Opening<'a> {
+    /// The cloth.
+    pub graph: ClothGraph,
+    /// Frames, oldest first `[m]`, `[frames][vertices]`; where there are fewer than the model looks at,
+    /// the cloth has stood still.
+    pub start: &'a [&'a [Vec3]],
+}
+
+/// Why a rollout cannot start.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum OpeningError {
+    #[error("a rollout needs at least one cloth")]
+    NoCloth,
+    #[error("cloth {cloth}: {source}")]
+    Start { cloth: usize, source: RolloutError },
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+}
+
+/// What the CPU knows of one cloth.
+pub(super) struct Cloth {
+    pub(super) graph: ClothGraph,
+    /// Its vertices in the union.
+    pub(super) vertices: std::ops::Range<usize>,
+    /// Where its handles were, oldest first, `[history][handles]`.
+    pub(super) handles: Vec<Vec<Vec3>>,
+    pub(super) yaw: Yaw,
+}
+
+impl Cloth {
+    /// The yaw of the newest frame; `yaw` is that of the one before.
+    pub(super) fn yaw_now(&self) -> Yaw {
+        let newest = self.handles.last().map_or(&[][..], |handles| handles);
+        self.graph.frame().yaw(newest, self.yaw)
+    }
+
+    pub(super) fn push_handles(&mut self, handles: Vec<Vec3>) {
+        self.handles.rotate_left(1);
+        if let Some(newest) = self.handles.last_mut() {
+            *newest = handles;
+        }
+    }
+}
+
+/// The cloths, and the first frames of all of them, oldest first.
+pub(super) fn open(
+    model: &Model,
+    openings: Vec<Opening<'_>>,
+) -> Result<(Vec<Cloth>, Vec<Vec<Vec3>>), OpeningError> {
+    if openings.is_empty() {
+        return Err(OpeningError::NoCloth);
+    }
+    let mut frames = vec![Vec::new(); model.spec().history()];
+    let mut cloths = Vec::with_capacity(openings.len());
+    for (number, Opening { graph, start }) in openings.into_iter().enumerate() {
+        let graph = graph.with_coarse_levels(model.spec().coarse_levels);
+        let vertices = graph.vertex_count();
+        let own = opening_frames(model.spec(), vertices, start).map_err(|source| {
+            let cloth = number;
+            OpeningError::Start { cloth, source }
+        })?;
+        let first = frames[0].len();
+        for (all, own) in frames.iter_mut().zip(&own) {
+            all.extend_from_slice(own);
+        }
+        cloths.push(Cloth {
+            vertices: first..first + vertices,
+            handles: own
+                .iter()
+                .map(|frame| graph.handles().select(frame))
+                .collect(),
+            yaw: graph.frame().rest_yaw(),
+            graph,
+        });
+    }
+    Ok((cloths, frames))
+}
