@@ -10,7 +10,7 @@ use selvedge_cloth::{Environment, EnvironmentError, HandleError, Handles, Topolo
 use thiserror::Error;
 
 use crate::frame::LocalFrame;
-use crate::levels::{Link, links};
+use crate::levels::{Arcs, Link, links};
 
 /// What a [`ClothGraph`] is made from.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,8 +110,7 @@ impl ClothGraph {
         let topology = &parts.topology;
         let frame = LocalFrame::new(&parts.handles.select(&parts.rest_positions));
         let yaw = frame.rest_yaw();
-        let arcs = topology.arcs();
-        let edge_arcs = arcs_of_edges(topology);
+        let arcs = Arcs::new(topology, &[]);
         let rest_vectors: Vec<Vec3> = topology
             .edges()
             .iter()
@@ -123,10 +122,10 @@ impl ClothGraph {
         Ok(Self {
             handle_mask: parts.handles.mask(topology.vertex_count()),
             frame,
-            senders: arcs.iter().map(|arc| arc.sender.0).collect(),
-            receivers: arcs.iter().map(|arc| arc.receiver.0).collect(),
-            arc_edges: arcs.iter().map(|arc| arc.edge.0).collect(),
-            edge_arcs,
+            senders: arcs.senders,
+            receivers: arcs.receivers,
+            arc_edges: arcs.numbers,
+            edge_arcs: arcs.pairs,
             hinges: hinges(topology),
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
@@ -148,43 +147,24 @@ impl ClothGraph {
             .map(|edge| flat(edge.vertices[0]).distance(flat(edge.vertices[1])))
             .collect();
         let links = links(topology, &lengths, &handles, levels);
+        let arcs = Arcs::new(topology, &links);
+        let (of_edges, of_links) = arcs.pairs.split_at(topology.edges().len());
         let yaw = self.frame.rest_yaw();
         let rest = |v: u32| self.parts.rest_positions[v as usize];
-        let edge_count = topology.edges().len();
-        // Receiver, level, sender, number of the edge or, after those, of the link.
-        let mut arcs: Vec<(u32, u32, u32, u32)> = topology
-            .arcs()
-            .iter()
-            .map(|arc| (arc.receiver.0, 0, arc.sender.0, arc.edge.0))
-            .collect();
-        for (number, &([a, b], level)) in links.iter().enumerate() {
-            let number = (edge_count + number) as u32;
-            arcs.extend([(b, level, a, number), (a, level, b, number)]);
-        }
-        arcs.sort_unstable();
-        let mut pairs = vec![[0; 2]; edge_count + links.len()];
-        for (arc, &(_, _, sender, number)) in arcs.iter().enumerate() {
-            let first = match topology.edges().get(number as usize) {
-                Some(edge) => edge.vertices[0].0,
-                None => links[number as usize - edge_count].0[0],
-            };
-            pairs[number as usize][usize::from(sender != first)] = arc as u32;
-        }
-        let of_links = pairs.split_off(edge_count);
         self.links = links
             .iter()
             .zip(of_links)
-            .map(|(&(ends, level), arcs)| Link {
+            .map(|(&(ends, level), &arcs)| Link {
                 ends,
                 level,
                 arcs,
                 rest_vector: yaw.to_local(rest(ends[0]) - rest(ends[1])),
             })
             .collect();
-        self.receivers = arcs.iter().map(|arc| arc.0).collect();
-        self.senders = arcs.iter().map(|arc| arc.2).collect();
-        self.arc_edges = arcs.iter().map(|arc| arc.3).collect();
-        self.edge_arcs = pairs;
+        self.edge_arcs = of_edges.to_vec();
+        self.receivers = arcs.receivers;
+        self.senders = arcs.senders;
+        self.arc_edges = arcs.numbers;
         self
     }
 
@@ -374,15 +354,6 @@ fn check_finite<T: std::fmt::Display>(
         }),
         None => Ok(()),
     }
-}
-
-fn arcs_of_edges(topology: &Topology) -> Vec<[u32; 2]> {
-    let mut of_edge = vec![[u32::MAX; 2]; topology.edges().len()];
-    for (number, arc) in topology.arcs().iter().enumerate() {
-        let first = topology.edges()[arc.edge.index()].vertices[0];
-        of_edge[arc.edge.index()][usize::from(arc.sender != first)] = number as u32;
-    }
-    of_edge
 }
 
 fn hinges(topology: &Topology) -> Vec<Hinge> {

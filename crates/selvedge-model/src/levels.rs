@@ -30,6 +30,45 @@ pub struct Link {
     pub rest_vector: Vec3,
 }
 
+/// All arcs of a cloth, by receiver, level and sender.
+pub(crate) struct Arcs {
+    pub(crate) senders: Vec<u32>,
+    pub(crate) receivers: Vec<u32>,
+    /// The number of the edge of each; of a link, the number of edges more than its own.
+    pub(crate) numbers: Vec<u32>,
+    /// The arcs of each edge and then of each link: that sent by its first vertex, and its reverse.
+    pub(crate) pairs: Vec<[u32; 2]>,
+}
+
+impl Arcs {
+    /// Those of a mesh and of links with their levels.
+    pub(crate) fn new(topology: &Topology, links: &[([u32; 2], u32)]) -> Self {
+        let edges = topology
+            .edges()
+            .iter()
+            .map(|edge| edge.vertices.map(|v| v.0));
+        let ends: Vec<[u32; 2]> = edges.chain(links.iter().map(|(ends, _)| *ends)).collect();
+        let levels = std::iter::repeat_n(0, topology.edges().len());
+        let levels = levels.chain(links.iter().map(|(_, level)| *level));
+        let both = ends.iter().zip(levels).zip(0u32..);
+        let mut arcs: Vec<[u32; 4]> = both
+            .flat_map(|((&[a, b], level), number)| [[b, level, a, number], [a, level, b, number]])
+            .collect();
+        arcs.sort_unstable();
+        let mut pairs = vec![[0; 2]; ends.len()];
+        for (&[_, _, sender, number], arc) in arcs.iter().zip(0u32..) {
+            let reverse = sender != ends[number as usize][0];
+            pairs[number as usize][usize::from(reverse)] = arc;
+        }
+        Self {
+            receivers: arcs.iter().map(|arc| arc[0]).collect(),
+            senders: arcs.iter().map(|arc| arc[2]).collect(),
+            numbers: arcs.iter().map(|arc| arc[3]).collect(),
+            pairs,
+        }
+    }
+}
+
 /// Each level has one of so many vertices of the level before.
 const RATIO: usize = 4;
 
