@@ -179,10 +179,14 @@ pub(super) enum Show {
 }
 
 /// The shipped studies: names and TOML texts.
-const STUDIES: [(&str, &str); 5] = [
+const STUDIES: [(&str, &str); 6] = [
     (
         "choices",
         include_str!("../../../../assets/studies/choices.toml"),
+    ),
+    (
+        "coarse",
+        include_str!("../../../../assets/studies/coarse.toml"),
     ),
     (
         "equal-time",
