@@ -98,9 +98,9 @@ INNER float bending_angle(const float *now, const unsigned *hinge) {
     return atan2f(0.0f - length(along) * dot(normal_left, right), dot(normal_left, normal_right));
 }
 
-// 1 for an arc of a coarse level, 0 for one of the mesh, whose edges all have an extent in the flat cloth.
+// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1, 0 for one of the mesh.
 INNER float is_link(const float *arc_material, unsigned arc) {
-    return arc_material[3 * (size_t)arc + 2] > 0.0f ? 0.0f : 1.0f;
+    return arc_material[3 * (size_t)arc + 2] < 0.0f ? 1.0f : 0.0f;
 }
 
 // One arc in one frame of the window, [steps, arcs].
@@ -133,7 +133,7 @@ KERNEL(edge_features) {
     put(row, shift, scale, EDGE_REST_VECTOR + 3, edge * at_rest[3]);
 #endif
 #ifdef EDGE_MATERIAL_VECTOR
-    put_vector(row, shift, scale, EDGE_MATERIAL_VECTOR, vector(arc_material + 3 * (size_t)arc));
+    put_vector(row, shift, scale, EDGE_MATERIAL_VECTOR, times(edge, vector(arc_material + 3 * (size_t)arc)));
 #endif
 #ifdef EDGE_ELONGATION
     put(row, shift, scale, EDGE_ELONGATION, edge * (length(apart) - at_rest[3]));

@@ -308,12 +308,13 @@ impl Statics {
                 self.arc_material[3 * arc..][..3].copy_from_slice(&[flat.x, flat.y, flat_length]);
             }
         }
-        // Links have no extent in the flat cloth, which tells them from edges.
+        // No edge has a length below 0 in the flat cloth, which tells links from edges.
         for link in graph.links() {
             for (arc, sign) in link.arcs.into_iter().zip([1.0, -1.0]) {
                 let (arc, rest) = (first + arc as usize, sign * link.rest_vector);
                 let length = rest.length();
                 self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
+                self.arc_material[3 * arc + 2] = -1.0;
             }
         }
         for hinge in graph.hinges() {

@@ -186,10 +186,10 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
     }
 }
 
-/// Fills `out` (`[arcs, edge_width]`) with the features of every arc, in the topology's order.
+/// Fills `out` (`[arcs, edge_width]`) with the features of every arc, in the graph's order.
 ///
 /// # Panics
-/// When a slice does not have the size of the cloth.
+/// When a slice does not have the size of the cloth, or the cloth has other coarse levels than the spec.
 pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
     let width = spec.edge_width();
     assert_eq!(
@@ -198,6 +198,7 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
         "current positions"
     );
     assert_eq!(out.len(), graph.arc_count() * width, "edge features");
+    assert_eq!(graph.coarse_levels(), spec.coarse_levels, "coarse levels");
     if spec.coarse_levels > 0 {
         out.fill(0.0);
     }

@@ -63,6 +63,7 @@ pub struct ClothGraph {
     pub(crate) rest_vectors: Vec<Vec3>,
     pub(crate) rest_lengths: Vec<f32>,
     pub(crate) links: Vec<Link>,
+    coarse_levels: usize,
 }
 
 /// Why parts do not make a graph.
@@ -130,6 +131,7 @@ impl ClothGraph {
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
             links: Vec::new(),
+            coarse_levels: 0,
             parts,
         })
     }
@@ -141,11 +143,15 @@ impl ClothGraph {
         let topology = &self.parts.topology;
         let handles: Vec<u32> = self.parts.handles.vertices().iter().map(|v| v.0).collect();
         let flat = |v: VertexId| self.parts.material_coordinates[v.index()];
-        let lengths: Vec<f32> = topology
+        let mut lengths: Vec<f32> = topology
             .edges()
             .iter()
             .map(|edge| flat(edge.vertices[0]).distance(flat(edge.vertices[1])))
             .collect();
+        if lengths.iter().all(|&length| length == 0.0) {
+            // Nobody said where it lies flat.
+            lengths.copy_from_slice(&self.rest_lengths);
+        }
         let links = links(topology, &lengths, &handles, levels);
         let arcs = Arcs::new(topology, &links);
         let (of_edges, of_links) = arcs.pairs.split_at(topology.edges().len());
@@ -161,6 +167,7 @@ impl ClothGraph {
                 rest_vector: yaw.to_local(rest(ends[0]) - rest(ends[1])),
             })
             .collect();
+        self.coarse_levels = levels;
         self.edge_arcs = of_edges.to_vec();
         self.receivers = arcs.receivers;
         self.senders = arcs.senders;
@@ -268,6 +275,12 @@ impl ClothGraph {
     #[must_use]
     pub fn hinges(&self) -> &[Hinge] {
         &self.hinges
+    }
+
+    /// How many coarse levels were asked for.
+    #[must_use]
+    pub fn coarse_levels(&self) -> usize {
+        self.coarse_levels
     }
 
     /// The edges of the coarse levels, level by level; none unless [`Self::with_coarse_levels`] made some.

@@ -3,8 +3,8 @@
 //!
 //! Each level has a quarter of the vertices of the one before, one after another the farthest from those
 //! that are chosen already (farthest-point sampling, Gonzalez 1985), along the edges of the flat cloth, so that
-//! no pose has a say in it; of equally far ones the one with the smaller number. Handles come first where they
-//! are at most half of them. Every vertex of the level before belongs to the chosen one that is nearest; two
+//! no pose has a say in it `[eq:coarse-levels]`; of equally far ones the one with the smaller number. Handles come
+//! first, where they are more than half of a level the first of them alone. Every vertex of the level before belongs to the chosen one that is nearest; two
 //! chosen ones are linked where their cells touch, as Delaunay's triangulation links the centres of Voronoi's
 //! cells. Pieces that do not hang together are never linked.
 //!
@@ -156,7 +156,8 @@ impl Cells {
         }
     }
 
-    /// Chooses `count` of the members, and gives every member to one of them.
+    /// Chooses `count` of the members, fewer where the others lie where they do, and gives every member that can be
+    /// reached from one of them to the nearest.
     fn choose(&mut self, count: usize, handles: &[u32]) -> Vec<u32> {
         let mut chosen = Vec::with_capacity(count);
         let first = if 2 * handles.len() <= count {

@@ -18,7 +18,8 @@ use selvedge_model::{
     Place, Window, Yaw,
 };
 
-/// Every feature, over a window of two frames, carried.
+/// Every feature but those of coarse levels (whose vertices are chosen by their numbers where they are as
+/// far), over a window of two frames, carried.
 fn spec() -> ModelSpec {
     let mut spec = ModelSpec::physical(Encoder::Mlp { window: 2 }, 4, 1);
     spec.node_features.extend([

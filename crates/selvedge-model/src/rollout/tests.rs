@@ -11,7 +11,7 @@ use crate::integration::Integration;
 use crate::model::Normalizers;
 use crate::network::Network;
 use crate::normalizer::Normalizer;
-use crate::spec::{Encoder, ModelSpec, NodeFeature};
+use crate::spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature};
 use crate::test_cloth::{parts, shaken, turn};
 
 /// Statistics as of a cloth that swings by centimetres per frame.
@@ -60,6 +60,10 @@ fn specs() -> [ModelSpec; 4] {
         damping: 0.03,
         stiffness: 0.003,
     };
+    carried.coarse_levels = 2;
+    carried
+        .edge_features
+        .extend([EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector]);
     [
         ModelSpec::physical(Encoder::MLP, 8, 2),
         ModelSpec::physical(Encoder::Gru { window: 5 }, 8, 2),

@@ -17,8 +17,8 @@ use selvedge_gpu::conformance::training;
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::learning::Learning;
 use selvedge_model::{
-    ClothGraph, Connectivity, Encoder, Extent, Gradients, Input, Integration, ModelSpec, Network,
-    NodeFeature, Pass, Workspace,
+    ClothGraph, Connectivity, EdgeFeature, Encoder, Extent, Gradients, Input, Integration,
+    ModelSpec, Network, NodeFeature, Pass, Workspace,
 };
 use selvedge_train::{TrainConfig, Trainer, TruthProbability, UnrollFrames};
 use serde_json::json;
@@ -149,7 +149,7 @@ fn gradients(
 }
 
 /// Small trainings in which everything plays a part that can: noise, mirror images, clipping, a mean of the
-/// weights, dropout, the model's own predictions, and several frames at a time.
+/// weights, dropout, coarse levels, the model's own predictions, and several frames at a time.
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
         ("gru", Encoder::Gru { window: 5 }, 1),
@@ -171,7 +171,11 @@ fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
                 stiffness: 0.01,
             };
         }
-        if encoder != Encoder::MLP {
+        if encoder == Encoder::MLP {
+            cfg.model.coarse_levels = 2;
+            let coarse = [EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector];
+            cfg.model.edge_features.extend(coarse);
+        } else {
             cfg.dropout = 0.1;
         }
         if frames > 1 {
