@@ -57,7 +57,7 @@ use crate::sections::SectionRule;
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
 
-const PRESETS: [(&str, &str); 10] = assets!("datasets":
+const PRESETS: [(&str, &str); 11] = assets!("datasets":
     "first",
     "tiny",
     "small",
@@ -68,6 +68,7 @@ const PRESETS: [(&str, &str); 10] = assets!("datasets":
     "speeds-400",
     "cloths-400",
     "fine-400",
+    "few-400",
 );
 
 /// A resolved preset.
