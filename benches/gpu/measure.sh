@@ -4,20 +4,30 @@
 #
 #     benches/gpu/measure.sh > gpu.md
 #
-# Most of its time is torch.compile's, which makes every network at every size in every precision anew: about a minute
-# each. Where time is short, take fewer of them, or a part at a time.
+# What is ours comes first, in all precisions, then PyTorch beside it, eager, then compiled. What was measured is printed
+# as it comes; what fails, or takes longer than LIMIT, is said and the rest goes on.
 #
-# What fails is said and the rest goes on. May be set, with what holds where nothing is:
+# Parts that should fit into 9 minutes each, where a machine is lent no longer (reckoned, not measured; the last
+# compiles every network at every size anew, about a minute each, and takes several such parts):
+#
+#     SECTIONS="conformance training" benches/gpu/measure.sh > 1.md
+#     SECTIONS=frames benches/gpu/measure.sh > 2.md
+#     SECTIONS=time benches/gpu/measure.sh > 3.md
+#     SECTIONS=eager PRECISIONS="full tensor" benches/gpu/measure.sh > 4.md
+#     SECTIONS=eager PRECISIONS=half benches/gpu/measure.sh > 5.md
+#     SECTIONS=compiled PRECISIONS=tensor VARIANTS="gru-10 mlp" VERTICES=1024,64x1024 benches/gpu/measure.sh > 6.md
+#
+# May be set, with what holds where nothing is:
 #
 #   DEVICE      cuda; as for --device
-#   PYTHON      python3, with PyTorch for CUDA; none leaves PyTorch out
-#   SELVEDGE    a built program; none builds target/release/selvedge
-#   OUT         out/gpu; a folder for data and trainings
-#   SECTIONS    conformance frames time training; what to do of it
+#   PYTHON      python3, with PyTorch for CUDA; none leaves PyTorch out. Where it has NVIDIA's packages, CUDA's libraries
+#               are taken from them after those of LD_LIBRARY_PATH
+#   SELVEDGE    a built program, with --features gpu; none builds target/release/selvedge
+#   FOLDER      out/gpu; for data and trainings
+#   SECTIONS    conformance frames time training eager compiled; what to do of it
 #   PRECISIONS  full tensor half
 #   VARIANTS    gru-10 gru-5 node-gru-10 streaming-gru mlp meshgraphnets
-#   VERTICES    1024,10000,100000; of the cloths
-#   CLOTHS      64; as many of the first of these at once
+#   VERTICES    1024,10000,100000,64x1024; of the cloths, the last one 64 at once
 #   RUNS        30; of each
 #   SIDE        8192; rows of the matrices that the card's limits are measured with
 #   PROFILED    gru-10 meshgraphnets; the variants of which every command is timed by itself
@@ -28,11 +38,12 @@
 #   DATASET     benches/gpu/data.toml; on what
 #   SETTINGS    batch.samples=16 statistics_samples=200; changed in it
 #   SPAN        1m; for how long
+#   LIMIT       300; seconds that any one of all this may take
 #
 # Where there is no GPU, this runs all of it in a few minutes, by the kernels on the processor; its times say
 # nothing of a GPU:
 #
-#     DEVICE=host PYTHON=none PRECISIONS=full VARIANTS="small mlp" VERTICES=64 CLOTHS=2 RUNS=2 SIDE=64 \
+#     DEVICE=host PYTHON=none PRECISIONS=full VARIANTS="small mlp" VERTICES=64,2x64 RUNS=2 SIDE=64 \
 #         PROFILED=small CHECKED=small FRAMES=3 STEPS=20 PRESETS=rp-mlp DATASET=tiny SPAN=10s \
 #         SETTINGS="batch.samples=2 model.latent=16 model.blocks=2 statistics_samples=20" benches/gpu/measure.sh
 set -uo pipefail
@@ -41,69 +52,102 @@ cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 device=${DEVICE:-cuda}
 python=${PYTHON:-python3}
 selvedge=${SELVEDGE:-target/release/selvedge}
-out=${OUT:-out/gpu}
-read -ra sections <<< "${SECTIONS:-conformance frames time training}"
+folder=${FOLDER:-out/gpu}
+read -ra sections <<< "${SECTIONS:-conformance frames time training eager compiled}"
 read -ra precisions <<< "${PRECISIONS:-full tensor half}"
 read -ra variants <<< "${VARIANTS:-gru-10 gru-5 node-gru-10 streaming-gru mlp meshgraphnets}"
 read -ra profiled <<< "${PROFILED:-gru-10 meshgraphnets}"
 read -ra checked <<< "${CHECKED:-}"
 read -ra presets <<< "${PRESETS:-rp-gru10 meshgraphnets}"
 read -ra settings <<< "${SETTINGS:-batch.samples=16 statistics_samples=200}"
-sizes=(--vertices "${VERTICES:-1024,10000,100000}" --cloths "${CLOTHS:-64}" --runs "${RUNS:-30}" --side "${SIDE:-8192}")
+IFS=, read -ra vertices <<< "${VERTICES:-1024,10000,100000,64x1024}"
+runs=(--runs "${RUNS:-30}" --side "${SIDE:-8192}")
+limit=()
+command -v timeout > /dev/null && limit=(timeout --kill-after=10 "${LIMIT:-300}")
 
 # Says what could not be measured, and goes on.
 try() {
-    "$@" || printf '\n**Failed:** `%s`\n' "$*"
+    ${limit[@]+"${limit[@]}"} "$@"
+    local code=$?
+    [ "$code" -eq 0 ] && return
+    local why="exit code $code"
+    [ "$code" -eq 124 ] && why="stopped after ${LIMIT:-300} s"
+    printf '\n**Failed** (%s): `%s`\n' "$why" "$*"
 }
 
 heading() {
     printf '\n## %s\n\n' "$1"
 }
 
+# --variant of each.
+named() {
+    local variant
+    for variant in "$@"; do
+        printf '%s\n' --variant "$variant"
+    done
+}
+
 build() {
+    if ! command -v cargo > /dev/null; then
+        cat >&2 << 'END'
+There is no cargo to build with. Build where there is one, for the same kind of processor:
+
+    cargo build --release --features gpu -p selvedge && strip -o selvedge-gpu target/release/selvedge
+
+and say here where that file lies: SELVEDGE=./selvedge-gpu benches/gpu/measure.sh
+END
+        exit 1
+    fi
     local began=$SECONDS
     cargo build --release --features gpu -p selvedge >&2 || exit 1
     printf 'Built in %s s; the program has %s bytes.\n' $((SECONDS - began)) \
         "$(stat -c %s "$selvedge" 2> /dev/null || stat -f %z "$selvedge")"
 }
 
-conformance() {
-    heading "Conformance"
-    local only=()
-    for variant in ${checked[@]+"${checked[@]}"}; do
-        only+=(--variant "$variant")
-    done
-    printf '```\n'
-    try "$selvedge" bench conformance --device "$device" ${only[@]+"${only[@]}"} \
-        --frames "${FRAMES:-30}" --steps "${STEPS:-100}"
-    printf '```\n'
+# The folders of CUDA's libraries among Python's packages, one after the other with a colon between.
+libraries() {
+    "$python" - << 'END'
+import glob, os, sys
+found = {os.path.dirname(file) for folder in sys.path for library in ("libcublas.so.*", "libnvrtc.so.*")
+         for file in glob.glob(os.path.join(glob.escape(folder), "nvidia", "*", "lib", library))}
+print(":".join(sorted(found)))
+END
 }
 
-# A run for each network, so that one that fails takes none with it.
-frames() {
-    local where=$device against peer
-    [ "$device" = host ] && where=cpu
+conformance() {
+    local only precision
+    mapfile -t only < <(named ${checked[@]+"${checked[@]}"})
     for precision in "${precisions[@]}"; do
-        against=()
-        if [ "$python" != none ]; then
-            peer="$python benches/peer/peer.py --device $where --precision $precision"
-            against=(--against "$peer" --against "$peer --compile")
-        fi
+        heading "Conformance, precision $precision"
+        printf '```\n'
+        try "$selvedge" bench conformance --device "$device" --precision "$precision" ${only[@]+"${only[@]}"} \
+            --frames "${FRAMES:-30}" --steps "${STEPS:-100}" 2>&1
+        printf '```\n'
+    done
+}
+
+# A run for each size.
+frames() {
+    local only precision size
+    mapfile -t only < <(named "${variants[@]}")
+    for precision in "${precisions[@]}"; do
         heading "Frames and steps, precision $precision"
-        for variant in "${variants[@]}"; do
-            try "$selvedge" bench gpu --device "$device" --precision "$precision" --variant "$variant" \
-                "${sizes[@]}" ${against[@]+"${against[@]}"}
+        for size in "${vertices[@]}"; do
+            try "$selvedge" bench gpu --device "$device" --precision "$precision" "${only[@]}" --vertices "$size" \
+                "${runs[@]}"
             printf '\n'
         done
     done
 }
 
 time_by_command() {
+    local only precision size
+    mapfile -t only < <(named "${profiled[@]}")
     for precision in "${precisions[@]}"; do
         heading "Where the time goes, precision $precision"
-        for variant in "${profiled[@]}"; do
-            try "$selvedge" bench gpu --device "$device" --precision "$precision" --variant "$variant" \
-                "${sizes[@]}" --profile
+        for size in "${vertices[@]}"; do
+            try "$selvedge" bench gpu --device "$device" --precision "$precision" "${only[@]}" --vertices "$size" \
+                "${runs[@]}" --profile
             printf '\n'
         done
     done
@@ -111,14 +155,17 @@ time_by_command() {
 
 training() {
     heading "Training"
-    local data=$out/data changed=() run
+    local data=$folder/data changed=() run setting preset precision
     for setting in "${settings[@]}"; do
         changed+=(--set "$setting")
     done
-    [ -d "$data" ] || try "$selvedge" dataset generate "${DATASET:-benches/gpu/data.toml}" --out "$data" >&2
+    # Goes on from what is there.
+    printf '```\n'
+    try "$selvedge" dataset generate "${DATASET:-benches/gpu/data.toml}" --out "$data"
+    printf '```\n\n'
     for preset in "${presets[@]}"; do
         for precision in "${precisions[@]}"; do
-            run=$out/$preset-$precision
+            run=$folder/$preset-$precision
             rm -rf "$run"
             printf '%s, precision %s, %s:\n\n```\n' "$preset" "$precision" "${settings[*]}"
             try "$selvedge" train "$preset" --data "$data" --out "$run" --for "${SPAN:-1m}" "${changed[@]}" \
@@ -128,7 +175,37 @@ training() {
     done
 }
 
-mkdir -p "$out"
+# PyTorch, eager or with --compile, with ours beside it: a run for each size and network.
+peer() {
+    local what=$1 where=$device against precision size variant
+    shift
+    [ "$python" = none ] && return
+    [ "$device" = host ] && where=cpu
+    for precision in "${precisions[@]}"; do
+        heading "Beside PyTorch, $what, precision $precision"
+        against="$python benches/peer/peer.py --device $where --precision $precision${1:+ $1}"
+        for size in "${vertices[@]}"; do
+            for variant in "${variants[@]}"; do
+                try "$selvedge" bench gpu --device "$device" --precision "$precision" --variant "$variant" \
+                    --vertices "$size" "${runs[@]}" --against "$against"
+                printf '\n'
+            done
+        done
+    done
+}
+
+for part in "${sections[@]}"; do
+    case $part in
+        conformance | frames | time | training | eager | compiled) ;;
+        *) printf 'there is no section %s: there are conformance, frames, time, training, eager and compiled\n' "$part" >&2 && exit 2 ;;
+    esac
+done
+if [ "$python" != none ]; then
+    if found=$(libraries) && [ -n "$found" ]; then
+        export LD_LIBRARY_PATH=${LD_LIBRARY_PATH:+$LD_LIBRARY_PATH:}$found
+    fi
+fi
+mkdir -p "$folder"
 printf '# A GPU, measured %s\n\n' "$(date -u +%Y-%m-%d)"
 nvidia-smi --query-gpu=name,driver_version,memory.total --format=csv,noheader 2> /dev/null
 git describe --always --dirty 2> /dev/null
@@ -139,6 +216,7 @@ for part in "${sections[@]}"; do
         frames) frames ;;
         time) time_by_command ;;
         training) training ;;
-        *) printf 'there is no section %s: there are conformance, frames, time and training\n' "$part" >&2 && exit 2 ;;
+        eager) peer eager ;;
+        compiled) peer compiled --compile ;;
     esac
 done

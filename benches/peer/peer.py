@@ -5,7 +5,8 @@ of JSON (spec, vertices, node_width, edge_width, senders, receivers, threads), a
 line asks for: "frame", a forward pass without gradients, or "step", a forward pass, the mean square error of the
 output, a backward pass and Adam. It answers with the milliseconds that it took.
 
-Options: --device cuda runs it on a GPU, --compile by torch.compile (CUDA graphs where there is a GPU), --precision
+Options: --device cuda runs it on a GPU, --compile by torch.compile (CUDA graphs where there is a GPU; recurrent units
+are part of the graph where PyTorch has torch._dynamo.config.allow_rnn), --precision
 tensor with products in TF32, half with what PyTorch's autocast does in bfloat16. A GPU is waited for before and after
 what is timed.
 """
@@ -19,6 +20,7 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "docs" / "python"))
 
 import torch  # noqa: E402
+import torch._dynamo  # noqa: E402
 from selvedge_network import Network  # noqa: E402
 
 
@@ -47,6 +49,9 @@ class Peer:
         self.states = tuple(torch.full((2, count, latent), 0.1) for count in rows) or (None, None)
         self.target = torch.randn(vertices, 3)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=1e-5)
+        if options.compile and hasattr(torch._dynamo.config, "allow_rnn"):
+            # Without it the graph breaks at every recurrent unit.
+            torch._dynamo.config.allow_rnn = True
         mode = "reduce-overhead" if self.on_gpu else "default"
         self.run = torch.compile(self.network, mode=mode) if options.compile else self.network
         self.without_gradients = torch.no_grad if options.compile else torch.inference_mode

@@ -172,20 +172,36 @@ KERNEL(vertex_losses) {
     }
 }
 
-// The terms of a lane: acceleration, kinetic energy, edge vector, edge length, bending angle.
+// Sums over a part of a lane, of so many vertices and edges: acceleration, kinetic energy, edge vector, edge
+// length, bending angle.
+KERNEL(loss_parts) {
+    const size_t lane = ROW / parts, first = (size_t)(ROW % parts) * per_part;
+    double sum[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
+    for (unsigned i = LANE; i < per_part; i += LANES) {
+        const size_t at = first + i;
+        if (at < vertices) {
+            const double *term = of_vertices + 2 * (lane * vertices + at);
+            for (unsigned k = 0; k < 2; ++k) sum[k] += term[k];
+        }
+        if (at < edges) {
+            const double *term = of_edges + 3 * (lane * edges + at);
+            for (unsigned k = 0; k < 3; ++k) sum[2 + k] += term[k];
+        }
+    }
+    for (unsigned k = 0; k < 5; ++k) {
+        const double whole = SUM_DOUBLES_OVER_LANES(sum[k]);
+        if (LANE == 0) sums[5 * (size_t)ROW + k] = whole;
+    }
+}
+
+// The terms of a lane: the sums of its parts, by what a vertex and an edge count.
 KERNEL(loss_terms) {
-    double sums[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
-    for (unsigned v = LANE; v < vertices; v += LANES) {
-        const double *term = of_vertices + 2 * ((size_t)ROW * vertices + v);
-        for (unsigned i = 0; i < 2; ++i) sums[i] += term[i];
-    }
-    for (unsigned e = LANE; e < edges; e += LANES) {
-        const double *term = of_edges + 3 * ((size_t)ROW * edges + e);
-        for (unsigned i = 0; i < 3; ++i) sums[2 + i] += term[i];
-    }
-    for (unsigned i = 0; i < 5; ++i) {
-        const double sum = SUM_DOUBLES_OVER_LANES(sums[i]);
-        if (LANE == 0) terms[5 * (size_t)ROW + i] = sum * shares[2 * ROW + (i < 2 ? 0 : 1)];
+    const double *of_parts = sums + 5 * (size_t)ROW * parts;
+    for (unsigned k = 0; k < 5; ++k) {
+        double sum = 0.0;
+        for (unsigned part = LANE; part < parts; part += LANES) sum += of_parts[5 * (size_t)part + k];
+        sum = SUM_DOUBLES_OVER_LANES(sum);
+        if (LANE == 0) terms[5 * (size_t)ROW + k] = sum * shares[2 * ROW + (k < 2 ? 0 : 1)];
     }
 }
 

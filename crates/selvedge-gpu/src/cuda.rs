@@ -10,10 +10,12 @@
 
 mod compile;
 mod loaded;
+mod narrow;
+mod owned;
 mod product;
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use cudarc::driver::result::{self, DriverError};
 use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
@@ -30,6 +32,14 @@ const LEAST_VERSION: i32 = 12_000;
 
 /// Bytes that are left free for what the driver and the libraries take for themselves.
 const RESERVE: usize = 256 << 20;
+
+/// Held while a schedule is recorded, and while a handle of cuBLAS is made or dropped, which allocates: one thread's
+/// allocation may not come into another's recording. For the whole process, as the primary context is.
+static RECORDING: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    RECORDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// An NVIDIA GPU.
 pub struct Cuda {
@@ -162,11 +172,13 @@ fn require_libraries() -> Result<(), DeviceError> {
         ),
         (
             "NVRTC, the compiler of CUDA's kernels (libnvrtc)",
-            "install CUDA 12 or 13, or its package nvidia-cuda-nvrtc, and put its folder into LD_LIBRARY_PATH",
+            "install CUDA 12 or 13, or Python's package nvidia-cuda-nvrtc-cu12 (of CUDA 13: nvidia-cuda-nvrtc), and put \
+             its folder into LD_LIBRARY_PATH",
         ),
         (
             "cuBLAS, CUDA's products of matrices (libcublas)",
-            "install CUDA 12 or 13, or its package nvidia-cublas, and put its folder into LD_LIBRARY_PATH",
+            "install CUDA 12 or 13, or Python's package nvidia-cublas-cu12 (of CUDA 13: nvidia-cublas), and put its \
+             folder into LD_LIBRARY_PATH",
         ),
     ];
     match found.into_iter().zip(needed).find(|(found, _)| !found) {
@@ -180,19 +192,28 @@ fn require_version() -> Result<(), DeviceError> {
     // SAFETY: it writes one integer.
     let asked = unsafe { sys::cuDriverGetVersion(&raw mut version) }.result();
     asked.map_err(failed("cuDriverGetVersion"))?;
-    check_version(version)
+    check_version(version, compile::major()?.max(product::major()?))
 }
 
-/// That a driver knows CUDA well enough.
-fn check_version(version: i32) -> Result<(), DeviceError> {
-    if version >= LEAST_VERSION {
-        return Ok(());
-    }
+/// That a driver knows CUDA well enough, for itself and for libraries of CUDA `major`.
+fn check_version(version: i32, major: i32) -> Result<(), DeviceError> {
     let in_words = |version: i32| format!("{}.{}", version / 1000, version % 1000 / 10);
-    Err(DeviceError::OldDriver {
+    let too_old = |needed: i32, remedy: &'static str| DeviceError::OldDriver {
         found: in_words(version),
-        needed: in_words(LEAST_VERSION),
-    })
+        needed: in_words(needed),
+        remedy,
+    };
+    if version < LEAST_VERSION {
+        return Err(too_old(LEAST_VERSION, "install a newer driver"));
+    }
+    if version / 1000 < major {
+        return Err(too_old(
+            1000 * major,
+            "NVRTC and cuBLAS as they were found are of that; install a newer driver, or put the folders of older \
+             ones first in LD_LIBRARY_PATH",
+        ));
+    }
+    Ok(())
 }
 
 impl Device for Cuda {
@@ -204,6 +225,11 @@ impl Device for Cuda {
         self.context.enter()?;
         let (free, _) = result::mem_get_info().map_err(failed("cuMemGetInfo"))?;
         Ok(free.saturating_sub(RESERVE))
+    }
+
+    fn narrow_products(&self, side: usize) -> Result<Option<f64>, DeviceError> {
+        self.context.enter()?;
+        narrow::products(side).map(Some)
     }
 
     fn load(

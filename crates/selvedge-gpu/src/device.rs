@@ -32,6 +32,16 @@ pub trait Device: Send + Sync {
     /// When the device does not answer.
     fn free_bytes(&self) -> Result<usize, DeviceError>;
 
+    /// How fast it multiplies square matrices of so many rows whose numbers lie in bf16, at most
+    /// `[floating-point operations per second]`; none where it knows no such numbers.
+    ///
+    /// # Errors
+    /// When it fails, or has not the memory.
+    fn narrow_products(&self, side: usize) -> Result<Option<f64>, DeviceError> {
+        let _ = side;
+        Ok(None)
+    }
+
     /// Compiles a program and allocates the arena of a plan.
     ///
     /// # Errors
@@ -79,6 +89,12 @@ pub trait Loaded: Send {
     /// # Errors
     /// When something that ran has failed.
     fn wait(&mut self) -> Result<(), DeviceError>;
+
+    /// Why a schedule that ran twice is not replayed from a recording but called piece by piece, which is
+    /// slower; none where all are replayed, or where the device records nothing.
+    fn unrecorded(&self) -> Option<&str> {
+        None
+    }
 }
 
 /// Numbers of four bytes that go up and down.
@@ -149,6 +165,31 @@ pub fn require_memory(
     })
 }
 
+/// How much of something fits, in words: `bytes` of so many vertices and arcs, of which there are `counts`.
+pub(crate) fn vertices_that_fit(
+    [vertices, arcs]: [usize; 2],
+    free: usize,
+    bytes: impl Fn([usize; 2]) -> usize,
+) -> String {
+    let part = |vertices_of_it: usize| {
+        let arcs_of_it = (arcs * vertices_of_it).div_ceil(vertices.max(1));
+        [vertices_of_it, arcs_of_it]
+    };
+    let (mut low, mut high) = (0, vertices);
+    while high - low > 1 {
+        let middle = usize::midpoint(low, high);
+        if bytes(part(middle)) <= free {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    match low {
+        0 => "not even one vertex would fit".to_owned(),
+        low => format!("about {low} vertices would fit, instead of {vertices}"),
+    }
+}
+
 /// A number of bytes for people.
 pub(crate) fn in_bytes(bytes: usize) -> String {
     let units = [(1e9, "GB"), (1e6, "MB"), (1e3, "kB")];
@@ -168,10 +209,12 @@ pub enum DeviceError {
         library: &'static str,
         remedy: &'static str,
     },
-    #[error(
-        "the driver is too old: it knows CUDA {found}, and {needed} is needed; install a newer driver"
-    )]
-    OldDriver { found: String, needed: String },
+    #[error("the driver is too old: it knows CUDA {found}, and {needed} is needed: {remedy}")]
+    OldDriver {
+        found: String,
+        needed: String,
+        remedy: &'static str,
+    },
     #[error("there is a driver of CUDA but no GPU that it can use: see what nvidia-smi says")]
     NoDevice,
     #[error("there is no GPU number {number}: {count} are there, counted from 0")]
@@ -193,4 +236,19 @@ pub enum DeviceError {
     Schedule(#[from] ScheduleError),
     #[error("{call} failed on the device: {reason}")]
     Call { call: &'static str, reason: String },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_vertices_as_fit_are_named_with_their_share_of_the_arcs() {
+        let bytes = |[vertices, arcs]: [usize; 2]| 1000 + 10 * vertices + arcs;
+        let fit = |free: usize| vertices_that_fit([100, 550], free, bytes);
+        // 60 vertices have 330 arcs.
+        assert_eq!(fit(1930), "about 60 vertices would fit, instead of 100");
+        assert_eq!(fit(1929), "about 59 vertices would fit, instead of 100");
+        assert_eq!(fit(1000), "not even one vertex would fit");
+    }
 }

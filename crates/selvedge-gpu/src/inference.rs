@@ -3,7 +3,9 @@
 
 use selvedge_model::{Connectivity, Extent, Input, Network};
 
-use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
+use crate::device::{
+    Device, DeviceError, Loaded, Precision, Prepared, require_memory, vertices_that_fit,
+};
 use crate::layers;
 use crate::network::{
     ForwardPass, GraphArrays, InputArrays, Keep, StateArrays, WeightArrays, forward,
@@ -24,6 +26,62 @@ pub struct Inference {
     work: Work,
 }
 
+/// Where everything lies and what is done.
+struct Layout {
+    plan: Plan,
+    program: Program,
+    weights: WeightArrays,
+    graph: GraphArrays,
+    input: InputArrays,
+    start: Option<StateArrays>,
+    output: Region,
+    pack: Schedule,
+    forward: Schedule,
+}
+
+impl Layout {
+    fn new(network: &Network, [vertices, arcs]: [usize; 2], extent: Extent) -> Self {
+        let spec = network.spec();
+        let mut program = Program::new(Sizes::of(spec));
+        program.add(&layers::PART);
+        let mut plan = Plan::new();
+        let weights = WeightArrays::new(&mut plan, network);
+        let graph = GraphArrays::new(&mut plan, vertices, arcs);
+        let steps = match extent {
+            Extent::Whole => [spec.node_window(), spec.edge_window()],
+            Extent::Newest => [1, 1],
+        };
+        let input = InputArrays::new(&mut plan, network, &graph, steps);
+        let states = (extent == Extent::Newest)
+            .then(|| [0, 1].map(|_| StateArrays::new(&mut plan, network, &graph)));
+        let [start, end] = states.map_or([None, None], |states| states.map(Some));
+        let mut schedule = Schedule::new("a forward pass");
+        let pass = ForwardPass {
+            network,
+            weights: &weights,
+            graph: &graph,
+            input: &input,
+            start: start.as_ref(),
+            end: end.as_ref(),
+            keep: Keep::Output,
+        };
+        let output = forward(&mut plan, &mut schedule, pass).output;
+        let mut pack = Schedule::new("packing the weights");
+        weights.pack(&mut pack);
+        Self {
+            plan,
+            program,
+            weights,
+            graph,
+            input,
+            start,
+            output,
+            pack,
+            forward: schedule,
+        }
+    }
+}
+
 impl Inference {
     /// A network with its weights on a graph. Of [`Extent::Newest`] it goes on from states, which begin
     /// with zero; those that it leaves are not taken up again.
@@ -40,52 +98,29 @@ impl Inference {
         extent: Extent,
         precision: Precision,
     ) -> Result<Self, DeviceError> {
-        let spec = network.spec();
-        let mut program = Program::new(Sizes::of(spec));
-        program.add(&layers::PART);
-        let mut plan = Plan::new();
-        let weight_arrays = WeightArrays::new(&mut plan, network);
-        let graph_arrays = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count());
-        let steps = match extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
-            Extent::Newest => [1, 1],
-        };
-        let input = InputArrays::new(&mut plan, network, &graph_arrays, steps);
-        let states = (extent == Extent::Newest)
-            .then(|| [0, 1].map(|_| StateArrays::new(&mut plan, network, &graph_arrays)));
-        let [start, end] = states.map_or([None, None], |states| states.map(Some));
-        let mut schedule = Schedule::new("a forward pass");
-        let pass = ForwardPass {
-            network,
-            weights: &weight_arrays,
-            graph: &graph_arrays,
-            input: &input,
-            start: start.as_ref(),
-            end: end.as_ref(),
-            keep: Keep::Output,
-        };
-        let record = forward(&mut plan, &mut schedule, pass);
-        let mut pack = Schedule::new("packing the weights");
-        weight_arrays.pack(&mut pack);
-        require_memory(device, "this network", plan.bytes(), |_| {
-            "take fewer cloths or vertices at a time".to_owned()
+        let counts = [graph.vertex_count(), graph.arc_count()];
+        let layout = Layout::new(network, counts, extent);
+        require_memory(device, "this network", layout.plan.bytes(), |free| {
+            vertices_that_fit(counts, free, |counts| {
+                Layout::new(network, counts, extent).plan.bytes()
+            })
         })?;
-        let mut loaded = device.load(&program, &plan, precision)?;
-        loaded.put(weight_arrays.flat(), weights)?;
-        graph_arrays.upload(&mut *loaded, graph)?;
-        for region in start.iter().flat_map(StateArrays::regions) {
+        let mut loaded = device.load(&layout.program, &layout.plan, precision)?;
+        loaded.put(layout.weights.flat(), weights)?;
+        layout.graph.upload(&mut *loaded, graph)?;
+        for region in layout.start.iter().flat_map(StateArrays::regions) {
             loaded.put(region, &vec![0.0; region.count()])?;
         }
-        let packed = loaded.prepare(&pack)?;
+        let packed = loaded.prepare(&layout.pack)?;
         loaded.run(packed)?;
         Ok(Self {
-            forward: loaded.prepare(&schedule)?,
-            commands: schedule.len(),
-            work: Work::of_all(&schedule),
-            output: record.output,
+            forward: loaded.prepare(&layout.forward)?,
+            commands: layout.forward.len(),
+            work: Work::of_all(&layout.forward),
+            output: layout.output,
             loaded,
-            input,
-            start,
+            input: layout.input,
+            start: layout.start,
         })
     }
 
@@ -137,6 +172,12 @@ impl Inference {
         self.loaded.wait()
     }
 
+    /// As [`Loaded::unrecorded`].
+    #[must_use]
+    pub fn unrecorded(&self) -> Option<&str> {
+        self.loaded.unrecorded()
+    }
+
     /// Normalised accelerations `[vertices, 3]` of the last pass.
     ///
     /// # Errors
@@ -149,12 +190,12 @@ impl Inference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_graphs::{host, numbers, specs, squares, weights};
+    use crate::test_graphs::{device, numbers, specs, squares, weights};
     use selvedge_model::{EncoderState, PackedWeights, Pass, Purpose, Workspace};
 
     #[test]
     fn a_stream_goes_on_from_its_states_as_on_the_cpu() {
-        let Some(host) = host() else { return };
+        let Some(device) = device() else { return };
         let graph = squares(&[30, 17]);
         let counts = [graph.vertex_count(), graph.arc_count()];
         for spec in specs() {
@@ -179,7 +220,7 @@ mod tests {
             let both = (&network, &*weights);
             let precision = Precision::Full;
             let mut inference =
-                Inference::new(&host, both, &graph, Extent::Newest, precision).expect("a network");
+                Inference::new(device, both, &graph, Extent::Newest, precision).expect("a network");
             inference.put(input).expect("features");
             inference.put_state(0.1).expect("states");
             inference.run().expect("a run");

@@ -6,7 +6,9 @@ use selvedge_model::{Connectivity, Extent, Input, Network};
 use selvedge_train::{Adam, AdamError, AdamSettings};
 
 use crate::adam::{self, AdamArrays};
-use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
+use crate::device::{
+    Device, DeviceError, Loaded, Precision, Prepared, require_memory, vertices_that_fit,
+};
 use crate::losses::{self, SQUARE_ERROR};
 use crate::network::{
     BackwardPass, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, StateArrays, WeightArrays,
@@ -149,8 +151,10 @@ impl Learning {
         let optimizer = Adam::new(AdamSettings::default(), weights.len())?;
         let counts = [graph.vertex_count(), graph.arc_count()];
         let layout = Layout::new(network, counts, extent);
-        require_memory(device, "this network", layout.plan.bytes(), |_| {
-            "take fewer cloths or vertices at a time".to_owned()
+        require_memory(device, "this network", layout.plan.bytes(), |free| {
+            vertices_that_fit(counts, free, |counts| {
+                Layout::new(network, counts, extent).plan.bytes()
+            })
         })?;
         let mut loaded = device.load(&layout.program, &layout.plan, precision)?;
         loaded.put(layout.weights.flat(), weights)?;
@@ -241,6 +245,12 @@ impl Learning {
         self.loaded.wait()
     }
 
+    /// As [`Loaded::unrecorded`].
+    #[must_use]
+    pub fn unrecorded(&self) -> Option<&str> {
+        self.loaded.unrecorded()
+    }
+
     /// The gradient of the last step, laid out like the weights.
     ///
     /// # Errors
@@ -271,12 +281,12 @@ pub enum LearningError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_graphs::{host, numbers, specs, squares, weights};
+    use crate::test_graphs::{device, numbers, specs, squares, weights};
     use selvedge_model::{Gradients, Pass, Workspace};
 
     #[test]
     fn two_steps_are_those_of_the_cpu() {
-        let Some(host) = host() else { return };
+        let Some(device) = device() else { return };
         let graph = squares(&[30]);
         let counts = [graph.vertex_count(), graph.arc_count()];
         let spec = &specs()[5];
@@ -290,7 +300,7 @@ mod tests {
             edges: &edges,
         };
         let both = (&network, &*expected);
-        let learning = Learning::new(&host, both, &graph, Extent::Whole, Precision::Full);
+        let learning = Learning::new(device, both, &graph, Extent::Whole, Precision::Full);
         let mut learning = learning.expect("a network");
         learning.put(input, &target).expect("features");
         let mut adam = Adam::new(AdamSettings::default(), expected.len()).expect("settings");

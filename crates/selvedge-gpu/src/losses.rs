@@ -19,6 +19,9 @@ const NUMBERS: usize = 19;
 /// Terms of a loss: acceleration, kinetic energy, edge vector, edge length, bending angle.
 pub const TERMS: usize = 5;
 
+/// Vertices, and edges, that a warp sums: a large cloth is summed by many, always by the same parts.
+const PER_PART: usize = 256;
+
 const VECTOR: Width = Width::Numbers(3);
 
 const fn rows(name: &'static str, access: Access, width: usize) -> Parameter {
@@ -37,6 +40,7 @@ pub static PART: Part = Part {
         &PREDICT_POSITIONS,
         &EDGE_LOSSES,
         &VERTEX_LOSSES,
+        &LOSS_PARTS,
         &LOSS_TERMS,
         &WEIGH,
         &SQUARE_ERROR,
@@ -103,16 +107,29 @@ pub static VERTEX_LOSSES: Kernel = Kernel {
     ],
 };
 
+/// Sums over parts of a lane.
+pub static LOSS_PARTS: Kernel = Kernel {
+    name: "loss_parts",
+    shape: Shape::Row,
+    parameters: &[
+        Parameter::any("of_vertices", Doubles),
+        Parameter::any("of_edges", Doubles),
+        Parameter::any("vertices", Count),
+        Parameter::any("edges", Count),
+        Parameter::any("per_part", Count),
+        Parameter::any("parts", Count),
+        rows("sums", DoublesOut, TERMS),
+    ],
+};
+
 /// The terms of a lane.
 pub static LOSS_TERMS: Kernel = Kernel {
     name: "loss_terms",
     shape: Shape::Row,
     parameters: &[
-        Parameter::any("of_vertices", Doubles),
-        Parameter::any("of_edges", Doubles),
+        Parameter::any("sums", Doubles),
         rows("shares", Doubles, 2),
-        Parameter::any("vertices", Count),
-        Parameter::any("edges", Count),
+        Parameter::any("parts", Count),
         rows("terms", DoublesOut, TERMS),
     ],
 };
@@ -352,16 +369,39 @@ pub fn judge(plan: &mut Plan, schedule: &mut Schedule, losses: &LossArrays, what
         of_vertices.into(),
     ];
     schedule.launch(&VERTEX_LOSSES, vertices, &arguments);
+    sum_terms(
+        plan,
+        schedule,
+        losses,
+        ([of_vertices, of_edges], what.terms),
+    );
+    plan.release(mark);
+}
+
+/// From what vertices and edges add to the terms of their lanes.
+fn sum_terms(
+    plan: &mut Plan,
+    schedule: &mut Schedule,
+    losses: &LossArrays,
+    ([of_vertices, of_edges], terms): ([Region; 2], Region),
+) {
+    let (lanes, place) = (losses.lanes, losses.place);
+    let counts = [place.vertices, place.edges()];
+    let parts = counts[0].max(counts[1]).div_ceil(PER_PART).max(1);
+    let sums = plan.doubles("losses of parts", TERMS * parts * lanes);
+    let in_parts = Argument::Count(parts as u32);
     let arguments = [
         of_vertices.into(),
         of_edges.into(),
-        losses.shares.into(),
-        per_lane[0],
-        per_lane[1],
-        what.terms.into(),
+        Argument::Count(counts[0] as u32),
+        Argument::Count(counts[1] as u32),
+        Argument::Count(PER_PART as u32),
+        in_parts,
+        sums.into(),
     ];
+    schedule.launch(&LOSS_PARTS, lanes * parts, &arguments);
+    let arguments = [sums.into(), losses.shares.into(), in_parts, terms.into()];
     schedule.launch(&LOSS_TERMS, lanes, &arguments);
-    plan.release(mark);
 }
 
 /// Multiplies the gradients of the lanes by what each counts, `[lanes]`.

@@ -113,12 +113,6 @@ impl Rollout {
         &self.model
     }
 
-    /// Number of cloths.
-    #[must_use]
-    pub fn cloth_count(&self) -> usize {
-        self.cloths.len()
-    }
-
     /// A cloth.
     ///
     /// # Panics
@@ -135,12 +129,6 @@ impl Rollout {
     #[must_use]
     pub fn positions(&self, cloth: usize) -> &[Vec3] {
         &self.positions[self.cloths[cloth].vertices.clone()]
-    }
-
-    /// Bytes on the device.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.plan.plan.bytes()
     }
 
     /// Moves all cloths by one frame; `targets` is where the handles of each are to be `[m]`,
@@ -167,26 +155,10 @@ impl Rollout {
         Ok(())
     }
 
-    /// The same without looking at the positions: they stay on the device, and [`Self::positions`] those
-    /// of the last frame that was looked at. For measuring; what is not finite stays unnoticed.
-    ///
-    /// # Errors
-    /// When the device fails.
-    ///
-    /// # Panics
-    /// As [`Self::step`].
-    pub fn step_unseen(&mut self, targets: &[&[Vec3]]) -> Result<(), DeviceError> {
-        let yaws = self.begin(targets)?;
-        self.commit(targets, &yaws);
-        Ok(())
-    }
-
-    /// Waits for the device.
-    ///
-    /// # Errors
-    /// When something that ran has failed.
-    pub fn wait(&mut self) -> Result<(), DeviceError> {
-        self.loaded.wait()
+    /// As [`Loaded::unrecorded`].
+    #[must_use]
+    pub fn unrecorded(&self) -> Option<&str> {
+        self.loaded.unrecorded()
     }
 
     /// What every command of a frame takes by itself, without what goes up and down. A streaming network's frame is

@@ -1,5 +1,7 @@
 //! Networks, graphs and numbers for the tests of this crate.
 
+use std::sync::OnceLock;
+
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,6 +12,7 @@ use selvedge_model::{
     Network, NodeFeature, Normalizer, Normalizers,
 };
 
+use crate::device::Device;
 use crate::host::Host;
 
 /// The arcs of squares of so many vertices, side by side.
@@ -163,13 +166,35 @@ pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
     Model::new(spec, weights, normalizers, String::new()).expect("a model")
 }
 
-/// The device of the tests; where there is no C compiler they say so and are not run.
-pub(crate) fn host() -> Option<Host> {
-    match Host::new() {
-        Ok(host) => Some(host),
-        Err(error) => {
-            eprintln!("NOT TESTED: {error}");
-            None
-        }
-    }
+/// The device of the tests: the host, or what the environment variable `SELVEDGE_TEST_DEVICE` names, `cuda` with the
+/// feature. Where there is no C compiler they say so and are not run; where there is no GPU that was asked for, they
+/// fail.
+pub(crate) fn device() -> Option<&'static dyn Device> {
+    static DEVICE: OnceLock<Option<Box<dyn Device>>> = OnceLock::new();
+    DEVICE
+        .get_or_init(|| match wanted().as_str() {
+            "host" => match Host::new() {
+                Ok(host) => Some(Box::new(host)),
+                Err(error) => {
+                    eprintln!("NOT TESTED: {error}");
+                    None
+                }
+            },
+            #[cfg(feature = "cuda")]
+            "cuda" => Some(Box::new(crate::cuda::Cuda::new(0).expect("a GPU"))),
+            other => panic!(
+                "SELVEDGE_TEST_DEVICE={other}: there are host and, with the feature cuda, cuda"
+            ),
+        })
+        .as_deref()
+}
+
+fn wanted() -> String {
+    std::env::var("SELVEDGE_TEST_DEVICE").unwrap_or_else(|_| "host".to_owned())
+}
+
+/// How far what is computed side by side may be from what is computed alone: nothing on the host; on a card as far as
+/// `rounding`, since products of other sizes may be summed in another order.
+pub(crate) fn side_by_side(rounding: f32) -> f32 {
+    if wanted() == "host" { 0.0 } else { rounding }
 }

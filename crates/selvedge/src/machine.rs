@@ -124,7 +124,7 @@ pub(crate) fn device(name: DeviceName) -> anyhow::Result<Arc<dyn Device>> {
         DeviceName::Cpu => anyhow::bail!("--device cpu is no GPU"),
         DeviceName::Cuda(number) => {
             let cuda = selvedge_gpu::cuda::Cuda::new(number);
-            Ok(Arc::new(cuda.context("--device cuda")?))
+            Ok(Arc::new(cuda.with_context(|| format!("--device {name}"))?))
         }
         DeviceName::Host => {
             let host = selvedge_gpu::host::Host::new();

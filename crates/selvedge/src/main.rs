@@ -54,7 +54,7 @@ fn answer(cli: &Cli) -> anyhow::Result<End> {
     interrupt::install()?;
     let answer = commands::run(&cli.command)?;
     answer.print(cli.reader())?;
-    Ok(answer.end())
+    answer.outcome()
 }
 
 fn listen_to_traces(verbose: u8) {

@@ -14,6 +14,7 @@ pub(crate) struct Answer {
     text: String,
     json: Value,
     end: End,
+    problem: Option<String>,
 }
 
 /// How a command ended that did not fail.
@@ -44,12 +45,33 @@ impl Answer {
             text: text.to_string(),
             json: serde_json::to_value(report).context("writing the answer as JSON")?,
             end: End::Complete,
+            problem: None,
         })
     }
 
     /// The same, ended as `end` says.
     pub(crate) fn ended(self, end: End) -> Self {
         Self { end, ..self }
+    }
+
+    /// The same, which is told and then fails: what it says is not as it should be.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn failing(self, problem: String) -> Self {
+        Self {
+            problem: Some(problem),
+            ..self
+        }
+    }
+
+    /// What it comes to after it was told.
+    ///
+    /// # Errors
+    /// What is not as it should be.
+    pub(crate) fn outcome(self) -> anyhow::Result<End> {
+        match self.problem {
+            Some(problem) => Err(anyhow::Error::msg(problem)),
+            None => Ok(self.end),
+        }
     }
 
     /// The same with one more file that was written.

@@ -121,12 +121,22 @@ fn log(source: &Source) -> Option<String> {
     Some(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-fn version() -> Result<String, DeviceError> {
+fn numbers() -> Result<[i32; 2], DeviceError> {
     let (mut major, mut minor) = (0, 0);
     // SAFETY: it writes two integers.
     let asked = unsafe { sys::nvrtcVersion(&raw mut major, &raw mut minor) }.result();
     asked.map_err(failed("nvrtcVersion"))?;
+    Ok([major, minor])
+}
+
+fn version() -> Result<String, DeviceError> {
+    let [major, minor] = numbers()?;
     Ok(format!("NVRTC {major}.{minor}"))
+}
+
+/// The CUDA that NVRTC is of: 12 of 12.9.
+pub(super) fn major() -> Result<i32, DeviceError> {
+    numbers().map(|[major, _]| major)
 }
 
 /// The cards that NVRTC makes code for, as 90 for 9.0.

@@ -1,6 +1,6 @@
 //! A program and its arena on a GPU. A schedule runs as plain calls the first time, so that whatever the
 //! libraries load late is loaded; the second time it is recorded as a CUDA graph, which is replayed from
-//! then on. Where recording fails it stays with plain calls.
+//! then on. Where recording fails it stays with plain calls, and says why.
 
 use std::collections::HashMap;
 use std::ffi::{CString, c_void};
@@ -9,13 +9,17 @@ use std::sync::Arc;
 use cudarc::driver::result;
 use cudarc::driver::sys;
 
-use super::product::{Blas, Gemm, Memory, WORKSPACE};
-use super::{Context, failed};
+use super::owned::{Graph, Memory, Module, Stream};
+use super::product::{Blas, Gemm, WORKSPACE};
+use super::{Context, alone, failed};
 use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
 use crate::layers::{ADD_BIAS, ADD_BIAS_RELU};
 use crate::plan::{Plan, Region};
 use crate::schedule::{Argument, Command, Finish, Launch, Matrix, Product, Schedule, Trace};
 use crate::source::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
+
+/// Most words that may be on their way up: more of them are waited for.
+const MOST_GOING_UP: usize = 1 << 20;
 
 /// Blocks, and threads of each, for so many elements, rows or blocks of a kernel.
 pub(super) fn grid(shape: Shape, count: usize) -> (u32, u32) {
@@ -64,32 +68,16 @@ struct Ready {
     mode: Mode,
 }
 
-/// Compiled kernels.
-struct Module(sys::CUmodule);
-
-impl Drop for Module {
-    fn drop(&mut self) {
-        // SAFETY: it was loaded, and nothing uses it any more. Nobody is left to be told of a failure.
-        let _ = unsafe { result::module::unload(self.0) };
-    }
-}
-
-/// Where calls queue up.
-struct Stream(sys::CUstream);
-
-impl Drop for Stream {
-    fn drop(&mut self) {
-        // SAFETY: it was created, and nothing uses it any more. Nobody is left to be told of a failure.
-        let _ = unsafe { result::stream::destroy(self.0) };
-    }
-}
-
 /// A program and its arena. What uses the stream goes before it.
 pub(super) struct CudaLoaded {
     functions: HashMap<&'static str, sys::CUfunction>,
     plan: Plan,
     sizes: Sizes,
     schedules: Vec<Ready>,
+    /// Why the first of those that could not be recorded could not.
+    unrecorded: Option<String>,
+    /// What goes up, until the stream was waited for: a driver may read ordinary memory after its call returned.
+    going_up: Vec<Vec<u32>>,
     blas: Option<Blas>,
     arena: Memory,
     workspace: Option<Memory>,
@@ -109,8 +97,7 @@ impl CudaLoaded {
         (program, plan): (&Program, &Plan),
         precision: Precision,
     ) -> Result<Self, DeviceError> {
-        let stream = result::stream::create(result::stream::StreamKind::NonBlocking);
-        let stream = Stream(stream.map_err(failed("cuStreamCreate"))?);
+        let stream = Stream::new()?;
         // SAFETY: the image is what NVRTC made for this card.
         let module = unsafe { result::module::load_data(image.as_ptr().cast()) };
         let module = Module(module.map_err(failed("cuModuleLoadData"))?);
@@ -131,6 +118,8 @@ impl CudaLoaded {
             plan: plan.clone(),
             sizes: program.sizes(),
             schedules: Vec::new(),
+            unrecorded: None,
+            going_up: Vec::new(),
             blas: None,
             arena: memory(plan.bytes())?,
             workspace: None,
@@ -270,31 +259,41 @@ impl CudaLoaded {
         }
     }
 
-    /// Records calls as a graph; none where that does not work.
-    fn record(&self, calls: &[Call]) -> Option<sys::CUgraphExec> {
+    /// Records calls as a graph.
+    fn record(&self, calls: &[Call]) -> Result<sys::CUgraphExec, DeviceError> {
+        let _guard = alone();
         let mode = sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED;
-        // SAFETY: the stream is alive; the graph is destroyed when what was made of it is there. A recording
-        // that was begun is ended whatever happened in it.
-        unsafe {
-            result::stream::begin_capture(self.stream.0, mode).ok()?;
+        // SAFETY: the stream is alive. A recording that was begun is ended whatever happened in it.
+        let (called, ended) = unsafe {
+            result::stream::begin_capture(self.stream.0, mode)
+                .map_err(failed("cuStreamBeginCapture"))?;
             let called = self.call_all(calls);
-            let graph = result::stream::end_capture(self.stream.0).ok()?;
-            if graph.is_null() {
-                return None;
-            }
-            let flags = sys::CUgraphInstantiate_flags_enum(0);
-            let recorded = called.and_then(|()| {
-                result::graph::instantiate(graph, flags).map_err(failed("cuGraphInstantiate"))
+            (called, result::stream::end_capture(self.stream.0))
+        };
+        let graph = ended.map(Graph).map_err(failed("cuStreamEndCapture"));
+        // What failed first says more than what follows from it.
+        let graph = called.and(graph)?;
+        if graph.0.is_null() {
+            return Err(DeviceError::Call {
+                call: "cuStreamEndCapture",
+                reason: "there is no graph".to_owned(),
             });
-            let _ = result::graph::destroy(graph);
-            recorded.ok()
         }
+        let flags = sys::CUgraphInstantiate_flags_enum(0);
+        // SAFETY: the graph is alive, and not needed any more when what was made of it is there.
+        let recorded = unsafe { result::graph::instantiate(graph.0, flags) };
+        recorded.map_err(failed("cuGraphInstantiate"))
     }
 
-    fn run_ready(&self, ready: &mut Ready) -> Result<(), DeviceError> {
+    fn run_ready(&mut self, ready: &mut Ready) -> Result<(), DeviceError> {
         if matches!(ready.mode, Mode::Warm) {
-            let recorded = self.record(&ready.calls);
-            ready.mode = recorded.map_or(Mode::Plain, Mode::Recorded);
+            ready.mode = match self.record(&ready.calls) {
+                Ok(graph) => Mode::Recorded(graph),
+                Err(error) => {
+                    self.unrecorded.get_or_insert_with(|| error.to_string());
+                    Mode::Plain
+                }
+            };
         }
         if let Mode::Recorded(graph) = ready.mode {
             // SAFETY: graph and stream are alive.
@@ -317,10 +316,23 @@ impl Loaded for CudaLoaded {
         if words.is_empty() {
             return Ok(());
         }
-        // SAFETY: the region has as many words. What is copied from ordinary memory is taken before the
-        // call returns.
-        unsafe { result::memcpy_htod_async(self.address(to), words, self.stream.0) }
-            .map_err(failed("cuMemcpyHtoDAsync"))
+        let to = self.address(to);
+        let copy = |words: &[u32]| {
+            // SAFETY: the region has as many words, which live until the stream was waited for.
+            unsafe { result::memcpy_htod_async(to, words, self.stream.0) }
+                .map_err(failed("cuMemcpyHtoDAsync"))
+        };
+        if words.len() > MOST_GOING_UP {
+            copy(words)?;
+            return self.wait();
+        }
+        let kept = words.to_vec();
+        copy(&kept)?;
+        self.going_up.push(kept);
+        if self.going_up.iter().map(Vec::len).sum::<usize>() > MOST_GOING_UP {
+            return self.wait();
+        }
+        Ok(())
     }
 
     fn download(&mut self, from: Region, words: &mut [u32]) -> Result<(), DeviceError> {
@@ -356,8 +368,13 @@ impl Loaded for CudaLoaded {
 
     fn wait(&mut self) -> Result<(), DeviceError> {
         self.context.enter()?;
-        // SAFETY: the stream is alive.
-        unsafe { result::stream::synchronize(self.stream.0) }.map_err(failed("cuStreamSynchronize"))
+        self.stream.wait()?;
+        self.going_up.clear();
+        Ok(())
+    }
+
+    fn unrecorded(&self) -> Option<&str> {
+        self.unrecorded.as_deref()
     }
 }
 

@@ -5,15 +5,22 @@ use std::ffi::{c_int, c_void};
 
 use cudarc::cublas::result::{self, CublasError};
 use cudarc::cublas::sys::{self, cublasComputeType_t, cublasOperation_t, cudaDataType};
-use cudarc::driver::result as driver;
 
+use super::alone;
 use crate::device::{DeviceError, Precision};
 use crate::schedule::{Matrix, Onto, Product};
 
 /// Bytes that cuBLAS may work in: what it takes by itself on the largest cards.
 pub(super) const WORKSPACE: usize = 32 << 20;
 
-/// A product as cuBLAS takes it; pointers are offsets from the arena's beginning, in words.
+/// What matrices are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    F32,
+    Bf16,
+}
+
+/// A product as cuBLAS takes it; pointers are offsets from the arena's beginning, in numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gemm {
     /// Rows, columns and depth, of cᵀ.
@@ -44,6 +51,28 @@ impl Gemm {
             beta: if product.onto == Onto::Add { 1.0 } else { 0.0 },
         })
     }
+
+    /// The product of the first and the second of three square matrices that lie one after the other, into the third.
+    pub(super) fn square(side: usize) -> Option<Self> {
+        let rows = c_int::try_from(side).ok()?;
+        Some(Self {
+            size: [rows; 3],
+            left: (false, 0, rows),
+            right: (false, side * side, rows),
+            out: (2 * side * side, rows),
+            beta: 0.0,
+        })
+    }
+}
+
+/// The CUDA that cuBLAS is of: 12 of 12.9.
+pub(super) fn major() -> Result<i32, DeviceError> {
+    let mut major = 0;
+    let what = sys::libraryPropertyType_t::MAJOR_VERSION;
+    // SAFETY: it writes one integer.
+    let asked = unsafe { sys::cublasGetProperty(what, &raw mut major) }.result();
+    asked.map_err(failed("cublasGetProperty"))?;
+    Ok(major)
 }
 
 /// cuBLAS on one stream.
@@ -66,7 +95,9 @@ impl Blas {
         workspace: cudarc::driver::sys::CUdeviceptr,
         precision: Precision,
     ) -> Result<Self, DeviceError> {
+        let guard = alone();
         let handle = result::create_handle().map_err(failed("cublasCreate"))?;
+        drop(guard);
         let blas = Self {
             handle,
             compute: match precision {
@@ -92,6 +123,16 @@ impl Blas {
         gemm: &Gemm,
         arena: cudarc::driver::sys::CUdeviceptr,
     ) -> Result<(), DeviceError> {
+        self.multiply_kind(gemm, arena, Kind::F32)
+    }
+
+    /// The same of numbers of a kind, which offsets count.
+    pub(super) fn multiply_kind(
+        &self,
+        gemm: &Gemm,
+        arena: cudarc::driver::sys::CUdeviceptr,
+        kind: Kind,
+    ) -> Result<(), DeviceError> {
         let [m, n, k] = gemm.size;
         let operation = |transposed: bool| {
             if transposed {
@@ -100,10 +141,13 @@ impl Blas {
                 cublasOperation_t::CUBLAS_OP_N
             }
         };
-        let at = |word: usize| (arena + 4 * word as u64) as *const c_void;
+        let (kind, bytes) = match kind {
+            Kind::F32 => (cudaDataType::CUDA_R_32F, 4),
+            Kind::Bf16 => (cudaDataType::CUDA_R_16BF, 2),
+        };
+        let at = |number: usize| (arena + bytes * number as u64) as *const c_void;
         let ((left, a, lda), (right, b, ldb), (c, ldc)) = (gemm.left, gemm.right, gemm.out);
         let alpha = 1.0_f32;
-        let kind = cudaDataType::CUDA_R_32F;
         // SAFETY: the matrices lie in the arena, as was checked when the schedule was prepared; the factors
         // are read before the call returns.
         let done = unsafe {
@@ -135,25 +179,8 @@ impl Blas {
 
 impl Drop for Blas {
     fn drop(&mut self) {
+        let _guard = alone();
         // SAFETY: it was created and not destroyed. Nobody is left to be told of a failure.
         let _ = unsafe { result::destroy_handle(self.handle) };
-    }
-}
-
-/// Memory on the GPU.
-pub(super) struct Memory(pub(super) cudarc::driver::sys::CUdeviceptr);
-
-impl Memory {
-    /// So many bytes; their contents are whatever they are.
-    pub(super) fn new(bytes: usize) -> Result<Self, driver::DriverError> {
-        // SAFETY: what is in it is written before it is read, which schedules are checked for.
-        unsafe { driver::malloc_sync(bytes.max(1)) }.map(Self)
-    }
-}
-
-impl Drop for Memory {
-    fn drop(&mut self) {
-        // SAFETY: it was allocated and not freed. Nobody is left to be told of a failure.
-        let _ = unsafe { driver::free_sync(self.0) };
     }
 }

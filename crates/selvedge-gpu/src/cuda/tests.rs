@@ -1,5 +1,6 @@
-//! What can be known of the device of CUDA where there is none, and, where there is one, that it does
-//! what the host does.
+//! What can be known of the device of CUDA where there is none: messages, grids, products as cuBLAS reads them, and,
+//! where NVRTC is, that all kernels compile. That a card computes what the processor does is what the other tests of
+//! this crate show with `SELVEDGE_TEST_DEVICE=cuda`.
 
 use super::compile::{Target, target};
 use super::loaded::grid;
@@ -36,11 +37,29 @@ fn an_old_driver_is_named_with_what_is_needed() {
         (12_000, true),
         (13_020, true),
     ] {
-        assert_eq!(check_version(version).is_ok(), is_taken, "{version}");
+        assert_eq!(check_version(version, 12).is_ok(), is_taken, "{version}");
     }
-    let found = check_version(11_080).expect_err("too old").to_string();
+    let found = check_version(11_080, 12).expect_err("too old").to_string();
     assert!(
         found.contains("knows CUDA 11.8, and 12.0 is needed"),
+        "{found}"
+    );
+}
+
+#[test]
+fn libraries_that_are_newer_than_the_driver_are_named() {
+    for (version, major, is_taken) in [
+        (12_080, 12, true),
+        (12_090, 13, false),
+        (13_000, 13, true),
+        (13_020, 12, true),
+    ] {
+        let checked = check_version(version, major);
+        assert_eq!(checked.is_ok(), is_taken, "{version}, {major}");
+    }
+    let found = check_version(12_080, 13).expect_err("too old").to_string();
+    assert!(
+        found.contains("knows CUDA 12.8, and 13.0 is needed: NVRTC and cuBLAS"),
         "{found}"
     );
 }

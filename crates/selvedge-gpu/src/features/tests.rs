@@ -1,15 +1,15 @@
-//! The features of the host device against those of the CPU engine.
+//! The features of a device against those of the CPU engine.
 
 use glam::Vec3;
 use selvedge_model::{ClothGraph, Extent, Frames, ModelSpec, Place, Window, Yaw};
 
 use super::*;
 use crate::cloths::UnionSizes;
-use crate::device::{Device, Precision};
+use crate::device::Precision;
 use crate::frames::{FrameNumbers, HandleFrames};
 use crate::schedule::Trace;
 use crate::source::Sizes;
-use crate::test_graphs::{cloth, full_specs, host, model, parts, shaken};
+use crate::test_graphs::{cloth, device, full_specs, model, parts, shaken};
 
 /// A cloth that swings, its last frames oldest first, and where its handles go.
 struct Moving {
@@ -59,14 +59,14 @@ fn of_cpu(spec: &ModelSpec, cloths: &[Moving], extent: Extent, norms: &Normalize
     window
 }
 
-/// The same of the host device.
-fn of_host(
+/// The same of the device.
+fn of_device(
     spec: &ModelSpec,
     cloths: &[Moving],
     steps: [usize; 2],
     norms: &Normalizers,
 ) -> Option<[Vec<f32>; 2]> {
-    let host = host()?;
+    let device = device()?;
     let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
     let sizes = UnionSizes::of(&graphs);
     let (mut plan, mut program) = (Plan::new(), Program::new(Sizes::of(spec)));
@@ -92,7 +92,7 @@ fn of_host(
     .concat();
     given.into_iter().for_each(|region| trace.give(region));
     trace.follow(&schedule).expect("a schedule");
-    let mut loaded = host
+    let mut loaded = device
         .load(&program, &plan, Precision::Full)
         .expect("kernels");
     arrays.upload(&mut *loaded, &graphs).expect("cloths");
@@ -145,7 +145,7 @@ fn a_window_of_several_cloths_is_that_of_the_cpu() {
         let whole = [spec.node_window(), spec.edge_window()];
         for (extent, steps) in [(Extent::Whole, whole), (Extent::Newest, [1, 1])] {
             let window = of_cpu(&spec, &cloths, extent, &norms);
-            let Some([nodes, edges]) = of_host(&spec, &cloths, steps, &norms) else {
+            let Some([nodes, edges]) = of_device(&spec, &cloths, steps, &norms) else {
                 return;
             };
             for (found, expected) in [(nodes, &window.nodes), (edges, &window.edges)] {

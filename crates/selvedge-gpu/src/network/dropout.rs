@@ -19,20 +19,18 @@ pub struct Dropout {
     pub seeds: [Region; 2],
 }
 
-/// Numbers and seeds of the rows of vertices, and of those of arcs, for [`Dropout`]: a graph that goes
-/// through the network on the CPU by itself drops these. `steps` are frames of vertices and of arcs.
+/// Numbers of the rows of vertices, and of those of arcs, for [`Dropout::numbers`]: a graph that goes through the
+/// network on the CPU by itself drops by these. `steps` are frames of vertices and of arcs.
 #[must_use]
-pub fn dropout_words(
-    graph: &Connectivity,
-    steps: [usize; 2],
-    dropout: CpuDropout,
-) -> [[Vec<u32>; 2]; 2] {
-    let [nodes, edges] = graph.dropout_rows(steps);
-    let [seed, other] = dropout.seeds();
-    [(nodes, seed), (edges, other)].map(|(rows, seed)| {
-        let seed = [seed as u32, (seed >> 32) as u32];
-        [rows.concat(), seed.repeat(rows.len())]
-    })
+pub fn dropout_numbers(graph: &Connectivity, steps: [usize; 2]) -> [Vec<u32>; 2] {
+    graph.dropout_rows(steps).map(|rows| rows.concat())
+}
+
+/// The seed of every row of vertices, and that of every row of arcs, for [`Dropout::seeds`].
+#[must_use]
+pub fn dropout_seeds(dropout: CpuDropout) -> [[u32; 2]; 2] {
+    let halves = |seed: u64| [seed as u32, (seed >> 32) as u32];
+    dropout.seeds().map(halves)
 }
 
 /// Multiplies rows of vertices (`kind` 0) or arcs (1) by their mask of a step, from the first of `rows`

@@ -1,15 +1,15 @@
-//! The forward pass on the host device against the CPU engine and against the network as its equations
+//! The forward pass on a device against the CPU engine and against the network as its equations
 //! are written.
 
 use selvedge_model::{Connectivity, Input, ModelSpec, Network, Pass, Workspace, reference};
 
 use super::{ForwardPass, GraphArrays, InputArrays, Keep, Record, WeightArrays, forward};
-use crate::device::{Device, Precision};
+use crate::device::Precision;
 use crate::layers;
 use crate::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
 use crate::source::{Program, Sizes};
-pub(crate) use crate::test_graphs::host;
+pub(crate) use crate::test_graphs::device;
 use crate::test_graphs::{numbers, specs, squares, weights};
 
 /// A network on a graph, lowered.
@@ -125,7 +125,7 @@ fn to_keep_nothing_takes_memory_that_does_not_grow_with_blocks() {
 
 #[test]
 fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
-    let Some(host) = host() else { return };
+    let Some(device) = device() else { return };
     let graph = squares(&[30, 17]);
     for spec in specs() {
         let network = Network::new(&spec).expect("a spec");
@@ -145,7 +145,7 @@ fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
         let exact = reference::forward(&network, &weights64, &graph, input);
         for keep in [Keep::Output, Keep::Activations(None)] {
             let lowered = Lowered::new(&network, &graph, keep);
-            let mut loaded = host
+            let mut loaded = device
                 .load(&lowered.program, &lowered.plan, Precision::Full)
                 .expect("kernels");
             lowered.graph.upload(&mut *loaded, &graph).expect("a graph");

@@ -1,4 +1,4 @@
-//! Rollouts on the host device against those of the CPU engine.
+//! Rollouts on a device against those of the CPU engine.
 
 use glam::DVec3;
 use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
@@ -8,7 +8,7 @@ use super::*;
 use crate::cloths::colours;
 use crate::schedule::Trace;
 use crate::stepper::GpuStepper;
-use crate::test_graphs::{cloth, full_specs, host, model, shaken};
+use crate::test_graphs::{cloth, device, full_specs, model, shaken, side_by_side};
 
 /// Where the handles of a cloth are in a frame: on a swing.
 fn targets(graph: &ClothGraph, frame: usize) -> Vec<Vec3> {
@@ -30,7 +30,7 @@ fn farthest(a: &[Vec3], b: &[Vec3]) -> f32 {
 
 fn gpu(model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> Option<GpuStepper> {
     let model = Arc::clone(model);
-    let stepper = GpuStepper::new(&host()?, model, graph, start, Precision::Full);
+    let stepper = GpuStepper::new(device()?, model, graph, start, Precision::Full);
     Some(stepper.expect("a stepper"))
 }
 
@@ -95,7 +95,7 @@ fn several_cloths_move_as_each_alone() {
     let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 2);
     let model = Arc::new(model(&spec, 1e-3, 7));
     let graphs = [cloth(4, 1), cloth(6, 2), cloth(5, 3)];
-    let Some(host) = host() else { return };
+    let Some(device) = device() else { return };
     let starts: Vec<Vec<Vec3>> = graphs
         .iter()
         .map(|graph| shaken(graph.rest_positions(), 0.003, 4))
@@ -107,11 +107,11 @@ fn several_cloths_move_as_each_alone() {
     });
     let precision = Precision::Full;
     let mut all =
-        Rollout::new(&host, Arc::clone(&model), openings.collect(), precision).expect("cloths");
+        Rollout::new(device, Arc::clone(&model), openings.collect(), precision).expect("cloths");
     let mut alone: Vec<GpuStepper> = graphs
         .iter()
         .zip(&starts)
-        .map(|(graph, start)| gpu(&model, graph.clone(), start).expect("a host"))
+        .map(|(graph, start)| gpu(&model, graph.clone(), start).expect("a device"))
         .collect();
     for frame in 1..=6 {
         let goals: Vec<Vec<Vec3>> = graphs.iter().map(|graph| targets(graph, frame)).collect();
@@ -121,11 +121,9 @@ fn several_cloths_move_as_each_alone() {
             stepper
                 .step(&handle_targets(&graphs[number], frame))
                 .expect("a frame");
-            assert_eq!(
-                all.positions(number),
-                stepper.positions(),
-                "to the last bit"
-            );
+            let off = farthest(all.positions(number), stepper.positions());
+            // To the last bit; on a card as far as from the CPU.
+            assert!(off <= side_by_side(2e-5), "frame {frame}: {off} m");
         }
     }
 }
@@ -137,7 +135,7 @@ fn a_frame_that_is_not_finite_is_not_taken() {
     let Some(mut stepper) = gpu(&model, graph.clone(), &[graph.rest_positions()]) else {
         return;
     };
-    let mut other = gpu(&model, graph.clone(), &[graph.rest_positions()]).expect("a host");
+    let mut other = gpu(&model, graph.clone(), &[graph.rest_positions()]).expect("a device");
     for frame in 1..=3 {
         let targets = handle_targets(&graph, frame);
         stepper.step(&targets).expect("a frame");
@@ -256,7 +254,7 @@ fn edges_are_limited_colour_by_colour() {
     let Some(mut free) = gpu(&free, graph.clone(), &start) else {
         return;
     };
-    let mut limited = gpu(&limited, graph.clone(), &start).expect("a host");
+    let mut limited = gpu(&limited, graph.clone(), &start).expect("a device");
     for frame in 1..=4 {
         let targets = handle_targets(&graph, frame);
         free.step(&targets).expect("a frame");

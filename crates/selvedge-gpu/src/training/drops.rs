@@ -6,7 +6,7 @@ use selvedge_train::LaneRun;
 
 use super::plan::{FramePlan, TrainingPlan};
 use crate::device::{DeviceError, Loaded};
-use crate::network::dropout_words;
+use crate::network::{dropout_numbers, dropout_seeds};
 
 /// Which numbers of rows are on the device.
 #[derive(Default)]
@@ -35,36 +35,52 @@ impl Drops {
         if self.groups.len() <= number {
             self.groups.resize(number + 1, 0);
         }
-        let known = self.groups[number] == group;
-        self.groups[number] = group;
-        let place = [plan.losses.place.vertices, plan.losses.place.arcs];
-        let [mut numbers, mut seeds] = [(); 2].map(|()| [(); 2].map(|()| Vec::<u32>::new()));
+        if self.groups[number] != group {
+            let numbers = numbers(plan, runs, (frame.steps, group));
+            for (region, numbers) in dropout.numbers.into_iter().zip(&numbers) {
+                loaded.upload(region, numbers)?;
+            }
+            self.groups[number] = group;
+        }
+        let [mut of_vertices, mut of_arcs] = [(); 2].map(|()| Vec::<u32>::new());
         for lanes in runs.chunks(group) {
-            let seed = lanes[0].shown().dropout_seed;
-            let parts = lanes.iter().map(|run| &**run.cloth().1);
-            let union = Connectivity::union(parts);
-            let rate = dropout.rate;
-            let words = dropout_words(&union, frame.steps, CpuDropout { rate, seed });
-            for (kind, [of_rows, of_seeds]) in words.iter().enumerate() {
-                let mut first = 0;
-                for run in lanes {
-                    let (graph, _) = run.cloth();
-                    let rows = [graph.vertex_count(), graph.arc_count()][kind];
-                    for (to, from) in [(&mut numbers[kind], of_rows), (&mut seeds[kind], of_seeds)]
-                    {
-                        to.extend(&from[2 * first..2 * (first + rows)]);
-                        to.extend(std::iter::repeat_n(0, 2 * (place[kind] - rows)));
-                    }
-                    first += rows;
-                }
+            let (rate, seed) = (dropout.rate, lanes[0].shown().dropout_seed);
+            let seeds = dropout_seeds(CpuDropout { rate, seed });
+            let all = [&mut of_vertices, &mut of_arcs].into_iter();
+            for ((to, seed), place) in all.zip(seeds).zip(places(plan)) {
+                to.extend(seed.repeat(place * lanes.len()));
             }
         }
-        for kind in [0, 1] {
-            if !known {
-                loaded.upload(dropout.numbers[kind], &numbers[kind])?;
-            }
-            loaded.upload(dropout.seeds[kind], &seeds[kind])?;
-        }
-        Ok(())
+        loaded.upload(dropout.seeds[0], &of_vertices)?;
+        loaded.upload(dropout.seeds[1], &of_arcs)
     }
+}
+
+/// Vertices and arcs of the place of a lane.
+fn places(plan: &TrainingPlan) -> [usize; 2] {
+    [plan.losses.place.vertices, plan.losses.place.arcs]
+}
+
+/// The numbers of the rows of all lanes, `group` going together, in their places: 0 where a place is empty.
+fn numbers(
+    plan: &TrainingPlan,
+    runs: &[LaneRun<'_>],
+    (steps, group): ([usize; 2], usize),
+) -> [Vec<u32>; 2] {
+    let mut numbers = [(); 2].map(|()| Vec::<u32>::new());
+    for lanes in runs.chunks(group) {
+        let union = Connectivity::union(lanes.iter().map(|run| &**run.cloth().1));
+        let of_union = dropout_numbers(&union, steps);
+        for (kind, place) in places(plan).into_iter().enumerate() {
+            let mut first = 0;
+            for run in lanes {
+                let (graph, _) = run.cloth();
+                let rows = [graph.vertex_count(), graph.arc_count()][kind];
+                numbers[kind].extend(&of_union[kind][2 * first..2 * (first + rows)]);
+                numbers[kind].extend(std::iter::repeat_n(0, 2 * (place - rows)));
+                first += rows;
+            }
+        }
+    }
+    numbers
 }

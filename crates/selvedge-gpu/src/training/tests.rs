@@ -1,4 +1,4 @@
-//! Trainings on the host device against the CPU's: plans that read what they wrote, gradients, losses of
+//! Trainings on a device against the CPU's: plans that read what they wrote, gradients, losses of
 //! many steps, checkpoints that go from one to the other.
 
 mod swinging;
@@ -12,7 +12,7 @@ use crate::conformance::{TrainingCheck, training};
 use crate::device::Precision;
 use crate::losses::PlaceSizes;
 use crate::schedule::Trace;
-use crate::test_graphs::host;
+use crate::test_graphs::device;
 use swinging::{Swinging, config, two_cloths};
 
 /// All columns, carried along by the handles.
@@ -72,9 +72,9 @@ fn busy(model: ModelSpec, frames: usize) -> TrainConfig {
 }
 
 fn check(data: &Swinging, cfg: &TrainConfig, steps: usize) -> Option<TrainingCheck> {
-    let host = host()?;
+    let device = device()?;
     let mut make = || Trainer::new(cfg.clone(), &data.dataset);
-    let checked = training(&host, Precision::Full, &mut make, steps);
+    let checked = training(device, Precision::Full, &mut make, steps);
     Some(checked.expect("both trainings"))
 }
 
@@ -176,7 +176,7 @@ fn a_hundred_steps_from_one_seed_have_the_losses_of_the_cpu() {
 #[test]
 fn a_checkpoint_goes_on_from_one_device_on_the_other() {
     let data = two_cloths();
-    let Some(host) = host() else { return };
+    let Some(device) = device() else { return };
     let cfg = busy(everything(Encoder::NodeGru { window: 3 }), 1);
     let checkpoint = data.folder.path().join("checkpoint");
     let take = |trainer: &mut Trainer| {
@@ -185,17 +185,17 @@ fn a_checkpoint_goes_on_from_one_device_on_the_other() {
             .sum::<f64>()
     };
     let fresh = || Trainer::new(cfg.clone(), &data.dataset).expect("a training");
-    let on_host = |trainer: &mut Trainer| {
-        let made = trainer.run_on(|setup| engine(&host, Precision::Full, setup));
+    let on_device = |trainer: &mut Trainer| {
+        let made = trainer.run_on(|setup| engine(device, Precision::Full, setup));
         made.expect("an engine");
     };
     let mut whole = fresh();
     take(&mut whole);
     let expected = take(&mut whole);
-    for first in ["cpu", "host"] {
+    for first in ["cpu", "device"] {
         let mut trainer = fresh();
-        if first == "host" {
-            on_host(&mut trainer);
+        if first == "device" {
+            on_device(&mut trainer);
         }
         take(&mut trainer);
         trainer.collect().expect("weights");
@@ -208,7 +208,7 @@ fn a_checkpoint_goes_on_from_one_device_on_the_other() {
         );
         let mut resumed = resumed.expect("a checkpoint");
         if first == "cpu" {
-            on_host(&mut resumed);
+            on_device(&mut resumed);
         }
         let found = take(&mut resumed);
         assert!(

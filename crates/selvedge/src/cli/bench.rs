@@ -1,5 +1,8 @@
 //! What can be measured.
 
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::DeviceArgs;
@@ -97,7 +100,7 @@ pub(crate) struct ScaleArgs {
 Examples:
   selvedge bench gpu --device cuda --precision tensor
   selvedge bench gpu --device cuda --vertices 1024 --against \"python benches/peer/peer.py --device cuda\"
-  selvedge bench gpu --device cuda --variant gru-10 --vertices 1024 --cloths 0 --profile
+  selvedge bench gpu --device cuda --variant gru-10 --vertices 1024,64x1024 --profile
 
 The other programs get what those of `selvedge bench engine` get.")]
 pub(crate) struct GpuArgs {
@@ -107,12 +110,9 @@ pub(crate) struct GpuArgs {
     /// As for `selvedge bench engine`; may stand several times [default: all but small].
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Vec<String>,
-    /// Vertices of a cloth, separated by commas.
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1024,10000,100000", value_parser = clap::value_parser!(u32).range(16..=10_000_000))]
-    pub(crate) vertices: Vec<u32>,
-    /// Also so many cloths of the first of these sizes at once; 0 for none.
-    #[arg(long, value_name = "N", default_value_t = 64)]
-    pub(crate) cloths: u16,
+    /// Vertices of a cloth, or, as 64x1024, of each of several at once; separated by commas.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1024,10000,100000,64x1024", value_parser = Cloths::from_str)]
+    pub(crate) vertices: Vec<Cloths>,
     /// Runs of each that count.
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) runs: u16,
@@ -127,17 +127,50 @@ pub(crate) struct GpuArgs {
     pub(crate) against: Vec<String>,
 }
 
+/// Cloths of a size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Cloths {
+    /// How many.
+    pub(crate) count: usize,
+    /// Of each.
+    pub(crate) vertices: usize,
+}
+
+impl FromStr for Cloths {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let problem = || {
+            format!(
+                "there are no cloths {text:?}: take 16 to 10000000 vertices of one, or as 64x1024 those of each of \
+                 at most 65535"
+            )
+        };
+        let (count, vertices) = text.split_once('x').unwrap_or(("1", text));
+        let number = |text: &str, within: RangeInclusive<usize>| {
+            let found = text.parse().ok().filter(|n| within.contains(n));
+            found.ok_or_else(problem)
+        };
+        Ok(Self {
+            count: number(count, 1..=65_535)?,
+            vertices: number(vertices, 16..=10_000_000)?,
+        })
+    }
+}
+
 /// Hold a GPU against the processor: forward passes, gradients, training steps, rollouts.
 ///
-/// Every network of `selvedge bench engine` with weights drawn from a seed, and the shipped model. What is
-/// off by more than its bound makes the command fail.
+/// Every network of `selvedge bench engine` with weights drawn from a seed, and the shipped model. What fails, or is
+/// off by more than its bound, makes the command fail at its end. Other precisions than full have no bounds: how far
+/// off they are is told.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge bench conformance --device cuda
+  selvedge bench conformance --device cuda --precision half --variant gru-10
   selvedge bench conformance --device host --variant small")]
 pub(crate) struct ConformanceArgs {
-    /// Where, and how exactly; the bounds are those of full precision.
+    /// Where, and how exactly.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
     /// As for `selvedge bench engine`; may stand several times [default: all].
@@ -149,4 +182,19 @@ pub(crate) struct ConformanceArgs {
     /// Steps of each training.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) steps: u16,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cloths_are_named_by_their_vertices_and_how_many_they_are() {
+        let of = |count, vertices| Ok(Cloths { count, vertices });
+        assert_eq!("1024".parse(), of(1, 1024));
+        assert_eq!("64x1024".parse(), of(64, 1024));
+        for wrong in ["", "x", "64x", "x64", "15", "0x1024", "2x3x4", "-1"] {
+            assert!(wrong.parse::<Cloths>().is_err(), "{wrong}");
+        }
+    }
 }

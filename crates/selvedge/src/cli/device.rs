@@ -1,5 +1,6 @@
 //! Where the arithmetic of a model is done.
 
+use std::fmt;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
@@ -24,6 +25,17 @@ pub(crate) enum DeviceName {
     Cuda(usize),
     /// The processor, by the kernels of the GPU: slow, to test them.
     Host,
+}
+
+impl fmt::Display for DeviceName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cpu => f.write_str("cpu"),
+            Self::Cuda(0) => f.write_str("cuda"),
+            Self::Cuda(number) => write!(f, "cuda:{number}"),
+            Self::Host => f.write_str("host"),
+        }
+    }
 }
 
 impl FromStr for DeviceName {
@@ -80,6 +92,9 @@ mod tests {
         assert_eq!("cpu".parse(), Ok(DeviceName::Cpu));
         assert_eq!("cuda".parse(), Ok(DeviceName::Cuda(0)));
         assert_eq!("cuda:3".parse(), Ok(DeviceName::Cuda(3)));
+        for name in ["cpu", "cuda", "cuda:3", "host"] {
+            assert_eq!(name.parse::<DeviceName>().unwrap().to_string(), name);
+        }
         for wrong in ["gpu", "cuda:", "cuda:x", "cuda:-1", "cpu:0", ""] {
             let problem = wrong.parse::<DeviceName>().unwrap_err();
             assert!(

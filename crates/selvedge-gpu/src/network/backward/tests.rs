@@ -1,4 +1,4 @@
-//! The backward pass on the host device against the CPU engine's, for every encoder, with dropout, and
+//! The backward pass on a device against the CPU engine's, for every encoder, with dropout, and
 //! through states that are carried.
 
 use selvedge_model::{
@@ -7,15 +7,15 @@ use selvedge_model::{
 };
 
 use super::{BackwardPass, backward};
-use crate::device::{Device, Loaded, Precision};
+use crate::device::{Loaded, Precision};
 use crate::network::{
     Dropout, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, Record, StateArrays,
-    WeightArrays, dropout_words, forward,
+    WeightArrays, dropout_numbers, dropout_seeds, forward,
 };
 use crate::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
 use crate::source::{Program, Sizes};
-use crate::test_graphs::{host, numbers, specs, squares, weights};
+use crate::test_graphs::{device, numbers, specs, squares, weights};
 use crate::{backward as kernels, layers};
 
 const RATE: f64 = 0.3;
@@ -166,8 +166,8 @@ impl Given {
 type All = Vec<Vec<f32>>;
 
 fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> Option<All> {
-    let host = host()?;
-    let loaded = host.load(&lowered.program, &lowered.plan, Precision::Full);
+    let device = device()?;
+    let loaded = device.load(&lowered.program, &lowered.plan, Precision::Full);
     let mut loaded = loaded.expect("kernels");
     let loaded: &mut dyn Loaded = &mut *loaded;
     lowered.graph.upload(loaded, graph).expect("a graph");
@@ -190,18 +190,16 @@ fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> Option<A
         loaded.put(region, values).expect("room");
     }
     if let Some(dropout) = &lowered.dropout {
-        let words = dropout_words(
-            graph,
-            lowered.input.steps,
-            CpuDropout {
-                rate: RATE,
-                seed: SEED,
-            },
-        );
+        let numbers = dropout_numbers(graph, lowered.input.steps);
+        let seeds = dropout_seeds(CpuDropout {
+            rate: RATE,
+            seed: SEED,
+        });
         for kind in [0, 1] {
-            let [numbers, seeds] = &words[kind];
+            let (rows, numbers) = (numbers[kind].len() / 2, &numbers[kind]);
             loaded.upload(dropout.numbers[kind], numbers).expect("room");
-            loaded.upload(dropout.seeds[kind], seeds).expect("room");
+            let seeds = seeds[kind].repeat(rows);
+            loaded.upload(dropout.seeds[kind], &seeds).expect("room");
         }
     }
     for schedule in &lowered.schedules {

@@ -26,7 +26,7 @@ use super::cloths::hanging;
 use super::peer::Peer;
 use super::variants::{Variant, named};
 use super::{median, time};
-use crate::cli::{DeviceName, GpuArgs};
+use crate::cli::{Cloths, DeviceName, GpuArgs};
 use crate::interrupt;
 use crate::machine;
 use crate::output::{Answer, End};
@@ -34,7 +34,8 @@ use crate::output::{Answer, End};
 /// Runs of each that do not count.
 const WARM: usize = 5;
 
-/// What was measured of a network on some cloths. What is not there could not be measured, and a remark says why.
+/// What was measured of a network on some cloths. What is not there could not be measured, and a remark says why; another
+/// says where the card did not replay what it ran but was called piece by piece.
 #[derive(Default, Serialize)]
 struct Row {
     variant: &'static str,
@@ -112,7 +113,7 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
         limits: &limits,
     };
     let mut rows = Vec::new();
-    for (vertices, cloths) in sizes(args) {
+    for &Cloths { count, vertices } in &args.vertices {
         if interrupt::requested() {
             break;
         }
@@ -121,7 +122,7 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
             if interrupt::requested() {
                 break;
             }
-            rows.push(bench.measure(variant, &graph, cloths)?);
+            rows.push(bench.measure(variant, &graph, count)?);
         }
     }
     let end = if interrupt::requested() {
@@ -137,18 +138,6 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
         "against": args.against, "rows": rows,
     });
     Ok(Answer::new(text, &report)?.ended(end))
-}
-
-/// Vertices of a cloth, and how many cloths.
-fn sizes(args: &GpuArgs) -> Vec<(usize, usize)> {
-    let sizes = args.vertices.iter().map(|&n| (n as usize, 1));
-    let many = args
-        .vertices
-        .first()
-        .map(|&n| (n as usize, usize::from(args.cloths)));
-    sizes
-        .chain(many.filter(|&(_, cloths)| cloths > 0))
-        .collect()
 }
 
 struct Bench<'a> {
@@ -176,7 +165,7 @@ impl Bench<'_> {
             ..Row::default()
         };
         let model = model(variant)?;
-        match self.passes(&model, &union) {
+        match self.passes(&model, &union, &mut row.remarks) {
             Ok((ms, commands, work)) => {
                 row.pass_ms = Some(ms);
                 row.commands = commands;
@@ -186,12 +175,12 @@ impl Bench<'_> {
             Err(error) => row.remarks.push(format!("pass: {error:#}")),
         }
         let mut frame = Vec::new();
-        match self.frames(model, graph, cloths) {
+        match self.frames(model, (graph, cloths), &mut row.remarks) {
             Ok((ms, parts)) => (row.frame_ms, frame) = (Some(ms), parts),
             Err(error) => row.remarks.push(format!("frame: {error:#}")),
         }
         let mut step = Vec::new();
-        match self.steps(spec, &union) {
+        match self.steps(spec, &union, &mut row.remarks) {
             Ok((ms, parts)) => (row.step_ms, step) = (Some(ms), parts),
             Err(error) => row.remarks.push(format!("step: {error:#}")),
         }
@@ -252,7 +241,12 @@ impl Bench<'_> {
     }
 
     /// A forward pass `[ms]`, its commands, and what they move and multiply.
-    fn passes(&self, model: &Model, graph: &Connectivity) -> anyhow::Result<(f64, usize, Work)> {
+    fn passes(
+        &self,
+        model: &Model,
+        graph: &Connectivity,
+        remarks: &mut Vec<String>,
+    ) -> anyhow::Result<(f64, usize, Work)> {
         let network = model.network();
         let (extent, [nodes, edges]) = drawn(network, graph);
         let both = (network, model.weights());
@@ -272,11 +266,17 @@ impl Bench<'_> {
             ran?;
         }
         let elapsed_ms = median(times.split_off(WARM));
+        remarks.extend(unrecorded("pass", inference.unrecorded()));
         Ok((elapsed_ms, inference.commands(), inference.work()))
     }
 
     /// A step of learning `[ms]`, and where its time goes if that is asked for.
-    fn steps(&self, spec: &ModelSpec, graph: &Connectivity) -> anyhow::Result<(f64, Vec<Part>)> {
+    fn steps(
+        &self,
+        spec: &ModelSpec,
+        graph: &Connectivity,
+        remarks: &mut Vec<String>,
+    ) -> anyhow::Result<(f64, Vec<Part>)> {
         let network = Network::new(spec)?;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let weights = network.initialise(&mut || rng.random::<f64>());
@@ -299,6 +299,7 @@ impl Bench<'_> {
             ran?;
         }
         let elapsed_ms = median(times.split_off(WARM));
+        remarks.extend(unrecorded("step", learning.unrecorded()));
         if !self.args.profile {
             return Ok((elapsed_ms, Vec::new()));
         }
@@ -309,8 +310,8 @@ impl Bench<'_> {
     fn frames(
         &self,
         model: Model,
-        graph: &ClothGraph,
-        cloths: usize,
+        (graph, cloths): (&ClothGraph, usize),
+        remarks: &mut Vec<String>,
     ) -> anyhow::Result<(f64, Vec<Part>)> {
         let start: [&[Vec3]; 1] = [graph.rest_positions()];
         let openings = (0..cloths).map(|_| Opening {
@@ -328,11 +329,17 @@ impl Bench<'_> {
             ran?;
         }
         let elapsed_ms = median(times.split_off(WARM));
+        remarks.extend(unrecorded("frame", rollout.unrecorded()));
         if !self.args.profile {
             return Ok((elapsed_ms, Vec::new()));
         }
         Ok((elapsed_ms, self.parts(rollout.profile(&targets)?)))
     }
+}
+
+/// A remark where a device was called piece by piece.
+fn unrecorded(what: &str, reason: Option<&str>) -> Option<String> {
+    reason.map(|reason| format!("{what}: not replayed from a recording: {reason}"))
 }
 
 /// What the paper says of a frame of 1024 vertices on an RTX 3080 `[ms]`.

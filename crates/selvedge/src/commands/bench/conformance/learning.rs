@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow, bail};
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -25,7 +25,7 @@ use serde_json::json;
 
 use super::super::cloths::hanging;
 use super::super::variants::named;
-use super::{Check, worst};
+use super::{Bound, Checks, worst};
 use crate::cli::ConformanceArgs;
 use crate::interrupt;
 
@@ -44,22 +44,17 @@ const FRAMES: usize = 60;
 /// Compares gradients and trainings, until an end is asked for.
 pub(super) fn check(
     device: &dyn Device,
-    precision: Precision,
     args: &ConformanceArgs,
-    checks: &mut Vec<Check>,
+    checks: &mut Checks,
 ) -> anyhow::Result<()> {
+    let precision = checks.precision;
     for variant in named(&args.variant)? {
         if interrupt::requested() {
             return Ok(());
         }
         let graph = Connectivity::of(hanging(variant.vertices)?.topology());
         let off = gradients(device, precision, &variant.spec, &graph);
-        checks.push(Check {
-            model: variant.name.to_owned(),
-            what: "gradient".to_owned(),
-            off: off.with_context(|| format!("{} on {}", variant.name, device.name()))?,
-            bound: GRADIENT,
-        });
+        checks.add(variant.name, "gradient", (off, Bound::Rounding(GRADIENT)));
     }
     let folder = tempfile::tempdir().context("a folder for data")?;
     let data = data(folder.path())?;
@@ -69,22 +64,14 @@ pub(super) fn check(
         }
         let mut make = || Trainer::new(cfg.clone(), &data);
         let steps = usize::from(args.steps);
-        let found = training(device, precision, &mut make, steps)
-            .with_context(|| format!("training {name} on {}", device.name()))?;
-        let mut add = |what: String, off: f64, bound: f64| {
-            checks.push(Check {
-                model: name.clone(),
-                what,
-                off,
-                bound,
-            });
+        let (gradient, losses) = match training(device, precision, &mut make, steps) {
+            Ok(found) => (Ok(found.gradient), Ok(found.losses)),
+            Err(error) => (Err(error.into()), Err(anyhow!("there is no training"))),
         };
-        add(
-            "gradient of a training".to_owned(),
-            found.gradient,
-            GRADIENT,
-        );
-        add(format!("losses of {steps} steps"), found.losses, LOSS);
+        let gradient = (gradient, Bound::Rounding(GRADIENT));
+        checks.add(&name, "gradient of a training", gradient);
+        let losses = (losses, Bound::Rounding(LOSS));
+        checks.add(&name, &format!("losses of {steps} steps"), losses);
     }
     Ok(())
 }
@@ -115,7 +102,13 @@ fn gradients(
     let both = (&network, &*weights);
     let mut learning = Learning::new(device, both, graph, Extent::Whole, precision)?;
     learning.put(input, &target)?;
-    learning.step(0.0)?;
+    // By plain calls, while it is recorded, and from the recording.
+    for _ in 0..3 {
+        learning.step(0.0)?;
+    }
+    if let Some(reason) = learning.unrecorded() {
+        bail!("it cannot be replayed from a recording: {reason}");
+    }
     let found = learning.gradient()?;
     let mut workspace = Workspace::new();
     let pass = Pass::Training(None);

@@ -14,7 +14,7 @@ pub(super) fn page(device: &str, limits: &Limits, args: &GpuArgs, rows: &[Row]) 
         .map(|row| format!("- {}: {}\n", name(row), row.remarks.join("; ")))
         .collect();
     if !remarks.is_empty() {
-        text += &format!("\nNot measured:\n\n{remarks}");
+        text += &format!("\nRemarks:\n\n{remarks}");
     }
     for row in rows {
         let Some(profile) = &row.profile else {
@@ -44,7 +44,7 @@ fn heading(device: &str, limits: &Limits, args: &GpuArgs) -> String {
     let [full, tensor, half] = limits.products.map(|flop| 1e-12 * flop);
     let mut text = format!(
         "**{device}**, precision {}, medians of {} runs. Measured limits: products {full:.3} TFLOP/s full, \
-         {tensor:.3} tensor, {half:.3} half; copies {:.3} TB/s read and written.\n\n\
+         {tensor:.3} tensor, {half:.3} half (factors that lie in bf16, where it has such products); copies {:.3} TB/s read and written.\n\n\
          pass: the forward pass on features that lie ready; of products, of bandwidth: its share of those limits; \
          frame: handles up, features, network, integration, positions down; paper: its frame on an RTX 3080; step: \
          forward, mean square error, backward, Adam on features that lie ready, of so many samples.\n",
