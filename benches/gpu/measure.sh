@@ -7,15 +7,18 @@
 # What is ours comes first, in all precisions, then PyTorch beside it, eager, then compiled. What was measured is printed
 # as it comes; what fails, or takes longer than LIMIT, is said and the rest goes on.
 #
-# Parts that should fit into 9 minutes each, where a machine is lent no longer (reckoned, not measured; the last
-# compiles every network at every size anew, about a minute each, and takes several such parts):
+# Parts that should fit into 9 minutes each, where a machine is lent no longer (reckoned, not measured), P each of full,
+# tensor and half, and V each of 1024,64x1024 and 10000,100000:
 #
-#     SECTIONS="conformance training" benches/gpu/measure.sh > 1.md
-#     SECTIONS=frames benches/gpu/measure.sh > 2.md
-#     SECTIONS=time benches/gpu/measure.sh > 3.md
-#     SECTIONS=eager PRECISIONS="full tensor" benches/gpu/measure.sh > 4.md
-#     SECTIONS=eager PRECISIONS=half benches/gpu/measure.sh > 5.md
-#     SECTIONS=compiled PRECISIONS=tensor VARIANTS="gru-10 mlp" VERTICES=1024,64x1024 benches/gpu/measure.sh > 6.md
+#     SECTIONS=conformance benches/gpu/measure.sh > conformance.md
+#     SECTIONS=training benches/gpu/measure.sh > training.md
+#     SECTIONS=frames PRECISIONS=P benches/gpu/measure.sh > frames-P.md
+#     SECTIONS=time PRECISIONS=P benches/gpu/measure.sh > time-P.md
+#     SECTIONS=eager PRECISIONS=P VERTICES=V benches/gpu/measure.sh > eager-P-V.md
+#     SECTIONS=compiled PRECISIONS=P VERTICES=1024 VARIANTS="gru-10 mlp meshgraphnets" benches/gpu/measure.sh > compiled-P.md
+#
+# The last makes every network at every size in every precision anew, about a minute each: of it take as much as there
+# is time for.
 #
 # May be set, with what holds where nothing is:
 #
@@ -29,7 +32,7 @@
 #   VARIANTS    gru-10 gru-5 node-gru-10 streaming-gru mlp meshgraphnets
 #   VERTICES    1024,10000,100000,64x1024; of the cloths, the last one 64 at once
 #   RUNS        30; of each
-#   SIDE        8192; rows of the matrices that the card's limits are measured with
+#   SIDE        8192; rows of the matrices that the card's limits are measured with; half as many beside PyTorch
 #   PROFILED    gru-10 meshgraphnets; the variants of which every command is timed by itself
 #   CHECKED     none for all; the variants that are held against the processor
 #   FRAMES      30; of its rollouts
@@ -61,7 +64,8 @@ read -ra checked <<< "${CHECKED:-}"
 read -ra presets <<< "${PRESETS:-rp-gru10 meshgraphnets}"
 read -ra settings <<< "${SETTINGS:-batch.samples=16 statistics_samples=200}"
 IFS=, read -ra vertices <<< "${VERTICES:-1024,10000,100000,64x1024}"
-runs=(--runs "${RUNS:-30}" --side "${SIDE:-8192}")
+side=${SIDE:-8192}
+runs=(--runs "${RUNS:-30}")
 limit=()
 command -v timeout > /dev/null && limit=(timeout --kill-after=10 "${LIMIT:-300}")
 
@@ -134,7 +138,7 @@ frames() {
         heading "Frames and steps, precision $precision"
         for size in "${vertices[@]}"; do
             try "$selvedge" bench gpu --device "$device" --precision "$precision" "${only[@]}" --vertices "$size" \
-                "${runs[@]}"
+                "${runs[@]}" --side "$side"
             printf '\n'
         done
     done
@@ -147,7 +151,7 @@ time_by_command() {
         heading "Where the time goes, precision $precision"
         for size in "${vertices[@]}"; do
             try "$selvedge" bench gpu --device "$device" --precision "$precision" "${only[@]}" --vertices "$size" \
-                "${runs[@]}" --profile
+                "${runs[@]}" --side "$side" --profile
             printf '\n'
         done
     done
@@ -187,7 +191,7 @@ peer() {
         for size in "${vertices[@]}"; do
             for variant in "${variants[@]}"; do
                 try "$selvedge" bench gpu --device "$device" --precision "$precision" --variant "$variant" \
-                    --vertices "$size" "${runs[@]}" --against "$against"
+                    --vertices "$size" "${runs[@]}" --side $((side / 2)) --against "$against"
                 printf '\n'
             done
         done

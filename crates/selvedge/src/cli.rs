@@ -347,7 +347,7 @@ pub(crate) struct DatasetInspectArgs {
 Examples:
   selvedge train first --data data/first --out runs/first --for 30m
   selvedge train first --data data/first --out runs/first --resume
-  selvedge train rp-gru10 --data data/first --out runs/gpu --device cuda --for 9m
+  selvedge train rp-gru10 --data data/first --out runs/gpu --device cuda --for 8m
   selvedge train rp-gru10 --data data/first --out runs/small --set model.latent=32 --set model.blocks=4")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge presets` lists them).
