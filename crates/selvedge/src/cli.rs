@@ -14,9 +14,9 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use selvedge_train::Setting;
 
-pub(crate) use self::bench::{
-    BenchCommand, Cloths, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs,
-};
+#[cfg(feature = "gpu")]
+pub(crate) use self::bench::Cloths;
+pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
 pub(crate) use self::device::{DeviceArgs, DeviceName, PrecisionName};
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};
