@@ -280,3 +280,45 @@ fn worst(first: f64, all: impl Iterator<Item = f64>) -> f64 {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checks(precision: Precision) -> Checks {
+        let mut checks = Checks {
+            precision,
+            all: Vec::new(),
+        };
+        for (what, off) in [("near", 1e-6), ("far", 1e-3), ("none", f64::NAN)] {
+            checks.add("mlp", what, (Ok(off), Bound::Rounding(1e-5)));
+        }
+        let failed = || Err(anyhow::anyhow!("no memory").context("a pass"));
+        checks.add("mlp", "failing", (failed(), Bound::Rounding(1e-5)));
+        checks.add("mlp", "differing", (Ok(2.0), Bound::Always(0.0)));
+        checks
+    }
+
+    #[test]
+    fn what_is_off_and_what_fails_does_not_hold_and_is_told_with_the_rest() {
+        let found = checks(Precision::Full);
+        let held = found.all.iter().map(Check::holds);
+        assert_eq!(held.collect::<Vec<_>>(), [true, false, false, false, false]);
+        assert_eq!(found.wrong(), 4);
+        let text = found.text();
+        let ends: Vec<&str> = text.lines().skip(2).collect();
+        assert!(ends[0].ends_with("ok") && ends[1].ends_with("OFF") && ends[2].ends_with("OFF"));
+        assert!(
+            ends[3].ends_with("FAILED") && ends[4].ends_with("OFF"),
+            "{text}"
+        );
+        assert!(text.contains("mlp, failing: a pass: no memory"), "{text}");
+    }
+
+    #[test]
+    fn other_precisions_have_no_bounds_of_rounding() {
+        let found = checks(Precision::Half);
+        let held = found.all.iter().map(Check::holds);
+        assert_eq!(held.collect::<Vec<_>>(), [true, true, false, false, false]);
+    }
+}
