@@ -35,6 +35,10 @@ const GRADIENT: f64 = 1e-4;
 /// Most that a loss may be off, in parts of it.
 const LOSS: f64 = 0.02;
 
+/// Steps of a training with coarse levels: after a hundred, two of the processor that only add in another order
+/// are a percent apart.
+const COARSE_STEPS: usize = 20;
+
 /// Vertices of the cloths that are learned from.
 const VERTICES: [usize; 2] = [100, 81];
 
@@ -63,7 +67,10 @@ pub(super) fn check(
             return Ok(());
         }
         let mut make = || Trainer::new(cfg.clone(), &data);
-        let steps = usize::from(args.steps);
+        let mut steps = usize::from(args.steps);
+        if cfg.model.coarse_levels > 0 {
+            steps = steps.min(COARSE_STEPS);
+        }
         let (gradient, losses) = match training(device, precision, &mut make, steps) {
             Ok(found) => (Ok(found.gradient), Ok(found.losses)),
             Err(error) => (Err(error.into()), Err(anyhow!("there is no training"))),
@@ -145,43 +152,47 @@ fn gradients(
 /// weights, dropout, coarse levels, the model's own predictions, and several frames at a time.
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
-        ("gru", Encoder::Gru { window: 5 }, 1),
-        ("node-gru", Encoder::NodeGru { window: 5 }, 3),
-        ("streaming-gru", Encoder::StreamingGru { window: 5 }, 3),
-        ("mlp", Encoder::MLP, 3),
+        ("gru", Encoder::Gru { window: 5 }, 1, 0),
+        ("node-gru", Encoder::NodeGru { window: 5 }, 3, 0),
+        ("streaming-gru", Encoder::StreamingGru { window: 5 }, 3, 0),
+        ("mlp", Encoder::MLP, 3, 0),
+        ("mlp and coarse levels", Encoder::MLP, 1, 2),
     ];
-    let all = encoders.into_iter().map(|(name, encoder, frames)| {
-        let mut cfg = TrainConfig::parse(CONFIG, Path::new("conformance"))?;
-        cfg.model = ModelSpec::physical(encoder, 32, 3);
-        if encoder != (Encoder::Gru { window: 5 }) {
-            cfg.model.node_features.extend([
-                NodeFeature::Acceleration,
-                NodeFeature::ExpectedMove,
-                NodeFeature::RestOffset,
-            ]);
-            cfg.model.integration = Integration::Carried {
-                damping: 0.05,
-                stiffness: 0.01,
+    let all = encoders
+        .into_iter()
+        .map(|(name, encoder, frames, coarse_levels)| {
+            let mut cfg = TrainConfig::parse(CONFIG, Path::new("conformance"))?;
+            cfg.model = ModelSpec::physical(encoder, 32, 3);
+            if encoder != (Encoder::Gru { window: 5 }) {
+                cfg.model.node_features.extend([
+                    NodeFeature::Acceleration,
+                    NodeFeature::ExpectedMove,
+                    NodeFeature::RestOffset,
+                ]);
+                cfg.model.integration = Integration::Carried {
+                    damping: 0.05,
+                    stiffness: 0.01,
+                };
+            }
+            cfg.model.coarse_levels = coarse_levels;
+            if coarse_levels > 0 {
+                let coarse = [EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector];
+                cfg.model.edge_features.extend(coarse);
+            }
+            if encoder != Encoder::MLP {
+                cfg.dropout = 0.1;
+            }
+            if frames > 1 {
+                cfg.losses.kinetic_energy = 0.0;
+            }
+            cfg.unroll = UnrollFrames::Constant { frames };
+            cfg.scheduled_sampling.truth = TruthProbability::Linear {
+                start: 1,
+                end: 10,
+                probability: 0.3,
             };
-        }
-        if encoder == Encoder::MLP {
-            cfg.model.coarse_levels = 2;
-            let coarse = [EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector];
-            cfg.model.edge_features.extend(coarse);
-        } else {
-            cfg.dropout = 0.1;
-        }
-        if frames > 1 {
-            cfg.losses.kinetic_energy = 0.0;
-        }
-        cfg.unroll = UnrollFrames::Constant { frames };
-        cfg.scheduled_sampling.truth = TruthProbability::Linear {
-            start: 1,
-            end: 10,
-            probability: 0.3,
-        };
-        Ok((format!("{name}, {frames} at a time"), cfg))
-    });
+            Ok((format!("{name}, {frames} at a time"), cfg))
+        });
     all.collect()
 }
 
