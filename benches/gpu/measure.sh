@@ -130,31 +130,30 @@ conformance() {
     done
 }
 
-# A run for each size.
-frames() {
-    local only precision size
-    mapfile -t only < <(named "${variants[@]}")
+# sizes HEADING FLAG...: every precision under its heading, a run for each size.
+sizes() {
+    local title=$1 precision size
+    shift
     for precision in "${precisions[@]}"; do
-        heading "Frames and steps, precision $precision"
+        heading "$title, precision $precision"
         for size in "${vertices[@]}"; do
-            try "$selvedge" bench gpu --device "$device" --precision "$precision" "${only[@]}" --vertices "$size" \
-                "${runs[@]}" --side "$side"
+            try "$selvedge" bench gpu --device "$device" --precision "$precision" --vertices "$size" \
+                "${runs[@]}" --side "$side" "$@"
             printf '\n'
         done
     done
 }
 
+frames() {
+    local only
+    mapfile -t only < <(named "${variants[@]}")
+    sizes "Frames and steps" "${only[@]}"
+}
+
 time_by_command() {
-    local only precision size
+    local only
     mapfile -t only < <(named "${profiled[@]}")
-    for precision in "${precisions[@]}"; do
-        heading "Where the time goes, precision $precision"
-        for size in "${vertices[@]}"; do
-            try "$selvedge" bench gpu --device "$device" --precision "$precision" "${only[@]}" --vertices "$size" \
-                "${runs[@]}" --side "$side" --profile
-            printf '\n'
-        done
-    done
+    sizes "Where the time goes" "${only[@]}" --profile
 }
 
 training() {

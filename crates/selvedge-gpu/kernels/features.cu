@@ -42,6 +42,12 @@ INNER void put_vector(float *row, const float *shift, const float *scale, unsign
     put(row, shift, scale, column + 2, v.z);
 }
 
+// The same with the length of the vector in the column after it.
+INNER void put_with_length(float *row, const float *shift, const float *scale, unsigned column, Vector v, float of) {
+    put_vector(row, shift, scale, column, v);
+    put(row, shift, scale, column + 3, of);
+}
+
 // One vertex in one frame of the window, [steps, vertices].
 KERNEL(node_features) {
     const unsigned step = ELEMENT / vertices, v = ELEMENT % vertices, cloth_number = cloth_of[v];
@@ -115,22 +121,18 @@ KERNEL(edge_features) {
     const Vector local = to_local(yaw, apart);
 #ifdef EDGE_COARSE_VECTOR
     const float link = is_link(arc_material, arc), edge = 1.0f - link;
-    put_vector(row, shift, scale, EDGE_COARSE_VECTOR, times(link, local));
-    put(row, shift, scale, EDGE_COARSE_VECTOR + 3, link * length(local));
+    put_with_length(row, shift, scale, EDGE_COARSE_VECTOR, times(link, local), link * length(local));
 #else
     const float edge = 1.0f;
 #endif
 #ifdef EDGE_COARSE_REST_VECTOR
-    put_vector(row, shift, scale, EDGE_COARSE_REST_VECTOR, times(link, vector(at_rest)));
-    put(row, shift, scale, EDGE_COARSE_REST_VECTOR + 3, link * at_rest[3]);
+    put_with_length(row, shift, scale, EDGE_COARSE_REST_VECTOR, times(link, vector(at_rest)), link * at_rest[3]);
 #endif
 #ifdef EDGE_VECTOR
-    put_vector(row, shift, scale, EDGE_VECTOR, times(edge, local));
-    put(row, shift, scale, EDGE_VECTOR + 3, edge * length(local));
+    put_with_length(row, shift, scale, EDGE_VECTOR, times(edge, local), edge * length(local));
 #endif
 #ifdef EDGE_REST_VECTOR
-    put_vector(row, shift, scale, EDGE_REST_VECTOR, times(edge, vector(at_rest)));
-    put(row, shift, scale, EDGE_REST_VECTOR + 3, edge * at_rest[3]);
+    put_with_length(row, shift, scale, EDGE_REST_VECTOR, times(edge, vector(at_rest)), edge * at_rest[3]);
 #endif
 #ifdef EDGE_MATERIAL_VECTOR
     put_vector(row, shift, scale, EDGE_MATERIAL_VECTOR, times(edge, vector(arc_material + 3 * (size_t)arc)));

@@ -7,6 +7,7 @@ use selvedge_cloth::Topology;
 
 use crate::graph::ClothGraph;
 use crate::leaves::{Leaf, chunks, leaves};
+use crate::levels::Arcs;
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
 /// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
@@ -24,55 +25,42 @@ impl Connectivity {
     /// The arcs of a mesh, without coarse levels.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
-        let arcs = topology.arcs();
-        let mut arcs_of_edge = vec![[u32::MAX; 2]; topology.edges().len()];
-        for (number, arc) in arcs.iter().enumerate() {
-            let pair = &mut arcs_of_edge[arc.edge.index()];
-            let place = usize::from(pair[0] != u32::MAX);
-            pair[place] = number as u32;
-        }
-        let twins = arcs
-            .iter()
-            .enumerate()
-            .map(|(number, arc)| {
-                let [a, b] = arcs_of_edge[arc.edge.index()];
-                if a == number as u32 { b } else { a }
-            })
-            .collect();
-        let mut first_arc = vec![0];
-        for vertex in 0..topology.vertex_count() as u32 {
-            first_arc.push(topology.arcs_into(vertex.into()).end as u32);
-        }
-        Self {
-            vertex_count: topology.vertex_count(),
-            senders: arcs.iter().map(|arc| arc.sender.0).collect(),
-            receivers: arcs.iter().map(|arc| arc.receiver.0).collect(),
-            leaves: leaves(&first_arc),
-            first_arc,
-            twins,
-        }
+        let arcs = Arcs::new(topology, &[]);
+        let ends = [&*arcs.senders, &*arcs.receivers];
+        Self::from_arcs(topology.vertex_count(), ends, arcs.pairs.iter())
     }
 
     /// The arcs of a cloth with its coarse levels.
     #[must_use]
     pub fn of_cloth(graph: &ClothGraph) -> Self {
-        let mut twins = vec![0; graph.arc_count()];
-        let of_links = graph.links().iter().map(|link| link.arcs);
-        for [forward, back] in graph.edge_arcs().iter().copied().chain(of_links) {
+        let of_links = graph.links().iter().map(|link| &link.arcs);
+        let pairs = graph.edge_arcs().iter().chain(of_links);
+        let ends = [graph.senders(), graph.receivers()];
+        Self::from_arcs(graph.vertex_count(), ends, pairs)
+    }
+
+    /// From the senders and the receivers of arcs, and the two arcs of every edge and link.
+    fn from_arcs<'a>(
+        vertex_count: usize,
+        [senders, receivers]: [&[u32]; 2],
+        pairs: impl Iterator<Item = &'a [u32; 2]>,
+    ) -> Self {
+        let mut twins = vec![0; senders.len()];
+        for &[forward, back] in pairs {
             twins[forward as usize] = back;
             twins[back as usize] = forward;
         }
-        let mut first_arc = vec![0; graph.vertex_count() + 1];
-        for &receiver in graph.receivers() {
+        let mut first_arc = vec![0; vertex_count + 1];
+        for &receiver in receivers {
             first_arc[receiver as usize + 1] += 1;
         }
-        for vertex in 0..graph.vertex_count() {
+        for vertex in 0..vertex_count {
             first_arc[vertex + 1] += first_arc[vertex];
         }
         Self {
-            vertex_count: graph.vertex_count(),
-            senders: graph.senders().to_vec(),
-            receivers: graph.receivers().to_vec(),
+            vertex_count,
+            senders: senders.to_vec(),
+            receivers: receivers.to_vec(),
             leaves: leaves(&first_arc),
             first_arc,
             twins,

@@ -39,6 +39,18 @@ fn graph(parts: ClothParts) -> ClothGraph {
     ClothGraph::new(parts).expect("a cloth")
 }
 
+/// What two frames are enough for.
+fn pose<'a>(previous: &'a [Vec3], current: &'a [Vec3], yaw: Yaw) -> Pose<'a> {
+    Pose {
+        before: &[],
+        previous,
+        current,
+        reference: &[],
+        rest: &[],
+        yaw,
+    }
+}
+
 /// A pose that moves 1 cm per frame everywhere and is bent by as much.
 fn moving(rest: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
     (shaken(rest, 0.01, 8), shaken(rest, 0.01, 9))
@@ -130,14 +142,7 @@ fn turning_and_moving_cloth_and_handles_leaves_local_features_unchanged() {
 fn the_two_arcs_of_an_edge_see_opposite_vectors_and_the_same_scalars() {
     let graph = graph(parts(6, 3));
     let (previous, current) = moving(graph.rest_positions());
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: &previous,
-        current: &current,
-        yaw: Yaw::from_angle(0.4),
-    };
+    let pose = pose(&previous, &current, Yaw::from_angle(0.4));
     let spec = everything();
     let arcs = features(&spec, &graph, pose).arcs;
     let signs = [
@@ -169,14 +174,7 @@ fn the_two_arcs_of_an_edge_see_opposite_vectors_and_the_same_scalars() {
 fn links_see_their_own_vectors_and_edges_none_of_them() {
     let graph = graph(parts(6, 3)).with_coarse_levels(2);
     let (previous, current) = moving(graph.rest_positions());
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: &previous,
-        current: &current,
-        yaw: Yaw::from_angle(0.4),
-    };
+    let pose = pose(&previous, &current, Yaw::from_angle(0.4));
     let mut spec = everything();
     spec.coarse_levels = 2;
     let coarse = [EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector];
@@ -213,14 +211,7 @@ fn links_see_their_own_vectors_and_edges_none_of_them() {
 fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
     let graph = graph(parts(6, 4));
     let rest = graph.rest_positions();
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: rest,
-        current: rest,
-        yaw: graph.frame().rest_yaw(),
-    };
+    let pose = pose(rest, rest, graph.frame().rest_yaw());
     for row in features(&everything(), &graph, pose).arcs.chunks(13) {
         assert_eq!(row[..4], row[4..8]);
         assert!(row[11].abs() < 1e-7, "elongation {}", row[11]);
@@ -233,14 +224,7 @@ fn bending_follows_its_closed_form_positive_for_a_ridge() {
     for step in -31..=31 {
         let angle = 0.1 * step as f32;
         let (graph, positions) = fold(angle);
-        let pose = Pose {
-            before: &[],
-            reference: &[],
-            rest: &[],
-            previous: &positions,
-            current: &positions,
-            yaw: Yaw::WORLD,
-        };
+        let pose = pose(&positions, &positions, Yaw::WORLD);
         let arcs = features(&spec, &graph, pose).arcs;
         for (arc, row) in arcs.chunks(10).enumerate() {
             let interior = graph.arc_edges()[arc] == graph.hinges()[0].edge;
@@ -301,14 +285,7 @@ fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
     assert_ne!(other.topology.edges(), start.topology.edges());
     let angles = |parts: ClothParts| -> Vec<u32> {
         let graph = graph(parts);
-        let pose = Pose {
-            before: &[],
-            reference: &[],
-            rest: &[],
-            previous: &positions,
-            current: &positions,
-            yaw: Yaw::WORLD,
-        };
+        let pose = pose(&positions, &positions, Yaw::WORLD);
         let arcs = features(&physical(), &graph, pose).arcs;
         arcs.chunks(10).map(|row| row[9].to_bits()).collect()
     };
@@ -340,14 +317,7 @@ fn slow_external_force(graph: &ClothGraph, pose: Pose<'_>, vertex: usize) -> DVe
 fn external_force_matches_a_slow_version_in_f64() {
     let graph = graph(parts(7, 2));
     let (previous, current) = moving(graph.rest_positions());
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: &previous,
-        current: &current,
-        yaw: Yaw::from_angle(-1.2),
-    };
+    let pose = pose(&previous, &current, Yaw::from_angle(-1.2));
     let nodes = features(&physical(), &graph, pose).nodes;
     for (v, row) in nodes.chunks(16).enumerate() {
         let expected = slow_external_force(&graph, pose, v);
@@ -365,14 +335,7 @@ fn drag_of_a_sheet_across_the_wind_is_density_area_speed_squared_against_the_mot
     // A flat sheet with unit normal y falls at 3 m/s: ρ A v² = 1 · 1 · 9 N in all, upwards.
     let (graph, positions) = fold(0.0);
     let previous = positions.map(|p| p + Vec3::Y * (3.0 / 60.0));
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: &previous,
-        current: &positions,
-        yaw: Yaw::WORLD,
-    };
+    let pose = pose(&previous, &positions, Yaw::WORLD);
     let nodes = features(&physical(), &graph, pose).nodes;
     let total: Vec3 = nodes.chunks(16).map(|r| Vec3::new(r[3], r[4], r[5])).sum();
     assert!(
@@ -385,14 +348,7 @@ fn drag_of_a_sheet_across_the_wind_is_density_area_speed_squared_against_the_mot
 fn node_types_energies_and_velocities_are_what_they_say() {
     let graph = graph(parts(4, 2));
     let (previous, current) = moving(graph.rest_positions());
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: &previous,
-        current: &current,
-        yaw: Yaw::from_angle(2.0),
-    };
+    let pose = pose(&previous, &current, Yaw::from_angle(2.0));
     let nodes = features(&physical(), &graph, pose).nodes;
     for (v, row) in nodes.chunks(16).enumerate() {
         let moved = (current[v] - previous[v]).as_dvec3();
@@ -409,14 +365,7 @@ fn node_types_energies_and_velocities_are_what_they_say() {
 fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
     let graph = graph(parts(5, 2));
     let (previous, current) = moving(graph.rest_positions());
-    let pose = Pose {
-        before: &[],
-        reference: &[],
-        rest: &[],
-        previous: &previous,
-        current: &current,
-        yaw: Yaw::from_angle(0.3),
-    };
+    let pose = pose(&previous, &current, Yaw::from_angle(0.3));
     let whole = features(&everything(), &graph, pose);
     let part = features(&ModelSpec::mesh_graph_nets(8, 1), &graph, pose);
     for (all, some) in whole.nodes.chunks(16).zip(part.nodes.chunks(12)) {

@@ -243,6 +243,9 @@ fn without_levels_a_cloth_is_its_mesh() {
         Connectivity::of_cloth(&graph),
         Connectivity::of(graph.topology())
     );
+    let arcs = graph.topology().arcs().iter();
+    let ends = graph.senders().iter().zip(graph.receivers());
+    assert!(arcs.map(|arc| (&arc.sender.0, &arc.receiver.0)).eq(ends));
     let back = graph.clone().with_coarse_levels(2).with_coarse_levels(0);
     assert_eq!(back, graph);
 }
