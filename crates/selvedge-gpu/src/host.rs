@@ -69,7 +69,7 @@ impl Host {
     }
 
     /// The library of a source, which is compiled once.
-    fn library(&self, text: String) -> Result<Arc<Library>, DeviceError> {
+    fn compiled(&self, text: String) -> Result<Arc<Library>, DeviceError> {
         let mut libraries = self
             .libraries
             .lock()
@@ -139,7 +139,7 @@ impl Device for Host {
         plan: &Plan,
         _: Precision,
     ) -> Result<Box<dyn Loaded>, DeviceError> {
-        let library = self.library(program.text(Dialect::Host))?;
+        let library = self.compiled(program.text(Dialect::Host))?;
         let mut entries = HashMap::new();
         for kernel in program.kernels() {
             let name = format!("run_{}", kernel.name);
