@@ -8,7 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::Scene;
 
 use crate::grip::Grip;
-use crate::sag::{SagError, SagProgress};
+use crate::sag::{Listener, SagError, SagProgress, tell};
 use crate::system::State;
 
 /// The cloth has come to rest when no vertex is faster than this `[m/s]`, but not in the first
@@ -23,7 +23,7 @@ const LONGEST: f64 = 30.0;
 pub(crate) fn fall(
     scene: &Scene,
     positions: Vec<DVec3>,
-    progress: &mut dyn FnMut(SagProgress),
+    progress: Listener<'_>,
 ) -> Result<(Vec<DVec3>, u32), SagError> {
     let failed = |solves: u32, cause: String| SagError::Solve { solves, cause };
     let mut grip = Grip::all(scene).map_err(|cause| failed(0, cause.to_string()))?;
@@ -40,11 +40,12 @@ pub(crate) fn fall(
         grip.advance(dt, &mut state, &targets)
             .map_err(|cause| failed(solves, cause.to_string()))?;
         let change = largest(state.velocities.iter().zip(&before).map(|(a, b)| *a - *b));
-        progress(SagProgress {
+        let now = SagProgress {
             solves,
             residual: change / dt,
             tolerance: scene.sag.tolerance,
-        });
+        };
+        tell(progress, now)?;
         let slow = largest(state.velocities.iter().copied()) < SLOW;
         if slow && f64::from(solves) * dt > FIRST_MOMENTS {
             return Ok((state.positions, solves));

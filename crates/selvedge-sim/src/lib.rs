@@ -16,7 +16,7 @@ pub mod external;
 mod fall;
 mod grip;
 mod incomplete;
-mod inertia;
+mod last_step;
 mod lists;
 mod newton;
 mod ordering;

@@ -6,8 +6,8 @@
 //! that K lacks what would make it indefinite, so that the cloth leaves an unstable equilibrium
 //! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
 //! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
-//! law), it begins later, the last step has a say in the next ([`crate::inertia`]), and h is halved. The bulge decides to which side the
-//! cloth buckles. Where there are several equilibria, [`SagMethod::Motion`] begins with the motion
+//! law), it begins later, the last step has a say in the next ([`crate::last_step`]), and h is halved.
+//! The bulge decides to which side the cloth buckles. Where there are several equilibria, [`SagMethod::Motion`] begins with the motion
 //! that a simulation makes (see [`crate::fall`]).
 //!
 //! The rest pose belongs to the cloth and its handles: the air is still, because cloth in wind
@@ -16,6 +16,8 @@
 //! them holds has no rest pose: it stays where it starts. A material with strain limits comes to rest
 //! within them: see [`crate::settle`].
 
+use std::ops::ControlFlow;
+
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{Handles, LinearSolver, SagMethod, Scene, SceneError};
@@ -23,7 +25,7 @@ use thiserror::Error;
 
 use crate::anderson::Anderson;
 use crate::fall::fall;
-use crate::inertia::Inertia;
+use crate::last_step::LastStep;
 use crate::settle::settle;
 use crate::system::{SolveError, State, System};
 
@@ -65,6 +67,8 @@ pub enum SagError {
         residual: f64,
         tolerance: f64,
     },
+    #[error("stopped, as was asked, before an equilibrium was found ({solves} solves)")]
+    Stopped { solves: u32 },
     #[error("solve {solves} of the sag failed: {cause}")]
     Solve { solves: u32, cause: String },
 }
@@ -74,16 +78,30 @@ pub enum SagError {
 /// # Errors
 /// A scene that does not validate or has no handles; [`SagError::NotConverged`].
 pub fn sag(scene: &Scene) -> Result<SaggedRest, SagError> {
-    sag_with_progress(scene, &mut |_| ())
+    sag_with_progress(scene, &mut |_| ControlFlow::Continue(()))
 }
 
-/// As [`sag`]; `progress` hears of every solve.
+/// What hears of every solve and may stop.
+pub(crate) type Listener<'a> = &'a mut dyn FnMut(SagProgress) -> ControlFlow<()>;
+
+/// Tells `progress` how far the sag has come.
 ///
 /// # Errors
-/// As for [`sag`].
+/// [`SagError::Stopped`], where it is to stop.
+pub(crate) fn tell(progress: Listener<'_>, now: SagProgress) -> Result<(), SagError> {
+    match progress(now) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(SagError::Stopped { solves: now.solves }),
+    }
+}
+
+/// As [`sag`]; `progress` hears of every solve and may stop.
+///
+/// # Errors
+/// As for [`sag`]; [`SagError::Stopped`].
 pub fn sag_with_progress(
     scene: &Scene,
-    progress: &mut dyn FnMut(SagProgress),
+    progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
 ) -> Result<SaggedRest, SagError> {
     scene.validate()?;
     let scene = &mut standing(scene)?;
@@ -105,17 +123,18 @@ pub fn sag_with_progress(
 fn relax(
     scene: &Scene,
     (start, mut solves): (Vec<DVec3>, u32),
-    progress: &mut dyn FnMut(SagProgress),
+    progress: Listener<'_>,
 ) -> Result<SaggedRest, SagError> {
     let mut relaxation = Relaxation::new(scene, start)?;
     let tolerance = scene.sag.tolerance;
     loop {
         let residual = relaxation.residual();
-        progress(SagProgress {
+        let now = SagProgress {
             solves,
             residual,
             tolerance,
-        });
+        };
+        tell(progress, now)?;
         if residual <= tolerance {
             return Ok(SaggedRest {
                 positions: relaxation.state.positions,
@@ -151,8 +170,16 @@ const DEPTH: usize = 8;
 /// Solves without a residual a tenth smaller than ever before after which something is changed; a
 /// quarter of it while accelerating.
 const PATIENCE: u32 = 200;
-/// Residual `[m/s²]` below which inertia helps, once patience has been lost.
-const INERTIA_BELOW: f64 = 1.0;
+/// Residual `[m/s²]` below which the last step has a say, once patience has been lost.
+const SAY_BELOW: f64 = 1.0;
+
+/// What the last step has to say about the next.
+#[derive(Clone, Copy, Debug)]
+enum Say {
+    None,
+    Brake,
+    Push,
+}
 
 /// The iteration.
 struct Relaxation {
@@ -160,8 +187,8 @@ struct Relaxation {
     state: State,
     targets: Vec<DVec3>,
     anderson: Anderson,
-    inertia: Inertia,
-    patience_was_lost: bool,
+    last_step: LastStep,
+    say: Say,
     longest_step: f64,
     time_step: f64,
     /// Size of the last correction `[m]`.
@@ -187,8 +214,8 @@ impl Relaxation {
             },
             targets: scene.handles.select(scene.mesh.positions()),
             anderson: Anderson::new(DEPTH),
-            inertia: Inertia::new(scene.mesh.positions().len()),
-            patience_was_lost: false,
+            last_step: LastStep::new(scene.mesh.positions().len()),
+            say: Say::None,
             longest_step: LONGEST_STEP * sheet_size(scene),
             time_step: TIME_STEP,
             last_size: f64::INFINITY,
@@ -230,16 +257,19 @@ impl Relaxation {
         }
         self.last_size = size;
         let mut step = self.anderson.step(&correction);
-        let is_slow = (self.accelerate_below..INERTIA_BELOW).contains(&residual);
-        if self.patience_was_lost && is_slow {
-            self.inertia.apply(&correction, &mut step);
+        if (self.accelerate_below..SAY_BELOW).contains(&residual) {
+            match self.say {
+                Say::None => (),
+                Say::Brake => self.last_step.brake(&correction, &mut step),
+                Say::Push => self.last_step.push(&correction, &mut step),
+            }
         }
         let scale = (self.longest_step / longest(&step)).min(1.0);
         for (position, entry) in self.state.positions.iter_mut().zip(&mut step) {
             *entry *= scale;
             *position += *entry;
         }
-        self.inertia.taken(&step);
+        self.last_step.taken(&step);
         self.anderson.taken(step, correction);
         self.lose_patience(residual);
         Ok(())
@@ -257,7 +287,11 @@ impl Relaxation {
         if self.solves_since_best < patience {
             return;
         }
-        self.patience_was_lost = true;
+        // What did not help is given up for the other.
+        self.say = match self.say {
+            Say::None | Say::Push => Say::Brake,
+            Say::Brake => Say::Push,
+        };
         if accelerating {
             self.accelerate_below = 0.1 * residual;
         } else {

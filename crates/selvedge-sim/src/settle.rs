@@ -10,7 +10,7 @@ use glam::DVec3;
 use selvedge_cloth::Scene;
 
 use crate::grip::Grip;
-use crate::sag::{SagError, SagProgress, SaggedRest};
+use crate::sag::{Listener, SagError, SagProgress, SaggedRest, tell};
 use crate::system::State;
 
 /// Least tolerance of a rest pose within limits `[m/s²]`.
@@ -21,7 +21,7 @@ pub(crate) const LIMITED_TOLERANCE: f64 = 0.05;
 pub(crate) fn settle(
     scene: &Scene,
     rest: SaggedRest,
-    progress: &mut dyn FnMut(SagProgress),
+    progress: Listener<'_>,
 ) -> Result<SaggedRest, SagError> {
     let failed = |solves: u32, cause: String| SagError::Solve { solves, cause };
     let mut grip = Grip::all(scene).map_err(|cause| failed(rest.solves, cause.to_string()))?;
@@ -46,11 +46,12 @@ pub(crate) fn settle(
         if stands {
             let fastest = state.velocities.iter().map(|v| v.length());
             let residual = fastest.fold(0.0, f64::max) / dt;
-            progress(SagProgress {
+            let now = SagProgress {
                 solves,
                 residual,
                 tolerance,
-            });
+            };
+            tell(progress, now)?;
             if residual <= tolerance {
                 return Ok(SaggedRest {
                     positions: state.positions,

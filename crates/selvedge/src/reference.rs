@@ -13,6 +13,7 @@ use selvedge_data::{
 };
 use selvedge_sim::{SaggedRest, Simulator, Threads, sag_with_progress};
 
+use crate::interrupt;
 use crate::keeping::KeepingStates;
 use crate::output::End;
 use crate::progress::Progress;
@@ -30,7 +31,7 @@ pub(crate) struct Run {
 /// The sagged rest pose of a scene.
 ///
 /// # Errors
-/// When there is none, or it is not found.
+/// When there is none, or it is not found before an end is asked for.
 pub(crate) fn rest_pose(scene: &Scene) -> anyhow::Result<SaggedRest> {
     let progress = Progress::open_ended("sagging to rest", "solves");
     let rest = sag_with_progress(scene, &mut |now| {
@@ -39,6 +40,7 @@ pub(crate) fn rest_pose(scene: &Scene) -> anyhow::Result<SaggedRest> {
             "{:.1e} m/s² left, to be {:.0e}",
             now.residual, now.tolerance
         ));
+        interrupt::flow()
     })
     .with_context(|| format!("the rest pose of scene {:?}", scene.name))?;
     tracing::info!(

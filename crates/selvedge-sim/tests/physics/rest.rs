@@ -1,7 +1,9 @@
 //! The sagged rest pose.
 
+use std::ops::ControlFlow;
+
 use glam::DVec3;
-use selvedge_cloth::{Gust, HandleConstraint, Handles, SagMethod, Scene};
+use selvedge_cloth::{Gust, HandleConstraint, Handles, SagMethod, Scene, StrainLimits};
 use selvedge_sim::{SagError, SagProgress, Simulator, sag, sag_with_progress};
 
 use crate::scenes::{DENIM, NAVY, hanging, material};
@@ -123,11 +125,46 @@ fn spring_handles_carry_the_weight() {
 fn progress_is_told_of_every_solve() {
     let scene = hanging(4);
     let mut heard: Vec<SagProgress> = Vec::new();
-    let rest = sag_with_progress(&scene, &mut |progress| heard.push(progress)).unwrap();
+    let rest = sag_with_progress(&scene, &mut |progress| {
+        heard.push(progress);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
     let solves: Vec<u32> = heard.iter().map(|progress| progress.solves).collect();
     assert_eq!(solves, (0..=rest.solves).collect::<Vec<u32>>());
     assert_eq!(heard.last().unwrap().residual, rest.residual);
     assert_eq!(sag(&scene).unwrap(), rest);
+}
+
+#[test]
+fn a_sag_stops_where_it_is_told_to() {
+    let limits = StrainLimits {
+        min: 0.995,
+        max: 1.001,
+    };
+    let limited = |scene: &mut Scene| scene.material.strain_limits = Some(limits);
+    let by_motion = |scene: &mut Scene| scene.sag.method = SagMethod::Motion;
+    let ways: [&dyn Fn(&mut Scene); 3] = [&|_| (), &limited, &by_motion];
+    for way in ways {
+        let mut scene = hanging(4);
+        way(&mut scene);
+        let all = sag(&scene).unwrap().solves;
+        let mut last = 0;
+        let mut stop_after = |limit: u32| {
+            sag_with_progress(&scene, &mut |progress| {
+                last = progress.solves;
+                if last >= limit {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            })
+        };
+        let stopped = stop_after(all);
+        assert_eq!(stopped, Err(SagError::Stopped { solves: all }));
+        let stopped = stop_after(2);
+        assert_eq!(stopped, Err(SagError::Stopped { solves: 2 }));
+    }
 }
 
 #[test]

@@ -109,10 +109,14 @@ type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
 fn rest_poses(jobs: &[Job]) -> anyhow::Result<Rests> {
     let mut rests = Rests::new();
     for job in jobs {
-        if !rests.contains_key(&job.cloth) && !interrupt::requested() {
-            let rest = reference::rest_pose(&job.scene.scene)?.positions;
-            rests.insert(job.cloth.clone(), rest);
+        if rests.contains_key(&job.cloth) {
+            continue;
         }
+        let rest = reference::rest_pose(&job.scene.scene);
+        if interrupt::requested() {
+            break;
+        }
+        rests.insert(job.cloth.clone(), rest?.positions);
     }
     Ok(rests)
 }

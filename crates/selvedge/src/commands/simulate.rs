@@ -173,6 +173,7 @@ fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, S
     } else {
         match reference::rest_pose(scene) {
             Ok(rest) => Some(rest),
+            Err(error) if interrupt::requested() => return Err(error),
             Err(error) if from_rest => return Err(error.context(ELSEWHERE)),
             Err(error) => {
                 tracing::warn!("{error:#}: the file has the mesh as rest positions");

@@ -1,6 +1,7 @@
 //! Makes cloths ready for the viewer: a scene, perhaps with another mesh or material, its rest pose, and a
 //! model. Rest poses that were found are kept.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -146,6 +147,7 @@ impl ViewWorkshop {
                         "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
                         now.residual, now.tolerance
                     ));
+                    ControlFlow::Continue(())
                 });
                 let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
                 (setting.clone(), sagged.with_context(context)?.positions)

@@ -1,7 +1,7 @@
 //! The physics from the command line: `simulate`, `sag`, `compare`, and `inspect` of what they make.
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
-use selvedge_data::{Trajectory, open_scene, read_obj};
+use selvedge_data::{Trajectory, open_scene, read_obj, shipped_scenes};
 
 fn desk() -> Desk {
     let desk = Desk::new();
@@ -27,6 +27,15 @@ fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
         for (found, expected) in found.iter().zip(expected) {
             assert_eq!(*found, expected.as_vec3());
         }
+    }
+}
+
+#[test]
+fn shipped_scenes_come_to_rest() {
+    let desk = desk();
+    for (scene, _) in shipped_scenes() {
+        let report = desk.json(&format!("sag {scene} --out rest.obj"));
+        assert!(number(&report, "/residual") <= 1e-3, "{scene}");
     }
 }
 

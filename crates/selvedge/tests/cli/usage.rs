@@ -126,6 +126,26 @@ mod interrupts {
     }
 
     #[test]
+    fn a_sag_can_be_interrupted() {
+        let desk = Desk::new();
+        // Hours of it, if it went on.
+        let never = "[sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
+        desk.write("never.toml", format!("{PUSH}\n{never}"));
+        let mut command = desk.command("rollout never.toml --out run");
+        let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+        while !desk.path("run").is_dir() {
+            assert!(child.try_wait().unwrap().is_none(), "it ended early");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        press(&child);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        let err = String::from_utf8_lossy(&output.stderr);
+        assert!(err.contains("stopped, as was asked"), "{err}");
+        assert!(contents(&desk.path("run")).is_empty());
+    }
+
+    #[test]
     fn an_interrupted_simulation_writes_the_frames_so_far() {
         let desk = Desk::new();
         desk.write("push.toml", PUSH);
