@@ -5,10 +5,12 @@
 //! x ← x + h² (M + h² K)⁻¹ F(x): with the long time steps used here nearly Newton's method, except
 //! that K lacks what would make it indefinite, so that the cloth leaves an unstable equilibrium
 //! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
-//! them up. Where that gets stuck (a slow way out of an unstable equilibrium, a kink of the material
-//! law), it begins later, the last step has a say in the next ([`crate::last_step`]), and h is halved.
-//! The bulge decides to which side the cloth buckles. Where there are several equilibria, [`SagMethod::Motion`] begins with the motion
-//! that a simulation makes (see [`crate::fall`]).
+//! them up. Where that gets stuck, it begins later, the last step has a say in the next
+//! ([`crate::last_step`]), and h is halved. Two things are known to make it stick: a kink of the
+//! material law, over which a vertex steps to and fro and wants a brake, and a slow way out of an
+//! unstable equilibrium, which wants a push; from outside they look alike, so that both are tried in
+//! turn. The bulge decides to which side the cloth buckles. Where there are several equilibria,
+//! [`SagMethod::Motion`] begins with the motion that a simulation makes (see [`crate::fall`]).
 //!
 //! The rest pose belongs to the cloth and its handles: the air is still, because cloth in wind
 //! flutters and has no equilibrium (from some 3 m/s on), and damping, which no static force knows, is
@@ -176,8 +178,11 @@ const SAY_BELOW: f64 = 1.0;
 /// What the last step has to say about the next.
 #[derive(Clone, Copy, Debug)]
 enum Say {
+    /// Nothing: patience was not lost yet.
     None,
+    /// [`LastStep::brake`].
     Brake,
+    /// [`LastStep::push`].
     Push,
 }
 
@@ -287,7 +292,6 @@ impl Relaxation {
         if self.solves_since_best < patience {
             return;
         }
-        // What did not help is given up for the other.
         self.say = match self.say {
             Say::None | Say::Push => Say::Brake,
             Say::Brake => Say::Push,
