@@ -29,6 +29,9 @@ pub struct HandleSchedule {
     pub releases: Vec<Release>,
 }
 
+/// Frames: a time such as 0.1 s is meant to be a whole number of frames though it is none in binary.
+const ROUNDING: f64 = 1e-6;
+
 /// A release that cannot be.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -120,13 +123,29 @@ impl HandleSchedule {
         Ok(())
     }
 
+    /// Whether each of `handle_count` handles has been let go in the step from `frame` to the next or in
+    /// one before it, at `frame_rate` frames per second, `[handles]`; it may have taken hold again.
+    #[must_use]
+    pub fn let_go_by(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
+        let mut let_go = vec![false; handle_count];
+        for span in &self.releases {
+            let until = span.to.map_or(f64::INFINITY, |to| to * frame_rate);
+            let first = (span.from * frame_rate - ROUNDING).ceil();
+            if first <= frame as f64 && first + ROUNDING < until {
+                for &handle in span.handles.iter().filter(|h| **h < handle_count) {
+                    let_go[handle] = true;
+                }
+            }
+        }
+        let_go
+    }
+
     /// Whether each of `handle_count` handles is let go during the step from `frame` to the next at
     /// `frame_rate` frames per second, `[handles]`.
     #[must_use]
     pub fn released(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
         let mut released = vec![false; handle_count];
-        // A time such as 0.1 s is meant to be a whole number of frames though it is none in binary.
-        let now = frame as f64 + 1e-6;
+        let now = frame as f64 + ROUNDING;
         for span in &self.releases {
             let until = span.to.map_or(f64::INFINITY, |to| to * frame_rate);
             if (span.from * frame_rate..until).contains(&now) {
@@ -174,6 +193,24 @@ mod tests {
         let sixty: Vec<bool> = (0..20).map(|f| schedule.released(f, 60.0, 3)[0]).collect();
         let expected: Vec<bool> = (0..20).map(|f| (6..18).contains(&f)).collect();
         assert_eq!(sixty, expected);
+    }
+
+    #[test]
+    fn a_handle_has_let_go_from_its_first_free_step_on() {
+        for (rate, frames) in [(10.0, 6), (60.0, 30), (7.0, 9)] {
+            let mut ever = vec![false; 3];
+            for frame in 0..frames {
+                for (ever, now) in ever.iter_mut().zip(schedule().released(frame, rate, 3)) {
+                    *ever |= now;
+                }
+                assert_eq!(schedule().let_go_by(frame, rate, 3), ever, "{frame}");
+            }
+        }
+        // No step begins in so short a time.
+        let mut short = schedule();
+        short.releases[0].from = 0.11;
+        short.releases[0].to = Some(0.19);
+        assert_eq!(short.let_go_by(9, 10.0, 3), [false, true, false]);
     }
 
     #[test]

@@ -153,7 +153,23 @@ pub fn write_beside<E: From<WriteError>>(
     let target = target_of(path).map_err(fail("write there"))?;
     let temporary = create_beside(&target.path, folder_of(&target.path))
         .map_err(fail("create a file in its folder"))?;
+    let keep = "keep the permissions of the file that is there";
+    #[cfg(unix)]
+    if let Some(permissions) = &target.permissions {
+        use std::os::unix::fs::PermissionsExt;
+        // Before the first byte, as above; but whoever writes has to open it first.
+        let open = fs::Permissions::from_mode(permissions.mode() | 0o200);
+        let kept = temporary.as_file().set_permissions(open);
+        kept.map_err(fail(keep))?;
+    }
     write(temporary.path())?;
+    // Opened anew: it may be another file than the one that was made.
+    let written = File::options().write(true).open(temporary.path());
+    let written = written.map_err(fail("open the finished file"))?;
+    if let Some(permissions) = target.permissions {
+        written.set_permissions(permissions).map_err(fail(keep))?;
+    }
+    written.sync_all().map_err(fail("write it"))?;
     temporary
         .persist(&target.path)
         .map_err(|error| fail("rename the finished file")(error.error))?;
@@ -375,9 +391,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         fs::write(&path, "old").unwrap();
-        for mode in [0o600, 0o664, 0o755] {
+        for mode in [0o600, 0o664, 0o755, 0o440] {
             fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
             write_atomically(&path, |w| w.write_all(b"new")).unwrap();
+            let found = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+            assert_eq!(found, mode, "{found:o} {mode:o}");
+            write_beside(&path, |part| -> Result<(), WriteError> {
+                let meanwhile = fs::metadata(part).unwrap().permissions().mode() & 0o777;
+                assert_eq!(meanwhile, mode | 0o200, "{meanwhile:o} {mode:o}");
+                fs::write(part, "theirs").unwrap();
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(fs::read(&path).unwrap(), b"theirs");
             let found = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
             assert_eq!(found, mode, "{found:o} {mode:o}");
         }

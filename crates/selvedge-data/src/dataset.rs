@@ -137,6 +137,11 @@ pub enum DatasetError {
         motion: String,
         problem: &'static str,
     },
+    #[error("motion {:?} ({}) is the same trajectory as motion {:?} ({}): leave one of them out", entry.motion, entry.file, other.motion, other.file)]
+    Twin {
+        entry: Box<Entry>,
+        other: Box<Entry>,
+    },
     #[error(transparent)]
     Trajectory(#[from] ReadTrajectoryError),
     #[error(transparent)]

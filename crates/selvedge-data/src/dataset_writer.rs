@@ -16,6 +16,7 @@ use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
     VERSION, read_checked, read_index, read_json,
 };
+use crate::preset::DatasetConfig;
 use crate::sections::{Section, SectionError, SectionRule};
 use crate::trajectory::Trajectory;
 
@@ -63,6 +64,44 @@ impl DatasetPlan {
         match split {
             Split::Train => &self.train,
             Split::Test => &self.test,
+        }
+    }
+
+    /// In what the data set of this index is not the one that the plan makes, as "has other
+    /// sections"; none where it is. What a preset's configuration does not say, since it was written
+    /// before there was a choice, has its default.
+    #[must_use]
+    pub fn difference(&self, index: &DatasetIndex) -> Option<String> {
+        let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();
+        let found = Self {
+            name: index.name.clone(),
+            config: index.config.clone(),
+            train: motions(&index.splits.train),
+            test: motions(&index.splits.test),
+            sections: self.sections,
+        };
+        self.difference_of_plan(&found).or_else(|| {
+            // The index has no rule, but what the rule gave.
+            let expected = sections(self.sections, &index.splits);
+            let is_same = expected.is_ok_and(|sections| sections == index.sections);
+            (!is_same).then(other_sections)
+        })
+    }
+
+    fn difference_of_plan(&self, found: &Self) -> Option<String> {
+        let list = |motions: &[String]| format!("[{}]", motions.join(", "));
+        if found.name != self.name {
+            Some(format!("is called {:?}, not {:?}", found.name, self.name))
+        } else if found.train != self.train {
+            let (found, ours) = (list(&found.train), list(&self.train));
+            Some(format!("has the training motions {found}, not {ours}"))
+        } else if found.test != self.test {
+            let (found, ours) = (list(&found.test), list(&self.test));
+            Some(format!("has the test motions {found}, not {ours}"))
+        } else if !is_same_config(&found.config, &self.config) {
+            Some("has another configuration".to_owned())
+        } else {
+            (found.sections != self.sections).then(other_sections)
         }
     }
 
@@ -126,7 +165,7 @@ impl DatasetWriter {
     ///
     /// # Errors
     /// [`DatasetError`] when the motion is not in the plan, the trajectory is too short for its
-    /// sections, or writing fails.
+    /// sections or that of another motion, or writing fails.
     pub fn add(
         &mut self,
         split: Split,
@@ -153,7 +192,14 @@ impl DatasetWriter {
         let entry = Entry::new(motion, &file, &bytes, trajectory)?;
         let done = self.entries_mut(split);
         done.retain(|other| other.motion != motion);
-        done.push(entry);
+        if let Some(twin) = self.twin_of(&entry) {
+            let (entry, other) = (Box::new(entry), Box::new(twin.clone()));
+            // It is in no list: what cannot be taken away is only untidy.
+            let _ = std::fs::remove_file(&path);
+            self.write_partial()?;
+            return Err(DatasetError::Twin { entry, other });
+        }
+        self.entries_mut(split).push(entry);
         self.write_partial()
     }
 
@@ -187,68 +233,37 @@ impl DatasetWriter {
             return;
         }
         // What cannot be taken away is only untidy.
-        let _ = std::fs::remove_file(self.folder.join(PARTIAL));
-        for name in [Split::Train, Split::Test].map(folder_of) {
-            let _ = std::fs::remove_dir(self.folder.join(name));
+        let emptied = [Split::Train, Split::Test].map(|split| {
+            let folder = self.folder.join(folder_of(split));
+            std::fs::remove_dir(folder).is_ok()
+        });
+        // Files that are in no list would be nobody's, and in the way, without a plan or an index.
+        if emptied == [true, true] || self.folder.join(INDEX).is_file() {
+            let _ = std::fs::remove_file(self.folder.join(PARTIAL));
         }
     }
 
     fn resume_partial(&mut self, path: &Path) -> Result<(), DatasetError> {
         let partial: PartialIndex = read_json(path, PARTIAL_FORMAT)?;
-        self.check_same(&partial.plan)?;
-        self.check_same_sections(partial.plan.sections == self.plan.sections)?;
+        self.check_same(self.plan.difference_of_plan(&partial.plan))?;
         self.keep(partial.done);
         Ok(())
     }
 
     fn resume_finished(&mut self, path: &Path) -> Result<(), DatasetError> {
         let index = read_index(path)?;
-        let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();
-        self.check_same(&DatasetPlan {
-            name: index.name,
-            config: index.config,
-            train: motions(&index.splits.train),
-            test: motions(&index.splits.test),
-            sections: self.plan.sections,
-        })?;
-        // The index has no rule, but what the rule gave.
-        let expected = sections(self.plan.sections, &index.splits);
-        self.check_same_sections(expected.is_ok_and(|sections| sections == index.sections))?;
+        self.check_same(self.plan.difference(&index))?;
         self.keep(index.splits);
         Ok(())
     }
 
-    /// That the folder's plan is ours, but for the rule of the sections.
-    fn check_same(&self, found: &DatasetPlan) -> Result<(), DatasetError> {
-        let plan = &self.plan;
-        let list = |motions: &[String]| format!("[{}]", motions.join(", "));
-        let problem = if found.name != plan.name {
-            format!("is called {:?}, not {:?}", found.name, plan.name)
-        } else if found.train != plan.train {
-            let (found, ours) = (list(&found.train), list(&plan.train));
-            format!("has the training motions {found}, not {ours}")
-        } else if found.test != plan.test {
-            let (found, ours) = (list(&found.test), list(&plan.test));
-            format!("has the test motions {found}, not {ours}")
-        } else if found.config != plan.config {
-            "has another configuration".to_owned()
-        } else {
-            return Ok(());
-        };
-        Err(self.other(&problem))
-    }
-
-    fn check_same_sections(&self, same: bool) -> Result<(), DatasetError> {
-        if same {
-            return Ok(());
+    fn check_same(&self, difference: Option<String>) -> Result<(), DatasetError> {
+        match difference {
+            None => Ok(()),
+            Some(difference) => Err(self.folder_error(format!(
+                "holds a data set that {difference}: choose another folder"
+            ))),
         }
-        Err(self.other("has other sections"))
-    }
-
-    fn other(&self, problem: &str) -> DatasetError {
-        self.folder_error(format!(
-            "holds a data set that {problem}: choose another folder"
-        ))
     }
 
     /// Goes on with those of the trajectories `done` that are still as they were written.
@@ -325,6 +340,12 @@ impl DatasetWriter {
         Ok(())
     }
 
+    /// The trajectory that is written already and has the same bytes.
+    fn twin_of(&self, entry: &Entry) -> Option<&Entry> {
+        let mut done = self.done.train.iter().chain(&self.done.test);
+        done.find(|other| other.blake3 == entry.blake3)
+    }
+
     fn entries(&self, split: Split) -> &[Entry] {
         match split {
             Split::Train => &self.done.train,
@@ -338,6 +359,16 @@ impl DatasetWriter {
             Split::Test => &mut self.done.test,
         }
     }
+}
+
+fn other_sections() -> String {
+    "has other sections".to_owned()
+}
+
+/// Whether two configurations say the same, those of presets with every default filled in.
+fn is_same_config(a: &Value, b: &Value) -> bool {
+    let read = |config: &Value| DatasetConfig::deserialize(config).ok();
+    a == b || read(a).is_some_and(|a| read(b) == Some(a))
 }
 
 /// The sections of the training split, whose entries are in the order of the plan.

@@ -54,6 +54,9 @@ use crate::scene::{
 };
 use crate::sections::SectionRule;
 
+/// The most motions that are drawn at random.
+const MOST_RANDOM: u32 = 100_000;
+
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
 
@@ -214,7 +217,7 @@ impl DatasetPreset {
     /// [`SceneProblem`] names the field and what is wrong.
     pub fn parse(text: &str, folder: &Path) -> Result<Self, SceneProblem> {
         let file: PresetFile = parse_toml(text)?;
-        let (setting, mesh, groups) = file.setting.resolve(folder)?;
+        let (setting, mesh, groups) = file.setting.resolve(folder, &mut Vec::new())?;
         let mut own = BTreeMap::new();
         let stand = Stand::of(&setting, &mesh, &groups);
         for (name, source) in &file.motions {
@@ -387,6 +390,12 @@ impl MotionList {
         let names: Vec<String> = match self {
             Self::Set(set) => set.names(),
             Self::More(more) => {
+                if more.random > MOST_RANDOM {
+                    return Err(SceneProblem::Key {
+                        key: format!("{split}.random"),
+                        problem: format!("must be at most {MOST_RANDOM}, found {}", more.random),
+                    });
+                }
                 let random = (0..more.random).map(|number| format!("random-{number}"));
                 more.set.names().into_iter().chain(random).collect()
             }

@@ -3,9 +3,10 @@
 //! Read from .safetensors or NumPy's .npz: a pair of arrays `[vertices, 3]` or `[states, vertices, 3]`
 //! (f64, or f32, which is widened) and, where there are several states, the frame of each. Unless
 //! names are given, the pairs `positions` and `velocities` (with `frames`) and `ckpt_x` and `ckpt_v`
-//! (with `ckpt_frames`) are looked for. Written is .safetensors, with all frames of a run.
+//! (with `ckpt_frames`) are looked for. Written is .safetensors, with all frames of a run; of such a file the
+//! version is checked too, and that its frames are as long as those of the run that goes on from it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -56,6 +57,8 @@ pub struct StateChoice {
     pub positions: Option<String>,
     /// Name of the array of velocities.
     pub velocities: Option<String>,
+    /// Frames per second of the run that goes on from it; where it is given, a file of our own must have as many.
+    pub frame_rate: Option<f64>,
 }
 
 /// All states of a run.
@@ -118,10 +121,23 @@ pub enum StateError {
     RepeatedFrame { name: String, frame: i64 },
     #[error("has changed since the scene was resolved (hash {found}, expected {expected})")]
     Changed { expected: String, found: String },
+    #[error("metadata {name}: expected {expected}, found {found:?}")]
+    Metadata {
+        name: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+    #[error(
+        "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
+    )]
+    FrameRate { expected: f64, found: f64 },
 }
 
 /// The format that a file of states names in its metadata.
 pub const STATES_FORMAT: &str = "selvedge-states";
+
+/// The version of that format.
+const VERSION: &str = "1";
 
 /// Farthest from the origin `[m]`, and fastest `[m/s]`, that a vertex of a saved state may be.
 const LARGEST: f64 = 1e6;
@@ -171,7 +187,7 @@ impl SavedState {
             source,
         };
         let bytes = std::fs::read(&full).map_err(|e| within(StateError::Read(e)))?;
-        let container = Container::open(&full, &bytes).map_err(within)?;
+        let container = Container::open(&full, &bytes, choice.frame_rate).map_err(within)?;
         let (state, [positions, velocities]) =
             select(&container, choice, vertices).map_err(within)?;
         let spec = StateSpec {
@@ -197,6 +213,7 @@ impl SavedState {
             frame: Some(spec.frame),
             positions: Some(spec.positions.clone()),
             velocities: Some(spec.velocities.clone()),
+            frame_rate: None,
         };
         let (state, now) = Self::read(folder, &spec.path, &choice, vertices)?;
         if now.blake3 == spec.blake3 {
@@ -218,29 +235,29 @@ impl StateRun {
     /// # Errors
     /// [`StateError`] names the array and what is wrong with it.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StateError> {
-        let file = SafeTensors::deserialize(bytes).map_err(StateError::Container)?;
-        let container = Container::Safetensors(file);
+        let container = Container::safetensors(bytes, None)?;
         let positions = container.floats("positions")?;
-        let [states, _, 3] = positions.shape[..] else {
-            return Err(wrong_shape(
-                "positions",
-                "[states, vertices, 3]",
-                &positions,
-            ));
+        let states = match positions.shape[..] {
+            [states, vertices, 3] if vertices > 0 => states,
+            _ => {
+                let expected = "[states, vertices, 3] with a vertex at least";
+                return Err(wrong_shape("positions", expected, &positions));
+            }
         };
         let velocities = container.floats("velocities")?;
         if velocities.shape != positions.shape {
             let expected = format!("{:?}", positions.shape);
             return Err(wrong_shape("velocities", &expected, &velocities));
         }
-        let mut frames = Vec::with_capacity(states);
-        for frame in container.frames("frames", states)? {
-            frames.push(u32::try_from(frame).map_err(|_| StateError::Array {
+        let number = |frame: i64| {
+            u32::try_from(frame).map_err(|_| StateError::Array {
                 name: "frames".to_owned(),
                 expected: "numbers from 0 to 4294967295".to_owned(),
                 found: frame.to_string(),
-            })?);
-        }
+            })
+        };
+        let frames = container.frames("frames", states)?;
+        let frames: Vec<u32> = frames.into_iter().map(number).collect::<Result<_, _>>()?;
         let vectors = |array: Floats| {
             let entries = array.values.chunks_exact(3);
             entries.map(DVec3::from_slice).collect()
@@ -280,7 +297,7 @@ impl StateRun {
         });
         let metadata = BTreeMap::from([
             ("format", STATES_FORMAT.to_owned()),
-            ("version", "1".to_owned()),
+            ("version", VERSION.to_owned()),
             ("fps", provenance.frame_rate.to_string()),
             ("scene", provenance.scene.to_string()),
             ("made_by", provenance.made_by.clone()),
@@ -314,10 +331,7 @@ fn select(
         }
     };
     let arrays = [container.floats(&pair[0])?, container.floats(&pair[1])?];
-    let count = match arrays[0].shape[..] {
-        [states, _, _] => Some(states),
-        _ => None,
-    };
+    let count = states_in(&pair[0], &arrays[0], vertices)?;
     let frames = match (frames_name.filter(|name| has(name)), count) {
         (Some(name), Some(count)) => Some(container.frames(name, count)?),
         _ => None,
@@ -330,6 +344,20 @@ fn select(
         frame,
     };
     Ok((state, pair))
+}
+
+/// How many states of `vertices` vertices an array has; none where it is one state without a number. There is
+/// then no more of them than the file has numbers.
+fn states_in(name: &str, array: &Floats, vertices: usize) -> Result<Option<usize>, StateError> {
+    let fits = |found: usize| found == vertices && found > 0;
+    match array.shape[..] {
+        [found, 3] if fits(found) => Ok(None),
+        [states, found, 3] if fits(found) => Ok(Some(states)),
+        _ => {
+            let expected = format!("[{vertices}, 3] or [states, {vertices}, 3]");
+            Err(wrong_shape(name, &expected, array))
+        }
+    }
 }
 
 /// Which of `count` states, and how many frames have passed in it.
@@ -373,13 +401,9 @@ fn entry(
     index: usize,
     vertices: usize,
 ) -> Result<Vec<DVec3>, StateError> {
-    let (count, found) = match array.shape[..] {
-        [found, 3] => (1, found),
-        [count, found, 3] => (count, found),
-        _ => (0, 0),
-    };
-    if found != vertices || index >= count {
-        let expected = format!("[{vertices}, 3] or [states, {vertices}, 3]");
+    let count = states_in(name, array, vertices)?.unwrap_or(1);
+    if index >= count {
+        let expected = format!("a state for each of the positions, {} at least", index + 1);
         return Err(wrong_shape(name, &expected, array));
     }
     let start = 3 * vertices * index;
@@ -399,14 +423,22 @@ fn entry(
 }
 
 impl<'a> Container<'a> {
-    fn open(path: &Path, bytes: &'a [u8]) -> Result<Self, StateError> {
+    /// The file at `path`, of these `bytes`; `frame_rate` as in [`StateChoice`].
+    fn open(path: &Path, bytes: &'a [u8], frame_rate: Option<f64>) -> Result<Self, StateError> {
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => Ok(Self::Npz(Npz::open(bytes)?)),
-            Some("safetensors") => SafeTensors::deserialize(bytes)
-                .map(Self::Safetensors)
-                .map_err(StateError::Container),
+            Some("safetensors") => Self::safetensors(bytes, frame_rate),
             _ => Err(StateError::Kind),
         }
+    }
+
+    fn safetensors(bytes: &'a [u8], frame_rate: Option<f64>) -> Result<Self, StateError> {
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(StateError::Container)?;
+        if let Some(metadata) = header.metadata() {
+            check_metadata(metadata, frame_rate)?;
+        }
+        let file = SafeTensors::deserialize(bytes).map_err(StateError::Container)?;
+        Ok(Self::Safetensors(file))
     }
 
     fn names(&self) -> Vec<String> {
@@ -498,6 +530,32 @@ impl<'a> Container<'a> {
                 }
             }
         }
+    }
+}
+
+/// That a file of our own is of the version that is known, and of a run at `frame_rate`. Files of others
+/// are taken at the word of who names them.
+fn check_metadata(
+    metadata: &HashMap<String, String>,
+    frame_rate: Option<f64>,
+) -> Result<(), StateError> {
+    let entry = |name: &str| metadata.get(name).map_or("", String::as_str);
+    if entry("format") != STATES_FORMAT {
+        return Ok(());
+    }
+    let wrong = |name, expected| StateError::Metadata {
+        name,
+        expected,
+        found: entry(name).to_owned(),
+    };
+    if entry("version") != VERSION {
+        return Err(wrong("version", VERSION));
+    }
+    let fps = entry("fps").parse::<f64>();
+    let found = fps.map_err(|_| wrong("fps", "a number of frames per second"))?;
+    match frame_rate {
+        Some(expected) if found != expected => Err(StateError::FrameRate { expected, found }),
+        _ => Ok(()),
     }
 }
 

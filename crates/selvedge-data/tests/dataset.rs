@@ -8,8 +8,8 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Handles, Topology};
 use selvedge_data::{
-    Cloth, Dataset, DatasetError, DatasetPlan, DatasetWriter, Provenance, Section, SectionRule,
-    Split, Trajectory,
+    Cloth, Dataset, DatasetError, DatasetPlan, DatasetPreset, DatasetWriter, Provenance, Section,
+    SectionRule, Split, Trajectory,
 };
 use serde_json::json;
 
@@ -403,6 +403,55 @@ fn a_plan_of_which_nothing_was_written_can_be_withdrawn() {
     let writer = DatasetWriter::open(folder.path(), plan()).unwrap();
     let entry = writer.written(Split::Test, "a").unwrap();
     assert_eq!((entry.motion.as_str(), entry.frames), ("a", 4));
+}
+
+#[test]
+fn a_plan_stays_beside_files_that_are_not_listed_yet() {
+    let folder = tempfile::tempdir().unwrap();
+    let writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    // As of a run that was killed before it could list it.
+    trajectory(3, 0.25)
+        .write(&folder.path().join("train/a.safetensors"))
+        .unwrap();
+    writer.withdraw();
+    make(folder.path());
+}
+
+#[test]
+fn a_trajectory_that_another_motion_has_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
+    writer.add(Split::Train, "b", &trajectory(9, 0.5)).unwrap();
+    let twin = writer.add(Split::Test, "a", &trajectory(9, 0.5));
+    assert_eq!(
+        twin.unwrap_err().to_string(),
+        "motion \"a\" (test/a.safetensors) is the same trajectory as motion \"b\" (train/b.safetensors): leave one of them out"
+    );
+    assert!(!folder.path().join("test/a.safetensors").exists());
+    // No motion is its own twin.
+    writer.add(Split::Train, "b", &trajectory(9, 0.5)).unwrap();
+    drop(writer);
+    make(folder.path());
+}
+
+#[test]
+fn a_preset_is_the_same_whether_defaults_are_written_out_or_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = DatasetPreset::open("tiny").unwrap().plan().unwrap();
+    let mut earlier = plan.clone();
+    let physics = earlier.config["setting"]["physics"].as_object_mut();
+    assert!(physics.unwrap().remove("solver").is_some());
+    let mut writer = DatasetWriter::open(folder.path(), earlier).unwrap();
+    for (number, (split, motion)) in writer.missing().into_iter().enumerate() {
+        let made = trajectory(number + 3, 0.5);
+        writer.add(split, &motion, &made).unwrap();
+    }
+    let dataset = writer.finish().unwrap();
+    assert_eq!(plan.difference(dataset.index()), None);
+    let mut other = plan;
+    other.config["setting"]["physics"]["substeps"] = json!(8);
+    let difference = other.difference(dataset.index()).unwrap();
+    assert_eq!(difference, "has another configuration");
 }
 
 #[test]

@@ -356,8 +356,8 @@ fn defects_of_released_folders_are_named() {
     for (name, bytes, expected) in cases {
         let folder = copy_of("released");
         fs::write(folder.path().join(side(name)), bytes).unwrap();
-        let source = open(ForeignFormat::Released, folder.path(), &released_options()).unwrap();
-        let error = read_all(&source).unwrap_err();
+        let source = open(ForeignFormat::Released, folder.path(), &released_options());
+        let error = source.and_then(|source| read_all(&source)).unwrap_err();
         assert!(error.contains(expected), "{error} lacks {expected}");
         assert!(error.contains("side"), "{error}");
     }
@@ -501,4 +501,49 @@ fn an_import_is_a_data_set_like_any_other() {
     assert_eq!(dataset.samples().count(), 1);
     let read = dataset.read(&dataset.entries(Split::Test)[0]).unwrap();
     assert_eq!(read.positions(), expected_flag(2));
+}
+
+#[test]
+fn an_import_goes_on_only_with_the_same_files_and_frame_rates() {
+    let [released, flag] = ["released", "flag_simple"].map(copy_of);
+    let obj = fs::read(fixture("released/forward/rest.obj")).unwrap();
+    let another = [&obj[..], b"# another\n"].concat();
+    let [flat, rest] = [&released, &flag].map(|folder| folder.path().join("mesh.obj"));
+    for path in [&flat, &rest] {
+        fs::write(path, &obj).unwrap();
+    }
+    let with_flat = ImportOptions {
+        flat: Some(flat.clone()),
+        ..released_options()
+    };
+    let with_rest = ImportOptions {
+        rest: Some(RestSource::Obj(rest.clone())),
+        ..flag_options()
+    };
+    let [out, flag_out] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let begin = |options: &ImportOptions| {
+        let (format, folder, out) = match options.density {
+            None => (ForeignFormat::Released, &released, &out),
+            Some(_) => (ForeignFormat::FlagSimple, &flag, &flag_out),
+        };
+        let plan = open(format, folder.path(), options)?.plan();
+        let writer = DatasetWriter::open(out.path(), plan);
+        writer.map(drop).map_err(|error| error.to_string())
+    };
+    let is_refused = |options: &ImportOptions| {
+        begin(options).is_err_and(|error| error.contains("another configuration"))
+    };
+    for (options, path) in [(&with_flat, &flat), (&with_rest, &rest)] {
+        begin(options).unwrap();
+        begin(options).unwrap();
+        fs::write(path, &another).unwrap();
+        assert!(is_refused(options));
+        fs::write(path, &obj).unwrap();
+        begin(options).unwrap();
+    }
+    assert!(is_refused(&released_options()));
+    assert!(is_refused(&flag_options()));
+    // One of two frame rates, neither of which is said.
+    fs::write(released.path().join("side/meta.json"), "{\"dt\": 0.01}").unwrap();
+    assert!(is_refused(&with_flat));
 }

@@ -59,6 +59,17 @@ struct Hand {
     goal: DVec3,
 }
 
+impl Hand {
+    /// One that stands still at `position` `[m]`, and is wanted there.
+    fn still(position: DVec3) -> Self {
+        Self {
+            position,
+            velocity: DVec3::ZERO,
+            goal: position,
+        }
+    }
+}
+
 /// All handles on their ways.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hands {
@@ -67,19 +78,16 @@ pub struct Hands {
     /// Velocity of all together `[m/s]`, and how fast they turn about the vertical `[rad/s]`.
     drift: DVec3,
     spin: f64,
+    /// How far the outermost was from the middle when `spin` was chosen `[m]`.
+    radius: f64,
 }
 
 impl Hands {
     /// Handles that stand still at `positions` `[m]`, and are wanted there.
     #[must_use]
     pub fn at(positions: &[DVec3]) -> Self {
-        let still = |&position| Hand {
-            position,
-            velocity: DVec3::ZERO,
-            goal: position,
-        };
         Self {
-            hands: positions.iter().map(still).collect(),
+            hands: positions.iter().copied().map(Hand::still).collect(),
             ..Self::default()
         }
     }
@@ -111,6 +119,13 @@ impl Hands {
     pub fn want(&mut self, handle: usize, goal: DVec3) {
         if let Some(hand) = self.hands.get_mut(handle) {
             hand.goal = goal;
+        }
+    }
+
+    /// Puts `handle` at `position` `[m]`: it stands still there, and is wanted there.
+    pub fn put(&mut self, handle: usize, position: DVec3) {
+        if let Some(hand) = self.hands.get_mut(handle) {
+            *hand = Hand::still(position);
         }
     }
 
@@ -147,7 +162,8 @@ impl Hands {
                 *hand = *before;
             }
         }
-        (changed.push, changed.drift, changed.spin) = (self.push, self.drift, self.spin);
+        (changed.push, changed.drift) = (self.push, self.drift);
+        (changed.spin, changed.radius) = (self.spin, self.radius);
         changed
     }
 
@@ -176,6 +192,11 @@ impl Hands {
     /// Speeds all of them up as the keys say; the speed of the fastest `[m/s]`.
     fn drive_together(&mut self, limits: &Limits, dt: f64) -> f64 {
         let reach = self.reach();
+        if reach > self.radius {
+            // Handles that have come apart, or one that is new, would be too fast at this spin.
+            self.spin *= self.radius / reach;
+        }
+        self.radius = reach;
         let push = self.push;
         let turning = if reach > 0.0 { push.turn } else { 0.0 };
         // Both at once share the limits.
@@ -345,6 +366,43 @@ mod tests {
             (way - 1.2 * 1.2 / (2.0 * limits.acceleration)).abs() < 0.02,
             "{way}"
         );
+    }
+
+    #[test]
+    fn hands_that_come_apart_while_they_turn_keep_the_speed_limit() {
+        let limits = Limits::default();
+        let mut hands = Hands::at(&[DVec3::ZERO, DVec3::X * 0.004]);
+        let (direction, turn) = (DVec3::ZERO, 0.5);
+        hands.push(Push { direction, turn });
+        for frame in 0..180 {
+            if frame == 60 {
+                hands.want(1, DVec3::X);
+            }
+            let reach = hands.reach();
+            hands.advance(&limits, DT);
+            let speed = hands.drift.length() + hands.spin.abs() * reach;
+            assert!(speed <= limits.speed + 1e-9, "{speed} in frame {frame}");
+        }
+    }
+
+    #[test]
+    fn a_hand_that_joins_those_that_turn_keeps_the_speed_limit() {
+        let limits = Limits::default();
+        let mut hands = Hands::at(&[DVec3::ZERO, DVec3::X * 0.004]);
+        let (direction, turn) = (DVec3::ZERO, 1.0);
+        hands.push(Push { direction, turn });
+        (0..60).for_each(|_| hands.advance(&limits, DT));
+        let mut places = hands.positions();
+        places.push(DVec3::X);
+        hands = hands.rearranged(&places, &[Some(0), Some(1), None]);
+        for _ in 0..60 {
+            let before = hands.positions();
+            hands.advance(&limits, DT);
+            for (p, q) in before.iter().zip(hands.positions()) {
+                // A chord is shorter than its arc.
+                assert!(p.distance(q) <= limits.speed * DT + 1e-9);
+            }
+        }
     }
 
     #[test]

@@ -21,6 +21,8 @@ mod session;
 mod socket;
 mod stage;
 mod state;
+#[cfg(test)]
+mod test_bench;
 
 pub use hand::{Hands, Limits};
 pub use order::{

@@ -67,18 +67,30 @@ impl Listener for BoundedListener {
     }
 }
 
+impl Connection {
+    /// What has come of waiting; an end of it, once the deadline has passed.
+    fn in_time<T>(
+        &mut self,
+        so_far: Poll<io::Result<T>>,
+        context: &mut Context<'_>,
+    ) -> Poll<io::Result<T>> {
+        match so_far {
+            Poll::Pending if self.deadline.as_mut().poll(context).is_ready() => {
+                Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
+            }
+            other => other,
+        }
+    }
+}
+
 impl AsyncRead for Connection {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        match Pin::new(&mut self.stream).poll_read(context, buffer) {
-            Poll::Pending if self.deadline.as_mut().poll(context).is_ready() => {
-                Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
-            }
-            other => other,
-        }
+        let read = Pin::new(&mut self.stream).poll_read(context, buffer);
+        self.in_time(read, context)
     }
 }
 
@@ -92,14 +104,57 @@ impl AsyncWrite for Connection {
         if written.is_ready() {
             self.deadline.as_mut().reset(Instant::now() + NEXT);
         }
-        written
+        self.in_time(written, context)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
+        let flushed = Pin::new(&mut self.stream).poll_flush(context);
+        self.in_time(flushed, context)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::future::poll_fn;
+
+    /// Writes until that is an error.
+    async fn write_on(mut connection: Connection) -> io::ErrorKind {
+        let bytes = vec![0_u8; 1 << 16];
+        loop {
+            let soon = Instant::now() + Duration::from_millis(50);
+            connection.deadline.as_mut().reset(soon);
+            let written =
+                poll_fn(|context| Pin::new(&mut connection).poll_write(context, &bytes)).await;
+            if let Err(error) = written {
+                return error.kind();
+            }
+        }
+    }
+
+    #[test]
+    fn a_connection_over_which_nothing_can_be_written_is_closed() {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        let kind = runtime.block_on(async {
+            let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+            let address = listener.local_addr().unwrap();
+            // Who connects and reads nothing.
+            let _silent = TcpStream::connect(address).await.unwrap();
+            let (stream, _) = listener.accept().await.unwrap();
+            let connection = Connection {
+                stream,
+                deadline: Box::pin(sleep(FIRST)),
+                _room: None,
+            };
+            tokio::time::timeout(Duration::from_secs(20), write_on(connection)).await
+        });
+        assert_eq!(kind.unwrap(), io::ErrorKind::TimedOut);
     }
 }

@@ -1,6 +1,8 @@
 //! What a session needs from outside: someone who makes cloths and who moves them. The session never
 //! asks whether it is the physics or a model; the program that composes them implements these traits.
 
+use std::ops::ControlFlow;
+
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Environment, HandlePath, Handles, Stepper};
 use selvedge_data::{Cloth, Provenance};
@@ -122,6 +124,9 @@ pub trait Bench: Send {
     /// Where the scene's own motion leads its handles, from the start.
     fn scene_path(&self) -> Result<HandlePath, String>;
 
+    /// How many frames of that motion have passed where the cloth starts.
+    fn start_frame(&self) -> usize;
+
     /// What people should know about it, as what of the scene cannot be had here.
     fn remarks(&self) -> &[String];
 
@@ -149,13 +154,14 @@ pub trait Workshop: Send {
     /// What can be ordered.
     fn catalogue(&self) -> Catalogue;
 
-    /// Makes a cloth ready; may take seconds, and says how far it has come.
+    /// Makes a cloth ready; may take seconds, and says how far it has come. Where `progress` breaks, nobody
+    /// waits for this cloth any more: to go on is no use.
     ///
     /// # Errors
-    /// What of the order cannot be had, for people.
+    /// What of the order cannot be had, for people; also where it was stopped.
     fn prepare(
         &mut self,
         order: &Order,
-        progress: &mut dyn FnMut(String),
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> Result<Box<dyn Bench>, String>;
 }

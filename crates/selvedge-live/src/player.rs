@@ -38,21 +38,33 @@ pub enum TapeError {
         /// The name of the other.
         other: String,
     },
+    /// Not with one clock, or of cloths that were cut otherwise.
+    #[error(
+        "{other} has {found} {what}, but {first} has {expected}: recordings side by side must match, play them one by one"
+    )]
+    Differ {
+        /// The name of one.
+        first: String,
+        /// The name of the other.
+        other: String,
+        /// What of them.
+        what: String,
+        /// What the first has.
+        expected: String,
+        /// What the other has.
+        found: String,
+    },
 }
 
 impl Tape {
     /// Puts recordings of one cloth side by side.
     ///
     /// # Errors
-    /// [`TapeError`] when there is none, or they are of several meshes.
+    /// [`TapeError`] when there is none, or they are of several cloths or frame rates.
     pub fn new(name: impl Into<String>, tracks: Vec<NamedTrack>) -> Result<Self, TapeError> {
         let first = tracks.first().ok_or(TapeError::Empty)?;
-        let topology = first.trajectory.topology();
-        if let Some(other) = tracks.iter().find(|t| t.trajectory.topology() != topology) {
-            return Err(TapeError::Cloth {
-                first: first.name.clone(),
-                other: other.name.clone(),
-            });
+        for other in &tracks {
+            check_match(first, other)?;
         }
         Ok(Self {
             name: name.into(),
@@ -72,6 +84,39 @@ impl Tape {
         let counts = self.tracks.iter().map(|t| t.trajectory.frame_count());
         counts.min().unwrap_or(0)
     }
+}
+
+/// Checks that two recordings are of one cloth and have one clock.
+fn check_match(first: &NamedTrack, other: &NamedTrack) -> Result<(), TapeError> {
+    let names = || [first, other].map(|track| track.name.clone());
+    let differ = |what: String, [expected, found]: [String; 2]| {
+        let [first, other] = names();
+        Err(TapeError::Differ {
+            first,
+            other,
+            what,
+            expected,
+            found,
+        })
+    };
+    let (one, two) = (&*first.trajectory, &*other.trajectory);
+    if one.topology() != two.topology() {
+        let [first, other] = names();
+        return Err(TapeError::Cloth { first, other });
+    }
+    let rates = [one, two].map(Trajectory::frame_rate);
+    if rates[0] != rates[1] {
+        let what = "frames per second".to_owned();
+        return differ(what, rates.map(|rate| rate.to_string()));
+    }
+    let [cut, cut_too] = [one, two].map(|track| &track.cloth().material_coordinates);
+    for (vertex, (p, q)) in cut.iter().zip(cut_too).enumerate() {
+        if p != q {
+            let what = format!("as material coordinates of vertex {vertex}");
+            return differ(what, [p, q].map(ToString::to_string));
+        }
+    }
+    Ok(())
 }
 
 /// A tape that is being played.
@@ -133,5 +178,44 @@ impl Player {
             stopped: None,
         };
         self.tape.tracks.iter().map(track).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_bench::{CORNERS, cloth};
+    use glam::Vec2;
+    use selvedge_data::{Cloth, Provenance};
+    use serde_json::Value;
+
+    fn track(name: &str, cloth: Cloth, frame_rate: f64) -> NamedTrack {
+        let provenance = Provenance {
+            frame_rate,
+            scene: Value::Null,
+            made_by: "test".to_owned(),
+        };
+        let trajectory = Trajectory::new(cloth, CORNERS.to_vec(), provenance).unwrap();
+        NamedTrack {
+            name: name.to_owned(),
+            trajectory: Arc::new(trajectory),
+        }
+    }
+
+    #[test]
+    fn recordings_side_by_side_are_of_one_cloth_and_one_clock() {
+        let beside = |other: NamedTrack| Tape::new("both", vec![track("a", cloth(), 60.0), other]);
+        assert!(beside(track("b", cloth(), 60.0)).is_ok());
+        let text = |other: NamedTrack| beside(other).unwrap_err().to_string();
+        let message = text(track("b", cloth(), 30.0));
+        assert!(
+            message.starts_with("b has 30 frames per second, but a has 60"),
+            "{message}"
+        );
+        let mut cut = cloth();
+        cut.material_coordinates[2] = Vec2::new(0.25, -1.0);
+        let message = text(track("b", cut, 60.0));
+        let told = "b has [0.25, -1] as material coordinates of vertex 2, but a has [0, -1]";
+        assert!(message.starts_with(told), "{message}");
     }
 }

@@ -14,6 +14,12 @@ use crate::state::RecordingState;
 /// A recording ends by itself here `[bytes]`.
 const MOST_BYTES: usize = 512 << 20;
 
+/// Where the handles were is written into the header of its file, as text, and no reader takes a header
+/// of more than 100,000,000 bytes; what else stands there has room beside this `[bytes]`.
+const MOST_HEADER_BYTES: usize = 90_000_000;
+/// A place of a handle there: three numbers of at most 24 characters, their brackets and commas `[bytes]`.
+const PLACE_BYTES: usize = 80;
+
 /// A recording under way.
 pub(crate) struct Recorder {
     hold: Hold,
@@ -34,7 +40,7 @@ impl Recorder {
                 .map(|(track, kind)| (*kind, track.name, Vec::new()))
                 .collect(),
             frames: 0,
-            most: (MOST_BYTES / of_frame.max(1)).max(1),
+            most: most_frames(of_frame, stage.hold().handles.len()),
         };
         recorder.keep(stage);
         recorder
@@ -81,6 +87,13 @@ impl Recorder {
     }
 }
 
+/// Frames of so many bytes, with so many handles, that can be kept and read again.
+fn most_frames(of_frame: usize, handles: usize) -> usize {
+    let kept = MOST_BYTES / of_frame.max(1);
+    let readable = MOST_HEADER_BYTES / (PLACE_BYTES * handles.max(1));
+    kept.min(readable).max(1)
+}
+
 fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
     let positions = hold.handles.select(frame);
     positions.iter().map(|p| p.as_dvec3()).collect()
@@ -116,4 +129,25 @@ pub(crate) fn write(
     let tracks = tracks.into_iter().map(|(_, track)| track).collect();
     let tape = Tape::new(format!("recording {number}"), tracks);
     Ok((tape.map_err(|error| error.to_string())?, files))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_ends_before_its_header_is_too_long_to_be_read() {
+        // No f32 has more digits as an f64, nor a longer exponent.
+        let place = Vec3::splat(-f32::MIN_POSITIVE).as_dvec3();
+        for handles in [1, 2, 256] {
+            let most = most_frames(1, handles);
+            // A hundredth of it; the rest is as long.
+            let frames = vec![vec![place; handles]; most / 100];
+            let text = serde_json::to_string(&frames).unwrap();
+            assert!(100 * text.len() <= MOST_HEADER_BYTES, "{handles} handles");
+        }
+        // Without handles, and with few, memory is the bound.
+        assert_eq!(most_frames(MOST_BYTES / 7, 0), 7);
+        assert_eq!(most_frames(MOST_BYTES / 7, 2), 7);
+    }
 }

@@ -3,15 +3,17 @@
 //!
 //! Requests come through one bounded queue; what goes out is three slots (cloth, state, frame), each
 //! holding only the latest, so that nothing grows with the number or the slowness of readers. Making a
-//! cloth ready is another thread's work; meanwhile the one on the table goes on. Where nobody watches
-//! and nothing is recorded, time stands still.
+//! cloth ready is the work of another thread, which gets its orders through such a slot, too; meanwhile the
+//! one on the table goes on. Where nobody watches and nothing is recorded, time stands still.
 
 mod commands;
 mod motion;
+mod orders;
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -19,6 +21,7 @@ use axum::body::Bytes;
 use tokio::sync::watch;
 
 use self::motion::Following;
+use self::orders::{OrderReceiver, OrderSender, order_slot};
 use crate::hand::{Hands, Limits};
 use crate::order::{Bench, Catalogue, Mover, Order, Workshop};
 use crate::pace::Pace;
@@ -89,7 +92,7 @@ const TELL_EVERY: Duration = Duration::from_millis(200);
 /// When the system has no thread for it.
 pub fn start(workshop: Box<dyn Workshop>, opening: Opening) -> std::io::Result<RunningSession> {
     let (requests, inbox) = mpsc::sync_channel(QUEUE);
-    let (orders, to_make) = mpsc::channel();
+    let (orders, to_make) = order_slot();
     let catalogue = Arc::new(workshop.catalogue());
     let back = requests.clone();
     std::thread::Builder::new()
@@ -131,16 +134,22 @@ impl RunningSession {
     }
 }
 
-/// Makes cloths ready, the latest order first, until the session has gone.
-fn work(mut workshop: Box<dyn Workshop>, orders: &Receiver<Order>, back: &SyncSender<Request>) {
-    while let Ok(mut order) = orders.recv() {
-        while let Ok(later) = orders.try_recv() {
-            order = later;
-        }
+/// Makes cloths ready, the latest order only, until the session has gone; one that a later order overtakes
+/// is stopped.
+fn work(mut workshop: Box<dyn Workshop>, orders: &OrderReceiver, back: &SyncSender<Request>) {
+    while let Some(order) = orders.wait() {
         let prepared = workshop.prepare(&order, &mut |text| {
             // Progress that does not fit in the queue is not missed.
-            let _ = back.try_send(Request::Progress(text));
+            let told = back.try_send(Request::Progress(text));
+            let is_over = matches!(told, Err(TrySendError::Disconnected(_)));
+            match is_over || orders.is_one_waiting() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
         });
+        if prepared.is_err() && orders.is_one_waiting() {
+            continue;
+        }
         if back.send(Request::Prepared(order, prepared)).is_err() {
             return;
         }
@@ -156,7 +165,7 @@ struct Outlets {
 
 /// All that a session knows.
 struct Session {
-    orders: mpsc::Sender<Order>,
+    orders: OrderSender,
     outlets: Outlets,
     folder: PathBuf,
     order: Order,
@@ -185,7 +194,7 @@ struct Session {
 }
 
 impl Session {
-    fn new(opening: Opening, orders: mpsc::Sender<Order>, outlets: Outlets) -> Self {
+    fn new(opening: Opening, orders: OrderSender, outlets: Outlets) -> Self {
         let now = Instant::now();
         let mut session = Self {
             orders,
@@ -389,3 +398,6 @@ impl Session {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -97,8 +97,7 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
     state.mark_changed();
     frame.mark_changed();
     let mut shown = 0;
-    let mut on_the_way = 0_u32;
-    let mut allowance = Allowance::new();
+    let mut intake = Intake::new();
     loop {
         tokio::select! {
             biased;
@@ -114,10 +113,8 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
                     }
                     None => return Err(Closing::gone()),
                 };
-                match take(message, &mut allowance)? {
-                    Some(ClientMessage::Ready(_)) => on_the_way = on_the_way.saturating_sub(1),
-                    Some(message) => pass_on(shared, client, message)?,
-                    None => {}
+                if let Some(message) = intake.take(message)? {
+                    pass_on(shared, client, message)?;
                 }
             }
             changed = state.changed() => {
@@ -128,7 +125,7 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
                     send(socket, bytes).await?;
                 }
             }
-            changed = frame.changed(), if on_the_way < AHEAD => {
+            changed = frame.changed(), if intake.on_the_way < AHEAD => {
                 changed.map_err(|_| over())?;
                 let latest = frame.borrow_and_update().clone();
                 if latest.number == 0 {
@@ -142,7 +139,7 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
                 // The cloth may have changed once more since: the frame of that one is to come.
                 if latest.generation == shown {
                     send(socket, latest.bytes).await?;
-                    on_the_way += 1;
+                    intake.on_the_way += 1;
                 }
             }
         }
@@ -167,9 +164,37 @@ async fn send(socket: &mut WebSocket, bytes: Bytes) -> Result<(), Closing> {
     }
 }
 
+/// What comes from a page, and how much more of it may come.
+struct Intake {
+    /// Frames that it has not answered yet.
+    on_the_way: u32,
+    allowance: Allowance,
+}
+
+impl Intake {
+    fn new() -> Self {
+        Self {
+            on_the_way: 0,
+            allowance: Allowance::new(),
+        }
+    }
+
+    /// What of a message is to be passed on. The answer to a frame costs nothing: there are no more of
+    /// these than of frames.
+    fn take(&mut self, message: Message) -> Result<Option<ClientMessage>, Closing> {
+        let message = read(message)?;
+        let is_answer = matches!(message, Some(ClientMessage::Ready(_)));
+        if is_answer && self.on_the_way > 0 {
+            self.on_the_way -= 1;
+            return Ok(None);
+        }
+        self.allowance.spend()?;
+        Ok(message.filter(|_| !is_answer))
+    }
+}
+
 /// Reads what a page sent.
-fn take(message: Message, allowance: &mut Allowance) -> Result<Option<ClientMessage>, Closing> {
-    allowance.spend()?;
+fn read(message: Message) -> Result<Option<ClientMessage>, Closing> {
     match message {
         Message::Binary(bytes) => match protocol::decode(&bytes) {
             Ok(message) => Ok(Some(message)),
@@ -223,5 +248,27 @@ impl Allowance {
                 format!("more than {MESSAGES_PER_SECOND} messages per second"),
             ))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ready() -> Message {
+        Message::Binary(vec![protocol::VERSION, kind::READY, 0, 0, 1, 0, 0, 0].into())
+    }
+
+    #[test]
+    fn answers_to_frames_are_not_counted_as_messages_and_others_are() {
+        let mut intake = Intake::new();
+        for _ in 0..100_000 {
+            intake.on_the_way = 1;
+            assert!(intake.take(ready()).is_ok_and(|passed| passed.is_none()));
+            assert_eq!(intake.on_the_way, 0);
+        }
+        let mut refused = (0..100_000).filter_map(|_| intake.take(ready()).err());
+        let closing = refused.next().map(|closing| closing.code);
+        assert_eq!(closing, Some(close_code::POLICY));
     }
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Environment, HandleTargets, Handles};
+use selvedge_cloth::{HandleTargets, Handles};
 use selvedge_data::Cloth;
 use selvedge_data::metrics::material_edge_lengths;
 
@@ -37,11 +37,13 @@ struct Driven {
     stepper: Box<dyn LiveStepper>,
     /// The last frames, oldest first.
     recent: VecDeque<Vec<Vec3>>,
-    /// How far its handles are from where the first cloth was taken hold of `[m]`, `[handles]`; fades.
+    /// How far its handles are from the hands `[m]`, `[handles]`; fades.
     offsets: Vec<DVec3>,
     step_ms: Option<f64>,
     strain: f64,
     stopped: Option<String>,
+    /// The frame of the stage that it has come to.
+    reached: usize,
 }
 
 impl Stage {
@@ -89,19 +91,23 @@ impl Stage {
     }
 
     /// Lets `mover` go on from here. Who moves the cloth already stays; who joins takes up the motion of
-    /// the first.
+    /// the one that leads, also where that has stopped.
     pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), String> {
-        let first = self.all.iter().find(|one| one.stopped.is_none());
-        let frames: Vec<Vec<Vec3>> = match first {
-            Some(one) => one.recent.iter().cloned().collect(),
-            None => return self.restart(mover),
+        let Some(leader) = self.leader() else {
+            return self.restart(mover);
         };
+        let frames: Vec<Vec<Vec3>> = leader.recent.iter().cloned().collect();
+        let offsets = leader.offsets.clone();
         let mut joining = Vec::new();
         for &kind in mover.kinds() {
             if !self.all.iter().any(|one| one.is_usable(kind)) {
                 let stepper = self.bench.start(kind, Start::Frames(&frames), &self.hold)?;
                 let recent = frames.iter().cloned().collect();
-                joining.push(Driven::new(kind, stepper, recent, &self.gauge));
+                joining.push(Driven {
+                    offsets: offsets.clone(),
+                    reached: self.frame,
+                    ..Driven::new(kind, stepper, recent, &self.gauge)
+                });
             }
         }
         joining.extend(std::mem::take(&mut self.all));
@@ -114,26 +120,36 @@ impl Stage {
         Ok(())
     }
 
-    /// Goes on with other handles.
-    pub(crate) fn set_handles(&mut self, handles: Handles) -> Result<(), String> {
-        self.change(Hold {
+    /// Goes on with other handles, each `kept` from before by its number, where it was one.
+    pub(crate) fn set_handles(
+        &mut self,
+        handles: Handles,
+        kept: &[Option<usize>],
+    ) -> Result<(), String> {
+        let hold = Hold {
             handles,
             ..self.hold
-        })
+        };
+        self.change(hold, kept)
     }
 
     /// Goes on in another wind `[m/s]`.
     pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), String> {
-        self.change(Hold {
-            environment: Environment {
-                wind,
-                ..self.hold.environment
-            },
-            handles: self.hold.handles.clone(),
-        })
+        let mut hold = self.hold.clone();
+        hold.environment.wind = wind;
+        let kept: Vec<Option<usize>> = (0..hold.handles.len()).map(Some).collect();
+        self.change(hold, &kept)
     }
 
-    fn change(&mut self, hold: Hold) -> Result<(), String> {
+    /// Goes on with the same handles, of which those that were `free`, `[handles]`, take hold of the cloth
+    /// where it is.
+    pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), String> {
+        let kept = |(handle, free): (usize, &bool)| (!free).then_some(handle);
+        let kept: Vec<Option<usize>> = free.iter().enumerate().map(kept).collect();
+        self.change(self.hold.clone(), &kept)
+    }
+
+    fn change(&mut self, hold: Hold, kept: &[Option<usize>]) -> Result<(), String> {
         let changed: Result<Vec<_>, String> = self
             .all
             .iter()
@@ -143,26 +159,39 @@ impl Stage {
             one.stepper = stepper;
         }
         self.hold = hold;
-        self.take_hold();
+        self.take_hold(kept);
         Ok(())
     }
 
-    /// A vertex is taken hold of where it is in each cloth, though all follow one hand.
-    fn take_hold(&mut self) {
+    /// A vertex is taken hold of where it is in each cloth, though all follow one hand; one that is `kept`
+    /// stays as far from it as it was.
+    fn take_hold(&mut self, kept: &[Option<usize>]) {
         let places = self.places(&self.hold.handles);
         for one in &mut self.all {
             let own = self.hold.handles.select(one.stepper.positions());
-            let offset = |(own, place): (&Vec3, &DVec3)| own.as_dvec3() - *place;
-            one.offsets = own.iter().zip(&places).map(offset).collect();
+            let apart = |(own, place): (&Vec3, &DVec3)| own.as_dvec3() - *place;
+            let apart = own.iter().zip(&places).map(apart);
+            let offset = |(apart, kept): (DVec3, &Option<usize>)| match kept {
+                Some(number) => one.offsets.get(*number).copied().unwrap_or_default(),
+                None => apart,
+            };
+            let offsets = apart.zip(kept).map(offset).collect();
+            one.offsets = offsets;
         }
+    }
+
+    /// Whose cloth the hands are at: the first that moves or, where none does, the last to have stopped.
+    fn leader(&self) -> Option<&Driven> {
+        let moving = self.all.iter().find(|one| one.stopped.is_none());
+        moving.or_else(|| self.all.iter().max_by_key(|one| one.reached))
     }
 
     /// One frame on, the handles to `targets`. A stepper that fails stops where it is; the other goes on.
     pub(crate) fn step(&mut self, targets: &HandleTargets) {
-        for one in &mut self.all {
-            one.step(targets, &self.gauge);
-        }
         self.frame += 1;
+        for one in &mut self.all {
+            one.step(targets, &self.gauge, self.frame);
+        }
     }
 
     /// Whether anyone still moves.
@@ -192,9 +221,9 @@ impl Stage {
         self.all.iter().map(|one| one.stepper.positions()).collect()
     }
 
-    /// Where vertices are now in the first cloth `[m]`.
+    /// Where vertices are now in the cloth that the hands are at `[m]`.
     pub(crate) fn places(&self, handles: &Handles) -> Vec<DVec3> {
-        match self.all.first() {
+        match self.leader() {
             Some(one) => {
                 let selected = handles.select(one.stepper.positions());
                 selected.iter().map(|p| p.as_dvec3()).collect()
@@ -226,6 +255,7 @@ impl Driven {
             offsets: Vec::new(),
             step_ms: None,
             stopped: None,
+            reached: 0,
         }
     }
 
@@ -233,7 +263,8 @@ impl Driven {
         self.kind == kind && self.stopped.is_none()
     }
 
-    fn step(&mut self, targets: &HandleTargets, gauge: &StrainGauge) {
+    /// One step, to `frame` of the stage.
+    fn step(&mut self, targets: &HandleTargets, gauge: &StrainGauge, frame: usize) {
         if self.stopped.is_some() {
             return;
         }
@@ -243,6 +274,7 @@ impl Driven {
             self.stopped = Some(error.to_string());
             return;
         }
+        self.reached = frame;
         let now = 1e3 * started.elapsed().as_secs_f64();
         let before = self.step_ms.unwrap_or(now);
         self.step_ms = Some(before + SMOOTHING * (now - before));
@@ -257,18 +289,21 @@ impl Driven {
         self.recent.push_back(oldest);
     }
 
-    /// The targets for this cloth, where they differ from those of the first.
+    /// The targets for this cloth, where they differ from those of the hands.
     fn shifted(&mut self, targets: &HandleTargets) -> Option<HandleTargets> {
         let far = self.offsets.iter().any(|offset| offset.length() > NEAR);
         if !far || self.offsets.len() != targets.handle_count() {
             return None;
         }
+        let handles = 0..targets.handle_count();
+        let released = handles.map(|handle| !targets.holds(handle)).collect();
         let end = targets.end().iter().zip(&mut self.offsets);
         let positions = end.map(|(target, offset)| {
             *offset *= FADING;
             *target + *offset
         });
-        HandleTargets::at_frame_end(positions.collect()).ok()
+        let shifted = HandleTargets::at_frame_end(positions.collect()).ok()?;
+        shifted.releasing(released).ok()
     }
 
     fn track(&self) -> Track {

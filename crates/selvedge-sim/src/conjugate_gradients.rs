@@ -31,6 +31,14 @@ pub(crate) enum IterationError {
         /// What it was to be `[m/s]`.
         tolerance: f64,
     },
+    /// Numbers beyond what f32 holds.
+    #[error(
+        "the residual is not finite after iteration {iterations}: the targets or the state are too large"
+    )]
+    NonFinite {
+        /// Iterations done.
+        iterations: u32,
+    },
     /// A direction in which the matrix is not positive.
     #[error("the matrix is not positive definite, as iteration {iterations} has found")]
     Indefinite {
@@ -143,6 +151,11 @@ impl ConjugateGradients {
             let size = self.take_residual(threads, pattern);
             if size <= goal {
                 return Ok(());
+            }
+            if !size.is_finite() {
+                return Err(IterationError::NonFinite {
+                    iterations: self.iterations,
+                });
             }
             self.vectors.solution.fill(Vec3A::ZERO);
             self.turn(threads, before.map_or(0.0, |before: f64| size / before));

@@ -52,7 +52,12 @@ impl Grip {
         Self::new(scene, holds, offsets)
     }
 
-    fn new(scene: &Scene, holds: Vec<bool>, offsets: Vec<DVec3>) -> Result<Self, FactorError> {
+    /// The handles of `scene` that hold, each moved off its path by its offset `[m]`, `[handles]`.
+    pub(crate) fn new(
+        scene: &Scene,
+        holds: Vec<bool>,
+        offsets: Vec<DVec3>,
+    ) -> Result<Self, FactorError> {
         let part;
         let scene = if holds.iter().all(|holds| *holds) {
             scene

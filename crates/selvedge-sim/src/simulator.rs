@@ -112,13 +112,49 @@ impl Simulator {
     }
 
     /// The same cloth, with frames counted from `frame`: the next step has the targets, the wind and
-    /// the releases of that frame of the scene, as where a run is taken up again. All handles are
-    /// taken to be where their paths are.
+    /// the releases of that frame of the scene. All handles are taken to be where their paths are; for
+    /// those of a run that is taken up again see [`Self::taken_up_at`].
     #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
         self.feel_the_wind();
         self
+    }
+
+    /// As [`Self::at_frame`], where a run along the scene's own motion is taken up again: a handle that
+    /// had let go by then is free, and one that took hold again after that holds the cloth where it
+    /// now is, its spring without tension.
+    ///
+    /// # Errors
+    /// A motion that does not fit the handles, or a system that does not fit in memory.
+    pub fn taken_up_at(self, frame: usize) -> Result<Self, SimulatorError> {
+        let mut simulator = self.at_frame(frame);
+        let (scene, rate) = (&simulator.scene, simulator.scene.frame_rate);
+        let Some(last) = frame.checked_sub(1) else {
+            return Ok(simulator);
+        };
+        let has_let_go = scene.schedule.let_go_by(last, rate, scene.handles.len());
+        if !has_let_go.contains(&true) {
+            return Ok(simulator);
+        }
+        let path = scene.handle_path().map_err(SceneError::from)?;
+        let places = path.at(frame as f64 / rate);
+        let released = scene.schedule.released(last, rate, scene.handles.len());
+        let holds: Vec<bool> = released.iter().map(|released| !released).collect();
+        let now = scene.handles.select(&simulator.state.positions);
+        let offset = |handle: usize| match holds[handle] && has_let_go[handle] {
+            true => now[handle] - places[handle],
+            false => DVec3::ZERO,
+        };
+        let offsets = (0..holds.len()).map(offset).collect();
+        simulator.grip = Grip::new(scene, holds, offsets).map_err(|cause| {
+            let vertices = simulator.rounded.len();
+            let cause = cause.to_string();
+            SimulatorError::Analysis { vertices, cause }
+        })?;
+        simulator.reached = places;
+        simulator.feel_the_wind();
+        Ok(simulator)
     }
 
     /// Goes on from frame `frame` at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, in the

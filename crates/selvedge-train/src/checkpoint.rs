@@ -88,6 +88,20 @@ struct State {
     inputs: [RunningStatistics; 2],
     targets: RunningLossStatistics,
     lanes: Vec<LaneEntry>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    origins: Vec<Origin>,
+}
+
+/// A training whose weights another one began with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// The name of its configuration.
+    pub name: String,
+    /// How far it had come.
+    pub steps_done: u64,
+    /// The name of its data set.
+    pub dataset: String,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -123,6 +137,7 @@ impl Trainer {
             inputs: self.inputs.clone(),
             targets: self.targets.clone(),
             lanes: self.lanes.iter().map(LaneEntry::of).collect(),
+            origins: self.origins.clone(),
         };
         let histories = self.histories();
         let Learned {
@@ -210,6 +225,7 @@ impl Trainer {
             inputs: state.inputs,
             targets: state.targets,
             step: state.step,
+            origins: state.origins,
         };
         Ok(Self::assemble(cfg, (corpus, on), parts))
     }
@@ -236,6 +252,12 @@ impl Trainer {
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
         let (corpus, network) = prepare(&cfg, dataset, on)?;
+        let mut origins = state.origins;
+        origins.push(Origin {
+            name: made.name,
+            steps_done: state.step,
+            dataset: name_in(file.metadata.get("dataset").map_or("", String::as_str)),
+        });
         let weights = file.numbers("weights", network.parameter_count())?;
         let parts = Parts {
             learned: Learned {
@@ -248,6 +270,7 @@ impl Trainer {
             inputs: state.inputs,
             targets: state.targets,
             step: 0,
+            origins,
         };
         Ok(Self::assemble(cfg, (corpus, on), parts))
     }
@@ -363,11 +386,10 @@ impl<'a> CheckpointFile<'a> {
         let now = fingerprint(dataset).map_err(|error| self.content("dataset", error))?;
         let made = self.metadata.get("dataset").map_or("", String::as_str);
         if made != now {
-            let name = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
             return Err(ResumeError::Data {
                 path: path(),
-                expected: name(&now),
-                found: name(made),
+                expected: name_in(&now),
+                found: name_in(made),
             });
         }
         Ok(())
@@ -498,6 +520,12 @@ fn fingerprint(dataset: &Dataset) -> Result<String, serde_json::Error> {
     }
     text.push_str(&format!(" {}", serde_json::to_string(&index.sections)?));
     Ok(text)
+}
+
+/// The name of the data set in its fingerprint.
+fn name_in(fingerprint: &str) -> String {
+    let name = fingerprint.split(' ').next();
+    name.unwrap_or_default().to_owned()
 }
 
 /// A place where two values differ, and what stands there in each.

@@ -121,7 +121,7 @@ pub enum NoiseUnit {
 pub struct ScheduledSampling {
     /// p by step.
     pub truth: TruthProbability,
-    /// Predictions in a row, at most.
+    /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its end.
     pub longest: u32,
     /// A run ends when a vertex is farther from the truth than this `[m]`.
     pub farthest: f64,

@@ -8,6 +8,10 @@ use selvedge_data::{Cloth, Dataset, DatasetError, Sample, Section, Split, Trajec
 use selvedge_model::{ClothGraph, ClothParts, Connectivity, GraphError};
 use thiserror::Error;
 
+use self::track::Track;
+
+mod track;
+
 /// One trajectory with its graph.
 pub(crate) struct Motion {
     pub(crate) graph: Arc<ClothGraph>,
@@ -44,6 +48,8 @@ pub(crate) struct Corpus {
     sections: Vec<Section>,
     /// Samples before each section, and in all.
     first_sample: Vec<usize>,
+    /// Whose mirror images are not learned from.
+    images_left_out: Vec<String>,
 }
 
 /// A data set that cannot be learned from.
@@ -135,39 +141,62 @@ fn graph_in(
     })
 }
 
+/// Where the handles go in the trajectories of a split.
+fn tracks(dataset: &Dataset, split: Split) -> Result<Vec<Track>, CorpusError> {
+    let entries = dataset.entries(split).iter();
+    entries
+        .map(|entry| Ok(Track::of(&dataset.read(entry)?)))
+        .collect()
+}
+
 impl Corpus {
-    /// Reads the training split of `dataset`, of cloths with so many coarse levels; with `mirror_images` every
-    /// trajectory is followed, after the last one, by its mirror image.
+    /// Reads the training split of `dataset`, of cloths with so many coarse levels; with `mirror_images`
+    /// the trajectories are followed by their mirror images. Left out is an image whose handles go as
+    /// in a trajectory to test on: it would be that test, but for the side to which the cloth buckles.
     pub(crate) fn load(
         dataset: &Dataset,
         coarse_levels: usize,
         mirror_images: bool,
     ) -> Result<Self, CorpusError> {
+        let tests = match mirror_images {
+            true => tracks(dataset, Split::Test)?,
+            false => Vec::new(),
+        };
         let mut motions: Vec<Motion> = Vec::new();
         let mut images = Vec::new();
+        // Of each trajectory, the number of its image among the images.
+        let mut image_of = Vec::new();
+        let mut images_left_out = Vec::new();
         for entry in dataset.entries(Split::Train) {
             let trajectory = dataset.read(entry)?;
             let environment = environment_of(&entry.motion, &trajectory)?;
+            image_of.push(None);
             if mirror_images {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
-                let graph = graph_in(&entry.motion, &image, environment)?;
-                let graph = graph.with_coarse_levels(coarse_levels);
-                images.push(Motion::new(graph, image, &images));
+                let track = Track::of(&image);
+                if tests.iter().any(|test| track.goes_as(test)) {
+                    images_left_out.push(entry.motion.clone());
+                } else {
+                    let graph = graph_in(&entry.motion, &image, environment)?;
+                    let graph = graph.with_coarse_levels(coarse_levels);
+                    image_of[motions.len()] = Some(images.len());
+                    images.push(Motion::new(graph, image, &images));
+                }
             }
             let graph = graph_in(&entry.motion, &trajectory, environment)?;
             let graph = graph.with_coarse_levels(coarse_levels);
             motions.push(Motion::new(graph, trajectory, &motions));
         }
         let mut sections = dataset.sections().to_vec();
-        if mirror_images {
-            let of_image = |section: &Section| Section {
-                trajectory: section.trajectory + motions.len(),
+        sections.extend(dataset.sections().iter().filter_map(|section| {
+            let image = image_of[section.trajectory]?;
+            Some(Section {
+                trajectory: motions.len() + image,
                 ..*section
-            };
-            sections.extend(dataset.sections().iter().map(of_image));
-            motions.append(&mut images);
-        }
+            })
+        }));
+        motions.append(&mut images);
         let mut first_sample = vec![0];
         for section in &sections {
             let before = first_sample[first_sample.len() - 1];
@@ -180,7 +209,14 @@ impl Corpus {
             motions,
             sections,
             first_sample,
+            images_left_out,
         })
+    }
+
+    /// The motions whose mirror images are not learned from, because their handles would go as in a
+    /// test.
+    pub(crate) fn images_left_out(&self) -> &[String] {
+        &self.images_left_out
     }
 
     /// The graphs of all trajectories.

@@ -253,8 +253,8 @@ impl LaneState {
             limits.apply(&motion.graph, &mut predicted);
         }
         let farthest = cfg.scheduled_sampling.farthest as f32;
-        let close = |(p, q): (&Vec3, &Vec3)| p.distance(*q) <= farthest;
-        // False for a position that is not finite, too.
+        // Also no limit is none for a position that is not finite.
+        let close = |(p, q): (&Vec3, &Vec3)| p.is_finite() && p.distance(*q) <= farthest;
         if !predicted.iter().zip(truth).all(close) {
             self.start_afresh();
             return false;

@@ -21,7 +21,7 @@ mod trainer;
 mod unroll;
 
 pub use aim::Return;
-pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
+pub use checkpoint::{CHECKPOINT_FORMAT, Origin, ResumeError};
 pub use config::{
     BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,
     SettingError, TrainConfig,

@@ -171,11 +171,14 @@ fn failed(folder: &Path, source: TrainError) -> RunError {
 /// finite, and they must not replace a good checkpoint.
 fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
     trainer.collect().map_err(|source| failed(folder, source))?;
-    let account = serde_json::json!({
+    let mut account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),
         "dataset": dataset.index().name,
     });
+    if !trainer.origins().is_empty() {
+        account["from"] = serde_json::json!(trainer.origins());
+    }
     let model = trainer.model(account.to_string());
     let bytes = model.map_err(|source| failed(folder, source))?.to_bytes()?;
     trainer.save(&folder.join(files::CHECKPOINT), dataset)?;

@@ -219,7 +219,7 @@ impl TruthProbability {
         };
         check((0.0..=1.0).contains(&probability), || {
             error(
-                "scheduled_sampling",
+                "scheduled_sampling.truth",
                 "probability",
                 "between 0 and 1",
                 probability,
@@ -227,13 +227,13 @@ impl TruthProbability {
         })?;
         check(end > start, || {
             error(
-                "scheduled_sampling",
+                "scheduled_sampling.truth",
                 "end",
                 format!("after its start {start}"),
                 end,
             )
         })?;
-        within_training("scheduled_sampling", "end", end)
+        within_training("scheduled_sampling.truth", "end", end)
     }
 
     /// The probability at step `step`, counted from 0 `[eq:scheduled-sampling]`:
@@ -419,7 +419,7 @@ mod tests {
             };
             schedule.validate().expect_err("a defect").to_string()
         };
-        assert!(linear(6, 1.5).starts_with("scheduled_sampling.probability must be between"));
+        assert!(linear(6, 1.5).starts_with("scheduled_sampling.truth.probability must be between"));
         assert!(linear(5, 0.5).contains("end must be after its start 5"));
         COSINE.validate().expect("a good one");
         TruthProbability::Always {}.validate().expect("a good one");

@@ -11,6 +11,7 @@ use selvedge_data::Dataset;
 use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
 use thiserror::Error;
 
+use crate::checkpoint::Origin;
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::corpus::{Corpus, CorpusError};
 use crate::engine::{Batch, Engine, EngineError, Learned, Nobody, Setup, Update};
@@ -33,6 +34,7 @@ pub struct Trainer {
     normalizers: Normalizers,
     pub(crate) lanes: Vec<LaneState>,
     pub(crate) step: u64,
+    pub(crate) origins: Vec<Origin>,
     engine: Box<dyn Engine>,
 }
 
@@ -131,6 +133,7 @@ impl Trainer {
             inputs,
             targets,
             step: 0,
+            origins: Vec::new(),
         };
         Ok(Self::assemble(cfg, given, parts))
     }
@@ -160,6 +163,7 @@ impl Trainer {
             targets: parts.targets,
             lanes: parts.lanes,
             step: parts.step,
+            origins: parts.origins,
             corpus,
             statistics,
             normalizers,
@@ -277,6 +281,20 @@ impl Trainer {
         self.corpus.sample_count()
     }
 
+    /// The motions whose mirror images are not learned from, although `mirror_images` is set: their
+    /// handles would go as in a motion to test on.
+    #[must_use]
+    pub fn images_left_out(&self) -> &[String] {
+        self.corpus.images_left_out()
+    }
+
+    /// The trainings whose weights this one began with, the first one first; none where it began with
+    /// its own.
+    #[must_use]
+    pub fn origins(&self) -> &[Origin] {
+        &self.origins
+    }
+
     /// The mean gradient of the last step, after clipping, laid out like the weights.
     ///
     /// # Errors
@@ -323,6 +341,7 @@ pub(crate) struct Parts {
     pub(crate) targets: RunningLossStatistics,
     pub(crate) lanes: Vec<LaneState>,
     pub(crate) step: u64,
+    pub(crate) origins: Vec<Origin>,
 }
 
 #[cfg(test)]

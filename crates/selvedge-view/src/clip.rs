@@ -75,6 +75,8 @@ const PALETTE_SAMPLES: usize = 8;
 /// A pixel that is nearer than this to what is shown stays: two or three levels per channel, which
 /// the eye does not see and which would double the file.
 const TOLERANCE: u32 = 40;
+/// Pictures of a clip at most: five hours and a half at the shortest delay.
+const MOST_PICTURES: usize = 1_000_000;
 
 /// Writes `panels` side by side under a title (may be empty) as a GIF that repeats for ever. After
 /// each picture `progress` is told, and may stop.
@@ -91,6 +93,7 @@ pub fn write_clip(
 ) -> Result<ClipEnd, ViewError> {
     settings.validate()?;
     check_panels(panels)?;
+    check_length(panels[0].run, settings.delay_ms)?;
     let frames = frames_at(panels[0].run, settings.delay_ms);
     let mut studio = Studio::new(title, panels, settings)?;
     let palette = studio.palette(&frames, settings.colours)?;
@@ -141,12 +144,37 @@ impl ClipSettings {
 /// The frame nearest to each multiple of the delay, to the end of the run.
 fn frames_at(run: &Run<'_>, delay_ms: u16) -> Vec<usize> {
     let last = run.frames().len() - 1;
-    let per_picture = f64::from(delay_ms) * 1e-3 * run.frame_rate();
-    // Half a thousandth of a picture: 3 s at 50 ms must not lose its last one to rounding.
-    let count = (last as f64 / per_picture + 5e-4) as usize + 1;
+    let per_picture = frames_per_picture(run, delay_ms);
+    let count = delays_in(run, delay_ms) as usize + 1;
     (0..count)
         .map(|k| ((k as f64 * per_picture).round() as usize).min(last))
         .collect()
+}
+
+/// Checks that the pictures can be counted and drawn.
+fn check_length(run: &Run<'_>, delay_ms: u16) -> Result<(), ViewError> {
+    if delays_in(run, delay_ms) < MOST_PICTURES as f64 {
+        return Ok(());
+    }
+    let (frames, rate) = (run.frames().len(), run.frame_rate());
+    Err(ViewError::Setting {
+        field: "the clip",
+        expected: "of at most 1000000 pictures (raise delay_ms, or mend the frame rate)",
+        found: format!("{frames} frames at {rate:e} frames per second"),
+    })
+}
+
+/// How many delays the run lasts.
+fn delays_in(run: &Run<'_>, delay_ms: u16) -> f64 {
+    match run.frames().len() - 1 {
+        0 => 0.0,
+        // Half a thousandth of a picture: 3 s at 50 ms must not lose its last one to rounding.
+        last => last as f64 / frames_per_picture(run, delay_ms) + 5e-4,
+    }
+}
+
+fn frames_per_picture(run: &Run<'_>, delay_ms: u16) -> f64 {
+    f64::from(delay_ms) * 1e-3 * run.frame_rate()
 }
 
 /// Makes the pictures of a clip.
@@ -278,3 +306,33 @@ fn changed_rectangle(changes: &[u8], width: usize) -> [std::ops::Range<usize>; 2
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod length {
+    use glam::Vec3;
+    use selvedge_cloth::Topology;
+
+    use super::*;
+    use crate::Colouring;
+
+    #[test]
+    fn a_run_whose_frames_hardly_pass_makes_no_clip() {
+        let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+        let frame = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for rate in [1e-9, 1e-17, 1e-300] {
+            let run = Run::new(&topology, [&frame[..]; 2], &[], rate).unwrap();
+            let panel = Panel {
+                label: "",
+                run: &run,
+                colouring: Colouring::Plain,
+            };
+            let settings = ClipSettings::default();
+            let end = write_clip(&mut Vec::new(), "", &[panel], &settings, &mut |_| {
+                ControlFlow::Continue(())
+            });
+            let message = end.unwrap_err().to_string();
+            let expected = "the clip must be of at most 1000000 pictures";
+            assert!(message.starts_with(expected), "{message}");
+        }
+    }
+}

@@ -65,7 +65,14 @@ impl Wish {
             ))
             .into());
         };
-        let is_folder = extension.is_none();
+        if format == FormatName::Pc2 && extension.is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
+            return Err(WrongUsage::new(format!(
+                "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2",
+                path.display()
+            ))
+            .into());
+        }
+        let is_folder = named != Some(format);
         let kind = match format {
             FormatName::Usda => Kind::Numbers(ExportFormat::Usda),
             FormatName::Glb => Kind::Numbers(ExportFormat::Glb),
@@ -225,6 +232,11 @@ pub(crate) fn wishes(paths: &[PathBuf]) -> anyhow::Result<Vec<Wish>> {
         }
     };
     paths.iter().map(wish).collect()
+}
+
+/// All that the wishes write, for [`place::check_outputs`].
+pub(crate) fn outputs(wishes: &[Wish]) -> Vec<PathBuf> {
+    wishes.iter().flat_map(Wish::outputs).collect()
 }
 
 /// Writes each wish of a run that ended so, and says where; nothing after an interruption.

@@ -136,9 +136,7 @@ impl<'a> Film<'a> {
                 ClipEnd::Complete { .. } => {}
                 ClipEnd::Stopped { .. } => return Err(Halt::Interrupted),
             }
-            let file = out.into_inner().map_err(io::IntoInnerError::into_error);
-            let synced = file.and_then(|file| file.sync_all());
-            Ok(synced.context("the clip")?)
+            Ok(out.flush().context("the clip")?)
         };
         ended(write_beside(path, draw))
     }
@@ -154,13 +152,22 @@ impl<'a> Film<'a> {
                 }),
                 None => Err(Halt::Failed(anyhow!("ffmpeg takes no pictures"))),
             };
-            if let Err(Halt::Interrupted) = drawn {
+            let is_stopped = match &drawn {
+                Ok(()) => false,
+                Err(Halt::Interrupted) => true,
+                // What presses Ctrl-C may have ended ffmpeg, too.
+                Err(Halt::Failed(_)) => interrupt::requested(),
+            };
+            if is_stopped {
                 // It has written a part of a film that nobody wants.
                 let _ = child.kill();
                 let _ = child.wait();
-                return drawn;
+                return Err(Halt::Interrupted);
             }
             let output = child.wait_with_output().context("waiting for ffmpeg")?;
+            if !output.status.success() && interrupt::requested() {
+                return Err(Halt::Interrupted);
+            }
             if !output.status.success() {
                 let said = String::from_utf8_lossy(&output.stderr);
                 let said = said.lines().last().unwrap_or("nothing").to_owned();
@@ -174,7 +181,8 @@ impl<'a> Film<'a> {
     fn start_ffmpeg(&self, part: &Path) -> anyhow::Result<Child> {
         let [width, height] = SIZE;
         let rate = self.run.frame_rate().to_string();
-        Command::new(FFMPEG)
+        let mut command = Command::new(FFMPEG);
+        command
             .args([
                 "-loglevel",
                 "error",
@@ -196,9 +204,14 @@ impl<'a> Film<'a> {
             .arg(part)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .context("starting ffmpeg")
+            .stderr(Stdio::piped());
+        #[cfg(unix)]
+        {
+            use std::os::unix::process::CommandExt;
+            // Ctrl-C in a terminal goes to a whole group: ffmpeg is to be ended from here, and only from here.
+            command.process_group(0);
+        }
+        command.spawn().context("starting ffmpeg")
     }
 
     /// Draws every frame and gives it to `take`.

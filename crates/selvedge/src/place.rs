@@ -95,6 +95,24 @@ pub(crate) fn check_distinct(files: &[(&str, &Path)]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Checks that none of `outputs`, each with its flag, is another one of them or takes the place of one of
+/// `inputs`, which may well be the same file.
+///
+/// # Errors
+/// Wrong usage that names both.
+pub(crate) fn check_outputs(
+    outputs: &[(&str, &Path)],
+    inputs: &[(&str, &Path)],
+) -> anyhow::Result<()> {
+    check_distinct(outputs)?;
+    for &input in inputs {
+        for &output in outputs {
+            check_distinct(&[output, input])?;
+        }
+    }
+    Ok(())
+}
+
 /// Where the bytes of a file at `path` end up: links followed, whether or not there is a file yet.
 fn place_of(path: &Path) -> PathBuf {
     /// Links that are followed before they are taken to go round in a circle, as Linux does.
@@ -179,5 +197,19 @@ mod tests {
         assert!(folder.path().join("a").is_dir());
         // A file in the way: what was made before it goes, too.
         assert!(claim_folder(&folder.path().join("a/b/file/c")).is_err());
+    }
+
+    #[test]
+    fn an_output_is_no_input_but_two_inputs_may_be_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b, c, same] = ["a", "b", "./c", "c"].map(|name| folder.path().join(name));
+        let [a, b, c, same] = [&a, &b, &c, &same].map(|path| path.as_path());
+        let inputs = [("the mesh", a), ("the state", a)];
+        check_outputs(&[("--out", b), ("--clip", c)], &inputs).unwrap();
+        let told = |outputs: &[(&str, &Path)]| check_outputs(outputs, &inputs).unwrap_err();
+        let error = told(&[("--out", b), ("--clip", a)]).to_string();
+        assert!(error.starts_with("--clip and the mesh are"), "{error}");
+        let error = told(&[("--out", c), ("--clip", same)]);
+        assert!(error.is::<WrongUsage>() && error.to_string().starts_with("--out and --clip"));
     }
 }

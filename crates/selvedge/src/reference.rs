@@ -111,8 +111,8 @@ pub(crate) fn run_plan(
         threads,
     } = plan;
     let mut simulator = Simulator::with_state(scene, start.positions, start.velocities)
-        .with_context(context)?
-        .at_frame(start.frame);
+        .and_then(|simulator| simulator.taken_up_at(start.frame))
+        .with_context(context)?;
     simulator.set_threads(threads);
     let path = scene.handle_path().with_context(context)?;
     let drive = Drive {

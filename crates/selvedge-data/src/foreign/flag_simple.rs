@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
+use serde_json::{Value, json};
 
 use super::assemble::{Parts, Weight, hanging};
 use super::error::{ForeignError, ForeignProblem, RecordProblem};
@@ -68,9 +69,9 @@ const fn wanted(name: &'static str, row: usize, dtype: &'static str, kind: &'sta
 #[derive(Clone, Debug)]
 pub(super) struct FlagSimple {
     meta: Meta,
-    pub(super) density: f64,
-    pub(super) rest: RestSource,
-    pub(super) up: UpAxis,
+    density: f64,
+    rest: RestSource,
+    up: UpAxis,
 }
 
 impl FlagSimple {
@@ -122,7 +123,18 @@ impl FlagSimple {
         })
     }
 
-    pub(super) fn frame_rate(&self) -> f64 {
+    /// The resolved options.
+    pub(super) fn describe(&self) -> Result<Value, ForeignError> {
+        Ok(json!({
+            "format": ForeignFormat::FlagSimple,
+            "density": self.density,
+            "frame_rate": self.frame_rate(),
+            "rest": self.rest.describe()?,
+            "up": self.up,
+        }))
+    }
+
+    fn frame_rate(&self) -> f64 {
         1.0 / self.meta.dt
     }
 

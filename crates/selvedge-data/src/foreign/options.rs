@@ -1,11 +1,13 @@
 //! What has to be said about foreign data, and how much of it the data say themselves.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
-use super::error::ForeignProblem;
+use super::error::{ForeignError, ForeignProblem};
 use crate::UpAxis;
+use crate::dataset::hash;
 
 /// A format that can be imported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -73,15 +75,23 @@ pub struct ImportOptions {
 
 impl RestSource {
     /// As the configuration names it.
-    pub(super) fn describe(&self) -> String {
+    pub(super) fn describe(&self) -> Result<Value, ForeignError> {
         match self {
-            Self::Flat => "flat".to_owned(),
-            Self::FirstFrame => "first-frame".to_owned(),
-            Self::Obj(path) => path
-                .file_name()
-                .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            Self::Flat => Ok(json!("flat")),
+            Self::FirstFrame => Ok(json!("first-frame")),
+            Self::Obj(path) => describe_file(path),
         }
     }
+}
+
+/// The file of an option as the configuration names it: with the hash of its bytes.
+pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
+    let bytes = std::fs::read(path).map_err(|error| ForeignError {
+        path: path.to_owned(),
+        problem: ForeignProblem::Read(error),
+    })?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(json!({ "file": name, "blake3": hash(&bytes) }))
 }
 
 /// An option that must not be given, because the data say it.

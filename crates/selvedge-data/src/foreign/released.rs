@@ -24,7 +24,7 @@ const PAPER_RATE: f64 = 60.0;
 #[derive(Clone, Debug)]
 pub(super) struct Released {
     /// As the options say it.
-    pub(super) frame_rate: Option<f64>,
+    frame_rate: Option<f64>,
     pub(super) handles: Vec<u32>,
     pub(super) flat: Option<PathBuf>,
     pub(super) up: UpAxis,
@@ -91,7 +91,7 @@ impl Released {
                 mass: mass.values.iter().map(|&m| m as f32).collect(),
                 area: area.values.iter().map(|&a| a as f32).collect(),
             },
-            frame_rate: self.rate(&file(META))?,
+            frame_rate: self.rate(folder)?,
         })
     }
 
@@ -125,16 +125,17 @@ impl Released {
         })
     }
 
-    /// Frames per second: as the options say, or meta.json, or the paper.
-    fn rate(&self, meta: &Path) -> Result<f64, ForeignError> {
+    /// Frames per second of the trajectory in `folder`: as the options say, or meta.json, or the paper.
+    pub(super) fn rate(&self, folder: &Path) -> Result<f64, ForeignError> {
         if let Some(rate) = self.frame_rate {
             return Ok(rate);
         }
+        let meta = folder.join(META);
         let at = |problem| ForeignError {
-            path: meta.to_owned(),
+            path: meta.clone(),
             problem,
         };
-        let text = match std::fs::read_to_string(meta) {
+        let text = match std::fs::read_to_string(&meta) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(PAPER_RATE),
             Err(error) => return Err(at(ForeignProblem::Read(error))),

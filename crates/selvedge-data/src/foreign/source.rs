@@ -1,6 +1,7 @@
 //! A folder of foreign data, opened: which trajectories it has, what data set they make, and each of
 //! them read when it is wanted.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -8,10 +9,11 @@ use serde_json::{Value, json};
 
 use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::{FlagSimple, record_files};
-use super::options::{ForeignFormat, ImportOptions, Purpose};
+use super::options::{ForeignFormat, ImportOptions, Purpose, describe_file};
 use super::released::{POSITIONS, Released};
 use super::tfrecord::{self, RecordPlace};
 use crate::dataset::Split;
+use crate::dataset::check::folder_of;
 use crate::dataset_writer::DatasetPlan;
 use crate::sections::SectionRule;
 use crate::trajectory::Trajectory;
@@ -20,6 +22,8 @@ use crate::trajectory::Trajectory;
 #[derive(Clone, Debug)]
 pub struct ForeignSource {
     name: String,
+    /// The resolved options: an import goes on only with the same.
+    import: Value,
     reader: Reader,
     runs: Vec<ForeignRun>,
 }
@@ -88,11 +92,16 @@ impl ForeignSource {
             });
         }
         check_purpose(format, options.purpose, &runs).map_err(at_folder)?;
+        let import = match &reader {
+            Reader::FlagSimple(reader) => reader.describe()?,
+            Reader::Released(reader) => describe_released(reader, &runs)?,
+        };
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let named = named.file_name().map(|name| name.to_string_lossy());
         let name = options.name.clone();
         Ok(Self {
             name: name.unwrap_or_else(|| named.map_or_else(String::new, String::from)),
+            import,
             reader,
             runs,
         })
@@ -113,30 +122,11 @@ impl ForeignSource {
         };
         DatasetPlan {
             name: self.name.clone(),
-            config: self.config(),
+            config: json!({ "name": self.name, "import": self.import }),
             train: of(Split::Train),
             test: of(Split::Test),
             sections: SectionRule::Whole,
         }
-    }
-
-    fn config(&self) -> Value {
-        let import = match &self.reader {
-            Reader::FlagSimple(flag) => json!({
-                "format": ForeignFormat::FlagSimple,
-                "density": flag.density,
-                "frame_rate": flag.frame_rate(),
-                "rest": flag.rest.describe(),
-                "up": flag.up,
-            }),
-            Reader::Released(released) => json!({
-                "format": ForeignFormat::Released,
-                "frame_rate": released.frame_rate,
-                "handles": released.handles,
-                "up": released.up,
-            }),
-        };
-        json!({ "name": self.name, "import": import })
     }
 
     /// Reads a trajectory and checks all of it.
@@ -161,6 +151,33 @@ impl ForeignSource {
             problem,
         })
     }
+}
+
+/// The resolved options of released folders: with one frame rate, or with that of each of the `runs`
+/// where they have several.
+fn describe_released(reader: &Released, runs: &[ForeignRun]) -> Result<Value, ForeignError> {
+    let mut rates = BTreeMap::new();
+    for run in runs {
+        if let Place::Folder(folder) = &run.place {
+            let name = format!("{}/{}", folder_of(run.split), run.name);
+            rates.insert(name, reader.rate(folder)?);
+        }
+    }
+    let first = rates.values().next().copied();
+    let only = first.filter(|first| rates.values().all(|rate| rate == first));
+    let mut import = json!({
+        "format": ForeignFormat::Released,
+        "frame_rate": only,
+        "handles": reader.handles,
+        "up": reader.up,
+    });
+    if only.is_none() {
+        import["frame_rates"] = json!(rates);
+    }
+    if let Some(flat) = &reader.flat {
+        import["flat"] = describe_file(flat)?;
+    }
+    Ok(import)
 }
 
 /// That there is something for what the data are wanted for.

@@ -32,6 +32,8 @@ pub(super) struct Corner {
 }
 
 pub(super) fn parse(text: &str) -> Result<Statements, ObjError> {
+    // Some programs put a byte-order mark before the first line.
+    let text = text.trim_start_matches('\u{feff}');
     let mut statements = Statements::default();
     let mut object: Option<String> = None;
     let mut groups: Vec<String> = Vec::new();

@@ -44,6 +44,8 @@ pub struct LoadedScene {
     pub state: Option<SavedState>,
     /// What the file asks for and cannot have, or can hardly mean.
     pub warnings: Vec<String>,
+    /// The files that it was read from: its own, and all that it names.
+    pub files: Vec<PathBuf>,
 }
 
 impl LoadedScene {
@@ -54,6 +56,7 @@ impl LoadedScene {
             scene,
             state: None,
             warnings: Vec::new(),
+            files: Vec::new(),
         }
     }
 
@@ -196,15 +199,15 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
         problem,
     })?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-    if path
-        .extension()
-        .is_some_and(|extension| extension == "json")
-    {
+    let loaded = if path.extension().is_some_and(|e| e == "json") {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        return parse_arcsim(&text, &folder, &name)
-            .map_err(|problem| SceneFileError { origin, problem });
-    }
-    parse_scene(&text, &folder, &origin)
+        parse_arcsim(&text, &folder, &name)
+    } else {
+        resolve(&text, &folder)
+    };
+    let mut loaded = loaded.map_err(|problem| SceneFileError { origin, problem })?;
+    loaded.files.push(path.to_owned());
+    Ok(loaded)
 }
 
 /// Reads a scene from the text of its file; paths in it are relative to `folder`, and errors
@@ -230,27 +233,37 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         sag: file.sag,
         frame_rate: file.frame_rate,
     };
-    let (setting, mesh, groups) = setting.resolve(folder)?;
+    let mut files = Vec::new();
+    let (setting, mesh, groups) = setting.resolve(folder, &mut files)?;
     let stand = Stand::of(&setting, &mesh, &groups);
     let motion = file.motion.resolve(folder, &stand)?;
-    let (start, state) = file.start.resolve(folder, mesh.topology().vertex_count())?;
+    files.extend(file.motion.file().map(|file| folder.join(file)));
+    let vertices = mesh.topology().vertex_count();
+    let (start, state) = file.start.resolve(folder, vertices, setting.frame_rate)?;
     let spec = SceneSpec {
         name: file.name,
         setting,
         motion,
         start,
     };
+    files.extend(spec.files(folder));
     let scene = spec.with_mesh(mesh)?;
     let loaded = LoadedScene {
         state,
+        files,
         ..LoadedScene::new(spec, scene)
     };
     Ok(loaded.looked_over(REMEDY))
 }
 
 impl SettingFile {
-    /// Looks up what is named, and builds the mesh; the groups are those of the handles.
-    pub(crate) fn resolve(self, folder: &Path) -> Result<(Setting, Mesh, Groups), SceneProblem> {
+    /// Looks up what is named, and builds the mesh; the groups are those of the handles. The files of the
+    /// material are added to `files`: what is resolved does not name them.
+    pub(crate) fn resolve(
+        self,
+        folder: &Path,
+        files: &mut Vec<PathBuf>,
+    ) -> Result<(Setting, Mesh, Groups), SceneProblem> {
         let mesh = self.mesh.resolve(folder)?;
         let sheet = mesh.build(folder)?;
         let Selected {
@@ -262,7 +275,7 @@ impl SettingFile {
             handles: vertices,
             schedule,
             mesh,
-            material: self.material.resolve(folder)?,
+            material: self.material.resolve(folder, files)?,
             environment: self.environment,
             physics: self.physics.0,
             sag: self.sag,
@@ -310,4 +323,41 @@ pub(crate) fn parse_toml<T: DeserializeOwned>(text: &str) -> Result<T, SceneProb
 
 pub(crate) fn read_text(path: &Path) -> Result<String, SceneProblem> {
     std::fs::read_to_string(path).map_err(SceneProblem::Read)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::npz::tests::{archive, floats};
+
+    #[test]
+    fn a_scene_knows_every_file_that_it_was_read_from() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let write = |name: &str, bytes: &[u8]| std::fs::write(at(name), bytes).unwrap();
+        write("sheet.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        write("mine.toml", b"from = \"gray-interlock\"\n");
+        write("stiff.toml", b"from = \"mine.toml\"\nbend_multiplier = 2\n");
+        let still = b"kind = \"blocks\"\nblocks = [{ duration = 1.0 }]\n";
+        write("still.toml", still);
+        let zeros = floats("(3, 3)", &[0.0; 9]);
+        let state = archive(&[("positions", zeros.clone()), ("velocities", zeros)]);
+        write("run.npz", &state);
+        let scene = "name = \"s\"\nmaterial = \"stiff.toml\"\nmesh = { obj = \"sheet.obj\" }\n\
+            handles = { vertices = [0] }\nmotion = { file = \"still.toml\" }\n\
+            start = { state = { file = \"run.npz\" } }\n";
+        write("scene.toml", scene.as_bytes());
+        let mut files = read_scene(&at("scene.toml")).unwrap().files;
+        files.sort();
+        let names = [
+            "mine.toml",
+            "run.npz",
+            "scene.toml",
+            "sheet.obj",
+            "stiff.toml",
+            "still.toml",
+        ];
+        assert_eq!(files, names.map(at));
+        assert!(open_scene("default").unwrap().files.is_empty());
+    }
 }

@@ -11,7 +11,7 @@
 //!
 //! A material's own file has the same keys.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{BendTable, Isotropic, Material, StrainLimits, StretchTable};
 use serde::de::value::MapAccessDeserializer;
@@ -80,12 +80,19 @@ impl<'de> Deserialize<'de> for MaterialSource {
 }
 
 impl MaterialSource {
-    /// Looks up what is named; files are relative to `folder`.
-    pub(crate) fn resolve(&self, folder: &Path) -> Result<Material, SceneProblem> {
+    /// Looks up what is named; files are relative to `folder`, and those that were read are added to
+    /// `files`.
+    pub(crate) fn resolve(
+        &self,
+        folder: &Path,
+        files: &mut Vec<PathBuf>,
+    ) -> Result<Material, SceneProblem> {
+        let mut chain = Vec::new();
         let resolved = match self {
-            Self::Named(name) => named(name, folder, 0),
-            Self::Table(table) => table.resolve(folder, 0),
+            Self::Named(name) => named(name, folder, &mut chain),
+            Self::Table(table) => table.resolve(folder, &mut chain),
         };
+        files.extend(chain);
         resolved.map_err(|problem| field("material", problem))
     }
 }
@@ -95,8 +102,9 @@ pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProbl
     material_text(name).map(parse_toml)
 }
 
-/// A shipped material by name, or one in a TOML file, `depth` files deep.
-fn named(name_or_path: &str, folder: &Path, depth: usize) -> Result<Material, String> {
+/// A shipped material by name, or one in a TOML file, which is added to the `chain` of files that are built
+/// on it.
+fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
     if let Some(text) = material_text(name_or_path) {
         return parse_toml(text).map_err(|problem| problem.to_string());
     }
@@ -109,18 +117,19 @@ fn named(name_or_path: &str, folder: &Path, depth: usize) -> Result<Material, St
     }
     let path = folder.join(name_or_path);
     let within = |problem: String| format!("{}: {problem}", path.display());
-    if depth == DEEPEST {
+    if chain.len() == DEEPEST {
         return Err(within("is built on itself".to_owned()));
     }
     let text = read_text(&path).map_err(|problem| within(problem.to_string()))?;
     let table: MaterialTable = parse_toml(&text).map_err(|problem| within(problem.to_string()))?;
+    chain.push(path.clone());
     let folder = path.parent().unwrap_or(folder);
-    table.resolve(folder, depth + 1).map_err(within)
+    table.resolve(folder, chain).map_err(within)
 }
 
 impl MaterialTable {
-    fn resolve(&self, folder: &Path, depth: usize) -> Result<Material, String> {
-        let mut material = self.base(folder, depth)?;
+    fn resolve(&self, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
+        let mut material = self.base(folder, chain)?;
         if let Some(name) = &self.name {
             material.name.clone_from(name);
         }
@@ -142,10 +151,10 @@ impl MaterialTable {
     }
 
     /// What the table is built on.
-    fn base(&self, folder: &Path, depth: usize) -> Result<Material, String> {
+    fn base(&self, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
         let (stretch, bend) = match (&self.from, &self.isotropic, self.stretch, self.bend) {
             (Some(name), None, None, None) => {
-                let mut material = named(name, folder, depth)?;
+                let mut material = named(name, folder, chain)?;
                 // What has been changed is no longer the measured fabric.
                 material.name += ", changed";
                 return Ok(material);

@@ -187,6 +187,15 @@ impl GroupMotion {
 }
 
 impl MotionSource {
+    /// The file that it is read from, relative to the file that names it.
+    pub(super) fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) | Self::Recorded(path) => Some(path.as_path()),
+            Self::Rig(motion) => Some(motion.file.as_path()),
+            Self::Named(_) | Self::Inline(_) | Self::Groups(_) => None,
+        }
+    }
+
     /// Looks up what is named, for handles that stand so.
     pub(crate) fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
         match self {

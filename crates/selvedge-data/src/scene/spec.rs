@@ -2,7 +2,7 @@
 //!
 //! Only a mesh from a file stays a reference, with its hash. The same spec makes the same scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{
     Environment, HandleError, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings,
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
 
-use super::mesh_spec::{MeshSpec, MeshSpecError};
+use super::mesh_spec::{MeshSource, MeshSpec, MeshSpecError};
 use super::start::StartSpec;
 
 /// A resolved scene.
@@ -83,6 +83,21 @@ impl SceneSpec {
     /// [`SceneSpecError::Json`] names the key that is unknown or missing.
     pub fn from_json(json: &Value) -> Result<Self, SceneSpecError> {
         Ok(Self::deserialize(json)?)
+    }
+
+    /// The files that stay references: of the mesh and of the state that it starts in, which are relative to
+    /// `folder`.
+    pub(super) fn files(&self, folder: &Path) -> Vec<PathBuf> {
+        let mesh = match &self.setting.mesh.source {
+            MeshSource::Obj { path, .. } => Some(path),
+            MeshSource::Generator(_) => None,
+        };
+        let state = match &self.start {
+            StartSpec::State(state) => Some(&state.path),
+            StartSpec::Rest | StartSpec::Mesh => None,
+        };
+        let files = mesh.into_iter().chain(state);
+        files.map(|file| folder.join(file)).collect()
     }
 
     /// Makes the scene; a mesh file is relative to `folder`.

@@ -45,11 +45,12 @@ impl StartSpec {
 }
 
 impl StartFile {
-    /// Reads the state, if one is named.
+    /// Reads the state, if one is named, of a cloth of `vertices` that is run at `frame_rate`.
     pub(super) fn resolve(
         self,
         folder: &Path,
         vertices: usize,
+        frame_rate: f64,
     ) -> Result<(StartSpec, Option<SavedState>), SceneProblem> {
         match self {
             Self::Rest => Ok((StartSpec::Rest, None)),
@@ -64,6 +65,7 @@ impl StartFile {
                     frame,
                     positions,
                     velocities,
+                    frame_rate: Some(frame_rate),
                 };
                 let (state, spec) = SavedState::read(folder, &file, &choice, vertices)
                     .map_err(|error| field("start.state", error.to_string()))?;

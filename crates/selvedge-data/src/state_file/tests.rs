@@ -102,6 +102,7 @@ fn checkpoints_of_an_archive_are_found_by_their_frames() {
         frame: None,
         positions: Some("rest_x".into()),
         velocities: Some("rest_v".into()),
+        frame_rate: None,
     };
     let (rest, _) = read(&named).unwrap();
     assert_eq!(rest.frame, 0);
@@ -175,4 +176,62 @@ fn what_is_no_state_is_named() {
         let text = error(folder.path(), path, &StateChoice::default(), 1);
         assert!(text.contains(named), "{text}");
     }
+}
+
+/// [`run`] as written in `folder`, with `from` in the header become `to`, which is as long.
+fn write_edited(folder: &Path, from: &str, to: &str) {
+    let path = folder.join("states.safetensors");
+    run().write(&path, &provenance()).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let (from, to) = (from.as_bytes(), to.as_bytes());
+    let at = bytes.windows(from.len()).position(|w| w == from).unwrap();
+    bytes[at..at + from.len()].copy_from_slice(to);
+    std::fs::write(&path, bytes).unwrap();
+}
+
+#[test]
+fn states_of_another_version_or_frame_rate_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at_rate = |rate: f64| StateChoice {
+        frame_rate: Some(rate),
+        ..at(5)
+    };
+    let read = |rate: f64| SavedState::read(folder.path(), "states.safetensors", &at_rate(rate), 2);
+    let told = |rate: f64| read(rate).unwrap_err().to_string();
+    write_edited(folder.path(), "selvedge-states", "selvedge-states");
+    assert_eq!(read(60.0).unwrap().0.frame, 5);
+    let text = told(120.0);
+    assert!(text.contains("was saved at 60 frames"), "{text}");
+    assert!(text.contains("set frame_rate = 60"), "{text}");
+    write_edited(folder.path(), r#""version":"1""#, r#""version":"2""#);
+    let text = told(60.0);
+    assert!(text.contains("version: expected 1, found \"2\""), "{text}");
+    let bytes = std::fs::read(folder.path().join("states.safetensors")).unwrap();
+    let error = StateRun::from_bytes(&bytes).unwrap_err();
+    assert!(error.to_string().contains("version"), "{error}");
+    write_edited(folder.path(), r#""fps":"60""#, r#""fps":"6o""#);
+    let text = told(60.0);
+    assert!(text.contains("fps: expected a number"), "{text}");
+    // What another program wrote says nothing of its frames.
+    write_edited(folder.path(), "selvedge-states", "somebodys-array");
+    assert_eq!(read(120.0).unwrap().0.frame, 5);
+}
+
+#[test]
+fn a_shape_that_no_bytes_stand_behind_is_an_error_and_no_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.safetensors");
+    let tensor = |name| TensorOut {
+        name,
+        shape: vec![1 << 61, 0, 3],
+        values: TensorValues::F64(&[]),
+    };
+    let tensors = ["positions", "velocities"].map(tensor);
+    write_tensors(&path, &tensors, &BTreeMap::new()).unwrap();
+    for vertices in [0, 2] {
+        let text = error(folder.path(), "empty.safetensors", &at(0), vertices);
+        assert!(text.contains("array positions: expected ["), "{text}");
+    }
+    let error = StateRun::from_bytes(&std::fs::read(&path).unwrap()).unwrap_err();
+    assert!(error.to_string().contains("a vertex at least"), "{error}");
 }

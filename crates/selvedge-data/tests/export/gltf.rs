@@ -88,6 +88,7 @@ impl Glb {
         let times = self.floats(self.number(&format!("{sampler}/input")));
         let weights = self.floats(self.number(&format!("{sampler}/output")));
         assert_eq!(weights.len(), times.len() * count);
+        assert!(targets.iter().all(|target| target.len() == base.len()));
         let pose = |weights: &[f32]| {
             let mut pose = base.clone();
             for (target, &weight) in targets.iter().zip(weights) {
@@ -131,6 +132,7 @@ fn gltf_has_every_frame_at_its_time() {
         for ((time, positions), frame) in animated.iter().zip(&taken) {
             let expected = (frame - taken[0]) as f32 / 60.0;
             assert!((time - expected).abs() <= f32::EPSILON * expected, "{time}");
+            assert_eq!(positions.len(), VERTICES);
             for (p, q) in positions.iter().zip(trajectory.frame(*frame)) {
                 // Two roundings of numbers below 2.
                 assert!(p.distance(*q) <= 2.0 * f32::EPSILON * 2.0, "{p} {q}");
@@ -167,6 +169,7 @@ fn gltf_says_how_the_cloth_is_to_be_shown() {
     for target in 0..FRAMES - 1 {
         let pointer = format!("/meshes/0/primitives/0/targets/{target}/NORMAL");
         let change = points(&glb.floats(glb.number(&pointer)));
+        assert_eq!([base.len(), change.len()], [VERTICES; 2]);
         for (n, d) in base.iter().zip(change) {
             // Rounded to single precision four times.
             assert!(((*n + d).length() - 1.0).abs() < 1e-6);

@@ -166,7 +166,10 @@ fn usd_has_every_position_at_its_time_code() {
         assert_eq!(*code, number as f64);
         assert_eq!(positions, trajectory.frame(number));
     }
-    for (number, (_, normals)) in samples(&text, "normal3f[] normals").iter().enumerate() {
+    let written = samples(&text, "normal3f[] normals");
+    assert_eq!(written.len(), FRAMES);
+    for (number, (_, normals)) in written.iter().enumerate() {
+        assert_eq!(normals.len(), VERTICES);
         // Rounded to single precision three times.
         assert!(
             normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-6),
@@ -176,7 +179,9 @@ fn usd_has_every_position_at_its_time_code() {
         // Each face of this fan is seen from the same side as the middle vertex.
         assert!(normals[4].dot((b - a).cross(c - a)) > 0.0);
     }
-    for (number, (_, corners)) in samples(&text, "float3[] extent").iter().enumerate() {
+    let written = samples(&text, "float3[] extent");
+    assert_eq!(written.len(), FRAMES);
+    for (number, (_, corners)) in written.iter().enumerate() {
         let frame = trajectory.frame(number);
         let low = frame.iter().copied().reduce(Vec3::min).unwrap();
         let high = frame.iter().copied().reduce(Vec3::max).unwrap();
@@ -204,8 +209,9 @@ fn frames_left_out_leave_time_as_it_is_and_z_can_point_up() {
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains("upAxis = \"Z\"") && text.contains("endTimeCode = 4\n"));
     let written = samples(&text, "point3f[] points");
-    for ((code, positions), (expected, frame)) in written.iter().zip([(0.0, 1), (2.0, 3), (4.0, 5)])
-    {
+    let expected = [(0.0, 1), (2.0, 3), (4.0, 5)];
+    assert_eq!(written.len(), expected.len());
+    for ((code, positions), (expected, frame)) in written.iter().zip(expected) {
         assert_eq!(*code, expected);
         let turned = trajectory
             .frame(frame)

@@ -119,7 +119,7 @@ impl Session {
     pub(super) fn place_order(&mut self, order: Order) {
         self.busy = Some("making the cloth ready".to_owned());
         self.tell_soon = true;
-        if self.orders.send(order).is_err() {
+        if !self.orders.send(order) {
             self.busy = None;
             self.notify(
                 Level::Bad,
@@ -189,19 +189,23 @@ impl Session {
         if !wind.is_finite() || wind.length() > STRONGEST_WIND {
             return Err(format!("the wind is at most {STRONGEST_WIND} m/s"));
         }
-        match &mut self.stage {
-            Some(stage) => stage.set_wind(wind),
-            None => Ok(()),
+        let Some(stage) = &mut self.stage else {
+            return Ok(());
+        };
+        if wind != stage.hold().environment.wind {
+            stage.set_wind(wind)?;
+            self.end_recording("a recording has the same wind from start to end: ");
         }
+        Ok(())
     }
 
     fn drag(&mut self, client: u32, drag: &Drag) -> Result<(), String> {
         if self.player.is_some() || self.stage.is_none() {
             return Ok(());
         }
-        self.unfollow();
         let vertices: Vec<u32> = drag.goals.iter().map(|(vertex, _)| *vertex).collect();
         self.hold(&vertices)?;
+        self.unfollow();
         if let Some(stage) = &self.stage {
             for (vertex, goal) in &drag.goals {
                 let mut handles = stage.hold().handles.vertices().iter();
@@ -265,20 +269,23 @@ impl Session {
 
     /// Goes on with the vertices `all` held, where `held` were before.
     fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), String> {
-        self.unfollow();
-        self.end_recording("a recording has the same handles from start to end: ");
-        let Some(stage) = &mut self.stage else {
+        let Some(stage) = &self.stage else {
             return Ok(());
         };
         let vertices = stage.bench().cloth().topology.vertex_count();
         let handles = Handles::new(all, vertices).map_err(|error| error.to_string())?;
-        stage.set_handles(handles)?;
+        self.unfollow();
+        let Some(stage) = &mut self.stage else {
+            return Ok(());
+        };
         let kept: Vec<Option<usize>> = all
             .iter()
             .map(|v| held.iter().position(|w| w == v))
             .collect();
+        stage.set_handles(handles, &kept)?;
         let places = stage.places(&stage.hold().handles);
         self.hands = self.hands.rearranged(&places, &kept);
+        self.end_recording("a recording has the same handles from start to end: ");
         self.tell_soon = true;
         self.publish_frame();
         Ok(())
@@ -287,6 +294,9 @@ impl Session {
     fn record(&mut self) -> Result<(), String> {
         if self.player.is_some() {
             return Err("a recording is being played: go back to the cloth first".to_owned());
+        }
+        if self.recorder.is_some() {
+            return Err("a recording is under way: end it before the next".to_owned());
         }
         let stage = self.stage.as_ref().ok_or("there is no cloth yet")?;
         self.recorder = Some(Recorder::new(stage));

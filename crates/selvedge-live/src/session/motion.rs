@@ -1,5 +1,10 @@
 //! How the cloth of a session is moved on by one frame: where its handles go, by hand or along a
 //! motion, and what is kept of it.
+//!
+//! A motion may let handles go. Where one takes hold again, or the motion ends, the hand is put where the
+//! cloth has the vertex by then, and the rest of the path goes on from there.
+
+use std::sync::Arc;
 
 use glam::DVec3;
 use selvedge_cloth::motion::named;
@@ -13,53 +18,104 @@ use crate::state::{Level, MotionState};
 /// The name of the motion that is the scene's own.
 pub(super) const SCENE_MOTION: &str = "scene";
 
+/// Targets per frame.
+const SAMPLES: usize = 4;
+
 /// A motion that the handles follow, or will as soon as they have come to rest.
+#[derive(Clone)]
 pub(super) struct Following {
     name: String,
     /// Where they go; not known yet while they brake.
-    path: Option<HandlePath>,
+    path: Option<Arc<HandlePath>>,
     frame: usize,
-    samples: usize,
+    /// Whether each handle was let go in the last frame, `[handles]`; empty before the first.
+    free: Vec<bool>,
+    /// How far each is from its path, since it took hold again `[m]`, `[handles]`; empty where none did.
+    offsets: Vec<DVec3>,
 }
 
 impl Following {
+    /// From `frame` of the motion on, along `path` if that is known.
+    fn new(name: String, path: Option<Arc<HandlePath>>, frame: usize) -> Self {
+        Self {
+            name,
+            path,
+            frame,
+            free: Vec::new(),
+            offsets: Vec::new(),
+        }
+    }
+
     pub(super) fn state(&self) -> MotionState {
+        let frames = self.path.as_ref().map(|path| path.frame_count());
         MotionState {
             name: self.name.clone(),
             frame: self.frame,
-            frames: self.path.as_ref().map_or(0, HandlePath::frame_count),
+            frames: frames.unwrap_or(0),
+        }
+    }
+
+    /// Where `path` has the handles `frames` after its start, `rate` in a second `[m]`, `[handles]`.
+    fn places(&self, path: &HandlePath, frames: f64, rate: f64) -> Vec<DVec3> {
+        let mut places = path.at(frames / rate);
+        for (place, offset) in places.iter_mut().zip(&self.offsets) {
+            *place += *offset;
+        }
+        places
+    }
+
+    /// The targets of the next frame along `path`.
+    fn targets(&self, path: &HandlePath, rate: f64) -> Result<HandleTargets, HandleError> {
+        let targets = path.targets(self.frame, SAMPLES)?;
+        if self.offsets.is_empty() {
+            return Ok(targets);
+        }
+        let at = |k: usize| self.frame as f64 + k as f64 / SAMPLES as f64;
+        let samples = (1..=SAMPLES).flat_map(|k| self.places(path, at(k), rate));
+        let shifted = HandleTargets::sampled(samples.collect(), targets.handle_count())?;
+        shifted.releasing(let_go(&targets))
+    }
+
+    /// The rest of `path` goes on from where the hands are now, `places` `[m]`, `[handles]`.
+    fn go_on_from(&mut self, places: &[DVec3], path: &HandlePath, rate: f64) {
+        let led = self.places(path, self.frame as f64, rate);
+        self.offsets.resize(led.len(), DVec3::ZERO);
+        let moves = places.iter().zip(&led).map(|(place, led)| *place - *led);
+        for (offset, change) in self.offsets.iter_mut().zip(moves) {
+            *offset += change;
         }
     }
 }
 
+/// Whether each handle is let go, `[handles]`.
+fn let_go(targets: &HandleTargets) -> Vec<bool> {
+    let handles = 0..targets.handle_count();
+    handles.map(|handle| !targets.holds(handle)).collect()
+}
+
 impl Session {
-    /// Follows the motion of that name: the scene's own from the start, another from where the handles
-    /// come to rest.
+    /// Follows the motion of that name: the scene's own from where the scene starts, another from where the
+    /// handles come to rest.
     pub(super) fn follow(&mut self, name: String) -> Result<(), String> {
         if name == SCENE_MOTION {
             self.end_recording("the scene's own motion starts from its beginning: ");
         }
         let stage = self.stage.as_mut().ok_or("there is no cloth yet")?;
-        let path = if name == SCENE_MOTION {
-            let path = stage.bench().scene_path()?;
+        self.following = Some(if name == SCENE_MOTION {
+            let path = Arc::new(stage.bench().scene_path()?);
             let mover = stage.mover();
             stage.restart(mover)?;
             self.hands = Hands::at(&stage.places(&stage.hold().handles));
-            Some(path)
+            Following::new(name, Some(path), stage.bench().start_frame())
         } else {
             let motion = named::by_name(&name);
             let motion = motion.ok_or_else(|| format!("there is no motion {name:?}"))?;
             let rate = stage.bench().frame_rate();
             let trial = motion.bind(&self.hands.positions(), rate);
             trial.map_err(|error| error.to_string())?;
+            self.unfollow();
             self.hands.brake(&self.limits);
-            None
-        };
-        self.following = Some(Following {
-            name,
-            path,
-            frame: 0,
-            samples: 4,
+            Following::new(name, None, 0)
         });
         self.tell_soon = true;
         Ok(())
@@ -69,10 +125,31 @@ impl Session {
     pub(super) fn unfollow(&mut self) {
         if let Some(following) = self.following.take() {
             if following.path.is_some() {
+                if let Err(problem) = self.take_hold(&following.free) {
+                    self.notify(Level::Bad, problem);
+                }
                 self.hands.brake(&self.limits);
             }
             self.tell_soon = true;
         }
+    }
+
+    /// Hands whose handles were let go, as `free` says, `[handles]`, take hold of the cloth where it is.
+    fn take_hold(&mut self, free: &[bool]) -> Result<(), String> {
+        let Some(stage) = &mut self.stage else {
+            return Ok(());
+        };
+        if !free.contains(&true) {
+            return Ok(());
+        }
+        stage.take_hold_again(free)?;
+        let places = stage.places(&stage.hold().handles);
+        for (handle, (place, free)) in places.into_iter().zip(free).enumerate() {
+            if *free {
+                self.hands.put(handle, place);
+            }
+        }
+        Ok(())
     }
 
     /// The cloth by one frame.
@@ -80,6 +157,7 @@ impl Session {
         let Some(rate) = self.stage.as_ref().map(|s| s.bench().frame_rate()) else {
             return;
         };
+        let hands_before = (self.hands.clone(), self.following.clone());
         let targets = match self.next_targets(rate) {
             Ok(targets) => targets,
             Err(error) => {
@@ -95,6 +173,10 @@ impl Session {
         let before = stopped(stage.tracks());
         stage.step(&targets);
         let after = stopped(stage.tracks());
+        if !stage.is_moving() {
+            // Whoever takes over makes this frame.
+            (self.hands, self.following) = hands_before;
+        }
         if let Some(recorder) = &mut self.recorder {
             recorder.keep(stage);
         }
@@ -117,27 +199,45 @@ impl Session {
 
     fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, String> {
         self.begin_motion(rate)?;
-        let text = |error: HandleError| error.to_string();
-        if let Some(following) = &mut self.following
-            && let Some(path) = &following.path
+        let path = self.following.as_ref().and_then(|f| f.path.clone());
+        if let Some(path) = path
+            && let Some(mut following) = self.following.take()
         {
-            if following.frame >= path.frame_count() {
-                let last = path.at(following.frame as f64 / rate);
-                self.following = None;
-                self.tell_soon = true;
-                self.hands = Hands::at(&last);
-            } else {
-                let targets = path
-                    .targets(following.frame, following.samples)
-                    .map_err(text)?;
-                following.frame += 1;
-                self.hands = self.hands.led_to(targets.end(), 1.0 / rate);
-                return Ok(targets);
+            if following.frame < path.frame_count() {
+                let targets = self.lead(&mut following, &path, rate);
+                self.following = Some(following);
+                return targets;
             }
+            let last = following.places(&path, following.frame as f64, rate);
+            self.hands = Hands::at(&last);
+            self.tell_soon = true;
+            self.take_hold(&following.free)?;
         }
         self.hands.advance(&self.limits, 1.0 / rate);
         let positions: Vec<DVec3> = self.hands.positions();
-        HandleTargets::at_frame_end(positions).map_err(text)
+        HandleTargets::at_frame_end(positions).map_err(|error| error.to_string())
+    }
+
+    /// Leads the hands along `path` by one frame.
+    fn lead(
+        &mut self,
+        following: &mut Following,
+        path: &HandlePath,
+        rate: f64,
+    ) -> Result<HandleTargets, String> {
+        let text = |error: HandleError| error.to_string();
+        let mut targets = following.targets(path, rate).map_err(text)?;
+        let before = std::mem::replace(&mut following.free, let_go(&targets));
+        let now = before.iter().zip(&following.free);
+        let taken: Vec<bool> = now.map(|(before, now)| *before && !now).collect();
+        if taken.contains(&true) {
+            self.take_hold(&taken)?;
+            following.go_on_from(&self.hands.positions(), path, rate);
+            targets = following.targets(path, rate).map_err(text)?;
+        }
+        following.frame += 1;
+        self.hands = self.hands.led_to(targets.end(), 1.0 / rate);
+        Ok(targets)
     }
 
     /// Binds the motion that waits, once the handles are at rest.
@@ -150,7 +250,8 @@ impl Session {
             let motion =
                 motion.ok_or_else(|| format!("there is no motion {:?}", following.name))?;
             let path = motion.bind(&self.hands.positions(), rate);
-            following.path = Some(path.map_err(|error| error.to_string())?);
+            let path = path.map_err(|error| error.to_string())?;
+            following.path = Some(Arc::new(path));
         }
         Ok(())
     }

@@ -173,7 +173,20 @@ fn another_model_is_refused_by_all_its_fields() {
             sweeps: 3,
         });
     });
-    assert_eq!(trainer.expect("the same network").steps_done(), 0);
+    let trainer = trainer.expect("the same network");
+    assert_eq!(trainer.steps_done(), 0);
+    let origin = Origin {
+        name: "tiny".to_owned(),
+        steps_done: 5,
+        dataset: "swinging".to_owned(),
+    };
+    assert_eq!(trainer.origins(), std::slice::from_ref(&origin));
+    // And it stays known when the training goes on.
+    let kept = data.folder.path().join("next.safetensors");
+    trainer.save(&kept, &data.dataset).expect("room");
+    let cfg = trainer.config().clone();
+    let on = Trainer::resume(cfg, &data.dataset, &kept, Arithmetic::OnProcessor);
+    assert_eq!(on.expect("the same").origins(), [origin]);
     let text = from(|cfg| {
         cfg.model.latent = 16;
         cfg.model.blocks = 3;

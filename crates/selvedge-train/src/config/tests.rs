@@ -155,7 +155,7 @@ fn values_out_of_range_are_named() {
                     probability: 0.5,
                 };
             },
-            "scheduled_sampling.end must be at most 1000000000, found 2000000000",
+            "scheduled_sampling.truth.end must be at most 1000000000, found 2000000000",
         ),
         (
             |c| {

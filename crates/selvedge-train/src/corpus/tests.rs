@@ -123,6 +123,28 @@ fn mirror_images_follow_the_trajectories() {
 }
 
 #[test]
+fn an_image_that_moves_as_a_test_does_is_left_out() {
+    let plans = [("a", 9, 30), ("b", 9, 31), ("c", 12, 32)];
+    let half_turn = |p: &Vec3| Vec3::new(-p.x, p.y, -p.z);
+    // The image of b, seen from behind.
+    let image = crate::test_data::trajectory(plans[1], 1).mirrored();
+    let turned = image.frames().iter().flatten().map(half_turn).collect();
+    let cloth = image.cloth().clone();
+    let test = Trajectory::new(cloth, turned, image.provenance().clone()).expect("a trajectory");
+    let data = crate::test_data::swinging_and_tested(&plans, &[("test", test)]);
+    let alone = Corpus::load(&data.dataset, 0, false).expect("a corpus");
+    assert!(alone.images_left_out().is_empty());
+    let both = Corpus::load(&data.dataset, 0, true).expect("a corpus");
+    assert_eq!(both.images_left_out(), ["b"]);
+    assert_eq!(both.motions().count(), 5);
+    assert_eq!(both.sample_count(), 28 + 29 + 30 + 28 + 30);
+    let (last, _) = both.sample(both.sample_count() - 1);
+    assert_eq!((last.trajectory, last.current), (4, 30));
+    let c = both.motion(4);
+    assert_eq!(c.frame(3).len(), 12);
+}
+
+#[test]
 fn wind_is_mirrored_and_gusts_are_refused() {
     let wind = DVec3::new(1.0, 2.0, 3.0);
     let windy = Environment {

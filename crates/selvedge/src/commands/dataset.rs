@@ -3,7 +3,8 @@
 //! The rest pose of a cloth serves all scenes that it is in. Each scene is the work
 //! of one thread from its start to its end, and the index is sorted: the files do not depend on the
 //! number of threads. A finished trajectory is in the index at once, so that an interrupted run
-//! loses at most the scenes under way.
+//! loses at most the scenes under way. A run that ends before the first leaves nothing behind: its
+//! preset may be another the next time.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -53,13 +54,18 @@ struct Job {
 pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let started = Instant::now();
     let preset = DatasetPreset::open(&args.preset)?;
-    place::make_folder(&args.out)?;
-    let writer = DatasetWriter::open(&args.out, preset.plan()?)?;
-    let jobs = jobs(&preset, &writer)?;
+    let plan = preset.plan()?;
+    let _claimed = place::claim_folder(&args.out)?;
+    let mut writer = DatasetWriter::open(&args.out, plan)?;
+    let jobs = match make(&preset, &mut writer, args.threads) {
+        Ok(jobs) => jobs,
+        Err(error) => {
+            writer.withdraw();
+            return Err(error);
+        }
+    };
     let planned = preset.motions(Split::Train).len() + preset.motions(Split::Test).len();
     let kept = planned - jobs.len();
-    let rests = rest_poses(&jobs)?;
-    let writer = simulate_all(&jobs, &rests, writer, args.threads)?;
     let missing = writer.missing().len();
     let made = |job: &&Job| writer.written(job.split, &job.motion).is_some();
     let mut report = Report {
@@ -75,6 +81,7 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         interrupted: missing > 0,
     };
     let end = if missing > 0 {
+        writer.withdraw();
         End::Interrupted
     } else {
         report.samples = writer.finish()?.index().statistics.samples;
@@ -82,6 +89,18 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     };
     report.seconds = started.elapsed().as_secs_f64();
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Makes what is missing, until an end is asked for, and says what that was.
+fn make(
+    preset: &DatasetPreset,
+    writer: &mut DatasetWriter,
+    threads: Option<u16>,
+) -> anyhow::Result<Vec<Job>> {
+    let jobs = jobs(preset, writer)?;
+    let rests = rest_poses(&jobs)?;
+    simulate_all(&jobs, &rests, writer, threads)?;
+    Ok(jobs)
 }
 
 fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Job>> {
@@ -125,9 +144,9 @@ fn rest_poses(jobs: &[Job]) -> anyhow::Result<Rests> {
 fn simulate_all(
     jobs: &[Job],
     rests: &Rests,
-    writer: DatasetWriter,
+    writer: &mut DatasetWriter,
     threads: Option<u16>,
-) -> anyhow::Result<DatasetWriter> {
+) -> anyhow::Result<()> {
     let frames = jobs.iter().map(|job| job.frames).sum();
     let progress = Progress::new("simulating", frames, "frames");
     let writer = Mutex::new(writer);
@@ -162,8 +181,7 @@ fn simulate_all(
             }
             simulate(job)
         })
-    })?;
-    Ok(writer.into_inner().unwrap_or_else(PoisonError::into_inner))
+    })
 }
 
 fn text(report: &Report) -> Facts {
@@ -189,7 +207,9 @@ fn text(report: &Report) -> Facts {
     } else {
         facts.add("samples", report.samples);
     }
-    facts.add("wrote", report.out.display());
+    if report.trajectories_missing < report.train + report.test {
+        facts.add("wrote", report.out.display());
+    }
     facts
 }
 
@@ -203,7 +223,7 @@ pub(crate) fn open(folder: &Path) -> anyhow::Result<Dataset> {
     match dataset {
         Err(error) if begun && !folder.join("index.json").exists() => Err(anyhow!(error).context(
             format!(
-                "{}: this data set is not complete: run `selvedge dataset generate` again with the same preset and folder",
+                "{}: this data set is not complete: run again the command that began it, `selvedge dataset generate` or `selvedge dataset import`",
                 folder.display()
             ),
         )),

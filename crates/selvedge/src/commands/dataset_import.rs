@@ -58,12 +58,13 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
         seconds: 0.0,
         interrupted: trajectories_missing > 0,
     };
-    let mut end = End::Interrupted;
-    if trajectories_missing == 0 {
-        let dataset = writer.finish()?;
-        report.samples = dataset.index().statistics.samples;
-        end = End::Complete;
-    }
+    let end = if trajectories_missing > 0 {
+        writer.withdraw();
+        End::Interrupted
+    } else {
+        report.samples = writer.finish()?.index().statistics.samples;
+        End::Complete
+    };
     report.seconds = started.elapsed().as_secs_f64();
     Ok(Answer::new(text(&report), &report)?.ended(end))
 }
@@ -101,6 +102,8 @@ fn text(report: &Report) -> Facts {
     } else {
         facts.add("samples", report.samples);
     }
-    facts.add("wrote", report.out.display());
+    if report.trajectories_missing < report.train + report.test {
+        facts.add("wrote", report.out.display());
+    }
     facts
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_data::write_atomically;
+use selvedge_data::{Dataset, write_atomically};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -204,7 +204,7 @@ fn short_name(file: &Path) -> String {
 }
 
 fn open_data(args: &EvaluateArgs) -> anyhow::Result<Vec<TestData>> {
-    let mut all: Vec<TestData> = Vec::with_capacity(args.data.len());
+    let mut all: Vec<Dataset> = Vec::with_capacity(args.data.len());
     let mut seen = Vec::with_capacity(args.data.len());
     for folder in &args.data {
         let data = dataset::open(folder)?;
@@ -215,19 +215,35 @@ fn open_data(args: &EvaluateArgs) -> anyhow::Result<Vec<TestData>> {
             return Err(WrongUsage::new(problem).into());
         }
         seen.push(place);
-        let name = data.index().name.clone();
-        let name = match all.iter().any(|other| other.name == name) {
-            true => folder.display().to_string(),
-            false => name,
-        };
-        all.push(TestData::new(
-            name,
-            data,
-            args.split.split(),
-            &args.motions,
-        )?);
+        all.push(data);
     }
-    Ok(all)
+    let named = names_of(&all).into_iter().zip(all);
+    named
+        .map(|(name, data)| TestData::new(name, data, args.split.split(), &args.motions))
+        .collect()
+}
+
+/// A name of its own for each data set: that of its index, its folder where others have that too, and
+/// a number on top where another is called like the folder.
+fn names_of(all: &[Dataset]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::with_capacity(all.len());
+    for data in all {
+        let name = &data.index().name;
+        let is_same = |other: &&Dataset| other.index().name == *name;
+        let is_double = all.iter().filter(is_same).count() > 1;
+        let name = match is_double {
+            true => data.folder().display().to_string(),
+            false => name.clone(),
+        };
+        let mut own = name.clone();
+        let mut number = 1;
+        while names.contains(&own) {
+            number += 1;
+            own = format!("{name} ({number})");
+        }
+        names.push(own);
+    }
+    names
 }
 
 fn means(contest: &Contest<'_>, mesh: Option<String>) -> Vec<Mean> {

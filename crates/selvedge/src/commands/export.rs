@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::cli::ExportArgs;
 use crate::exporting::{self, Choice, Wish};
 use crate::output::{Answer, End, Facts};
+use crate::place;
 
 #[derive(Serialize)]
 struct Report {
@@ -30,6 +31,9 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         up: args.up(),
         normals: args.normals(),
     });
+    let outputs = wish.outputs();
+    let outputs: Vec<_> = outputs.iter().map(|to| ("--to", to.as_path())).collect();
+    place::check_outputs(&outputs, &[("the trajectory", args.trajectory.as_path())])?;
     let trajectory = Trajectory::read(&args.trajectory)?;
     wish.check(trajectory.frame_count())?;
     let started = Instant::now();

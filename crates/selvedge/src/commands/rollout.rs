@@ -4,18 +4,19 @@
 //! Each file is written as soon as it is known. Ctrl-C writes what there is of the trajectory under
 //! way and leaves out what would come after it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_data::metrics::Comparison;
-use selvedge_data::{Cloth, LoadedScene, Trajectory, metrics};
+use selvedge_data::{Cloth, LoadedScene, StartSpec, Trajectory, metrics};
 use selvedge_guard::Trust;
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
 use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
+use crate::exporting::Wish;
 use crate::guarded::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
 use crate::learned::{self, NamedModel};
 use crate::machine::Machine;
@@ -24,6 +25,12 @@ use crate::pictures::{self, Show, write_clip_of, write_sheet};
 use crate::progress::Progress;
 use crate::reference::{self, Run};
 use crate::{exporting, interrupt, place, scenes};
+
+/// The files of the folder.
+const ROLLOUT: &str = "rollout.safetensors";
+const TRUTH: &str = "truth.safetensors";
+const SHEET: &str = "sheet.png";
+const CLIP: &str = "clip.gif";
 
 #[derive(Serialize)]
 struct Report {
@@ -66,18 +73,19 @@ struct Stage {
 /// # Errors
 /// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
+    let _claimed = place::claim_folder(&args.out)?;
     let wishes = exporting::wishes(&args.export)?;
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
     }
+    let loaded = open_at_rest(&args.scene)?;
+    check_places(args, &wishes, &loaded)?;
     let model = learned::open(args.model.as_deref())?;
     let machine = Machine::open(&args.machine)?;
-    let loaded = scenes::open(&args.scene)?;
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => loaded.scene.frame_count()?,
     };
-    place::make_folder(&args.out)?;
     let rest = reference::rest_pose(&loaded.scene)?;
     let stage = Stage {
         loaded,
@@ -86,7 +94,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     };
     let mut wrote = Vec::new();
     let (prediction, log, guarded) = predict(&stage, (&model, &machine), args)?;
-    write(&prediction.trajectory, &args.out, "rollout", &mut wrote)?;
+    write(&prediction.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
         guarded::write_trust(trust, &log)?;
         wrote.push(trust.clone());
@@ -96,7 +104,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     let mut truth = None;
     if args.truth() == Wanted::Yes && end == End::Complete {
         let run = simulate(&stage)?;
-        write(&run.trajectory, &args.out, "truth", &mut wrote)?;
+        write(&run.trajectory, args.out.join(TRUTH), &mut wrote)?;
         end = run.end;
         truth = Some(run);
     }
@@ -133,6 +141,40 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Opens a scene that is to start in its sagged rest pose, which is all that a model can start from; warns
+/// where the scene says otherwise.
+fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
+    let mut loaded = scenes::open(scene)?;
+    if loaded.spec.start != StartSpec::Rest {
+        let warning = "start: a rollout and its truth start in the sagged rest pose, and not as the scene says: take `selvedge simulate` for that";
+        tracing::warn!("{scene}: {warning}");
+        loaded.warnings.push(warning.to_owned());
+        loaded.spec.start = StartSpec::Rest;
+        loaded.state = None;
+    }
+    Ok(loaded)
+}
+
+/// Checks that nothing is written over something else that is written, or over what is read.
+fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
+    let wanted = [
+        (ROLLOUT, Wanted::Yes),
+        (TRUTH, args.truth()),
+        (SHEET, Wanted::Yes),
+        (CLIP, args.clip()),
+    ];
+    let own = wanted.into_iter().filter(|file| file.1 == Wanted::Yes);
+    let own: Vec<PathBuf> = own.map(|(name, _)| args.out.join(name)).collect();
+    let exports = exporting::outputs(wishes);
+    let own = own.iter().map(|path| ("a file of --out", path.as_path()));
+    let mut outputs: Vec<_> = own.collect();
+    outputs.extend(args.trust.as_deref().map(|path| ("--trust", path)));
+    outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
+    let mut inputs = scenes::inputs(loaded);
+    inputs.extend(args.model.as_deref().map(|path| ("--model", path)));
+    place::check_outputs(&outputs, &inputs)
 }
 
 fn predict(
@@ -187,26 +229,20 @@ fn timed(stage: &Stage, run: Run) -> anyhow::Result<Timed> {
     })
 }
 
-fn write(
-    trajectory: &Trajectory,
-    folder: &Path,
-    name: &str,
-    wrote: &mut Vec<PathBuf>,
-) -> anyhow::Result<()> {
-    let path = folder.join(name).with_extension("safetensors");
+fn write(trajectory: &Trajectory, path: PathBuf, wrote: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     trajectory.write(&path)?;
     wrote.push(path);
     Ok(())
 }
 
 fn draw(show: &Show<'_>, args: &RolloutArgs, wrote: &mut Vec<PathBuf>) -> anyhow::Result<End> {
-    let sheet = args.out.join("sheet.png");
+    let sheet = args.out.join(SHEET);
     write_sheet(&sheet, show).context("the contact sheet")?;
     wrote.push(sheet);
     if args.clip() == Wanted::No {
         return Ok(End::Complete);
     }
-    let clip = args.out.join("clip.gif");
+    let clip = args.out.join(CLIP);
     let end = write_clip_of(&clip, show).context("the clip")?;
     wrote.push(clip);
     Ok(end)

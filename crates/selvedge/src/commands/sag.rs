@@ -34,6 +34,7 @@ struct Report {
 pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors", "obj"])?;
     let mut loaded = scenes::open(&args.scene)?;
+    place::check_outputs(&[("--out", args.out.as_path())], &scenes::inputs(&loaded))?;
     if args.by_motion {
         loaded.scene.sag.method = SagMethod::Motion;
         loaded.spec.setting.sag.method = SagMethod::Motion;

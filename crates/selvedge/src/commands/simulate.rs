@@ -7,6 +7,7 @@ use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
 use crate::cli::{From, SimulateArgs};
+use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
 use crate::progress::Progress;
@@ -48,22 +49,8 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         place::check_file(states, "--states", &["safetensors"])?;
     }
     let wishes = exporting::wishes(&args.export)?;
-    let outputs = [
-        ("--out", Some(args.out.as_path())),
-        ("--states", args.states.as_deref()),
-        ("--clip", args.clip.as_deref()),
-        ("--state", args.from().file()),
-    ];
-    let exports = args
-        .export
-        .iter()
-        .map(|path| ("--export", Some(path.as_path())));
-    let outputs = outputs.into_iter().chain(exports);
-    let files: Vec<_> = outputs
-        .filter_map(|(flag, path)| Some((flag, path?)))
-        .collect();
-    place::check_distinct(&files)?;
     let mut loaded = scenes::open(&args.scene)?;
+    check_places(args, &wishes, &loaded)?;
     choose_start(&mut loaded, args.from())?;
     let (rest, start) = rest_and_start(&loaded)?;
     let (scene, passed) = (&loaded.scene, start.frame);
@@ -115,9 +102,21 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
         exported,
         warnings: loaded.warnings.clone(),
-        interrupted: run.end == End::Interrupted,
+        interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
+}
+
+/// Checks that nothing is written over something else that is written, or over what is read.
+fn check_places(args: &SimulateArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
+    let exports = exporting::outputs(wishes);
+    let mut outputs = vec![("--out", args.out.as_path())];
+    outputs.extend(args.states.as_deref().map(|path| ("--states", path)));
+    outputs.extend(args.clip.as_deref().map(|path| ("--clip", path)));
+    outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
+    let mut inputs = scenes::inputs(loaded);
+    inputs.extend(args.from().file().map(|path| ("--state", path)));
+    place::check_outputs(&outputs, &inputs)
 }
 
 /// Draws the run as a clip.
@@ -140,6 +139,7 @@ fn choose_start(loaded: &mut LoadedScene, from: From<'_>) -> anyhow::Result<()> 
         From::State(path, frame) => {
             let choice = StateChoice {
                 frame,
+                frame_rate: Some(loaded.scene.frame_rate),
                 ..StateChoice::default()
             };
             let vertices = loaded.scene.mesh.topology().vertex_count();

@@ -213,17 +213,19 @@ fn one_run(
         failure: None,
         ms_per_frame: 0.0,
     };
-    let mut strains = Vec::with_capacity(args.frames as usize + 1);
+    let mut strains = Vec::with_capacity(args.frames as usize);
     let driven = drive(args, model, stage, (&mut run, &mut strains), progress);
     if interrupt::requested() {
         return None;
     }
-    run.diverged_frame = metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES);
+    // The first strain is that after the first step.
+    run.diverged_frame =
+        metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES).map(|frame| frame + 1);
     match driven {
         Ok(()) => run.largest_strain = Some(strains.into_iter().fold(0.0, f64::max)),
         Err(error) => {
             run.failure = Some(failure::chain(&error));
-            run.diverged_frame = run.diverged_frame.or(Some(strains.len()));
+            run.diverged_frame = run.diverged_frame.or(Some(strains.len() + 1));
         }
     }
     Some(run)

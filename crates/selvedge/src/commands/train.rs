@@ -75,6 +75,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
     machine.train(&mut trainer)?;
+    warn_of_images(&trainer);
     let limits = Limits {
         time: args.span,
         checkpoint_every: CHECKPOINT_EVERY,
@@ -125,9 +126,10 @@ fn trainer(
     if args.resume {
         return Ok(Some(Trainer::resume(cfg, data, &checkpoint, on)?));
     }
-    if checkpoint.exists() {
+    let kept = [files::CHECKPOINT, files::MODEL, files::LOG];
+    if let Some(kept) = kept.iter().find(|name| args.out.join(name).exists()) {
         bail!(
-            "{}: there is a training in this folder: go on with it with --resume, or choose another folder",
+            "{}: there is a training in this folder ({kept}): go on with it with --resume, or choose another folder",
             args.out.display()
         );
     }
@@ -136,6 +138,17 @@ fn trainer(
         return Ok(Some(trainer));
     }
     fresh(cfg, data, on)
+}
+
+/// Says whose mirror images are not learned from, where there are some.
+pub(crate) fn warn_of_images(trainer: &Trainer) {
+    let left_out = trainer.images_left_out();
+    if !left_out.is_empty() {
+        tracing::warn!(
+            "mirror_images: not of {}, whose handles would go as in a motion to test on",
+            left_out.join(", ")
+        );
+    }
 }
 
 /// A training at its beginning, with its statistics gathered. None where an end was asked for.
@@ -185,7 +198,11 @@ fn text(report: &Report) -> Facts {
         facts.add("to go on", "the same command with --resume");
     }
     for file in [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG] {
-        facts.add("wrote", report.out.join(file).display());
+        let path = report.out.join(file);
+        // There is no log of fewer steps than a line is of.
+        if path.exists() {
+            facts.add("wrote", path.display());
+        }
     }
     facts
 }

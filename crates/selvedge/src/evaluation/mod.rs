@@ -185,6 +185,11 @@ pub(crate) fn evaluate(plan: &Plan<'_>) -> anyhow::Result<(Evaluation, End)> {
         return Ok((Evaluation { rows, timings }, End::Interrupted));
     }
     let timings = timings(plan, &trials)?;
+    if interrupt::requested() {
+        // The last of them is of fewer frames than it should be.
+        let timings = Vec::new();
+        return Ok((Evaluation { rows, timings }, End::Interrupted));
+    }
     Ok((Evaluation { rows, timings }, End::Complete))
 }
 
@@ -320,7 +325,7 @@ fn timings(plan: &Plan<'_>, trials: &[Trial<'_>]) -> anyhow::Result<Vec<Timing>>
         for contestant in plan.contestants.iter().filter(|c| c.who() != Who::Truth) {
             let time = || {
                 let mut runner = contestant.runner(&trial.course(&truth), 0).ok()?;
-                Some(timing::milliseconds(&mut runner, truth.frame_count() - 1))
+                timing::milliseconds(&mut runner, truth.frame_count() - 1)
             };
             // Who cannot run has a row that says why.
             if let Some(ms_per_frame) = workers::alone(plan.threads, time)? {

@@ -28,8 +28,8 @@ pub(crate) struct Timing {
     pub(crate) ms_per_frame: f64,
 }
 
-/// The median time of the frames of `runner`, at most `frames` of them `[ms]`.
-pub(super) fn milliseconds(runner: &mut Runner, frames: usize) -> f64 {
+/// The median time of the frames of `runner`, at most `frames` of them `[ms]`; none where it made none.
+pub(super) fn milliseconds(runner: &mut Runner, frames: usize) -> Option<f64> {
     let started = Instant::now();
     let mut last = started;
     let mut times = Vec::with_capacity(FRAMES);
@@ -43,5 +43,5 @@ pub(super) fn milliseconds(runner: &mut Runner, frames: usize) -> f64 {
         ControlFlow::Continue(())
     });
     times.sort_by(f64::total_cmp);
-    times.get(times.len() / 2).copied().unwrap_or(0.0)
+    times.get(times.len() / 2).copied()
 }

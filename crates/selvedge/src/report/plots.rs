@@ -163,17 +163,29 @@ pub(crate) fn by_cost(
 
 /// (time, √(mean of squares over the runs that got so far)) of each frame `[s, mm]`.
 fn pooled(rows: &[&Row], measure: Measure) -> Vec<[f64; 2]> {
-    let longest = rows.iter().map(|row| measure.curve(row).len()).max();
     let Some(rate) = rows.first().map(|row| row.frame_rate) else {
         return Vec::new();
     };
+    // Frames are of the first one's rate; others may have another.
+    let last = |row: &&Row| {
+        let last = measure.curve(row).len().checked_sub(1)?;
+        Some((last as f64 * rate / row.frame_rate + 1e-9) as usize)
+    };
+    let longest = rows
+        .iter()
+        .filter_map(last)
+        .max()
+        .map_or(0, |last| last + 1);
     let at = |frame: usize| {
-        let errors = || rows.iter().filter_map(|row| measure.curve(row).get(frame));
+        let nearest = |row: &Row| (frame as f64 * row.frame_rate / rate).round() as usize;
+        let errors = || {
+            let curves = rows.iter();
+            curves.filter_map(|row| measure.curve(row).get(nearest(row)))
+        };
         let squares: f64 = errors().map(|error| error * error).sum();
         (squares / errors().count() as f64).sqrt()
     };
-    let frames = 0..longest.unwrap_or(0);
-    frames
+    (0..longest)
         .map(|frame| [frame as f64 / rate, 1e3 * at(frame)])
         .collect()
 }

@@ -12,8 +12,8 @@ mod training;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use selvedge_data::{Dataset, shipped_presets};
+use anyhow::{Context, bail};
+use selvedge_data::{Dataset, DatasetPreset, shipped_presets};
 
 use self::file::{DataSource, Study};
 use crate::cli::GenerateArgs;
@@ -109,31 +109,25 @@ fn prepare(
 ) -> anyhow::Result<Option<Vec<StudyData>>> {
     let mut all = Vec::with_capacity(study.data.len());
     for (name, source) in &study.data {
+        let context = || format!("data set {name:?} of the study");
         let folder = match source {
             DataSource::Folder(folder) => study.folder.join(folder),
             DataSource::Preset(preset) => {
-                let folder = out.join("data").join(name);
-                if !folder.join("index.json").is_file() {
-                    let is_shipped = shipped_presets().iter().any(|shipped| shipped.0 == *preset);
-                    let preset = match is_shipped {
+                let is_shipped = shipped_presets().iter().any(|shipped| shipped.0 == *preset);
+                let made = GenerateArgs {
+                    preset: match is_shipped {
                         true => preset.clone(),
                         false => study.folder.join(preset).display().to_string(),
-                    };
-                    let out = folder.clone();
-                    let made = dataset::generate(&GenerateArgs {
-                        preset,
-                        out,
-                        threads,
-                    });
-                    let made = made.with_context(|| format!("data set {name:?} of the study"))?;
-                    if made.end() == End::Interrupted {
-                        return Ok(None);
-                    }
+                    },
+                    out: out.join("data").join(name),
+                    threads,
+                };
+                if make(&made).with_context(context)? == End::Interrupted {
+                    return Ok(None);
                 }
-                folder
+                made.out
             }
         };
-        let context = || format!("data set {name:?} of the study");
         let set = dataset::open(&folder).with_context(context)?;
         let hash = kept::hash_of(&folder.join("index.json"))?;
         all.push(StudyData {
@@ -143,6 +137,23 @@ fn prepare(
         });
     }
     Ok(Some(all))
+}
+
+/// Makes a data set, or finds it made from the same preset.
+fn make(args: &GenerateArgs) -> anyhow::Result<End> {
+    if !args.out.join("index.json").is_file() {
+        return Ok(dataset::generate(args)?.end());
+    }
+    let plan = DatasetPreset::open(&args.preset)?.plan()?;
+    let made = dataset::open(&args.out)?;
+    if let Some(difference) = plan.difference(made.index()) {
+        bail!(
+            "{}: the data set that is there was not made from the preset {}, since it {difference}: remove the folder, or choose another --out",
+            args.out.display(),
+            args.preset
+        );
+    }
+    Ok(End::Complete)
 }
 
 impl Desk<'_> {

@@ -134,6 +134,13 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     let folder = folder(desk, &entry.name);
     place::make_folder(&folder)?;
     let path = folder.join(RECORD);
+    if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
+        bail!(
+            "{}: there is a checkpoint, but no {RECORD} that says what it was made from and how long it was \
+             trained: remove the folder to train again",
+            folder.display()
+        );
+    }
     let mut record = record(desk, entry, after, &cfg, data)?;
     if record.model.is_some() {
         return Ok(Some(record));
@@ -142,6 +149,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
         return Ok(None);
     };
     desk.machine.train(&mut trainer)?;
+    commands::train::warn_of_images(&trainer);
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
     let progress = progress(&entry.name, &trainer, &record)?;

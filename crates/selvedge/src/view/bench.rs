@@ -49,6 +49,10 @@ impl Bench for SceneBench {
         self.scene.handle_path().map_err(|error| error.to_string())
     }
 
+    fn start_frame(&self) -> usize {
+        self.start.frame
+    }
+
     fn remarks(&self) -> &[String] {
         &self.remarks
     }

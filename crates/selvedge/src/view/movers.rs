@@ -139,6 +139,7 @@ mod tests {
     use super::*;
     use crate::view::ViewWorkshop;
     use selvedge_live::{MoverKind, Start, Workshop};
+    use std::ops::ControlFlow;
 
     /// The handles of the default scene after `frame` frames of a slow pull to the front and up.
     fn pulled(start: &[Vec3], frame: usize) -> HandleTargets {
@@ -152,7 +153,9 @@ mod tests {
     fn difference(kind: MoverKind) -> f32 {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
-        let bench = workshop.prepare(&order, &mut |_| ()).unwrap();
+        let bench = workshop
+            .prepare(&order, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
         let hold = Hold {
             handles: bench.cloth().handles.clone(),
             environment: bench.environment(),
@@ -188,7 +191,9 @@ mod tests {
     fn a_model_that_is_shaken_keeps_its_edges() {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
-        let bench = workshop.prepare(&order, &mut |_| ()).unwrap();
+        let bench = workshop
+            .prepare(&order, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
         let hold = Hold {
             handles: bench.cloth().handles.clone(),
             environment: bench.environment(),

@@ -1,5 +1,7 @@
 //! What may be ordered of the viewer's workshop, and what it says where it cannot be had.
 
+use std::ops::ControlFlow;
+
 use selvedge_live::{MeshOrder, Order, Workshop};
 
 use super::ViewWorkshop;
@@ -9,7 +11,7 @@ fn refused(change: impl FnOnce(&mut Order)) -> String {
     let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
     let mut order = workshop.first_order();
     change(&mut order);
-    match workshop.prepare(&order, &mut |_| ()) {
+    match workshop.prepare(&order, &mut |_| ControlFlow::Continue(())) {
         Ok(_) => panic!("{order:?} was made"),
         Err(problem) => problem,
     }
@@ -39,7 +41,9 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
         material: Some("11oz-black-denim".to_owned()),
         ..workshop.first_order()
     };
-    let bench = workshop.prepare(&order, &mut |_| ()).unwrap();
+    let bench = workshop
+        .prepare(&order, &mut |_| ControlFlow::Continue(()))
+        .unwrap();
     assert!(bench.cloth().handles.len() > 2);
     assert!(
         bench
@@ -49,7 +53,45 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
     );
     // The one that it was trained on is not.
     let first = workshop.first_order();
-    let bench = workshop.prepare(&first, &mut |_| ()).unwrap();
+    let bench = workshop
+        .prepare(&first, &mut |_| ControlFlow::Continue(()))
+        .unwrap();
     assert!(bench.remarks().is_empty(), "{:?}", bench.remarks());
     assert_eq!(bench.cloth().handles.len(), 2);
+}
+
+#[test]
+fn a_cloth_whose_rest_pose_is_neither_needed_nor_found_is_shown_with_a_remark() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.toml");
+    let name = file.to_string_lossy();
+    let prepare = |handles: &str, more: &str, flow: ControlFlow<()>| {
+        let text = format!(
+            "name = \"hasty\"\nmaterial = \"gray-interlock\"\nmotion = {{ named = \"forward\" }}\n\
+             mesh = {{ generator = {{ kind = \"square\", vertices = 60, size = 1.0, seed = 1 }} }}\n\
+             handles = {handles}\n{more}"
+        );
+        std::fs::write(&file, text).unwrap();
+        let mut workshop = ViewWorkshop::new(&name, &[], Machine::Cpu).unwrap();
+        let order = workshop.first_order();
+        let bench = workshop.prepare(&order, &mut |_| flow)?;
+        Ok::<_, String>((bench.remarks().join("; "), bench.cloth().clone()))
+    };
+    let (held, on) = ("{ label = \"upper-corners\" }", ControlFlow::Continue(()));
+    let hasty = "sag = { max_steps = 3 }\n";
+    let from_mesh = format!("{hasty}start = \"mesh\"\n");
+    let (remarks, cloth) = prepare(held, &from_mesh, on).unwrap();
+    assert!(remarks.contains("sag.max_steps"), "{remarks}");
+    // As it was generated: flat and upright.
+    assert!(cloth.rest_positions.iter().all(|p| p.x == 0.0));
+    let problem = prepare(held, hasty, on).unwrap_err();
+    assert!(problem.contains("sag.max_steps"), "{problem}");
+    // Nobody waits for it: no more is done.
+    let stopped = prepare(held, &from_mesh, ControlFlow::Break(())).unwrap_err();
+    assert!(stopped.contains("stopped"), "{stopped}");
+    // Nothing holds it at the start.
+    let free = "{ groups = [{ name = \"all\", select = { label = \"upper-corners\" }, \
+                released = [{ from = 0.0 }] }] }";
+    let (remarks, _) = prepare(free, "", on).unwrap();
+    assert!(remarks.contains("nothing holds the cloth"), "{remarks}");
 }

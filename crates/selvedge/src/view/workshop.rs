@@ -15,7 +15,7 @@ use selvedge_data::{
     Transform, materials, shipped_scenes,
 };
 use selvedge_live::{Bench, Catalogue, MeshOrder, Order, Workshop};
-use selvedge_sim::sag_with_progress;
+use selvedge_sim::{SagError, sag_with_progress};
 
 use super::bench::SceneBench;
 use crate::learned::{self, NamedModel};
@@ -74,7 +74,7 @@ impl ViewWorkshop {
     fn bench(
         &mut self,
         order: &Order,
-        progress: &mut dyn FnMut(String),
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> anyhow::Result<SceneBench> {
         // Only what was named at the start may be opened, whatever a page asks for.
         if !self.scenes.contains(&order.scene) {
@@ -109,11 +109,11 @@ impl ViewWorkshop {
     }
 
     /// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest pose: its mesh
-    /// takes the place.
+    /// takes the place, also of a rest pose that is not needed for the start and not found.
     fn rest_and_start(
         &mut self,
         loaded: &LoadedScene,
-        progress: &mut dyn FnMut(String),
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
         remarks: &mut Vec<String>,
     ) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
         let scene = &loaded.scene;
@@ -121,7 +121,15 @@ impl ViewWorkshop {
             remarks.push("nothing holds this cloth: it falls".to_owned());
             scene.mesh.positions().to_vec()
         } else {
-            self.rest(loaded, progress)?
+            match self.rest(loaded, progress) {
+                Ok(rest) => rest,
+                Err(error) if is_needed(loaded, &error) => return Err(error),
+                Err(error) => {
+                    let problem = crate::failure::chain(&error);
+                    remarks.push(format!("{problem}: its mesh takes the place"));
+                    scene.mesh.positions().to_vec()
+                }
+            }
         };
         let start = match (&loaded.state, &loaded.spec.start) {
             (Some(state), _) => state.clone(),
@@ -134,7 +142,7 @@ impl ViewWorkshop {
     fn rest(
         &mut self,
         loaded: &LoadedScene,
-        progress: &mut dyn FnMut(String),
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> anyhow::Result<Vec<DVec3>> {
         let setting = &loaded.spec.setting;
         let known = self.rests.iter().position(|(known, _)| known == setting);
@@ -146,8 +154,7 @@ impl ViewWorkshop {
                     progress(format!(
                         "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
                         now.residual, now.tolerance
-                    ));
-                    ControlFlow::Continue(())
+                    ))
                 });
                 let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
                 (setting.clone(), sagged.with_context(context)?.positions)
@@ -180,12 +187,22 @@ impl Workshop for ViewWorkshop {
     fn prepare(
         &mut self,
         order: &Order,
-        progress: &mut dyn FnMut(String),
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> Result<Box<dyn Bench>, String> {
         match self.bench(order, progress) {
             Ok(bench) => Ok(Box::new(bench)),
             Err(error) => Err(crate::failure::chain(&error)),
         }
+    }
+}
+
+/// Whether a cloth cannot be shown without the rest pose that was not found: the scene starts in it, or
+/// nobody waits for it any more. Where all handles have let go at the start there is none to be found.
+fn is_needed(loaded: &LoadedScene, error: &anyhow::Error) -> bool {
+    match error.downcast_ref::<SagError>() {
+        Some(SagError::Stopped { .. }) => true,
+        Some(SagError::NoHandles) => false,
+        _ => loaded.spec.start == StartSpec::Rest,
     }
 }
 

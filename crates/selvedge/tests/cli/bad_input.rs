@@ -1,7 +1,7 @@
 //! Bad input: each kind has an error that names file, field and remedy, the exit code 1 (2 where the
 //! call itself is wrong), and leaves nothing behind.
 
-use crate::common::{Desk, PUSH};
+use crate::common::{Desk, PUSH, contents};
 
 /// A desk with [`PUSH`] in which `from` has become `to`.
 fn desk_with(from: &str, to: &str) -> Desk {
@@ -128,6 +128,56 @@ fn two_outputs_are_never_one_file() {
     );
     assert_eq!(desk.names(), names);
     desk.json("simulate scene.toml --out folder/q.safetensors --states q.safetensors --frames 1");
+}
+
+#[test]
+fn no_output_takes_the_place_of_what_is_read() {
+    let desk = desk_with(GENERATOR, "obj = \"sheet.obj\"");
+    let scene = String::from_utf8(desk.read("scene.toml")).unwrap();
+    let scene = scene.replace("label = \"upper-corners\"", "vertices = [2, 3]");
+    desk.write("scene.toml", scene);
+    desk.write("sheet.obj", SQUARE_OBJ);
+    desk.write("push.toml", PUSH);
+    desk.json("simulate push.toml --out run.safetensors --frames 2 --states states.safetensors");
+    let start = "start = { state = { file = \"states.safetensors\", frame = 2 } }";
+    desk.write("on.toml", format!("{start}\n{PUSH}"));
+    desk.json("export run.safetensors --to hands.npz");
+    let motion = PUSH.find("[motion.inline]").unwrap();
+    let hands = "motion = { recorded = \"hands.npz\" }\n";
+    desk.write("hands.toml", format!("{}{hands}", &PUSH[..motion]));
+    std::fs::create_dir(desk.path("out")).unwrap();
+    desk.write("out/rollout.safetensors", "a model");
+    let before = contents(&desk.path(""));
+    for call in [
+        "sag scene.toml --out sheet.obj",
+        // A point cache has its mesh beside it, as .obj.
+        "simulate scene.toml --out x.safetensors --export sheet.pc2",
+        "simulate on.toml --out states.safetensors",
+        "simulate hands.toml --out x.safetensors --export ./hands.npz",
+        "rollout hands.toml --export hands.npz",
+        "rollout push.toml --export out/clip.gif",
+        "rollout push.toml --model out/rollout.safetensors",
+        "export run.safetensors --to run.safetensors --format glb",
+    ] {
+        desk.fails(call, 2, &["the same file", "a name of its own"]);
+        assert!(contents(&desk.path("")) == before, "{call}");
+    }
+    // What is read twice is no reason to refuse.
+    desk.json("simulate on.toml --out x.safetensors --state states.safetensors --state-frame 2");
+}
+
+#[test]
+fn more_motions_at_random_than_can_be_meant_are_refused_at_once() {
+    let desk = Desk::new();
+    let many = format!(
+        "name = \"many\"\nsections = \"whole\"\ntest = []\n\
+        train = {{ set = \"all-training\", random = 4000000000 }}\n[setting]\n\
+        material = \"gray-interlock\"\nhandles = {{ label = \"upper-corners\" }}\n\
+        mesh = {{ {GENERATOR} }}\n"
+    );
+    desk.write("many.toml", many);
+    let words = ["many.toml", "train.random", "100000"];
+    desk.fails("dataset plan many.toml", 1, &words);
 }
 
 #[test]

@@ -2,7 +2,13 @@
 //! interruption.
 
 use crate::common::{Desk, contents, names_in, number};
-use selvedge_data::{Dataset, Split};
+use selvedge_data::{Dataset, Split, shipped_presets};
+
+/// The text of the preset `tiny`, with other settings of its sag.
+fn tiny_with(sag: &str) -> String {
+    let tiny = shipped_presets().iter().find(|preset| preset.0 == "tiny");
+    format!("{}\n[setting.sag]\n{sag}\n", tiny.unwrap().1)
+}
 
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
@@ -37,6 +43,41 @@ fn a_second_run_makes_only_what_is_missing() {
     // The turn lasts one second.
     assert_eq!(number(&report, "/frames_made"), 61.0);
     assert!(contents(&desk.path("tiny")) == whole);
+}
+
+#[test]
+fn a_preset_whose_cloth_finds_no_rest_is_corrected_in_the_same_folder() {
+    let desk = Desk::new();
+    let generate = "dataset generate own.toml --out sets/own";
+    desk.write("own.toml", tiny_with("max_steps = 1"));
+    desk.fails(generate, 1, &["rest pose", "sag.max_steps"]);
+    assert!(!desk.path("sets").exists());
+    desk.write("own.toml", tiny_with("max_steps = 100000"));
+    desk.json(generate);
+}
+
+/// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
+#[cfg(unix)]
+#[test]
+fn an_interruption_before_the_first_trajectory_leaves_nothing_behind() {
+    use std::process::{Command, Stdio};
+
+    let desk = Desk::new();
+    // Hours of it, if it went on.
+    let never = tiny_with("tolerance = 1e-300\nmax_steps = 1000000000");
+    desk.write("never.toml", never);
+    let mut command = desk.command("dataset generate never.toml --out never");
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    while !desk.path("never/index.partial.json").is_file() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended early");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let pid = child.id().to_string();
+    let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
+    assert!(status.success());
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert!(!desk.path("never").exists());
 }
 
 #[test]
@@ -176,6 +217,8 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
     desk.write("foreign/side/face.npy", "no array");
     desk.fails(import, 1, &["side/face.npy"]);
     assert!(desk.path("sets/new/train/forward.safetensors").is_file());
+    let words = ["not complete", "dataset generate", "dataset import"];
+    desk.fails("dataset inspect sets/new", 1, &words);
     std::fs::remove_dir_all(desk.path("sets")).unwrap();
     desk.write("foreign/forward/face.npy", "no array");
     desk.fails(import, 1, &["forward/face.npy"]);

@@ -119,6 +119,20 @@ fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
 }
 
 #[test]
+fn data_sets_that_are_called_alike_are_told_apart_by_their_folders() {
+    let desk = Desk::new();
+    desk.model();
+    desk.json("dataset generate tiny --out a/tiny");
+    let answer = desk.json(
+        "evaluate --model run/model.safetensors --data a/tiny --data tiny --steps 1 --no-mirror",
+    );
+    let rows = answer["rows"].as_array().unwrap().iter();
+    let mut names: Vec<&str> = rows.map(|row| row["data"].as_str().unwrap()).collect();
+    names.dedup();
+    assert_eq!(names, ["a/tiny", "tiny"]);
+}
+
+#[test]
 fn calls_that_make_no_sense_are_refused() {
     let desk = two_models();
     let model = "--model run/model.safetensors";

@@ -151,6 +151,34 @@ fn pictures_are_one_per_frame() {
 }
 
 #[test]
+fn a_format_that_is_named_takes_any_other_ending_for_a_folder() {
+    let (desk, _) = pushed();
+    desk.json("export run.safetensors --to frames.v2 --format obj --frames ..1");
+    assert_eq!(
+        crate::common::names_in(&desk.path("frames.v2")),
+        ["cloth_0000.obj", "cloth_0001.obj"]
+    );
+    desk.json("export run.safetensors --to one.obj --format obj --frames 1");
+    assert!(desk.path("one.obj").is_file());
+}
+
+#[test]
+fn a_rollout_exports_into_the_folder_that_it_makes() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    desk.json(
+        "rollout push.toml --frames 2 --no-truth --no-clip --export out/a.glb --trust out/t.csv",
+    );
+    assert_eq!(
+        crate::common::names_in(&desk.path("out")),
+        ["a.glb", "rollout.safetensors", "sheet.png", "t.csv"]
+    );
+    let call = "rollout push.toml --out deep/other --export deep/other/a.png";
+    desk.fails(call, 2, &["a.png", "one frame"]);
+    assert!(!desk.path("deep").exists());
+}
+
+#[test]
 fn bad_calls_are_told_and_leave_nothing() {
     let (desk, _) = pushed();
     std::fs::create_dir(desk.path("full")).unwrap();
@@ -167,7 +195,8 @@ fn bad_calls_are_told_and_leave_nothing() {
         ("--to none/cloth.usda", 1, &["there is no folder none"]),
         ("--to full --format obj", 1, &["full", "not empty"]),
         ("--to full --format glb", 1, &["full", "is a folder"]),
-        ("--to push.toml --format png", 2, &["one frame"]),
+        ("--to push.toml --format png", 1, &["file of this name"]),
+        ("--to cloth.obj --format pc2", 2, &["point cache"]),
     ] {
         desk.fails(&format!("export run.safetensors {call}"), code, words);
         assert_eq!(desk.names(), names, "{call}");
@@ -198,17 +227,23 @@ fn without_ffmpeg_a_film_is_refused_in_a_clear_word() {
     assert!(!desk.path("film.mp4").exists());
 }
 
+/// Puts a script in the place of ffmpeg.
 #[cfg(unix)]
-#[test]
-fn a_film_is_what_ffmpeg_makes_of_every_pixel() {
+fn put_ffmpeg(desk: &Desk, script: &str) {
     use std::os::unix::fs::PermissionsExt;
-    let (desk, _) = pushed();
-    // In the place of ffmpeg: keeps what it is given, at the path that it is told.
     std::fs::create_dir(desk.path("bin")).unwrap();
-    let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\nexec /bin/cat > \"$last\"\n";
     desk.write("bin/ffmpeg", script);
     let executable = std::fs::Permissions::from_mode(0o755);
     std::fs::set_permissions(desk.path("bin/ffmpeg"), executable).unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn a_film_is_what_ffmpeg_makes_of_every_pixel() {
+    let (desk, _) = pushed();
+    // In the place of ffmpeg: keeps what it is given, at the path that it is told.
+    let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\nexec /bin/cat > \"$last\"\n";
+    put_ffmpeg(&desk, script);
     let run = |call: &str| {
         let mut command = desk.command(call);
         command.env("PATH", desk.path("bin")).output().unwrap()
@@ -228,6 +263,40 @@ fn a_film_is_what_ffmpeg_makes_of_every_pixel() {
     assert_eq!(
         desk.names(),
         ["bin", "film.mp4", "push.toml", "run.safetensors"]
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_film_that_is_interrupted_is_no_failure_of_ffmpeg() {
+    use std::os::unix::process::CommandExt;
+
+    use serde_json::Value;
+
+    let (desk, _) = pushed();
+    // Presses Ctrl-C before it takes the first picture, as a terminal does: for the whole group.
+    let script = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\n\
+        kill -INT -$PPID\nexec /bin/cat > \"$last\"\n";
+    put_ffmpeg(&desk, script);
+    let interrupted = |call: &str| -> Value {
+        let mut command = desk.command(&format!("{call} --json"));
+        // A group of its own, lest the tests be interrupted too.
+        command.env("PATH", desk.path("bin")).process_group(0);
+        let output = command.output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(!said.contains("ffmpeg"), "{said}");
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(report["interrupted"], true, "{report}");
+        report
+    };
+    let report = interrupted("export run.safetensors --to film.mp4");
+    assert_eq!(report["wrote"].as_array().map(Vec::len), Some(0));
+    let report = interrupted("simulate push.toml --out again.safetensors --export film.mp4");
+    assert_eq!(report["exported"].as_array().map(Vec::len), Some(0));
+    assert_eq!(
+        desk.names(),
+        ["again.safetensors", "bin", "push.toml", "run.safetensors"]
     );
 }
 

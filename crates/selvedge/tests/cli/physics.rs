@@ -203,3 +203,33 @@ fn handles_that_let_go_are_for_the_physics_alone() {
     let command = command.replace("drop.toml", "windy.toml");
     desk.fails(&command, 1, &["environment.gust"]);
 }
+
+#[test]
+fn a_rollout_starts_at_rest_whatever_the_scene_says() {
+    let desk = Desk::new();
+    desk.write("mesh.toml", format!("start = \"mesh\"\n{PUSH}"));
+    let report = desk.json("rollout mesh.toml --out out --frames 1 --no-clip");
+    let warning = report["warnings"][0].as_str().unwrap();
+    assert!(warning.contains("sagged rest pose"), "{warning}");
+    for name in ["rollout", "truth"] {
+        let run = Trajectory::read(&desk.path(&format!("out/{name}.safetensors"))).unwrap();
+        assert_eq!(run.frame(0), run.cloth().rest_positions, "{name}");
+        assert_eq!(run.provenance().scene.get("start"), None, "{name}");
+    }
+}
+
+#[test]
+fn a_state_goes_on_at_its_own_frame_rate_only() {
+    let desk = desk();
+    desk.json("simulate push.toml --out run.safetensors --states states.safetensors --frames 2");
+    let fast = format!("frame_rate = 120\n{PUSH}");
+    let start = "start = { state = { file = \"states.safetensors\", frame = 2 } }";
+    desk.write("fast.toml", &fast);
+    desk.write("on.toml", format!("{start}\n{fast}"));
+    let words = ["states.safetensors", "was saved at 60", "frame_rate = 60"];
+    let state = "--state states.safetensors --state-frame 2";
+    for call in [format!("fast.toml {state}"), "on.toml".to_owned()] {
+        let call = format!("simulate {call} --out on.safetensors");
+        desk.fails(&call, 1, &words);
+    }
+}

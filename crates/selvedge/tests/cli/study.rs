@@ -6,6 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use crate::common::{Desk, contents, number};
+use selvedge_data::shipped_presets;
 use selvedge_model::Model;
 
 /// Three trainings of a moment, one of them after another, on a data set that is made.
@@ -205,6 +206,31 @@ fn what_was_made_otherwise_is_not_taken_for_the_same() {
     let before = desk.read("s/report/steps.csv");
     desk.json("study study.toml --out s");
     assert!(before != desk.read("s/report/steps.csv"));
+}
+
+#[test]
+fn a_data_set_of_another_preset_is_not_taken_for_the_same() {
+    let desk = desk();
+    let tiny = shipped_presets().iter().find(|preset| preset.0 == "tiny");
+    let tiny = tiny.unwrap().1;
+    desk.write("own.toml", tiny);
+    let study = STUDY.replace("\"tiny\" }", "\"own.toml\" }");
+    desk.write("study.toml", study);
+    desk.json("dataset generate own.toml --out s/data/tiny");
+    for (from, to, word) in [
+        ("-0.25", "-0.2", "another configuration"),
+        ("\"tiny\"", "\"large\"", "called \"tiny\", not \"large\""),
+    ] {
+        desk.write("own.toml", tiny.replace(from, to));
+        let words = ["data set \"tiny\"", word, "remove the folder", "--out"];
+        desk.fails("study study.toml --out s", 1, &words);
+        assert!(!desk.path("s/trainings").exists());
+    }
+    // From the same preset it is taken, whoever made it.
+    desk.write("own.toml", tiny);
+    let index = desk.read("s/data/tiny/index.json");
+    desk.json("study study.toml --out s");
+    assert!(index == desk.read("s/data/tiny/index.json"));
 }
 
 #[test]

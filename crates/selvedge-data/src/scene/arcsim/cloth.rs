@@ -1,7 +1,7 @@
 //! The cloth of an ARCSim scene: its mesh and how it is placed, and its material.
 
 use std::ops::RangeInclusive;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use selvedge_cloth::{BendTable, Material, StrainLimits, StretchTable};
@@ -23,6 +23,8 @@ const DAMPING: RangeInclusive<f64> = 0.0..=100.0;
 pub(super) struct Cloth {
     pub(super) mesh: MeshSpec,
     pub(super) material: Material,
+    /// The material's own file, where it has one.
+    pub(super) material_file: Option<PathBuf>,
 }
 
 /// Reads `cloths`, of which there must be one.
@@ -48,11 +50,16 @@ pub(super) fn read(
     if materials.is_empty() {
         return Err(cloth.missing("materials"));
     }
-    let material = read_material(materials.swap_remove(0), folder, parts, warnings)?;
+    let used = materials.swap_remove(0);
+    let (material, material_file) = read_material(used, folder, parts, warnings)?;
     // Remeshing that is not disabled has its own warning.
     cloth.pass_over(&["remeshing"]);
     cloth.finish(warnings);
-    Ok(Cloth { mesh, material })
+    Ok(Cloth {
+        mesh,
+        material,
+        material_file,
+    })
 }
 
 fn read_mesh(
@@ -93,14 +100,15 @@ pub(super) fn read_rotation(transform: &mut Object<'_>) -> Result<Rotate, SceneP
     Ok(Rotate { axis, angle_deg })
 }
 
+/// The material, and the file that it is in.
 fn read_material(
     mut used: Object<'_>,
     folder: &Path,
     parts: &Parts,
     warnings: &mut Vec<String>,
-) -> Result<Material, SceneProblem> {
+) -> Result<(Material, Option<PathBuf>), SceneProblem> {
     let path = used.text("data")?.ok_or_else(|| used.missing("data"))?;
-    let mut material = read_data(path, &used, folder, warnings)?;
+    let (mut material, file) = read_data(path, &used, folder, warnings)?;
     let mut factor = |key, range| -> Result<f64, SceneProblem> {
         Ok(used.number_within(key, range)?.unwrap_or(1.0))
     };
@@ -132,16 +140,16 @@ fn read_material(
         used.pass_over(&["yield_curv", "weakening"]);
     }
     used.finish(warnings);
-    Ok(material)
+    Ok((material, file))
 }
 
-/// The material in a file, or the shipped one of its name where there is no such file.
+/// The material in a file, with that file, or the shipped one of its name where there is no such file.
 fn read_data(
     path: &str,
     used: &Object<'_>,
     folder: &Path,
     warnings: &mut Vec<String>,
-) -> Result<Material, SceneProblem> {
+) -> Result<(Material, Option<PathBuf>), SceneProblem> {
     let place = used.place("data");
     let name = Path::new(path).file_stem().unwrap_or_default();
     let name = name.to_string_lossy();
@@ -153,14 +161,16 @@ fn read_data(
         warnings.push(format!(
             "{place}: there is no file {path}: the shipped material {name} is taken"
         ));
-        return Ok(shipped);
+        return Ok((shipped, None));
     };
     let within = |problem: SceneProblem| SceneProblem::Key {
         key: place.clone(),
         problem: format!("{path}: {problem}"),
     };
-    let text = read_text(&folder.join(found)).map_err(within)?;
-    parse_material(&text, &name, warnings).map_err(within)
+    let file = folder.join(found);
+    let text = read_text(&file).map_err(within)?;
+    let material = parse_material(&text, &name, warnings).map_err(within)?;
+    Ok((material, Some(file)))
 }
 
 /// A material in ARCSim's own form: density `[kg/m²]`, six rows of stretching `[N/m]`, three of bending

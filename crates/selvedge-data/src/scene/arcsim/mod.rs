@@ -80,9 +80,12 @@ pub(super) fn parse_arcsim(
         motion: Motion::Splines(drive.motion),
         start: StartSpec::Mesh,
     };
+    let mut files = spec.files(folder);
+    files.extend(cloth.material_file);
     let scene = spec.build(folder)?;
     let loaded = LoadedScene {
         warnings,
+        files,
         ..LoadedScene::new(spec, scene)
     };
     Ok(loaded.looked_over("scale the texture coordinates of the mesh's file"))

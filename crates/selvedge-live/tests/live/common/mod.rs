@@ -3,6 +3,7 @@
 //! The cloth is two triangles; each step its free vertices go where the mean of the handles has gone.
 
 use std::net::{SocketAddr, TcpStream};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -119,6 +120,10 @@ impl Bench for FollowerBench {
         path.map_err(|error| error.to_string())
     }
 
+    fn start_frame(&self) -> usize {
+        0
+    }
+
     fn remarks(&self) -> &[String] {
         &[]
     }
@@ -164,9 +169,11 @@ impl Workshop for FollowerWorkshop {
     fn prepare(
         &mut self,
         order: &Order,
-        progress: &mut dyn FnMut(String),
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> Result<Box<dyn Bench>, String> {
-        progress("half way".to_owned());
+        if progress("half way".to_owned()).is_break() {
+            return Err("it was stopped".to_owned());
+        }
         if order.scene == "none" {
             return Err("there is no scene \"none\"".to_owned());
         }

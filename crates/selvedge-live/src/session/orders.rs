@@ -1,0 +1,108 @@
+//! Orders on their way to the workshop: one slot, which holds only the latest, so that nothing grows while
+//! a cloth takes long, and no cloth is made that nobody waits for any more.
+
+use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::order::Order;
+
+/// The order that waits.
+#[derive(Clone, Default)]
+struct Waiting(Arc<Mutex<Option<Order>>>);
+
+/// The session's end.
+pub(super) struct OrderSender {
+    waiting: Waiting,
+    bell: SyncSender<()>,
+}
+
+/// The workshop's end.
+pub(super) struct OrderReceiver {
+    waiting: Waiting,
+    bell: Receiver<()>,
+}
+
+/// Both ends of a slot.
+pub(super) fn order_slot() -> (OrderSender, OrderReceiver) {
+    let waiting = Waiting::default();
+    let (bell, rings) = mpsc::sync_channel(1);
+    let sender = OrderSender {
+        waiting: waiting.clone(),
+        bell,
+    };
+    let receiver = OrderReceiver {
+        waiting,
+        bell: rings,
+    };
+    (sender, receiver)
+}
+
+impl Waiting {
+    fn lock(&self) -> MutexGuard<'_, Option<Order>> {
+        // It holds one value, which is whole whoever has panicked.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl OrderSender {
+    /// Puts `order` in the place of one that waits; gives whether anyone is there to take it.
+    #[must_use]
+    pub(super) fn send(&self, order: Order) -> bool {
+        *self.waiting.lock() = Some(order);
+        // A bell that still rings is heard.
+        !matches!(self.bell.try_send(()), Err(TrySendError::Disconnected(())))
+    }
+}
+
+impl OrderReceiver {
+    /// The latest order, once there is one; none when the session has gone.
+    pub(super) fn wait(&self) -> Option<Order> {
+        while self.bell.recv().is_ok() {
+            let order = self.waiting.lock().take();
+            if order.is_some() {
+                return order;
+            }
+        }
+        None
+    }
+
+    /// Whether a later order waits.
+    pub(super) fn is_one_waiting(&self) -> bool {
+        self.waiting.lock().is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(scene: &str) -> Order {
+        Order {
+            scene: scene.to_owned(),
+            mesh: None,
+            material: None,
+            model: String::new(),
+        }
+    }
+
+    #[test]
+    fn only_the_latest_order_waits() {
+        let (sender, receiver) = order_slot();
+        assert!(!receiver.is_one_waiting());
+        for scene in ["one", "two", "three"] {
+            assert!(sender.send(order(scene)));
+        }
+        assert!(receiver.is_one_waiting());
+        assert_eq!(receiver.wait(), Some(order("three")));
+        assert!(!receiver.is_one_waiting());
+        drop(sender);
+        assert_eq!(receiver.wait(), None);
+    }
+
+    #[test]
+    fn a_workshop_that_has_gone_takes_no_orders() {
+        let (sender, receiver) = order_slot();
+        drop(receiver);
+        assert!(!sender.send(order("one")));
+    }
+}
