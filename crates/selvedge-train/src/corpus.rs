@@ -151,8 +151,8 @@ fn tracks(dataset: &Dataset, split: Split) -> Result<Vec<Track>, CorpusError> {
 
 impl Corpus {
     /// Reads the training split of `dataset`, of cloths with so many coarse levels; with `mirror_images`
-    /// the trajectories are followed by their mirror images. Left out is an image whose handles go as
-    /// in a trajectory to test on: it would be that test, but for the side to which the cloth buckles.
+    /// the trajectories are followed by their mirror images. Those whose handles go as in a trajectory
+    /// to test on have no sections: on its cloth they would be that test, buckled to the other side.
     pub(crate) fn load(
         dataset: &Dataset,
         coarse_levels: usize,
@@ -164,38 +164,35 @@ impl Corpus {
         };
         let mut motions: Vec<Motion> = Vec::new();
         let mut images = Vec::new();
-        // Of each trajectory, the number of its image among the images.
-        let mut image_of = Vec::new();
-        let mut images_left_out = Vec::new();
+        let mut is_tested = Vec::new();
         for entry in dataset.entries(Split::Train) {
             let trajectory = dataset.read(entry)?;
             let environment = environment_of(&entry.motion, &trajectory)?;
-            image_of.push(None);
             if mirror_images {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
                 let track = Track::of(&image);
-                if tests.iter().any(|test| track.goes_as(test)) {
-                    images_left_out.push(entry.motion.clone());
-                } else {
-                    let graph = graph_in(&entry.motion, &image, environment)?;
-                    let graph = graph.with_coarse_levels(coarse_levels);
-                    image_of[motions.len()] = Some(images.len());
-                    images.push(Motion::new(graph, image, &images));
-                }
+                is_tested.push(tests.iter().any(|test| track.goes_as(test)));
+                let graph = graph_in(&entry.motion, &image, environment)?;
+                let graph = graph.with_coarse_levels(coarse_levels);
+                images.push(Motion::new(graph, image, &images));
             }
             let graph = graph_in(&entry.motion, &trajectory, environment)?;
             let graph = graph.with_coarse_levels(coarse_levels);
             motions.push(Motion::new(graph, trajectory, &motions));
         }
         let mut sections = dataset.sections().to_vec();
-        sections.extend(dataset.sections().iter().filter_map(|section| {
-            let image = image_of[section.trajectory]?;
-            Some(Section {
-                trajectory: motions.len() + image,
-                ..*section
-            })
-        }));
+        // An image has the same number whichever others are learned from: checkpoints name it so.
+        let of_image = |section: &Section| Section {
+            trajectory: section.trajectory + motions.len(),
+            ..*section
+        };
+        let learned = |section: &&Section| is_tested.get(section.trajectory) == Some(&false);
+        let shown = dataset.sections().iter().filter(learned);
+        sections.extend(shown.map(of_image));
+        let pairs = dataset.entries(Split::Train).iter().zip(&is_tested);
+        let left_out = pairs.filter(|(_, is_tested)| **is_tested);
+        let images_left_out = left_out.map(|(entry, _)| entry.motion.clone()).collect();
         motions.append(&mut images);
         let mut first_sample = vec![0];
         for section in &sections {

@@ -205,8 +205,10 @@ fn a_vertex_that_is_not_there_ends_nothing() {
     assert!(session.recorder.take().is_some());
 }
 
-/// Never has the scene "slow" ready.
-struct SlowWorkshop;
+/// Never has the scene "slow" ready; says that it has begun with it.
+struct SlowWorkshop {
+    begun: mpsc::Sender<()>,
+}
 
 impl Workshop for SlowWorkshop {
     fn catalogue(&self) -> Catalogue {
@@ -219,6 +221,7 @@ impl Workshop for SlowWorkshop {
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> Result<Box<dyn Bench>, String> {
         if order.scene == "slow" {
+            self.begun.send(()).unwrap();
             while progress("it sags".to_owned()).is_continue() {
                 std::thread::sleep(Duration::from_millis(1));
             }
@@ -231,7 +234,9 @@ impl Workshop for SlowWorkshop {
 #[test]
 fn an_order_that_a_later_one_overtakes_is_stopped() {
     let opening = opening("slow", Mover::Physics);
-    let running = start(Box::new(SlowWorkshop), opening).unwrap();
+    let (begun, has_begun) = mpsc::channel();
+    let running = start(Box::new(SlowWorkshop { begun }), opening).unwrap();
+    has_begun.recv_timeout(Duration::from_secs(20)).unwrap();
     let order = order("quick");
     let later = ClientMessage::Command(Command::Order { order });
     let port = running.port();

@@ -31,9 +31,11 @@ impl Track {
         }
     }
 
-    /// Whether `other` is the same, but for a turn about the vertical, as far as the shorter one goes.
+    /// Whether `other` is the same, but for a turn about the vertical, as far as the shorter one goes,
+    /// and that is half of this one at least.
     pub(super) fn goes_as(&self, other: &Self) -> bool {
-        if self.handles != other.handles || self.frame_rate != other.frame_rate {
+        let is_long = 2 * other.places.len() >= self.places.len();
+        if !is_long || self.handles != other.handles || self.frame_rate != other.frame_rate {
             return false;
         }
         let pairs = || self.places.iter().zip(&other.places);
@@ -73,8 +75,9 @@ mod tests {
         for yaw in [0.0, 0.7, -2.0, std::f64::consts::PI] {
             assert!(path.goes_as(&track(0, yaw, DVec3::ZERO)), "{yaw}");
         }
-        let start = trajectory(("a", 9, 12), 0);
-        assert!(path.goes_as(&Track::of(&start)), "as far as it goes");
+        let start = |frames| Track::of(&trajectory(("a", 9, frames), 0));
+        assert!(path.goes_as(&start(20)), "as far as it goes");
+        assert!(!path.goes_as(&start(19)), "too short to tell");
     }
 
     #[test]

@@ -126,7 +126,8 @@ fn trainer(
     if args.resume {
         return Ok(Some(Trainer::resume(cfg, data, &checkpoint, on)?));
     }
-    let kept = [files::CHECKPOINT, files::MODEL, files::LOG];
+    // A log alone is of a training that ended before there was anything to go on from.
+    let kept = [files::CHECKPOINT, files::MODEL];
     if let Some(kept) = kept.iter().find(|name| args.out.join(name).exists()) {
         bail!(
             "{}: there is a training in this folder ({kept}): go on with it with --resume, or choose another folder",

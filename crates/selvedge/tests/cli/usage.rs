@@ -177,11 +177,12 @@ mod interrupts {
             handles = { label = "upper-corners" }
         "#;
         desk.write("long.toml", preset);
-        let child = started(&desk, "dataset generate long.toml --out pieces --threads 2");
+        let mut child = started(&desk, "dataset generate long.toml --out pieces --threads 2");
         // Of a set of which nothing was written, nothing would stay.
         let is_made = |name: &String| name.ends_with(".safetensors");
         let train = desk.path("pieces/train");
         while !(train.is_dir() && names_in(&train).iter().any(is_made)) {
+            assert!(child.try_wait().unwrap().is_none(), "it ended early");
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
         press(&child);
