@@ -23,6 +23,8 @@ mod stage;
 mod state;
 #[cfg(test)]
 mod test_bench;
+#[cfg(test)]
+mod test_cloth;
 
 pub use hand::{Hands, Limits};
 pub use order::{

@@ -184,7 +184,7 @@ impl Player {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_bench::{CORNERS, cloth};
+    use crate::test_cloth::{CORNERS, cloth};
     use glam::Vec2;
     use selvedge_data::{Cloth, Provenance};
     use serde_json::Value;
@@ -205,7 +205,8 @@ mod tests {
     #[test]
     fn recordings_side_by_side_are_of_one_cloth_and_one_clock() {
         let beside = |other: NamedTrack| Tape::new("both", vec![track("a", cloth(), 60.0), other]);
-        assert!(beside(track("b", cloth(), 60.0)).is_ok());
+        let tape = beside(track("b", cloth(), 60.0)).unwrap();
+        assert_eq!(tape.tracks.len(), 2);
         let text = |other: NamedTrack| beside(other).unwrap_err().to_string();
         let message = text(track("b", cloth(), 30.0));
         assert!(

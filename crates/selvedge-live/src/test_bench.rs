@@ -1,7 +1,7 @@
-//! A cloth for the tests of this crate: two triangles whose movers anyone can predict. What nobody holds
-//! falls by [`FALL`] per frame; a handle goes where it is told.
+//! Movers that anyone can predict, for the tests of this crate: what nobody holds falls by [`FALL`] per
+//! frame; a handle goes where it is told.
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{
     Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion, RecordedMotion,
     StepError, Stepper, Topology,
@@ -9,15 +9,8 @@ use selvedge_cloth::{
 use selvedge_data::{Cloth, Provenance};
 use serde_json::Value;
 
-use crate::order::{Bench, Hold, LiveStepper, MoverKind, Start};
-
-/// Where the vertices of the mesh are `[m]`; the first two are handles.
-pub(crate) const CORNERS: [Vec3; 4] = [
-    Vec3::ZERO,
-    Vec3::new(0.0, 0.0, 1.0),
-    Vec3::new(0.0, -1.0, 0.0),
-    Vec3::new(0.0, -1.0, 1.0),
-];
+use crate::order::{Bench, Hold, LiveStepper, MoverKind, Order, Start};
+use crate::test_cloth::{CORNERS, cloth};
 
 /// How far what is free falls in a frame `[m]`.
 pub(crate) const FALL: f32 = 0.01;
@@ -29,15 +22,13 @@ pub(crate) const FRAMES: usize = 12;
 /// Where handles go along x before the model fails `[m]`.
 pub(crate) const END_OF_MODEL: f64 = 0.205;
 
-/// The cloth.
-pub(crate) fn cloth() -> Cloth {
-    Cloth {
-        topology: Topology::new(4, &[[0, 2, 1], [1, 2, 3]]).unwrap(),
-        rest_positions: CORNERS.to_vec(),
-        material_coordinates: CORNERS.map(|p| Vec2::new(p.z, p.y)).to_vec(),
-        vertex_mass: vec![0.1; 4],
-        face_area: vec![0.5; 2],
-        handles: Handles::new(&[0, 1], 4).unwrap(),
+/// Asks for a scene.
+pub(crate) fn order(scene: &str) -> Order {
+    Order {
+        scene: scene.to_owned(),
+        mesh: None,
+        material: None,
+        model: String::new(),
     }
 }
 

@@ -270,6 +270,32 @@ impl TrainConfig {
         }
     }
 
+    /// The whole course of this training in `steps` steps: its schedules shrunk or stretched in proportion,
+    /// to the nearest step.
+    ///
+    /// # Errors
+    /// [`InvalidConfig`] where so few steps leave no room between two that have to follow each other, or
+    /// so many are too many.
+    pub fn scaled_to(&self, steps: u64) -> Result<Self, InvalidConfig> {
+        let mut cfg = self.clone();
+        let unroll = cfg.unroll.steps().into_iter();
+        let truth = cfg.scheduled_sampling.truth.steps();
+        for step in cfg
+            .learning_rate
+            .steps()
+            .into_iter()
+            .chain(truth)
+            .chain(unroll)
+        {
+            let exact = u128::from(*step) * u128::from(steps);
+            let of = u128::from(self.steps.max(1));
+            *step = u64::try_from((exact + of / 2) / of).unwrap_or(u64::MAX);
+        }
+        cfg.steps = steps;
+        cfg.validate()?;
+        Ok(cfg)
+    }
+
     /// Checks every value.
     ///
     /// # Errors

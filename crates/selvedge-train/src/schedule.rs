@@ -106,6 +106,14 @@ impl UnrollFrames {
         }
     }
 
+    /// The steps at which something changes.
+    pub(crate) fn steps(&mut self) -> Vec<&mut u64> {
+        match self {
+            Self::Constant { .. } => vec![],
+            Self::Growing { start, end, .. } => vec![start, end],
+        }
+    }
+
     /// The largest number.
     #[must_use]
     pub fn most(&self) -> usize {
@@ -173,6 +181,15 @@ impl LearningRate {
         }
     }
 
+    /// The steps at which something changes.
+    pub(crate) fn steps(&mut self) -> Vec<&mut u64> {
+        match self {
+            Self::Constant { .. } => vec![],
+            Self::Drop { at, .. } => vec![at],
+            Self::Cosine { warmup, end, .. } => vec![warmup, end],
+        }
+    }
+
     /// The rate of step `step`, counted from 0 `[eq:learning-rate]`. Cosine: for `step` < warmup
     /// from (step + 1) / (warmup + 1); then
     /// to + (from - to) (1 + cos(π (step - warmup) / (end - warmup))) / 2; from `end` on, to.
@@ -234,6 +251,14 @@ impl TruthProbability {
             )
         })?;
         within_training("scheduled_sampling.truth", "end", end)
+    }
+
+    /// The steps at which something changes.
+    pub(crate) fn steps(&mut self) -> Vec<&mut u64> {
+        match self {
+            Self::Always {} => vec![],
+            Self::Linear { start, end, .. } => vec![start, end],
+        }
     }
 
     /// The probability at step `step`, counted from 0 `[eq:scheduled-sampling]`:

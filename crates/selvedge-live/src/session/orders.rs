@@ -75,15 +75,7 @@ impl OrderReceiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn order(scene: &str) -> Order {
-        Order {
-            scene: scene.to_owned(),
-            mesh: None,
-            material: None,
-            model: String::new(),
-        }
-    }
+    use crate::test_bench::order;
 
     #[test]
     fn only_the_latest_order_waits() {

@@ -7,16 +7,8 @@ use serde_json::Value;
 
 use super::*;
 use crate::protocol::{Command, Drag};
-use crate::test_bench::{CORNERS, FALL, PACE, TestBench};
-
-fn order(scene: &str) -> Order {
-    Order {
-        scene: scene.to_owned(),
-        mesh: None,
-        material: None,
-        model: String::new(),
-    }
-}
+use crate::test_bench::{FALL, PACE, TestBench, order};
+use crate::test_cloth::CORNERS;
 
 fn opening(scene: &str, mover: Mover) -> Opening {
     Opening {
@@ -201,8 +193,11 @@ fn a_vertex_that_is_not_there_ends_nothing() {
     ask(&mut session, Command::Hold { vertices });
     assert_told(&session, "vertex 9");
     drag(&mut session, &[(9, DVec3::X)]);
-    assert!(session.following.is_some());
-    assert!(session.recorder.take().is_some());
+    session.advance();
+    let following = session.following.as_ref().map(Following::state);
+    assert_eq!(following.map(|state| state.frame), Some(2));
+    let recorder = session.recorder.take().map(|recorder| recorder.state());
+    assert_eq!(recorder.map(|state| state.frames), Some(3));
 }
 
 /// Never has the scene "slow" ready; says that it has begun with it.

@@ -26,6 +26,9 @@ pub(crate) struct Study {
     pub(super) data: BTreeMap<String, DataSource>,
     /// Where trainings end that do not say it themselves.
     budget: Option<Budget>,
+    /// Whether the schedules of a configuration are shrunk or stretched from its own steps to its budget.
+    #[serde(default)]
+    pub(super) scale_schedules: bool,
     /// Values that are changed in every training, before its own.
     #[serde(default)]
     set: Vec<String>,
@@ -264,7 +267,17 @@ impl Study {
         };
         let shown = Path::new(&entry.config);
         let set: Result<Vec<Setting>, _> = self.settings(entry).map(|text| text.parse()).collect();
-        Ok(TrainConfig::parse_with(&text, shown, &set.context("set")?)?)
+        let cfg = TrainConfig::parse_with(&text, shown, &set.context("set")?)?;
+        if !self.scale_schedules {
+            return Ok(cfg);
+        }
+        let Budget::Steps(steps) = self.budget(entry)? else {
+            bail!(
+                "scale_schedules: a budget in time has no steps to scale to: give {{ steps = 1000 }}"
+            )
+        };
+        let scaled = cfg.scaled_to(steps);
+        scaled.with_context(|| format!("scaled from {} steps to the budget of {steps}", cfg.steps))
     }
 
     /// Values of its configuration that are changed for `entry`.

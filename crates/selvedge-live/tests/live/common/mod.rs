@@ -1,13 +1,13 @@
 //! A session of a cloth that anyone can predict, served to a client that speaks the wire by hand.
 //!
-//! The cloth is two triangles; each step its free vertices go where the mean of the handles has gone.
+//! Each step the free vertices go where the mean of the handles has gone.
 
 use std::net::{SocketAddr, TcpStream};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{
     Environment, HandlePath, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
 };
@@ -21,23 +21,11 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::http::Request;
 use tungstenite::{Message, WebSocket};
 
-pub(crate) const CORNERS: [Vec3; 4] = [
-    Vec3::ZERO,
-    Vec3::new(0.0, 0.0, 1.0),
-    Vec3::new(0.0, -1.0, 0.0),
-    Vec3::new(0.0, -1.0, 1.0),
-];
+#[path = "../../../src/test_cloth.rs"]
+mod test_cloth;
 
-fn cloth() -> Cloth {
-    Cloth {
-        topology: Topology::new(4, &[[0, 2, 1], [1, 2, 3]]).unwrap(),
-        rest_positions: CORNERS.to_vec(),
-        material_coordinates: CORNERS.map(|p| Vec2::new(p.z, p.y)).to_vec(),
-        vertex_mass: vec![0.1; 4],
-        face_area: vec![0.5; 2],
-        handles: Handles::new(&[0, 1], 4).unwrap(),
-    }
-}
+pub(crate) use test_cloth::CORNERS;
+use test_cloth::cloth;
 
 /// Free vertices follow the mean of the handles.
 struct Follower {

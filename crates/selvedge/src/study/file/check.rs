@@ -51,6 +51,11 @@ impl Study {
         let Some(after) = &entry.after else {
             return Ok(());
         };
+        if self.scale_schedules {
+            bail!(
+                "after: with scale_schedules every training is a whole one: leave one of the two out"
+            );
+        }
         let Some(before) = before.iter().find(|entry| entry.name == *after) else {
             bail!("after: no training before this one is called {after:?}")
         };
