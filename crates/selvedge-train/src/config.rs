@@ -278,15 +278,10 @@ impl TrainConfig {
     /// so many are too many.
     pub fn scaled_to(&self, steps: u64) -> Result<Self, InvalidConfig> {
         let mut cfg = self.clone();
-        let unroll = cfg.unroll.steps().into_iter();
-        let truth = cfg.scheduled_sampling.truth.steps();
-        for step in cfg
-            .learning_rate
-            .steps()
-            .into_iter()
-            .chain(truth)
-            .chain(unroll)
-        {
+        let mut changes = cfg.learning_rate.steps();
+        changes.extend(cfg.scheduled_sampling.truth.steps());
+        changes.extend(cfg.unroll.steps());
+        for step in changes {
             let exact = u128::from(*step) * u128::from(steps);
             let of = u128::from(self.steps.max(1));
             *step = u64::try_from((exact + of / 2) / of).unwrap_or(u64::MAX);

@@ -289,3 +289,24 @@ fn a_writer_that_fails_is_an_error() {
     let message = end.unwrap_err().to_string();
     assert_eq!(message, "the GIF clip could not be written: disk full");
 }
+
+#[test]
+fn a_run_whose_frames_hardly_pass_makes_no_clip() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frame = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    for rate in [1e-9, 1e-17, 1e-300] {
+        let run = Run::new(&topology, [&frame[..]; 2], &[], rate).unwrap();
+        let panel = Panel {
+            label: "",
+            run: &run,
+            colouring: Colouring::Plain,
+        };
+        let settings = ClipSettings::default();
+        let end = write_clip(&mut Vec::new(), "", &[panel], &settings, &mut |_| {
+            ControlFlow::Continue(())
+        });
+        let message = end.unwrap_err().to_string();
+        let expected = "the clip must be of at most 1000000 pictures";
+        assert!(message.starts_with(expected), "{message}");
+    }
+}

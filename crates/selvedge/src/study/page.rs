@@ -114,11 +114,9 @@ fn models(study: &Study, trained: &[Record]) -> anyhow::Result<String> {
     for (entry, record) in study.train.iter().zip(trained) {
         let mut what = vec![entry.config.clone()];
         what.extend(study.settings(entry).cloned());
-        what.extend(
-            study
-                .scale_schedules
-                .then(|| "scaled to its budget".to_owned()),
-        );
+        if study.scale_schedules {
+            what.push("scaled to its budget".to_owned());
+        }
         what.extend(entry.after.iter().map(|before| format!("after {before}")));
         rows.push(vec![
             entry.name.clone(),
