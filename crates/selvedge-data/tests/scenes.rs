@@ -187,6 +187,22 @@ fn mistakes_are_errors_that_name_file_and_field() {
             "motion.recorded: no.csv: could not",
         ),
         ("name = \"s\"", "", "missing field `name`"),
+        (
+            "label = \"upper-corners\"",
+            "label = \"upper-corners\", vertices = [3]",
+            "which vertices are handles in exactly one way: vertices, label, box or groups",
+        ),
+        ("label = \"upper-corners\"", "", "in exactly one way"),
+        (
+            "label = \"upper-corners\"",
+            "label = \"upper-corners\", released = [{ from = 1.0 }]",
+            "released belongs to a group: groups = [{",
+        ),
+        (
+            "label = \"upper-corners\"",
+            "lable = \"upper-corners\"",
+            "unknown field `lable`",
+        ),
     ];
     for (from, to, expected) in cases {
         let error = edited(from, to).unwrap_err();

@@ -7,12 +7,13 @@ use glam::DVec3;
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{HandleSchedule, Release};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::file::{SceneProblem, field};
 
 /// Which vertices are held: exactly one way to say so.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(try_from = "SelectionTable")]
 pub enum HandleSelection {
     /// By number, from 0; the order is that of the handles.
     Vertices(Vec<u32>),
@@ -27,6 +28,51 @@ pub enum HandleSelection {
     },
     /// Groups, one after another.
     Groups(Vec<HandleGroup>),
+}
+
+/// As it stands in a file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SelectionTable {
+    vertices: Option<Vec<u32>>,
+    label: Option<String>,
+    r#box: Option<BoxTable>,
+    groups: Option<Vec<HandleGroup>>,
+    /// Only groups have it, but people write it here.
+    released: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoxTable {
+    min: DVec3,
+    max: DVec3,
+}
+
+impl TryFrom<SelectionTable> for HandleSelection {
+    type Error = &'static str;
+
+    fn try_from(table: SelectionTable) -> Result<Self, Self::Error> {
+        if table.released.is_some() {
+            return Err(
+                "released belongs to a group: groups = [{ name = \"all\", select = { label = \"…\" }, released = […] }]",
+            );
+        }
+        let within = |BoxTable { min, max }| Self::Box { min, max };
+        let ways = [
+            table.vertices.map(Self::Vertices),
+            table.label.map(Self::Label),
+            table.r#box.map(within),
+            table.groups.map(Self::Groups),
+        ];
+        let mut said = ways.into_iter().flatten();
+        match (said.next(), said.next()) {
+            (Some(only), None) => Ok(only),
+            _ => Err(
+                "say which vertices are handles in exactly one way: vertices, label, box or groups",
+            ),
+        }
+    }
 }
 
 /// Handles that have a name.

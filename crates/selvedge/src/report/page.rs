@@ -53,14 +53,31 @@ impl Page {
         self.times.push_str(&format!("\n{}\n", text.trim()));
     }
 
-    /// Shows a plot, where there is one, which goes to `file` (.svg), and beside it as .png.
+    /// Shows a plot, where there is one, which goes to `file` (.svg), with a number where another has that
+    /// name, and beside it as .png.
     pub(crate) fn plot(&mut self, file: &str, alternative: &str, plot: Option<Plot>) {
         if let Some(plot) = plot {
-            self.say(&format!("![{alternative}]({file})"));
-            let stem = file.strip_suffix(".svg").unwrap_or(file);
+            let stem = self.free_stem(file.strip_suffix(".svg").unwrap_or(file));
+            self.say(&format!("![{alternative}]({stem}.svg)"));
             self.report.add(format!("{stem}.png"), plot.png);
-            self.report.add(file, plot.svg);
+            self.report.add(format!("{stem}.svg"), plot.svg);
         }
+    }
+
+    /// `stem`, or with the first number that no plot has, in capitals or not.
+    fn free_stem(&self, stem: &str) -> String {
+        let is_taken = |stem: &String| {
+            let file = format!("{stem}.svg");
+            let mut files = self.report.files.iter();
+            files.any(|(name, _)| name.to_lowercase() == file.to_lowercase())
+        };
+        let mut own = stem.to_owned();
+        let mut number = 1;
+        while is_taken(&own) {
+            number += 1;
+            own = format!("{stem}-{number}");
+        }
+        own
     }
 
     /// The report with all numbers of `contest` and `timings`. The page is written last, when all

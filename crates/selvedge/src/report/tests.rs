@@ -163,22 +163,34 @@ fn errors_by_cost_need_the_physics_and_a_time() {
     assert!(!plot.svg.contains("b|c") && !plot.svg.contains("truth"));
 }
 
+/// Writes the report of `rows` into `folder`, and says where its files are.
+fn write_report(rows: &[Row], folder: &Path) -> Vec<PathBuf> {
+    let contest = Contest::of(rows);
+    let heading = Heading {
+        title: "t",
+        note: "",
+        models: Vec::new(),
+    };
+    let page = evaluation_page(heading, &contest).unwrap();
+    let report = page.finish(&contest, &[]).unwrap();
+    report.write(folder).unwrap()
+}
+
+/// The files that the page in `folder` links to.
+fn links(folder: &Path) -> Vec<String> {
+    let page = std::fs::read_to_string(folder.join("report.md")).unwrap();
+    let links = page.split("](").skip(1);
+    links
+        .map(|link| link.split(')').next().unwrap().to_owned())
+        .collect()
+}
+
 #[test]
 fn a_report_of_the_same_rows_has_the_same_bytes() {
     let rows = rows();
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str| {
-        let contest = Contest::of(&rows);
-        let heading = Heading {
-            title: "t",
-            note: "",
-            models: Vec::new(),
-        };
-        let report = evaluation_page(heading, &contest)
-            .unwrap()
-            .finish(&contest, &[])
-            .unwrap();
-        let files = report.write(&folder.path().join(name)).unwrap();
+        let files = write_report(&rows, &folder.path().join(name));
         assert_eq!(files.last().unwrap().file_name().unwrap(), "report.md");
         files
             .iter()
@@ -186,9 +198,25 @@ fn a_report_of_the_same_rows_has_the_same_bytes() {
             .collect::<Vec<_>>()
     };
     assert_eq!(write("one"), write("two"));
-    let page = std::fs::read_to_string(folder.path().join("one/report.md")).unwrap();
-    for link in page.split("](").skip(1) {
-        let file = link.split(')').next().unwrap();
-        assert!(folder.path().join("one").join(file).is_file(), "{file}");
+    let one = folder.path().join("one");
+    for file in links(&one) {
+        assert!(one.join(&file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn plots_whose_names_come_out_alike_have_files_of_their_own() {
+    let rows = ["to and", "to-and", "To.and"].map(|motion| row("a", Who::Model, motion, 0.01));
+    let folder = tempfile::tempdir().unwrap();
+    write_report(&rows, folder.path());
+    let links = links(folder.path());
+    let own = [
+        "time-d-to-and.svg",
+        "time-d-to-and-2.svg",
+        "time-d-To-and-3.svg",
+    ];
+    for file in own.map(str::to_owned) {
+        assert!(links.contains(&file), "{file}: {links:?}");
+        assert!(folder.path().join(&file).is_file(), "{file}");
     }
 }
