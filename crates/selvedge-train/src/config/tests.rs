@@ -71,10 +71,15 @@ fn a_shrunk_training_goes_through_the_same_in_fewer_steps() {
     };
     let drop = whole.scaled_to(500).expect("room enough").learning_rate;
     assert_eq!((drop.at(250), drop.at(251)), (1e-3, 1e-4));
+    whole.scheduled_sampling.truth = TruthProbability::Linear {
+        start: 300,
+        end: 400,
+        probability: 0.2,
+    };
     let error = whole.scaled_to(1).expect_err("no room").to_string();
     assert_eq!(
         error,
-        "scheduled_sampling.truth.end must be after its start 0, found 1"
+        "scheduled_sampling.truth.end must be after its start 0, found 0"
     );
 }
 
