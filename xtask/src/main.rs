@@ -8,6 +8,7 @@
 )]
 
 mod metadata;
+mod rust;
 mod tidy;
 mod tree;
 
@@ -20,7 +21,8 @@ const HELP: &str = "\
 usage: cargo xtask COMMAND
 
   ci      run every step of .ci/run: tests, format, lints, docs, tidy
-  tidy    check dependencies, file sizes, openings, equation labels, marks, cards and documents
+  tidy    check dependencies, circles, signatures, sizes, openings, prose, equation labels, marks,
+          cards and documents
   help    print this text";
 
 fn main() -> ExitCode {

@@ -1,7 +1,7 @@
 //! Every model that is handed out has a card beside it that says where it comes from and what it
 //! cannot do; and what the repository carries along stays small enough to clone.
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::Tree;
 
 /// What a card has a heading for, at the least.

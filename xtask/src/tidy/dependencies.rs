@@ -3,11 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::Violation;
+use super::violation::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 19] = [
+const FORBIDDEN: [(&str, &str); 17] = [
     ("selvedge-sim", "selvedge-model"),
     ("selvedge-model", "selvedge-sim"),
     ("selvedge-sim", "selvedge-data"),
@@ -25,8 +25,6 @@ const FORBIDDEN: [(&str, &str); 19] = [
     ("selvedge-gpu", "selvedge-sim"),
     ("selvedge-view", "selvedge-gpu"),
     ("selvedge-live", "selvedge-gpu"),
-    ("selvedge-model", "cudarc"),
-    ("selvedge-train", "cudarc"),
 ];
 
 /// Pairs that not even a test may join.
@@ -40,6 +38,10 @@ const NOUNS: &str = "selvedge-cloth";
 
 /// The command line, on which nothing depends.
 const COMMAND_LINE: &str = "selvedge";
+
+/// The binding of CUDA, and the members that may reach it: the engine, and its users above.
+const CUDA: &str = "cudarc";
+const KNOW_CUDA: [&str; 3] = ["selvedge", "selvedge-gpu", "selvedge-lab"];
 
 /// The runtime that others embed, and what it must do without.
 const RUNTIME: &str = "selvedge-model";
@@ -64,6 +66,9 @@ pub(crate) fn check(graph: &Graph) -> Vec<Violation> {
         }
         if member != NOUNS {
             pairs.push((NOUNS, member));
+        }
+        if !KNOW_CUDA.contains(&member) {
+            pairs.push((member, CUDA));
         }
     }
     pairs.extend(TENSOR_FRAMEWORKS.map(|framework| (RUNTIME, framework)));
@@ -200,6 +205,12 @@ mod tests {
         let normal = [("selvedge-model", "gemm"), ("gemm", "ndarray")];
         assert_eq!(check_of(&normal, &[]).len(), 1);
         assert!(check_of(&[("selvedge-train", "ndarray")], &[]).is_empty());
+    }
+
+    #[test]
+    fn only_the_engine_and_its_users_reach_cuda() {
+        assert_eq!(check_of(&[("selvedge-data", "cudarc")], &[]).len(), 1);
+        assert!(check_of(&[("selvedge", "gpu"), ("gpu", "cudarc")], &[]).is_empty());
     }
 
     #[test]

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::Tree;
 
 const DOCUMENT: &str = "docs/equations.md";

@@ -4,7 +4,7 @@
 //! Manifests are read by line: in this repository a member's dependency is always `name.workspace`,
 //! in a table of its own. Code names a dependency by its name with `_` for `-`, as a word.
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::{TextFile, Tree};
 
 const ROOT: &str = "Cargo.toml";

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::{TextFile, Tree};
 
 const MAP: &str = "ARCHITECTURE.md";

@@ -3,7 +3,7 @@
 //!
 //! The patterns are put together from parts, so that this file does not contain them.
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::Tree;
 
 /// A piece of text that must not occur where it would stand as a word of its own.
@@ -27,8 +27,8 @@ const PLACEHOLDERS: [Mark; 4] = [
         remedy: "remove it",
     },
     Mark {
-        text: concat!("#[", "ignore"),
-        remedy: "mend the test, or delete it",
+        text: concat!("#[", "ignore]"),
+        remedy: "give the reason, as in ignore = \"needs a GPU\"",
     },
 ];
 

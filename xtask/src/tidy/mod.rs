@@ -5,57 +5,27 @@
 //! at its first violation.
 
 mod cards;
+mod circles;
 mod dependencies;
 mod equations;
 mod manifests;
 mod map;
 mod marks;
 mod page;
+mod prose;
+mod signatures;
 mod sizes;
+mod violation;
 
-use std::fmt;
 use std::path::Path;
 
 use anyhow::{Result, bail};
 
 use crate::metadata::{self, Graph};
+use crate::rust;
 use crate::tree::Tree;
 
-/// A broken promise.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Violation {
-    path: String,
-    /// Counted from 1; 0 when the file as a whole is meant.
-    line: usize,
-    what: String,
-    remedy: String,
-}
-
-impl Violation {
-    fn new(path: &str, line: usize, what: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self {
-            path: path.to_owned(),
-            line,
-            what: what.into(),
-            remedy: remedy.into(),
-        }
-    }
-}
-
-impl fmt::Display for Violation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            path,
-            line,
-            what,
-            remedy,
-        } = self;
-        match line {
-            0 => write!(f, "{path}: {what}: {remedy}"),
-            _ => write!(f, "{path}:{line}: {what}: {remedy}"),
-        }
-    }
-}
+use violation::Violation;
 
 /// Runs every check on the workspace of the current directory.
 ///
@@ -92,6 +62,15 @@ fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     all.extend(cards::check(tree));
     all.extend(page::check(tree));
     all.extend(map::check(tree, &graph.members));
+    all.extend(prose::check(tree));
+    let (files, refused) = rust::parse(tree);
+    all.extend(
+        refused.iter().map(|(path, why)| {
+            Violation::new(path, 0, format!("does not parse: {why}"), "mend it")
+        }),
+    );
+    all.extend(signatures::check(&files));
+    all.extend(circles::check(&files));
     all.sort();
     all
 }

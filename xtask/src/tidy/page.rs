@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::Tree;
 
 const NOTES: &str = "crates/selvedge-live/page/sources.txt";

@@ -1,7 +1,7 @@
 //! Every Rust file is short enough to be read in one go and opens with a paragraph that says what
 //! it is.
 
-use super::Violation;
+use super::violation::Violation;
 use crate::tree::{TextFile, Tree};
 
 /// No file is longer than this (in lines).
