@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
 
 use super::{DatasetIndex, Entry, Split};
-use crate::sections::{SAMPLE_FRAMES, Section};
+use crate::dataset::sections::{SAMPLE_FRAMES, Section};
 
 /// Says what is wrong with the index of the data set in `folder`.
 pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {

@@ -18,7 +18,7 @@ use glam::Vec3;
 use super::glb_json::{self, Layout};
 use super::take::extent;
 use super::{ExportError, Pulse, Take, check_size};
-use crate::atomic::write_atomically;
+use crate::formats::atomic::write_atomically;
 
 const MAGIC: u32 = 0x4654_6c67;
 const VERSION: u32 = 2;

@@ -25,7 +25,7 @@ pub use self::npz::NpzTrajectoryError;
 pub(crate) use self::npz::handle_positions;
 pub use self::take::{FrameSpan, FrameSpanError, Take};
 use crate::UpAxis;
-use crate::atomic::WriteError;
+use crate::formats::atomic::WriteError;
 use crate::trajectory::Trajectory;
 
 /// A format that trajectories are written in.

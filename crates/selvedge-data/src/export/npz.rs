@@ -24,9 +24,9 @@ use thiserror::Error;
 
 use super::{ExportError, Pulse, Take, check_size};
 use crate::UpAxis;
-use crate::atomic::write_atomically;
-use crate::npy::{Array, NpyError};
-use crate::npz::{EntryOut, Npz, NpzError, archive_bytes, write_archive};
+use crate::formats::atomic::write_atomically;
+use crate::formats::npy::{Array, NpyError};
+use crate::formats::npz::{EntryOut, Npz, NpzError, archive_bytes, write_archive};
 use crate::trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
 
 /// Why an archive is no trajectory, or no motion of handles.

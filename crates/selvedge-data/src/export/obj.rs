@@ -6,8 +6,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::{ExportError, Pulse, Take};
-use crate::atomic::{WriteError, write_folder_atomically};
-use crate::obj::{ObjFrame, write_obj_frame};
+use crate::formats::atomic::{WriteError, write_folder_atomically};
+use crate::formats::obj::{ObjFrame, write_obj_frame};
 
 /// Writes the only frame.
 pub(super) fn write_one(

@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::{ExportError, Pulse, Take, obj};
-use crate::atomic::write_atomically;
+use crate::formats::atomic::write_atomically;
 
 const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
 const HEADER_LENGTH: u64 = 32;

@@ -17,7 +17,7 @@ use glam::Vec3;
 use super::take::extent;
 use super::{ExportError, Pulse, Take};
 use crate::UpAxis;
-use crate::atomic::write_atomically;
+use crate::formats::atomic::write_atomically;
 
 /// The colour of the cloth in viewers that show no materials: the front of our pictures.
 const COLOUR: &str = "(0.08, 0.13, 0.4)";

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::{ForeignError, ForeignProblem};
-use crate::npy;
+use crate::formats::npy;
 
 /// Numbers and their shape.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,8 +7,8 @@ use glam::DVec3;
 use selvedge_cloth::{HandleError, MeshError};
 use thiserror::Error;
 
-use crate::npy::NpyError;
-use crate::obj::ReadObjError;
+use crate::formats::npy::NpyError;
+use crate::formats::obj::ReadObjError;
 use crate::trajectory::TrajectoryError;
 
 /// Foreign data that cannot be imported.

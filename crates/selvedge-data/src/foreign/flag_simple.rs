@@ -20,7 +20,7 @@ use super::example::{Example, Feature, decode};
 use super::options::{ForeignFormat, ImportOptions, RestSource, positive, refuse};
 use super::tfrecord::{self, RecordPlace};
 use crate::UpAxis;
-use crate::obj::read_obj;
+use crate::formats::obj::read_obj;
 
 pub(super) const META: &str = "meta.json";
 const FREE: i32 = 0;

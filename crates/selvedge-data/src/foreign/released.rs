@@ -14,7 +14,7 @@ use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::META;
 use super::options::{ForeignFormat, ImportOptions, positive, refuse};
 use crate::UpAxis;
-use crate::obj::{read_obj, read_obj_positions};
+use crate::formats::obj::{read_obj, read_obj_positions};
 
 pub(super) const POSITIONS: &str = "cloth_pos.npy";
 /// Frames per second of the paper (section 3).
@@ -97,7 +97,7 @@ impl Released {
 
     /// Rest positions and material coordinates.
     fn rest(&self, path: &Path) -> Result<(Vec<DVec3>, Vec<DVec2>), ForeignError> {
-        let obj = |problem: crate::obj::ReadObjError| ForeignError {
+        let obj = |problem: crate::formats::obj::ReadObjError| ForeignError {
             path: problem.path.clone(),
             problem: ForeignProblem::Layout(problem.source.to_string()),
         };

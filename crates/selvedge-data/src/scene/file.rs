@@ -30,8 +30,8 @@ use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
 use super::start::StartFile;
 use super::strained;
-use crate::obj::{ObjOptions, Seams, TextureUnit};
-use crate::state_file::SavedState;
+use crate::formats::obj::{ObjOptions, Seams, TextureUnit};
+use crate::trajectory::state_file::SavedState;
 
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -328,7 +328,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, SceneProblem> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::npz::tests::{archive, floats};
+    use crate::formats::npz::tests::{archive, floats};
 
     #[test]
     fn a_scene_knows_every_file_that_it_was_read_from() {

@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::dataset::hash;
-use crate::obj::{ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj_bytes};
+use crate::formats::obj::{
+    ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj_bytes,
+};
 
 /// A mesh, resolved: the same spec makes the same mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

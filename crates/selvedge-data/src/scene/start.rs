@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::file::{SceneProblem, field};
-use crate::state_file::{SavedState, StateChoice, StateSpec};
+use crate::trajectory::state_file::{SavedState, StateChoice, StateSpec};
 
 /// Where a run starts, resolved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

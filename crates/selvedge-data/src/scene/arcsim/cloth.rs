@@ -12,7 +12,7 @@ use super::super::material_source::shipped_material;
 use super::super::mesh_spec::{MeshSource, MeshSpec, Rotate, Transform};
 use super::object::{Object, numbers, parse_json};
 use super::{Parts, SceneProblem, find_file};
-use crate::obj::ObjOptions;
+use crate::formats::obj::ObjOptions;
 
 /// What a material can be multiplied by; its mass per area `[kg/m²]`; its damping `[s]`.
 const FACTORS: RangeInclusive<f64> = 1e-6..=1e6;

@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 use crate::dataset::Split;
-use crate::sections::Section;
+use crate::dataset::sections::Section;
 
 /// What a preset will make.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -15,10 +15,10 @@ use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::atomic::WriteError;
 use crate::dataset::hash;
-use crate::npz::{Npz, NpzError};
-use crate::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::formats::atomic::WriteError;
+use crate::formats::npz::{Npz, NpzError};
+use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
 
 /// A state to go on from.

@@ -11,6 +11,7 @@ use thiserror::Error;
 
 use crate::Frames;
 
+pub(crate) mod distribution;
 mod over_time;
 
 pub use over_time::{

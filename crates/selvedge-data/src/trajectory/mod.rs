@@ -2,17 +2,23 @@
 //! change, checked once in [`Trajectory::new`].
 //!
 //! Positions are world coordinates `[m]` in `f32`, one row of vertices per frame; frame 0 is the
-//! start. The file format is in `trajectory_file`; [`Playback`] makes a trajectory a [`Stepper`].
+//! start. The file format is in `trajectory/file.rs`; [`Playback`] makes a trajectory a [`Stepper`].
 //!
 //! [`Stepper`]: selvedge_cloth::Stepper
 //! [`Playback`]: crate::Playback
+
+pub(crate) mod file;
+pub(crate) mod frames;
+pub(crate) mod playback;
+pub(crate) mod record;
+pub(crate) mod state_file;
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{FaceId, Handles, Mesh, MeshError, Scene, Topology, VertexId};
 use serde_json::Value;
 use thiserror::Error;
 
-use crate::frames::Frames;
+use crate::trajectory::frames::Frames;
 
 /// What does not change over a trajectory.
 #[derive(Clone, Debug, PartialEq)]

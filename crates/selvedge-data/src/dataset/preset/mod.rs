@@ -47,12 +47,12 @@ pub use self::cloths::NamedCloth;
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
 pub use self::forecast::{Forecast, PlannedRun};
 use crate::dataset::Split;
-use crate::dataset_writer::DatasetPlan;
+use crate::dataset::sections::SectionRule;
+use crate::dataset::writer::DatasetPlan;
 use crate::scene::{
     LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
     SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
 };
-use crate::sections::SectionRule;
 
 /// The most motions that are drawn at random.
 const MOST_RANDOM: u32 = 100_000;

@@ -16,8 +16,8 @@ use safetensors::{SafeTensorError, SafeTensors};
 use selvedge_cloth::{HandleError, Handles, Topology, TopologyError};
 use thiserror::Error;
 
-use crate::atomic::WriteError;
-use crate::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::formats::atomic::WriteError;
+use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";

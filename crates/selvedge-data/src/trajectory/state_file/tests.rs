@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::*;
-use crate::npz::tests::{archive, floats, npy};
+use crate::formats::npz::tests::{archive, floats, npy};
 
 fn provenance() -> Provenance {
     Provenance {

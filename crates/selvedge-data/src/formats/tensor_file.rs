@@ -12,7 +12,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use crate::atomic::{WriteError, write_atomically};
+use crate::formats::atomic::{WriteError, write_atomically};
 
 /// A tensor to be written.
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use selvedge_cloth::Topology;
 
-use crate::atomic::{WriteError, write_atomically};
+use crate::formats::atomic::{WriteError, write_atomically};
 
 /// What is written of a cloth.
 pub(crate) struct ObjFrame<'a> {

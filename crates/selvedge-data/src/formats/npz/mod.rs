@@ -8,7 +8,7 @@ mod write;
 
 use thiserror::Error;
 
-use crate::npy::{Array, NpyError};
+use crate::formats::npy::{Array, NpyError};
 
 pub(crate) use self::write::{EntryOut, archive_bytes, write_archive};
 

@@ -8,6 +8,9 @@
 //! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
 
 pub(crate) mod check;
+pub(crate) mod preset;
+pub(crate) mod sections;
+pub(crate) mod writer;
 
 use std::path::{Path, PathBuf};
 
@@ -16,11 +19,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
 
-use crate::atomic::WriteError;
+use crate::dataset::sections::{Sample, Section, SectionError};
+use crate::formats::atomic::WriteError;
 use crate::metrics::{MetricError, mean_edge_length, speeds};
-use crate::sections::{Sample, Section, SectionError};
 use crate::trajectory::Trajectory;
-use crate::trajectory_file::{ReadTrajectoryError, TrajectoryFileError};
+use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 
 pub(crate) const INDEX: &str = "index.json";
 pub(crate) const FORMAT: &str = "selvedge-dataset";

@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::atomic::write_atomically;
 use crate::dataset::check::{check_names, file_of, folder_of};
+use crate::dataset::preset::DatasetConfig;
+use crate::dataset::sections::{Section, SectionError, SectionRule};
 use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
     VERSION, read_checked, read_index, read_json,
 };
-use crate::preset::DatasetConfig;
-use crate::sections::{Section, SectionError, SectionRule};
+use crate::formats::atomic::write_atomically;
 use crate::trajectory::Trajectory;
 
 const PARTIAL: &str = "index.partial.json";
