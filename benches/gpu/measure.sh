@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Everything that docs/gpu.md and docs/benchmarks.md want to know of a GPU, in one go, as Markdown on
+# Everything that docs/src/guides/gpu.md and docs/src/benchmarks.md want to know of a GPU, in one go, as Markdown on
 # standard output:
 #
 #     benches/gpu/measure.sh > gpu.md

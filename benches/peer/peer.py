@@ -1,6 +1,6 @@
 """The networks of Selvedge in PyTorch, for `selvedge bench engine --against "python benches/peer/peer.py"`.
 
-The network is docs/python/selvedge_network.py, plain PyTorch with PyTorch's own kernels. This program reads one line
+The network is docs/src/python/selvedge_network.py, plain PyTorch with PyTorch's own kernels. This program reads one line
 of JSON (spec, vertices, node_width, edge_width, senders, receivers, threads), answers "ready", and then runs what each
 line asks for: "frame", a forward pass without gradients, or "step", a forward pass, the mean square error of the
 output, a backward pass and Adam. It answers with the milliseconds that it took.

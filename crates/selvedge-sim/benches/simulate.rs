@@ -1,5 +1,5 @@
 //! Times the simulator on a square of gray interlock whose two upper corners move forward, from the
-//! first move on: a table row per run, for `docs/benchmarks.md`.
+//! first move on: a table row per run, for `docs/src/benchmarks.md`.
 //!
 //! `cargo bench -p selvedge-sim --bench simulate -- [KEY=VALUE ...]` with `vertices` (1024), `size`
 //! of the square's side in m (1), `frames` that count (60; half as many before them do not),

@@ -1,4 +1,4 @@
-//! What the choices of the physics do to a motion: the table of `docs/simulator.md`.
+//! What the choices of the physics do to a motion: the table of `docs/src/concepts/physics.md`.
 //!
 //! `cargo run --release -p selvedge-sim --example choices`. A square of gray interlock with 289
 //! vertices, held by two corners, starts in its rest pose and is moved diagonally for 90 frames. Each

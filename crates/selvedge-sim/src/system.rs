@@ -27,7 +27,7 @@ use crate::threads::Threads;
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 
 /// Vertices from which the automatic choice is conjugate gradients. They are quicker at any size
-/// (`docs/simulator.md`); a small cloth is solved exactly all the same, because closed forms are tested
+/// (`docs/src/concepts/physics.md`); a small cloth is solved exactly all the same, because closed forms are tested
 /// on it to the last digits, and so that data sets made of it stay what they are.
 const ITERATIVE_FROM: usize = 600;
 

@@ -1,5 +1,5 @@
 //! Equation labels: a label in square brackets in a doc comment (and in backticks, or rustdoc takes
-//! it for a link), and a section of its own in `docs/equations.md` that gives the formula, its
+//! it for a link), and a section of its own in `docs/src/reference/equations.md` that gives the formula, its
 //! source and its files. The two must agree.
 //!
 //! A section opens with a heading of level three that begins with the label, and ends at the next
@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::violation::Violation;
 use crate::tree::Tree;
 
-const DOCUMENT: &str = "docs/equations.md";
+const DOCUMENT: &str = "docs/src/reference/equations.md";
 const OPENING: &str = concat!("[", "eq:");
 
 /// An entry of the document.
@@ -183,7 +183,7 @@ mod tests {
         let only_code = whats("/// EQ:a-a] EQ:b-b]", GOOD);
         assert_eq!(
             only_code,
-            shown_all(&["EQ:b-b] is not in docs/equations.md"])
+            shown_all(&["EQ:b-b] is not in docs/src/reference/equations.md"])
         );
         assert_eq!(whats("", GOOD), shown_all(&["EQ:a-a] is in no code"]));
     }

@@ -11,7 +11,7 @@
 //!
 //! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. A mesh may be
 //! `{ obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
-//! described in docs/scenes.md. A file whose name ends in `.json` is read as a scene of ARCSim.
+//! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of ARCSim.
 
 use std::path::{Path, PathBuf};
 

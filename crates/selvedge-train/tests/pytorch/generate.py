@@ -4,7 +4,7 @@ normalised with, steps of Adam and clipping of a gradient, all by PyTorch in f64
     python generate.py        (needs torch, numpy and safetensors from PyPI)
 
 The cloth, its frames and the prediction are random; what enters as f32 is f32 here too. The losses are written from
-docs/equations.md and differentiated by autograd. Prints how far PyTorch's own f32 is from its f64.
+docs/src/reference/equations.md and differentiated by autograd. Prints how far PyTorch's own f32 is from its f64.
 """
 
 import itertools

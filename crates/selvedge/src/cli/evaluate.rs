@@ -120,7 +120,7 @@ Examples:
   selvedge study table1 --out studies/table1 --device cuda
 
 The folder gets report/ (report.md, plots, numbers), trainings/ (a model each), evaluations/ and
-data/ (the data sets that the study makes). docs/studies.md says how a study is written.")]
+data/ (the data sets that the study makes). docs/src/guides/studies.md says how a study is written.")]
 pub(crate) struct StudyArgs {
     /// A study: a TOML file, or the name of a shipped one.
     pub(crate) study: String,

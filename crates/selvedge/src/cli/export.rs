@@ -21,7 +21,7 @@ Examples:
   selvedge export out/rollout.safetensors --to frames --format png
 
 A .glb has a morph target per frame: long runs are lighter as .usda or .pc2, or with --every.
-docs/export.md says how Blender, Houdini, Unreal and three.js open these files.")]
+docs/src/guides/export.md says how Blender, Houdini, Unreal and three.js open these files.")]
 pub(crate) struct ExportArgs {
     /// The trajectory (.safetensors).
     pub(crate) trajectory: PathBuf,

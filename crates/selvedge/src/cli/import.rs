@@ -18,7 +18,7 @@ Examples:
   selvedge dataset import flag-simple flag_simple --density 0.15 --limit 20 --out data/flag
   selvedge dataset import released runs --handles 0,30 --test test1,test2 --out data/released
 
-docs/data.md says what each format lacks, what is taken by default, and why.")]
+docs/src/guides/data.md says what each format lacks, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
     /// What the data are.
     #[arg(value_enum)]

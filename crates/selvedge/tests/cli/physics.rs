@@ -95,10 +95,10 @@ fn the_rest_pose_is_where_the_cloth_stays() {
     }
 }
 
-/// The first scene of docs/scenes.md, a flag, starts in its rest pose although it flutters.
+/// The first scene of docs/src/guides/scenes.md, a flag, starts in its rest pose although it flutters.
 #[test]
 fn the_first_scene_of_the_docs_runs() {
-    let docs = include_str!("../../../../docs/scenes.md");
+    let docs = include_str!("../../../../docs/src/guides/scenes.md");
     let scene = docs.split("```toml\n").nth(1).unwrap();
     let scene = scene.split("```").next().unwrap();
     assert!(scene.contains("wind"), "{scene}");

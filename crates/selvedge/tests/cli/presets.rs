@@ -1,6 +1,6 @@
 //! The shipped training configurations: each is listed, has the network that its name promises, and
 //! learns. `SELVEDGE_LEARN=all cargo test --release -p selvedge --test cli -- --nocapture learns` trains
-//! each for some hundred steps at reduced size and prints the table of docs/results.md.
+//! each for some hundred steps at reduced size and prints the table of docs/src/results.md.
 
 // What is measured is there to be read.
 #![allow(clippy::print_stdout)]
@@ -63,7 +63,7 @@ fn every_preset_is_listed_with_the_network_that_it_promises() {
         let row = rows.iter().find(|row| row["name"] == name).unwrap();
         assert_eq!(number(row, "/parameters"), parameters as f64, "{name}");
         assert_eq!(preset(name, &[]).name, name);
-        // What docs/equations.md and the paper leave to the preset: the epochs of the paper.
+        // What docs/src/reference/equations.md and the paper leave to the preset: the epochs of the paper.
         let cfg = preset(name, &[]);
         let epoch = 6550 - 42 * (cfg.model.window() as u64 - 1);
         assert_eq!(cfg.steps, 1200 * epoch, "{name}");

@@ -4,7 +4,7 @@
     python rollout_step.py assets/models/small.safetensors out/rollout.safetensors
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next
-one is predicted with features, network and integration written here anew, after docs/equations.md, for whatever the
+one is predicted with features, network and integration written here anew, after docs/src/reference/equations.md, for whatever the
 spec in the model file asks for but streams and coarse levels, and compared with the next frame of the file. Handles are taken from the file: they
 are given.
 """

@@ -1,10 +1,10 @@
 """Opens the exports of one run in other programs' own libraries and compares every vertex with ours.
 
-    python docs/python/check_exports.py out/rollout.safetensors exports
+    python docs/src/python/check_exports.py out/rollout.safetensors exports
 
 The folder has what `selvedge export` made of that run: any of cloth.usda, cloth-z.usda (--up z), cloth.glb,
 cloth.pc2 (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usda (--frames 10.. --every 4).
-docs/export.md has the commands. Needs numpy, and what there is of
+docs/src/guides/export.md has the commands. Needs numpy, and what there is of
 
     bpy        Blender 4.2 as a Python module (Python 3.11)
     usd-core   Pixar's USD
