@@ -17,7 +17,7 @@ import pathlib
 import sys
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "docs" / "python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "docs" / "src" / "python"))
 
 import torch  # noqa: E402
 import torch._dynamo  # noqa: E402
