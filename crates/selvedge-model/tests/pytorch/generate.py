@@ -14,7 +14,7 @@ from safetensors.torch import save_file
 from torch import nn
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.append(str(HERE.parents[3] / "docs" / "python"))
+sys.path.append(str(HERE.parents[3] / "docs" / "src" / "python"))
 from selvedge_network import Block, GruEncoder, Network, perceptron  # noqa: E402
 
 torch.manual_seed(20231115)
