@@ -25,35 +25,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod backdrop;
-mod camera;
-mod clip;
-mod colour;
-mod colour_bar;
 mod error;
-mod field;
-mod font;
-mod histogram;
 mod image;
+mod motion;
 mod page;
-mod palette;
 pub mod plot;
 mod raster;
-mod run;
-mod shade;
-mod sheet;
-mod stroke;
-mod surface;
 mod text;
 
-pub use camera::{Camera, Orbit, Projected, Stage};
-pub use clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
-pub use colour::{ColourMap, Rgb};
 pub use error::ViewError;
-pub use field::ScalarField;
-pub use histogram::{HistogramPlot, histogram_page};
 pub use image::Image;
-pub use raster::{EdgeLines, Renderer, Supersampling};
-pub use run::{Colouring, Panel, Run};
-pub use sheet::{SheetSettings, StillSettings, contact_sheet, still};
+pub use image::colour::{ColourMap, Rgb};
+pub use motion::field::ScalarField;
+pub use motion::run::{Colouring, Panel, Run};
+pub use page::clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
+pub use page::sheet::{SheetSettings, StillSettings, contact_sheet, still};
+pub use plot::{HistogramPlot, histogram_page};
+pub use raster::camera::{Camera, Orbit, Projected, Stage};
+pub use raster::renderer::{EdgeLines, Renderer, Supersampling};
 pub use text::{Align, TextStyle, draw_text, text_width};

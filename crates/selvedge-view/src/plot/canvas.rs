@@ -16,7 +16,7 @@ use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::PlotError;
-use crate::stroke::{Segment, between, stroke};
+use crate::image::stroke::{Segment, between, stroke};
 use crate::text::{self, Align, Reading, draw_text_read};
 use crate::{Image, Rgb};
 

@@ -8,10 +8,12 @@
 
 mod bars;
 mod canvas;
+mod histogram;
 mod lines;
 mod ticks;
 
 pub use bars::{Bar, BarChart, BarGroup};
+pub use histogram::{HistogramPlot, histogram_page};
 pub use lines::{Axis, Line, LineChart, Role, Scale};
 
 use thiserror::Error;

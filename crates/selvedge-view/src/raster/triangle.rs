@@ -8,8 +8,8 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
 
-use super::EdgeLines;
-use crate::shade::{Point, Shader, Side};
+use super::renderer::EdgeLines;
+use crate::raster::shade::{Point, Shader, Side};
 
 /// Edge lines are this wide `[pixels]` on a picture 480 pixels high.
 const EDGE_WIDTH: f32 = 0.8;

@@ -1,7 +1,7 @@
 //! The page that stills stand on: a title, the keys of the colours, and tiles in rows and columns.
 
-use crate::colour_bar::{colour_bar_height, colour_bar_width, draw_colour_bar};
 use crate::image::check_size;
+use crate::page::colour_bar::{colour_bar_height, colour_bar_width, draw_colour_bar};
 use crate::text::{Align, TextStyle, draw_text, text_width};
 use crate::{Image, Panel, Rgb, ScalarField, ViewError};
 

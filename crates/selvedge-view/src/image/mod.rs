@@ -1,8 +1,11 @@
 //! An image of sRGB bytes, the few operations that compose a page, and PNG.
 
+pub(crate) mod colour;
+pub(crate) mod stroke;
+
 use std::io::Write;
 
-use crate::colour::mix;
+use crate::image::colour::mix;
 use crate::{Rgb, ViewError};
 
 /// An RGB image of 8 bits per channel, rows from top to bottom.

@@ -2,10 +2,12 @@
 //!
 //! Characters that the font lacks show as a hollow box.
 
+pub(crate) mod font;
+
 use glam::Vec2;
 
-use crate::font::{CAPITAL_HEIGHT, SPACING, glyph};
-use crate::stroke::{Segment, between, stroke};
+use crate::image::stroke::{Segment, between, stroke};
+use crate::text::font::{CAPITAL_HEIGHT, SPACING, glyph};
 use crate::{Image, Rgb};
 
 /// Where the text stands relative to its place.

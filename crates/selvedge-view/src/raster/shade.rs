@@ -6,8 +6,8 @@
 
 use glam::{Mat4, Vec3A, Vec4};
 
-use crate::camera::Camera;
-use crate::colour::to_linear;
+use crate::image::colour::to_linear;
+use crate::raster::camera::Camera;
 use crate::{ColourMap, Rgb};
 
 /// Indigo warp in front, ecru weft at the back, and the red thread of a selvedge at the border.

@@ -3,7 +3,7 @@
 
 use selvedge_cloth::VertexId;
 
-use crate::run::check_match;
+use crate::motion::run::check_match;
 use crate::{ColourMap, Colouring, Panel, Run, ViewError};
 
 /// One number per vertex and frame, the range that the colours span, and the map.

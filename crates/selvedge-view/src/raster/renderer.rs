@@ -6,22 +6,20 @@
 //! an edge, bᵢ · 2 area / length, draws the edge lines in the same pass. Samples are averaged in
 //! linear light. Triangles that reach behind the camera are left out.
 
-mod triangle;
-
 use std::ops::Range;
 
 use glam::{Vec2, Vec3, Vec3A};
 use selvedge_cloth::{Topology, VertexId};
 
-use crate::backdrop::Backdrop;
-use crate::camera::{Camera, Stage};
-use crate::colour::{Encoder, Linear16, to_linear, to_linear16};
+use super::triangle::{Pen, ScreenVertex, Triangle, bounds};
 use crate::image::check_size;
-use crate::run::check_panels;
-use crate::shade::{HANDLE, HANDLE_RING, Shader, ValueColours};
-use crate::surface::Surface;
+use crate::image::colour::{Encoder, Linear16, to_linear, to_linear16};
+use crate::motion::run::check_panels;
+use crate::raster::backdrop::Backdrop;
+use crate::raster::camera::{Camera, Stage};
+use crate::raster::shade::{HANDLE, HANDLE_RING, Shader, ValueColours};
+use crate::raster::surface::Surface;
 use crate::{Image, Panel, ViewError};
-use triangle::{Pen, ScreenVertex, Triangle, bounds};
 
 /// Samples along each side of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! Stills: one picture of a frame, or a contact sheet of evenly spaced frames, with one row of
 //! pictures per panel under each other for every row of times.
 
-use crate::camera::Stage;
-use crate::page::Page;
-use crate::run::check_panels;
+use crate::motion::run::check_panels;
+use crate::page::layout::Page;
+use crate::raster::camera::Stage;
 use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
 
 /// How one picture is made.

@@ -8,11 +8,11 @@
 use std::io::Write;
 use std::ops::ControlFlow;
 
-use crate::camera::Stage;
-use crate::page::Page;
-use crate::palette::{Palette, UNCHANGED, distance_squared};
-use crate::run::check_panels;
-use crate::sheet::{clock, stage};
+use crate::motion::run::check_panels;
+use crate::page::layout::Page;
+use crate::page::palette::{Palette, UNCHANGED, distance_squared};
+use crate::page::sheet::{clock, stage};
+use crate::raster::camera::Stage;
 use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
 
 /// How a clip is made.

@@ -9,8 +9,8 @@ use glam::{Vec2, Vec3, Vec3A};
 use selvedge_cloth::Topology;
 
 use crate::Rgb;
-use crate::camera::{Stage, cast};
-use crate::colour::{Linear16, to_linear, to_linear16};
+use crate::image::colour::{Linear16, to_linear, to_linear16};
+use crate::raster::camera::{Stage, cast};
 
 const WALL_TOP: Rgb = [236, 238, 242];
 const HORIZON: Rgb = [250, 249, 247];
