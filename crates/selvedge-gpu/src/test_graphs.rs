@@ -13,7 +13,7 @@ use selvedge_model::{
 };
 
 use crate::device::Device;
-use crate::host::Host;
+use crate::device::host::Host;
 
 /// The arcs of squares of so many vertices, side by side.
 pub(crate) fn squares(counts: &[usize]) -> Connectivity {
@@ -181,7 +181,7 @@ pub(crate) fn device() -> Option<&'static dyn Device> {
                 }
             },
             #[cfg(feature = "cuda")]
-            "cuda" => Some(Box::new(crate::cuda::Cuda::new(0).expect("a GPU"))),
+            "cuda" => Some(Box::new(crate::device::cuda::Cuda::new(0).expect("a GPU"))),
             other => panic!(
                 "SELVEDGE_TEST_DEVICE={other}: there are host and, with the feature cuda, cuda"
             ),

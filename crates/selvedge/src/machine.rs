@@ -69,8 +69,9 @@ impl Machine {
             #[cfg(feature = "gpu")]
             Self::Gpu(device, precision) => {
                 let (device, precision) = (device.as_ref(), *precision);
-                let stepper =
-                    selvedge_gpu::stepper::GpuStepper::new(device, model, graph, start, precision)?;
+                let stepper = selvedge_gpu::rollout::stepper::GpuStepper::new(
+                    device, model, graph, start, precision,
+                )?;
                 Ok(Box::new(stepper))
             }
         }
@@ -123,11 +124,11 @@ pub(crate) fn device(name: DeviceName) -> anyhow::Result<Arc<dyn Device>> {
     match name {
         DeviceName::Cpu => anyhow::bail!("--device cpu is no GPU"),
         DeviceName::Cuda(number) => {
-            let cuda = selvedge_gpu::cuda::Cuda::new(number);
+            let cuda = selvedge_gpu::device::cuda::Cuda::new(number);
             Ok(Arc::new(cuda.with_context(|| format!("--device {name}"))?))
         }
         DeviceName::Host => {
-            let host = selvedge_gpu::host::Host::new();
+            let host = selvedge_gpu::device::host::Host::new();
             Ok(Arc::new(host.context("--device host")?))
         }
     }

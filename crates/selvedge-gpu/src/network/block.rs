@@ -3,8 +3,8 @@
 
 use super::record::BlockRecord;
 use super::{GraphArrays, Lower};
-use crate::layers::{GATHER_ENDS, NORM_MESSAGES};
-use crate::plan::Region;
+use crate::kernels::layers::{GATHER_ENDS, NORM_MESSAGES};
+use crate::schedule::plan::Region;
 use crate::schedule::{Finish, Matrix, Onto};
 
 impl Lower<'_> {

@@ -2,8 +2,8 @@
 
 use selvedge_model::{Connectivity, Dropout as CpuDropout};
 
-use crate::layers::DROPOUT;
-use crate::plan::Region;
+use crate::kernels::layers::DROPOUT;
+use crate::schedule::plan::Region;
 use crate::schedule::{Argument, Schedule};
 
 /// What is dropped: value `column` of a row in `step` has the number

@@ -8,8 +8,8 @@ use selvedge_model::{Encoder, ModelSpec};
 use super::dropout::drop_out;
 use super::record::{EncoderRecord, GruRecord};
 use super::{ForwardPass, Keep, Lower, StateArrays};
-use crate::layers::GATES;
-use crate::plan::Region;
+use crate::kernels::layers::GATES;
+use crate::schedule::plan::Region;
 use crate::schedule::{Finish, Matrix, Onto};
 
 /// Most sums of gates that steps may have at a time: 256 MiB. More of them make fewer and larger products.
@@ -231,12 +231,13 @@ impl Lower<'_> {
         let size = rows.rows * latent;
         let keeps = self.keeps();
         let states = [0, 1].map(|layer| self.states(rows, layer, group));
-        let frames = |plan: &mut crate::plan::Plan, name: &str, width: usize| -> Vec<Region> {
-            let all = plan.floats(format!("{path}, {name}"), steps * width * size);
-            (0..steps)
-                .map(|step| all.rows(step..step + 1, width * size))
-                .collect()
-        };
+        let frames =
+            |plan: &mut crate::schedule::plan::Plan, name: &str, width: usize| -> Vec<Region> {
+                let all = plan.floats(format!("{path}, {name}"), steps * width * size);
+                (0..steps)
+                    .map(|step| all.rows(step..step + 1, width * size))
+                    .collect()
+            };
         let kept = [0, 1].map(|_| {
             if keeps {
                 frames(self.plan, "gates", 4)

@@ -2,8 +2,8 @@
 
 use super::record::MlpRecord;
 use super::{Lower, OUTPUTS};
-use crate::layers::NORM;
-use crate::plan::Region;
+use crate::kernels::layers::NORM;
+use crate::schedule::plan::Region;
 use crate::schedule::{Finish, Matrix, Onto};
 
 impl Lower<'_> {

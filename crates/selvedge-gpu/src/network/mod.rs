@@ -16,7 +16,7 @@ mod weights;
 use selvedge_model::{Connectivity, Network};
 
 use crate::device::{DeviceError, Loaded};
-use crate::plan::{Plan, Region};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
 
 pub use backward::{BackwardPass, backward};

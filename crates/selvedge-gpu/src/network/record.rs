@@ -1,7 +1,7 @@
 //! What a forward pass leaves in the arena. Without activations to keep, arrays of different layers are
 //! the same regions, and those that nobody reads later are not there.
 
-use crate::plan::Region;
+use crate::schedule::plan::Region;
 
 /// Activations of a perceptron, `[rows, latent]` each.
 #[derive(Clone, Debug)]

@@ -5,10 +5,10 @@ use selvedge_model::{Connectivity, Input, ModelSpec, Network, Pass, Workspace, r
 
 use super::{ForwardPass, GraphArrays, InputArrays, Keep, Record, WeightArrays, forward};
 use crate::device::Precision;
-use crate::layers;
-use crate::plan::{Plan, Region};
+use crate::kernels::layers;
+use crate::kernels::{Program, Sizes};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
-use crate::source::{Program, Sizes};
 pub(crate) use crate::test_graphs::device;
 use crate::test_graphs::{numbers, specs, squares, weights};
 

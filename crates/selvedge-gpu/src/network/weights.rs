@@ -6,8 +6,8 @@ use std::ops::Range;
 
 use selvedge_model::Network;
 
-use crate::layers::PACK_ENDS;
-use crate::plan::{Plan, Region};
+use crate::kernels::layers::PACK_ENDS;
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Matrix, Schedule};
 
 /// Where the weights lie.

@@ -2,15 +2,16 @@
 
 use selvedge_model::{ClothGraph, Model, Network};
 
+use crate::cloths::features::{FeatureSources, NormalizerArrays, features};
+use crate::cloths::frames::FrameArrays;
 use crate::cloths::{ClothArrays, UnionSizes};
+use crate::cloths::{features as feature_kernels, motion};
 use crate::device::{DeviceError, Loaded};
-use crate::features::{FeatureSources, NormalizerArrays, features};
-use crate::frames::FrameArrays;
+use crate::kernels::layers;
+use crate::kernels::{Program, Sizes};
 use crate::network::{ForwardPass, InputArrays, Keep, StateArrays, WeightArrays, forward};
-use crate::plan::{Plan, Region};
 use crate::schedule::Schedule;
-use crate::source::{Program, Sizes};
-use crate::{features as feature_kernels, layers, motion};
+use crate::schedule::plan::{Plan, Region};
 
 /// What a rollout of a network on a union takes and does.
 pub struct RolloutPlan {

@@ -6,8 +6,8 @@ use selvedge_model::{EdgeLimits, Encoder, LearnedStepper, ModelSpec};
 
 use super::*;
 use crate::cloths::colours;
+use crate::rollout::stepper::GpuStepper;
 use crate::schedule::Trace;
-use crate::stepper::GpuStepper;
 use crate::test_graphs::{cloth, device, full_specs, model, shaken, side_by_side};
 
 /// Where the handles of a cloth are in a frame: on a swing.
@@ -302,8 +302,8 @@ impl Device for Small {
 
     fn load(
         &self,
-        _: &crate::source::Program,
-        _: &crate::plan::Plan,
+        _: &crate::kernels::Program,
+        _: &crate::schedule::plan::Plan,
         _: Precision,
     ) -> Result<Box<dyn Loaded>, DeviceError> {
         Err(DeviceError::NoDevice)

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use super::{Argument, Command, Finish, Launch, Matrix, Onto, Product, Schedule};
-use crate::plan::{Element, Plan, Region};
-use crate::source::{Access, BLOCK_THREADS, Extent, Shape, Sizes, WARP};
+use crate::kernels::{Access, BLOCK_THREADS, Extent, Shape, Sizes, WARP};
+use crate::schedule::plan::{Element, Plan, Region};
 
 /// A schedule that would do wrong on a device.
 #[derive(Clone, Debug, Error, PartialEq)]

@@ -9,10 +9,10 @@ use std::sync::Arc;
 
 use selvedge_model::{ClothGraph, Connectivity};
 
+use crate::cloths::losses::{LossArrays, PlaceSizes};
 use crate::cloths::{ClothArrays, Statics, UnionSizes};
 use crate::device::{DeviceError, Loaded};
-use crate::losses::{LossArrays, PlaceSizes};
-use crate::plan::Region;
+use crate::schedule::plan::Region;
 
 /// Handle of a vertex that is left over.
 const SOME_HANDLE: u32 = 0;

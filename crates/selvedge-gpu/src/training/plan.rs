@@ -4,20 +4,21 @@ use selvedge_model::{ModelSpec, Network};
 use selvedge_train::TrainConfig;
 
 use super::places::union_sizes;
-use crate::adam::{self, AdamArrays};
 use crate::cloths::ClothArrays;
-use crate::features::{FeatureSources, NormalizerArrays, features};
-use crate::features_backward::{self, FrameBack};
-use crate::frames::FrameArrays;
-use crate::losses::{self, Judged, LossArrays, PlaceSizes, TERMS, TripletArrays};
+use crate::cloths::features as feature_kernels;
+use crate::cloths::features::{FeatureSources, NormalizerArrays, features};
+use crate::cloths::features_backward::{self, FrameBack};
+use crate::cloths::frames::FrameArrays;
+use crate::cloths::losses::{self, Judged, LossArrays, PlaceSizes, TERMS, TripletArrays};
+use crate::kernels::{Program, Sizes};
+use crate::kernels::{backward as backward_kernels, layers};
 use crate::network::{
     BackwardPass, Dropout, ForwardPass, InputArrays, Keep, OUTPUTS, Record, StateArrays,
     WeightArrays, backward, forward,
 };
-use crate::plan::{Plan, Region};
 use crate::schedule::Schedule;
-use crate::source::{Program, Sizes};
-use crate::{backward as backward_kernels, features as feature_kernels, layers};
+use crate::schedule::plan::{Plan, Region};
+use crate::training::adam::{self, AdamArrays};
 
 /// One of the frames that a step goes through.
 pub struct FramePlan {

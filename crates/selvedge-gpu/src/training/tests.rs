@@ -8,9 +8,9 @@ use selvedge_train::{Arithmetic, TrainConfig, Trainer, TruthProbability, UnrollF
 
 use super::places::{sizes_of, union_sizes};
 use super::{TrainingPlan, engine};
-use crate::conformance::{TrainingCheck, training};
+use crate::bench::conformance::{TrainingCheck, training};
+use crate::cloths::losses::PlaceSizes;
 use crate::device::Precision;
-use crate::losses::PlaceSizes;
 use crate::schedule::Trace;
 use crate::test_graphs::device;
 use swinging::{Swinging, config, two_cloths};
@@ -246,8 +246,8 @@ fn too_little_memory_says_how_many_samples_fit() {
         }
         fn load(
             &self,
-            _: &crate::source::Program,
-            _: &crate::plan::Plan,
+            _: &crate::kernels::Program,
+            _: &crate::schedule::plan::Plan,
             _: Precision,
         ) -> Result<Box<dyn crate::device::Loaded>, crate::device::DeviceError> {
             unreachable!("there is no room")

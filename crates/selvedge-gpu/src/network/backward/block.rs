@@ -1,10 +1,10 @@
 //! The way back through a message-passing block, in place on the gradients of latent vertices and arcs.
 
 use super::{Back, Rows};
-use crate::backward::{GATHER_INCOMING, SUM_ENDS};
+use crate::kernels::backward::{GATHER_INCOMING, SUM_ENDS};
 use crate::network::BlockRecord;
-use crate::plan::Region;
 use crate::schedule::Onto;
+use crate::schedule::plan::Region;
 
 impl Back<'_> {
     /// Takes the gradients of latent vertices and arcs from after block `number` to before it.

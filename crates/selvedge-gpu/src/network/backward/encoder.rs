@@ -1,9 +1,9 @@
 //! The way back through the encoders, to the features and to the states that they went on from.
 
 use super::{Back, Rows};
-use crate::backward::{GATE_BIASES, GATES_BACKWARD};
+use crate::kernels::backward::{GATE_BIASES, GATES_BACKWARD};
 use crate::network::{EncoderRecord, GruRecord, InputArrays, MlpRecord, StateArrays, drop_out};
-use crate::plan::Region;
+use crate::schedule::plan::Region;
 use crate::schedule::{Matrix, Onto};
 
 /// Layers of a recurrent encoder.

@@ -1,10 +1,10 @@
 //! The way back through a perceptron, from the gradient of its output to that of its first layer's sums.
 
 use super::{Back, Rows};
-use crate::backward::NORM_BACKWARD;
+use crate::kernels::backward::NORM_BACKWARD;
 use crate::network::MlpRecord;
-use crate::plan::Region;
 use crate::schedule::Onto;
+use crate::schedule::plan::Region;
 
 impl Back<'_> {
     /// Adds the gradients of matrix and bias of a linear layer, for the gradient `g` of its sums and its

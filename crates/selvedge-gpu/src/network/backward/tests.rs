@@ -8,15 +8,15 @@ use selvedge_model::{
 
 use super::{BackwardPass, backward};
 use crate::device::{Loaded, Precision};
+use crate::kernels::{Program, Sizes};
+use crate::kernels::{backward as kernels, layers};
 use crate::network::{
     Dropout, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, Record, StateArrays,
     WeightArrays, dropout_numbers, dropout_seeds, forward,
 };
-use crate::plan::{Plan, Region};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
-use crate::source::{Program, Sizes};
 use crate::test_graphs::{device, numbers, specs, squares, weights};
-use crate::{backward as kernels, layers};
 
 const RATE: f64 = 0.3;
 const SEED: u64 = 0x1234_5678_9abc_def0;

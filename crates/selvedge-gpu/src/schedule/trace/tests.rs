@@ -1,7 +1,7 @@
 //! What a trace finds.
 
 use super::*;
-use crate::layers::{ADD_BIAS, NORM};
+use crate::kernels::layers::{ADD_BIAS, NORM};
 
 const SIZES: Sizes = Sizes {
     latent: 8,

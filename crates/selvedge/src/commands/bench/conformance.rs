@@ -15,9 +15,9 @@ use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{HandleTargets, Stepper};
+use selvedge_gpu::bench::inference::Inference;
 use selvedge_gpu::device::{Device, Precision};
-use selvedge_gpu::inference::Inference;
-use selvedge_gpu::stepper::GpuStepper;
+use selvedge_gpu::rollout::stepper::GpuStepper;
 use selvedge_model::{
     ClothGraph, Connectivity, Extent, Input, LearnedStepper, Model, Pass, Workspace,
 };

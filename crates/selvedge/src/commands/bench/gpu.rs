@@ -9,11 +9,11 @@ use anyhow::ensure;
 use glam::Vec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_gpu::bench::inference::Inference;
+use selvedge_gpu::bench::learning::Learning;
+use selvedge_gpu::bench::limits::{Limits, limits};
+use selvedge_gpu::bench::profile::{Spent, Work};
 use selvedge_gpu::device::{Device, Precision};
-use selvedge_gpu::inference::Inference;
-use selvedge_gpu::learning::Learning;
-use selvedge_gpu::limits::{Limits, limits};
-use selvedge_gpu::profile::{Spent, Work};
 use selvedge_gpu::rollout::{Opening, Rollout};
 use selvedge_model::{
     ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, ModelSpec, Network, Normalizer,

@@ -13,9 +13,9 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_data::{
     Cloth, Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
 };
-use selvedge_gpu::conformance::training;
+use selvedge_gpu::bench::conformance::training;
+use selvedge_gpu::bench::learning::Learning;
 use selvedge_gpu::device::{Device, Precision};
-use selvedge_gpu::learning::Learning;
 use selvedge_model::{
     ClothGraph, Connectivity, EdgeFeature, Encoder, Extent, Gradients, Input, Integration,
     ModelSpec, Network, NodeFeature, Pass, Workspace,

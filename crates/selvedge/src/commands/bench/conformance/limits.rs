@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::ensure;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleTargets, Stepper};
-use selvedge_gpu::stepper::GpuStepper;
+use selvedge_gpu::rollout::stepper::GpuStepper;
 use selvedge_model::{ClothGraph, EdgeLimits, LearnedStepper, Model};
 
 use super::{Bound, Checks, Conformance, ROLLOUT, worst};

@@ -1,6 +1,6 @@
 //! What `selvedge bench gpu` says: Markdown that may stand in a page as it is.
 
-use selvedge_gpu::limits::Limits;
+use selvedge_gpu::bench::limits::Limits;
 
 use super::{Part, PeerTimes, Row};
 use crate::cli::GpuArgs;

@@ -5,20 +5,20 @@
 use selvedge_model::{Connectivity, Extent, Input, Network};
 use selvedge_train::{Adam, AdamError, AdamSettings};
 
-use crate::adam::{self, AdamArrays};
+use crate::bench::profile::{Spent, profile};
+use crate::cloths::losses::{self, SQUARE_ERROR};
 use crate::device::{
     Device, DeviceError, Loaded, Precision, Prepared, require_memory, vertices_that_fit,
 };
-use crate::losses::{self, SQUARE_ERROR};
+use crate::kernels::{Program, Sizes};
+use crate::kernels::{backward as backward_kernels, layers};
 use crate::network::{
     BackwardPass, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, StateArrays, WeightArrays,
     backward, forward,
 };
-use crate::plan::{Plan, Region};
-use crate::profile::{Spent, profile};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Command, Schedule};
-use crate::source::{Program, Sizes};
-use crate::{backward as backward_kernels, layers};
+use crate::training::adam::{self, AdamArrays};
 
 /// A network on a graph, ready to learn.
 pub struct Learning {

@@ -8,11 +8,11 @@
 use selvedge_model::ModelSpec;
 
 use crate::cloths::ClothArrays;
-use crate::features::NormalizerArrays;
-use crate::frames::FrameArrays;
-use crate::plan::Region;
+use crate::cloths::features::NormalizerArrays;
+use crate::cloths::frames::FrameArrays;
+use crate::kernels::{Access, Kernel, Parameter, Part, Program, Shape, Width};
+use crate::schedule::plan::Region;
 use crate::schedule::{Argument, Schedule};
-use crate::source::{Access, Kernel, Parameter, Part, Program, Shape, Width};
 
 use Access::{Count, Doubles, In, InOut, Indices, IndicesInOut};
 

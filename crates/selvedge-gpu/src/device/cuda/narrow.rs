@@ -8,8 +8,8 @@ use cudarc::driver::result;
 use super::failed;
 use super::owned::{Memory, Stream};
 use super::product::{Blas, Gemm, Kind, WORKSPACE};
+use crate::bench::limits::{REPEATS, RUNS, drawn};
 use crate::device::{DeviceError, Precision};
-use crate::limits::{REPEATS, RUNS, drawn};
 
 /// The highest of some runs of products of two matrices of `side` rows `[floating-point operations per second]`.
 pub(super) fn products(side: usize) -> Result<f64, DeviceError> {

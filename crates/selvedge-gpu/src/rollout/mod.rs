@@ -6,6 +6,7 @@
 
 mod opening;
 mod plan;
+pub mod stepper;
 
 use std::sync::Arc;
 
@@ -14,10 +15,10 @@ use selvedge_cloth::VertexId;
 use selvedge_model::{ClothGraph, Model, Yaw};
 use thiserror::Error;
 
+use crate::bench::profile::{Spent, profile};
 use crate::cloths::UnionSizes;
+use crate::cloths::frames::{FrameNumbers, HandleFrames};
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
-use crate::frames::{FrameNumbers, HandleFrames};
-use crate::profile::{Spent, profile};
 
 use opening::{Cloth, open};
 

@@ -1,6 +1,6 @@
 //! The table of `kernels/backward.cu`: the layers of the network that are not products, backward.
 
-use crate::source::{Access, Kernel, Parameter, Part, Shape, Width};
+use crate::kernels::{Access, Kernel, Parameter, Part, Shape, Width};
 
 use Access::{In, InOut, Indices, Out};
 
@@ -14,7 +14,7 @@ const fn latent_rows(name: &'static str, access: Access) -> Parameter {
 /// The file and its kernels.
 pub static PART: Part = Part {
     name: "backward.cu",
-    text: include_str!("../kernels/backward.cu"),
+    text: include_str!("backward.cu"),
     kernels: &[
         &NORM_BACKWARD,
         &MASK_RELU,

@@ -2,17 +2,17 @@
 //! that say which columns there are, and the schedule that fills a window of them, normalised.
 //!
 //! Columns and their order are `selvedge_model`'s. What depends on the handles alone is computed on the
-//! CPU, frame by frame, and uploaded ([`crate::frames`]).
+//! CPU, frame by frame, and uploaded ([`crate::cloths::frames`]).
 
 use selvedge_model::{EdgeFeature, Integration, ModelSpec, NodeFeature, Normalizers};
 
 use crate::cloths::ClothArrays;
+use crate::cloths::frames::{CarryLayout, FrameArrays};
 use crate::device::{DeviceError, Loaded};
-use crate::frames::{CarryLayout, FrameArrays};
+use crate::kernels::{Access, Kernel, Parameter, Part, Program, Shape, Width};
 use crate::network::InputArrays;
-use crate::plan::{Plan, Region};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Schedule};
-use crate::source::{Access, Kernel, Parameter, Part, Program, Shape, Width};
 
 use Access::{Count, Doubles, In, Indices, Out};
 

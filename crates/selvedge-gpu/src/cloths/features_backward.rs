@@ -5,13 +5,13 @@
 //! `losses.cu`, which come before them in a program.
 
 use crate::cloths::ClothArrays;
-use crate::features::{FeatureSources, NormalizerArrays};
-use crate::frames::FrameArrays;
-use crate::losses::LossArrays;
+use crate::cloths::features::{FeatureSources, NormalizerArrays};
+use crate::cloths::frames::FrameArrays;
+use crate::cloths::losses::LossArrays;
+use crate::kernels::{Access, Kernel, Parameter, Part, Shape, Width};
 use crate::network::InputArrays;
-use crate::plan::{Plan, Region};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Schedule};
-use crate::source::{Access, Kernel, Parameter, Part, Shape, Width};
 
 use Access::{Count, Doubles, DoublesOrNothing, DoublesOut, In, InOrNothing, InOut, Indices};
 

@@ -1,6 +1,6 @@
 //! The table of `kernels/layers.cu`: the layers of the network that are not products, forward.
 
-use crate::source::{Access, Kernel, Parameter, Part, Shape, Width};
+use crate::kernels::{Access, Kernel, Parameter, Part, Shape, Width};
 
 use Access::{Count, In, InOrNothing, InOut, Indices, Number, Out, OutOrNothing};
 
@@ -18,7 +18,7 @@ const fn latent(name: &'static str) -> Parameter {
 /// The file and its kernels.
 pub static PART: Part = Part {
     name: "layers.cu",
-    text: include_str!("../kernels/layers.cu"),
+    text: include_str!("layers.cu"),
     kernels: &[
         &ADD_BIAS,
         &ADD_BIAS_RELU,

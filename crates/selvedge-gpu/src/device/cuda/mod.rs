@@ -21,8 +21,8 @@ use cudarc::driver::result::{self, DriverError};
 use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
 
 use crate::device::{Device, DeviceError, Loaded, Precision, in_bytes};
-use crate::plan::Plan;
-use crate::source::{Dialect, Program};
+use crate::kernels::{Dialect, Program};
+use crate::schedule::plan::Plan;
 
 pub use compile::{Architecture, compile};
 use loaded::CudaLoaded;

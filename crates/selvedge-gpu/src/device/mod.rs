@@ -3,11 +3,16 @@
 //! This is all that another kind of GPU would have to do: the kernels' source in its own language, a
 //! product, and these two traits.
 
+#[cfg(feature = "cuda")]
+pub mod cuda;
+#[cfg(feature = "host")]
+pub mod host;
+
 use thiserror::Error;
 
-use crate::plan::{Plan, Region};
+use crate::kernels::Program;
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, ScheduleError};
-use crate::source::Program;
 
 /// How exact products are. Sums are f32 always.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -13,10 +13,10 @@ use super::owned::{Graph, Memory, Module, Stream};
 use super::product::{Blas, Gemm, WORKSPACE};
 use super::{Context, alone, failed};
 use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
-use crate::layers::{ADD_BIAS, ADD_BIAS_RELU};
-use crate::plan::{Plan, Region};
+use crate::kernels::layers::{ADD_BIAS, ADD_BIAS_RELU};
+use crate::kernels::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Command, Finish, Launch, Matrix, Product, Schedule, Trace};
-use crate::source::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
 
 /// Most words that may be on their way up: more of them are waited for.
 const MOST_GOING_UP: usize = 1 << 20;

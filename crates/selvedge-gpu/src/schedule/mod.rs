@@ -5,10 +5,11 @@
 //! in the arena. So a device may record a schedule once and replay it. [`Trace`] follows schedules
 //! without running them.
 
+pub mod plan;
 mod trace;
 
-use crate::plan::Region;
-use crate::source::Kernel;
+use crate::kernels::Kernel;
+use crate::schedule::plan::Region;
 
 pub use trace::{ScheduleError, Trace};
 

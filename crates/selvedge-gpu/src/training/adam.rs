@@ -4,9 +4,9 @@
 use selvedge_train::AdamRates;
 
 use crate::device::{DeviceError, Loaded};
-use crate::plan::{Plan, Region};
+use crate::kernels::{Access, Kernel, Parameter, Part, Program, Shape, Width};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Schedule};
-use crate::source::{Access, Kernel, Parameter, Part, Program, Shape, Width};
 
 use Access::{Count, Doubles, DoublesOut, In, InOut};
 

@@ -7,11 +7,13 @@
 //! On the host all of them have one lane and one thread. What a kernel is called with stands in a table
 //! here and not in its source, so that source, schedules and both launchers agree.
 
-mod kernel;
+pub mod backward;
+pub mod layers;
+mod signature;
 
 use std::fmt::Write;
 
-pub use kernel::{Access, Extent, Kernel, Parameter, Part, Shape, Sizes, Width};
+pub use signature::{Access, Extent, Kernel, Parameter, Part, Shape, Sizes, Width};
 
 /// Who compiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,10 +91,10 @@ impl Program {
             let _ = writeln!(text, "#define {name} {value}");
         }
         text.push_str(match dialect {
-            Dialect::Cuda => include_str!("../kernels/cuda.h"),
-            Dialect::Host => include_str!("../kernels/host.h"),
+            Dialect::Cuda => include_str!("cuda.h"),
+            Dialect::Host => include_str!("host.h"),
         });
-        text.push_str(include_str!("../kernels/common.h"));
+        text.push_str(include_str!("common.h"));
         for kernel in self.kernels() {
             let _ = writeln!(
                 text,
@@ -113,7 +115,7 @@ impl Program {
             }
         }
         if dialect == Dialect::Host {
-            text.push_str(include_str!("../kernels/host_product.c"));
+            text.push_str(include_str!("host_product.c"));
         }
         text
     }
@@ -188,7 +190,7 @@ fn host_entry(text: &mut String, kernel: &Kernel) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layers;
+    use crate::kernels::layers;
 
     #[test]
     fn signatures_entries_and_bodies_agree() {

@@ -3,7 +3,7 @@
 
 use selvedge_model::ModelSpec;
 
-use crate::plan::Element;
+use crate::schedule::plan::Element;
 
 /// What a kernel works on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

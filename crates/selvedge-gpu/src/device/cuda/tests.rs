@@ -6,9 +6,9 @@ use super::compile::{Target, target};
 use super::loaded::grid;
 use super::product::Gemm;
 use super::*;
-use crate::plan::Region;
+use crate::kernels::{Shape, Sizes};
+use crate::schedule::plan::Region;
 use crate::schedule::{Finish, Matrix, Onto, Product};
-use crate::source::{Shape, Sizes};
 use crate::test_graphs::{full_specs, numbers};
 
 #[test]
@@ -180,10 +180,10 @@ fn the_kernels_of_every_spec_compile_where_nvrtc_is() {
             sweeps: 20,
         });
         let mut program = Program::new(Sizes::of(&spec));
-        program.add(&crate::layers::PART);
-        program.add(&crate::backward::PART);
-        crate::features::define(&mut program, &spec);
-        crate::motion::define(&mut program, &spec);
+        program.add(&crate::kernels::layers::PART);
+        program.add(&crate::kernels::backward::PART);
+        crate::cloths::features::define(&mut program, &spec);
+        crate::cloths::motion::define(&mut program, &spec);
         let programs = [program, crate::training::program(&spec)];
         let cards = [(8, 6), (9, 0)].map(|(major, minor)| Architecture { major, minor });
         for (program, card) in programs

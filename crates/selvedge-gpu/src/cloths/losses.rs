@@ -7,9 +7,9 @@
 use selvedge_train::{LossStatistics, LossWeights};
 
 use crate::cloths::ClothArrays;
-use crate::plan::{Plan, Region};
+use crate::kernels::{Access, Kernel, Parameter, Part, Shape, Width};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Schedule};
-use crate::source::{Access, Kernel, Parameter, Part, Shape, Width};
 
 use Access::{Count, Doubles, DoublesOut, In, InOut, Indices, Out};
 

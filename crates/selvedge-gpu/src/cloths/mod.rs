@@ -1,11 +1,17 @@
 //! What does not change of the cloths of a union, in the arena: what features, integration and edge
 //! limits are made from.
 
+pub mod features;
+pub mod features_backward;
+pub mod frames;
+pub mod losses;
+pub mod motion;
+
 use selvedge_model::{ClothGraph, Connectivity};
 
 use crate::device::{DeviceError, Loaded};
 use crate::network::GraphArrays;
-use crate::plan::{Plan, Region};
+use crate::schedule::plan::{Plan, Region};
 
 /// Of a vertex that is no handle, as in `kernels/common.h`.
 const NO_HANDLE: u32 = u32::MAX;

@@ -9,7 +9,7 @@
 use std::time::Instant;
 
 use crate::device::{DeviceError, Loaded};
-use crate::plan::Region;
+use crate::schedule::plan::Region;
 use crate::schedule::{Argument, Command, Finish, Launch, Onto, Product, Schedule};
 
 /// Runs in a row of which one takes the mean; more of them of what is short, so that beginning and waiting, about
@@ -73,7 +73,7 @@ impl Work {
 
     fn of_launch(launch: &Launch) -> Self {
         let pairs = launch.kernel.parameters.iter().zip(&launch.arguments);
-        let of = |(parameter, argument): (&crate::source::Parameter, &Argument)| match argument {
+        let of = |(parameter, argument): (&crate::kernels::Parameter, &Argument)| match argument {
             Argument::Region(region) => {
                 let [reads, writes] = [parameter.access.reads(), parameter.access.writes()];
                 f64::from(u8::from(reads) + u8::from(writes)) * bytes(*region)
@@ -177,10 +177,10 @@ fn bytes(region: Region) -> f64 {
 mod tests {
     use super::*;
     use crate::device::Precision;
-    use crate::layers::{self, ADD_BIAS};
-    use crate::plan::Plan;
+    use crate::kernels::layers::{self, ADD_BIAS};
+    use crate::kernels::{Program, Sizes};
     use crate::schedule::Matrix;
-    use crate::source::{Program, Sizes};
+    use crate::schedule::plan::Plan;
     use crate::test_graphs::device;
 
     #[test]

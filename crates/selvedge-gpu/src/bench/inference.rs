@@ -3,17 +3,17 @@
 
 use selvedge_model::{Connectivity, Extent, Input, Network};
 
+use crate::bench::profile::Work;
 use crate::device::{
     Device, DeviceError, Loaded, Precision, Prepared, require_memory, vertices_that_fit,
 };
-use crate::layers;
+use crate::kernels::layers;
+use crate::kernels::{Program, Sizes};
 use crate::network::{
     ForwardPass, GraphArrays, InputArrays, Keep, StateArrays, WeightArrays, forward,
 };
-use crate::plan::{Plan, Region};
-use crate::profile::Work;
 use crate::schedule::Schedule;
-use crate::source::{Program, Sizes};
+use crate::schedule::plan::{Plan, Region};
 
 /// A network on a graph, ready to be run.
 pub struct Inference {

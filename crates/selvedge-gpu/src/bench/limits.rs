@@ -4,9 +4,9 @@
 use std::time::Instant;
 
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
-use crate::plan::Plan;
+use crate::kernels::{Program, Sizes};
+use crate::schedule::plan::Plan;
 use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
-use crate::source::{Program, Sizes};
 
 /// Runs of each, of which the fastest counts.
 pub(crate) const RUNS: usize = 5;
@@ -75,7 +75,7 @@ fn measure(
     device: &dyn Device,
     precision: Precision,
     side: usize,
-    schedule: impl FnOnce([crate::plan::Region; 3]) -> Schedule,
+    schedule: impl FnOnce([crate::schedule::plan::Region; 3]) -> Schedule,
 ) -> Result<f64, DeviceError> {
     let mut plan = Plan::new();
     let matrices = ["a", "b", "c"].map(|name| plan.floats(name, side * side));

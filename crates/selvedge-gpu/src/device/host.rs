@@ -19,9 +19,9 @@ use libloading::Library;
 use selvedge_train::available_memory;
 
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
-use crate::plan::{Plan, Region};
+use crate::kernels::{Dialect, Program, Sizes};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Command, Finish, Launch, Matrix, Onto, Product, Schedule, Trace};
-use crate::source::{Dialect, Program, Sizes};
 
 type Entry = unsafe extern "C" fn(*mut *mut c_void, u32);
 type ProductEntry = unsafe extern "C" fn(

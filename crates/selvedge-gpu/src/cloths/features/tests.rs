@@ -5,10 +5,10 @@ use selvedge_model::{ClothGraph, Extent, Frames, ModelSpec, Place, Window, Yaw};
 
 use super::*;
 use crate::cloths::UnionSizes;
+use crate::cloths::frames::{FrameNumbers, HandleFrames};
 use crate::device::Precision;
-use crate::frames::{FrameNumbers, HandleFrames};
+use crate::kernels::Sizes;
 use crate::schedule::Trace;
-use crate::source::Sizes;
 use crate::test_graphs::{cloth, device, full_specs, model, parts, shaken};
 
 /// A cloth that swings, its last frames oldest first, and where its handles go.

@@ -6,6 +6,7 @@
 //! lanes can go on from them, and the terms of their losses. Weights come down for a checkpoint. Cloths go
 //! up when a lane shows another one.
 
+pub mod adam;
 mod drops;
 mod places;
 mod plan;
@@ -22,11 +23,11 @@ use selvedge_train::{
     Update,
 };
 
+use crate::cloths::frames::{FrameNumbers, HandleFrames};
+use crate::cloths::losses::{TERMS, loss_numbers};
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
-use crate::frames::{FrameNumbers, HandleFrames};
-use crate::losses::{TERMS, loss_numbers};
 use crate::network::OUTPUTS;
-use crate::plan::Region;
+use crate::schedule::plan::Region;
 
 #[cfg(all(test, feature = "cuda"))]
 pub(crate) use plan::program;
@@ -367,7 +368,7 @@ fn upload(
 }
 
 /// The most samples per step for which there is room.
-fn what_fits(setup: Setup<'_>, place: crate::losses::PlaceSizes, free: usize) -> String {
+fn what_fits(setup: Setup<'_>, place: crate::cloths::losses::PlaceSizes, free: usize) -> String {
     let fits = |samples: usize| {
         let mut cfg: TrainConfig = setup.cfg.clone();
         cfg.batch.samples = samples;

@@ -11,8 +11,8 @@ mod mlp;
 use selvedge_model::Network;
 
 use super::{Dropout, GraphArrays, InputArrays, OUTPUTS, Record, StateArrays, WeightArrays};
-use crate::backward::{ADD, MASK_RELU};
-use crate::plan::{Plan, Region};
+use crate::kernels::backward::{ADD, MASK_RELU};
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
 
 /// A backward pass, after a forward pass that kept its activations.

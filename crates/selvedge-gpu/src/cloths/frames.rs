@@ -9,7 +9,7 @@ use selvedge_model::{Carries, Carry, ClothGraph, Integration, ModelSpec, NodeFea
 
 use crate::cloths::UnionSizes;
 use crate::device::{DeviceError, Loaded};
-use crate::plan::{Plan, Region};
+use crate::schedule::plan::{Plan, Region};
 
 /// Numbers of a [`Carry`]: from, to, cosine and sine of its turn.
 const CARRY: usize = 8;
