@@ -6,31 +6,16 @@
 //! motions start. Everything that decides a result is in the [`selvedge_cloth::Scene`]. Units are SI
 //! throughout; the state is f64.
 
-mod anderson;
-pub mod bend;
-mod blocks;
-mod cholesky;
-mod conjugate_gradients;
-mod elements;
-pub mod external;
-mod fall;
-mod grip;
-mod incomplete;
-mod last_step;
+mod active_handles;
+pub mod laws;
 mod lists;
-mod newton;
-mod ordering;
-mod pattern;
-mod sag;
-mod settle;
+mod rest_pose;
 mod simulator;
-mod strain_limit;
+mod solver;
+mod state;
 mod strain_watch;
-pub mod stretch;
-pub mod stretch_table;
-mod system;
 mod threads;
 
-pub use sag::{SagError, SagProgress, SaggedRest, sag, sag_with_progress};
+pub use rest_pose::{SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{Simulator, SimulatorError};
 pub use threads::Threads;

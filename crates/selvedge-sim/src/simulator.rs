@@ -12,9 +12,10 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
-use crate::grip::Grip;
+use crate::active_handles::Grip;
+use crate::solver::SolveError;
+use crate::state::State;
 use crate::strain_watch::{Overstrained, StrainWatch};
-use crate::system::{SolveError, State};
 use crate::threads::Threads;
 
 /// Cloth that moves by its measured stiffness, gravity and air.

@@ -4,8 +4,8 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{Isotropic, Material, Mesh, Scene};
 use selvedge_sim::Simulator;
-use selvedge_sim::bend::BendElement;
-use selvedge_sim::stretch::StretchElement;
+use selvedge_sim::laws::bend::BendElement;
+use selvedge_sim::laws::stretch::StretchElement;
 
 use crate::scenes::{GRAY, largest_distance, material, noise};
 use crate::sheets::{grid, isotropic, scene, slope};

@@ -9,9 +9,9 @@ use std::fmt::Write as _;
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{BendingLaw, HandleConstraint, Material};
 use selvedge_sim::Simulator;
-use selvedge_sim::bend::BendElement;
-use selvedge_sim::stretch::Strain;
-use selvedge_sim::stretch_table::{GridStiffness, StretchStiffness};
+use selvedge_sim::laws::bend::BendElement;
+use selvedge_sim::laws::stretch::Strain;
+use selvedge_sim::laws::stretch_table::{GridStiffness, StretchStiffness};
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, noise};
 

@@ -5,7 +5,7 @@ use selvedge_cloth::{
     Environment, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings,
     Scene,
 };
-use selvedge_sim::stretch::StretchElement;
+use selvedge_sim::laws::stretch::StretchElement;
 
 pub(crate) const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
 pub(crate) const CAMEL: &str = include_str!("../../../../assets/materials/camel-ponte-roma.toml");

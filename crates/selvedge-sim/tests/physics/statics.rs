@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{BendingLaw, Isotropic, Mesh};
-use selvedge_sim::bend::BendElement;
+use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::sag;
 
 use crate::scenes::{largest_distance, stretches};

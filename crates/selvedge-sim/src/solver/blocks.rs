@@ -3,10 +3,10 @@
 
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
-use crate::bend::BendResponse;
-use crate::elements::{Elements, FaceResponse};
+use crate::laws::bend::BendResponse;
 use crate::lists::Lists;
-use crate::pattern::Pattern;
+use crate::solver::elements::{Elements, FaceResponse};
+use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
 /// Which elements contribute to the block of each slot.

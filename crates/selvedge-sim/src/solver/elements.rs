@@ -1,18 +1,18 @@
 //! The faces and hinges of a cloth, and the impulses and the matrix products that they make.
 //!
 //! Each element is evaluated by itself into a place of its own; then each vertex (here) or each
-//! block of the matrix ([`crate::blocks`]) gathers from the elements around it, in a fixed order.
+//! block of the matrix ([`crate::solver::blocks`]) gathers from the elements around it, in a fixed order.
 //! So any number of threads gives the same bytes, and no two write to one place. Nothing is
 //! allocated after construction.
 
 use glam::DVec3;
 use selvedge_cloth::{AirLaw, BendingLaw, Environment, Mesh, Scene, StretchLookup};
 
-use crate::bend::{BendElement, BendResponse};
-use crate::external::{AirResponse, air_response};
+use crate::laws::bend::{BendElement, BendResponse};
+use crate::laws::external::{AirResponse, air_response};
+use crate::laws::stretch::{StretchElement, StretchResponse};
+use crate::laws::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
 use crate::lists::Lists;
-use crate::stretch::{StretchElement, StretchResponse};
-use crate::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
 use crate::threads::Threads;
 
 /// A face with its corners.

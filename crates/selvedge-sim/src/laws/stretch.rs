@@ -5,12 +5,12 @@
 //! the three corners, force and Jacobian are those of an anisotropic Green strain energy whose
 //! stiffness k(G) is held constant when differentiating. In the part of the Jacobian that stems
 //! from the stress only tension counts, so that it stays positive semidefinite wherever
-//! k0 k2 ≥ k1². The look-up of k is in [`crate::stretch_table`].
+//! k0 k2 ≥ k1². The look-up of k is in [`crate::laws::stretch_table`].
 
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::signed_area_2d;
 
-use crate::stretch_table::StretchStiffness;
+use crate::laws::stretch_table::StretchStiffness;
 
 /// Green strain G of a face in material axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

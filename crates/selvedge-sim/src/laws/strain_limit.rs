@@ -11,8 +11,8 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{HandleConstraint, Scene, StrainLimits};
 
-use crate::stretch::StretchElement;
-use crate::system::State;
+use crate::laws::stretch::StretchElement;
+use crate::state::State;
 
 /// Sweeps over all faces per solve.
 pub(crate) const MOST_SWEEPS: usize = 100;

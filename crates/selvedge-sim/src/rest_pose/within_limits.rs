@@ -9,9 +9,9 @@
 use glam::DVec3;
 use selvedge_cloth::Scene;
 
-use crate::grip::Grip;
-use crate::sag::{Listener, SagError, SagProgress, SaggedRest, tell};
-use crate::system::State;
+use crate::active_handles::Grip;
+use crate::rest_pose::{Listener, SagError, SagProgress, SaggedRest, tell};
+use crate::state::State;
 
 /// Least tolerance of a rest pose within limits `[m/s²]`.
 pub(crate) const LIMITED_TOLERANCE: f64 = 0.05;

@@ -1,14 +1,14 @@
 //! Where the numbers of the system matrix stand: 3x3 blocks, one per pair of free vertices that
 //! share a face or an interior edge's stencil, lower triangle only.
 //!
-//! Free vertices are numbered as unknowns in the order that their solver likes ([`crate::ordering`]),
+//! Free vertices are numbered as unknowns in the order that their solver likes ([`crate::solver::ordering`]),
 //! so that the matrix can be factorised as it is. Held vertices are no unknowns. A block has a slot:
 //! the diagonal ones first, then those below the diagonal column by column.
 
 use glam::DMat3;
 
-use crate::cholesky::FactorError;
-use crate::ordering::{Ordering, order};
+use crate::solver::cholesky::FactorError;
+use crate::solver::ordering::{Ordering, order};
 
 /// The block pattern of the lower triangle.
 #[derive(Clone, Debug)]

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use selvedge_cloth::StretchTable;
 
-use crate::stretch::Strain;
+use crate::laws::stretch::Strain;
 
 /// Anything that gives a stiffness at a strain.
 pub trait StretchStiffness {

@@ -10,7 +10,8 @@ use selvedge_cloth::Newton as Settings;
 
 use glam::DVec3;
 
-use crate::system::{SolveError, State, System};
+use crate::solver::system::{SolveError, System};
+use crate::state::State;
 
 /// The method with its workspaces.
 pub(crate) struct Newton {

@@ -7,10 +7,11 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Integrator, Scene, VertexId};
 
-use crate::cholesky::FactorError;
-use crate::newton::Newton;
-use crate::strain_limit::StrainLimiter;
-use crate::system::{SolveError, State, System};
+use crate::laws::strain_limit::StrainLimiter;
+use crate::solver::FactorError;
+use crate::solver::Newton;
+use crate::solver::{SolveError, System};
+use crate::state::State;
 
 /// The handles that hold, and what solves for the rest.
 pub(crate) struct Grip {

@@ -10,7 +10,7 @@
 
 use glam::{Mat3A, Vec3A};
 
-use crate::pattern::Pattern;
+use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
 /// Fewest unknowns of a tile, and most tiles of a cloth: what couples tiles is lost.
@@ -23,7 +23,7 @@ const TAKEN: f32 = 0.7;
 /// The same where bending is stiff: its blocks beside the diagonal have either sign, what they take
 /// from it does not cancel, and with 0.7 a cloth of 100,000 vertices needs five times the iterations.
 const TAKEN_FROM_STIFF: f32 = 0.5;
-/// Stiffness of bending beside mass, as [`crate::blocks::Singles::bending`] has it, from which it counts
+/// Stiffness of bending beside mass, as [`crate::solver::blocks::Singles::bending`] has it, from which it counts
 /// as stiff: that of gray interlock at a spacing of 7 mm and 240 solves a second, where the two
 /// parts need equally many iterations.
 const STIFF_BENDING: f64 = 0.4;
@@ -305,7 +305,7 @@ fn inverse_root(matrix: Mat3A, least: f32) -> Option<Mat3A> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ordering::Ordering;
+    use crate::solver::ordering::Ordering;
 
     /// A chain of triangles and its blocks: diagonally dominant, not symmetric block by block.
     fn chain(count: u32) -> (Pattern, Vec<Mat3A>) {

@@ -10,11 +10,11 @@ use selvedge_cloth::{
 };
 
 use super::*;
-use crate::bend::angle_gradient;
-use crate::external::air_force;
-use crate::newton::Newton;
-use crate::stretch::Strain;
-use crate::stretch_table::{ExactStiffness, StretchStiffness};
+use crate::laws::bend::angle_gradient;
+use crate::laws::external::air_force;
+use crate::laws::stretch::Strain;
+use crate::laws::stretch_table::{ExactStiffness, StretchStiffness};
+use crate::solver::newton::Newton;
 
 const DT: f64 = 1.0 / 120.0;
 

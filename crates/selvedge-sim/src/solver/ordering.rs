@@ -6,8 +6,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMat;
 use faer::sparse::linalg::amd;
 
-use crate::cholesky::FactorError;
 use crate::lists::Lists;
+use crate::solver::cholesky::FactorError;
 
 /// What an order is good for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,12 +15,13 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
-use crate::blocks::Contributions;
-use crate::cholesky::{Cholesky, FactorError};
-use crate::conjugate_gradients::{ConjugateGradients, IterationError};
-use crate::elements::{Elements, Linearisation, hinge_stencils};
-use crate::ordering::Ordering;
-use crate::pattern::Pattern;
+use crate::solver::blocks::Contributions;
+use crate::solver::cholesky::{Cholesky, FactorError};
+use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
+use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
+use crate::solver::ordering::Ordering;
+use crate::solver::pattern::Pattern;
+use crate::state::State;
 use crate::threads::Threads;
 
 /// Stiffness of a spring handle, per axis `[N/m]`.
@@ -30,23 +31,6 @@ pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 /// (`docs/src/concepts/physics.md`); a small cloth is solved exactly all the same, because closed forms are tested
 /// on it to the last digits, and so that data sets made of it stay what they are.
 const ITERATIVE_FROM: usize = 600;
-
-/// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct State {
-    /// Positions `[m]`.
-    pub(crate) positions: Vec<DVec3>,
-    /// Velocities `[m/s]`.
-    pub(crate) velocities: Vec<DVec3>,
-}
-
-impl State {
-    /// Makes this a copy of `other`, of the same size.
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        self.positions.copy_from_slice(&other.positions);
-        self.velocities.copy_from_slice(&other.velocities);
-    }
-}
 
 /// Why a solve failed.
 #[derive(Clone, Debug, Error, PartialEq)]

@@ -2,14 +2,14 @@
 //!
 //! A cloth may have several rest poses near each other; which one it reaches depends on the way. This
 //! is the way of a simulation that waits, slower than the search for an equilibrium in
-//! [`crate::sag()`], which takes over from the slow cloth.
+//! [`crate::rest_pose`], which takes over from the slow cloth.
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
 
-use crate::grip::Grip;
-use crate::sag::{Listener, SagError, SagProgress, tell};
-use crate::system::State;
+use crate::active_handles::Grip;
+use crate::rest_pose::{Listener, SagError, SagProgress, tell};
+use crate::state::State;
 
 /// The cloth has come to rest when no vertex is faster than this `[m/s]`, but not in the first
 /// moments, in which it may not have begun to move out of its plane.

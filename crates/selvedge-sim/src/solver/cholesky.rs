@@ -2,7 +2,7 @@
 //! the solution of A x = b (faer; supernodal, because its automatic choice is the slower one for
 //! the matrices of a cloth).
 //!
-//! The unknowns come in an order that keeps the factor sparse ([`crate::pattern`]), so none is
+//! The unknowns come in an order that keeps the factor sparse ([`crate::solver::pattern`]), so none is
 //! sought here. After construction nothing is allocated.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};

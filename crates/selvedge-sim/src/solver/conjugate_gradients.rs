@@ -1,5 +1,5 @@
 //! Conjugate gradients (Hestenes and Stiefel 1952) for the system of a large cloth, preconditioned
-//! by [`crate::incomplete`].
+//! by [`crate::solver::incomplete`].
 //!
 //! The iteration runs in f32 on the scaled matrix; from time to time the residual is computed anew
 //! in f64, without a matrix, and the iteration goes on from there with its direction kept (Clark et
@@ -10,10 +10,10 @@ use glam::{DVec3, Mat3A, Vec3A};
 use selvedge_cloth::ConjugateGradients as Settings;
 use thiserror::Error;
 
-use crate::blocks::{Contributions, Singles};
-use crate::elements::Elements;
-use crate::incomplete::{Incomplete, part_taken, tile_of};
-use crate::pattern::Pattern;
+use crate::solver::blocks::{Contributions, Singles};
+use crate::solver::elements::Elements;
+use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
+use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
 /// A solve that did not come to its end.

@@ -6,17 +6,22 @@
 //! that K lacks what would make it indefinite, so that the cloth leaves an unstable equilibrium
 //! instead of finding it. Steps are limited in length, and near the end Anderson's method speeds
 //! them up. Where that gets stuck, it begins later, the last step has a say in the next
-//! ([`crate::last_step`]), and h is halved. Two things are known to make it stick: a kink of the
+//! ([`crate::rest_pose::last_step`]), and h is halved. Two things are known to make it stick: a kink of the
 //! material law, over which a vertex steps to and fro and wants a brake, and a slow way out of an
 //! unstable equilibrium, which wants a push; from outside they look alike, so that both are tried in
 //! turn. The bulge decides to which side the cloth buckles. Where there are several equilibria,
-//! [`SagMethod::Motion`] begins with the motion that a simulation makes (see [`crate::fall`]).
+//! [`SagMethod::Motion`] begins with the motion that a simulation makes (see [`crate::rest_pose::motion`]).
 //!
 //! The rest pose belongs to the cloth and its handles: the air is still, because cloth in wind
 //! flutters and has no equilibrium (from some 3 m/s on), and damping, which no static force knows, is
 //! left out. What holds the cloth are the handles that hold at the start of the motion. A sheet that none of
 //! them holds has no rest pose: it stays where it starts. A material with strain limits comes to rest
-//! within them: see [`crate::settle`].
+//! within them: see [`crate::rest_pose::within_limits`].
+
+mod anderson;
+mod last_step;
+mod motion;
+mod within_limits;
 
 use std::ops::ControlFlow;
 
@@ -25,11 +30,13 @@ use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{Handles, LinearSolver, SagMethod, Scene, SceneError};
 use thiserror::Error;
 
-use crate::anderson::Anderson;
-use crate::fall::fall;
-use crate::last_step::LastStep;
-use crate::settle::settle;
-use crate::system::{SolveError, State, System};
+use anderson::Anderson;
+use last_step::LastStep;
+use motion::fall;
+use within_limits::settle;
+
+use crate::solver::{SolveError, System};
+use crate::state::State;
 
 /// A cloth in static equilibrium.
 #[derive(Clone, Debug, PartialEq)]
