@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Environment, Handles};
 
-use crate::frame::Yaw;
 use crate::graph::ClothParts;
+use crate::graph::frame::Yaw;
 
 /// A hanging square of `side`² vertices, its handles the upper corners (right one first), at rest
 /// slightly rippled; the air moves.

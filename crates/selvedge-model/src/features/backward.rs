@@ -8,9 +8,9 @@
 
 use glam::Vec3;
 
-use super::{Air, Pose, edge_ends};
-use crate::geometry::bending_angle_with_gradient;
+use super::columns::{Air, Pose, edge_ends};
 use crate::graph::ClothGraph;
+use crate::graph::geometry::bending_angle_with_gradient;
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
 /// Gradients with respect to the positions of a [`Pose`], in the world, `[vertices]`; added to.

@@ -7,9 +7,9 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::lanes::{Instructions, Lanes, MOST_LANES};
-use crate::product::{LaneCount, Slot, get, put};
-use crate::real::Real;
+use crate::kernels::gemm::{LaneCount, Slot, get, put};
+use crate::kernels::real::Real;
+use crate::kernels::simd::{Instructions, Lanes, MOST_LANES};
 
 /// Most rows that are summed at a time.
 const ROWS: usize = 6;
@@ -62,7 +62,7 @@ pub(crate) fn pack_gates<T: Real>(
 
 /// Room for the packed weights and biases of a layer.
 pub(crate) fn gate_slots(
-    size: &mut crate::packed::ModuleSize,
+    size: &mut crate::network::packed::ModuleSize,
     inputs: usize,
     hidden: usize,
 ) -> [Slot; 2] {

@@ -3,9 +3,9 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::lanes::Instructions;
-use crate::product::{get, put};
-use crate::real::Real;
+use crate::kernels::gemm::{get, put};
+use crate::kernels::real::Real;
+use crate::kernels::simd::Instructions;
 
 /// Added to a variance before its root, as in PyTorch.
 const EPSILON: f64 = 1e-5;

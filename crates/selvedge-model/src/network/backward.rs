@@ -5,15 +5,15 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::connectivity::Connectivity;
-use crate::layers::block::BlockGradients;
-use crate::layers::encoder::EncoderEnds;
-use crate::leaves::{Leaf, Rows, of_rows};
-use crate::packed::{PackedWeights, Purpose};
-use crate::parameters::ModuleGradient;
-use crate::product::{Columns, Finish, multiply};
-use crate::real::Real;
-use crate::workspace::{EncoderState, Group, Workspace};
+use crate::graph::connectivity::Connectivity;
+use crate::graph::partition::{Leaf, Rows, of_rows};
+use crate::kernels::gemm::{Columns, Finish, multiply};
+use crate::kernels::real::Real;
+use crate::network::layers::block::BlockGradients;
+use crate::network::layers::encoder::EncoderEnds;
+use crate::network::packed::{PackedWeights, Purpose};
+use crate::network::parameters::ModuleGradient;
+use crate::network::workspace::{EncoderState, Group, Workspace};
 
 use super::passes::BackwardPass;
 use super::{
@@ -327,7 +327,10 @@ impl<T: Real> Group<T> {
     fn begin(
         &mut self,
         weights: &Range<usize>,
-    ) -> (&mut crate::layers::GroupScratch<T>, ModuleGradient<'_, T>) {
+    ) -> (
+        &mut crate::network::layers::GroupScratch<T>,
+        ModuleGradient<'_, T>,
+    ) {
         self.gradient.resize(weights.len());
         self.gradient.fill(T::ZERO);
         let gradient = ModuleGradient::new(&mut self.gradient, weights.start);

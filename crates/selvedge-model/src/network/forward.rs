@@ -1,14 +1,14 @@
 //! The forward pass: one sharing of the leaves among threads for the encoders, and one for each block,
 //! the last of which also decodes.
 
-use crate::connectivity::Connectivity;
+use crate::graph::connectivity::Connectivity;
+use crate::graph::partition::{Leaf, Rows};
 use crate::kernels::Normalised;
-use crate::layers::block::BlockRows;
-use crate::layers::encoder::{EncoderInput, EncoderRows};
-use crate::leaves::{Leaf, Rows};
-use crate::packed::{PackedWeights, Purpose};
-use crate::real::Real;
-use crate::workspace::{EncoderState, Workspace};
+use crate::kernels::real::Real;
+use crate::network::layers::block::BlockRows;
+use crate::network::layers::encoder::{EncoderInput, EncoderRows};
+use crate::network::packed::{PackedWeights, Purpose};
+use crate::network::workspace::{EncoderState, Workspace};
 
 use super::passes::ForwardPass;
 use super::{EDGE_ENCODER, FIRST_BLOCK, Input, NODE_ENCODER, Network, OUTPUTS, Pass};

@@ -1,9 +1,9 @@
 //! The two passes for each of the two scalars. They stand here so that their kernels, of which there is one
 //! of every kind for every instruction set, are compiled once, in this crate, whoever calls them.
 
-use crate::connectivity::Connectivity;
-use crate::packed::PackedWeights;
-use crate::workspace::{EncoderState, Workspace};
+use crate::graph::connectivity::Connectivity;
+use crate::network::packed::PackedWeights;
+use crate::network::workspace::{EncoderState, Workspace};
 
 use super::{Gradients, Input, Network, Pass, StateGradients};
 

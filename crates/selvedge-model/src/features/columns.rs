@@ -1,0 +1,418 @@
+//! What the network sees of a cloth: the columns of a vertex and of an arc (paper §5.1, §5.2),
+//! computed from the positions of two frames in one local frame.
+//!
+//! The tables below are the only place where columns are listed: widths, the layout of the
+//! normaliser and the check of a weight file derive from them. Everything is f32 and written into
+//! slices of the caller; nothing is allocated. Normalisation is not done here.
+//!
+//! Bending angle: 0 where two faces are flat and on the boundary, ±π where they fold onto each
+//! other, positive for a ridge seen from the side of the normals: the negative of
+//! [`selvedge_cloth::geometry::dihedral_angle`].
+
+use glam::Vec3;
+
+use crate::graph::frame::Yaw;
+use crate::graph::{ClothGraph, Hinge};
+use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
+
+/// One column of the network's input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// What it is.
+    pub name: &'static str,
+    /// Its unit; empty for a plain number.
+    pub unit: &'static str,
+}
+
+macro_rules! columns {
+    ($unit:literal: $($name:literal),+) => {
+        &[$(Column { name: $name, unit: $unit }),+]
+    };
+}
+
+impl NodeFeature {
+    /// Its columns, in order.
+    #[must_use]
+    pub const fn columns(self) -> &'static [Column] {
+        match self {
+            Self::Velocity => columns!["m/frame": "velocity x", "velocity y", "velocity z"],
+            Self::ExternalForce => {
+                columns!["N": "external force x", "external force y", "external force z"]
+            }
+            Self::KineticEnergy => columns!["kg m²/frame²": "kinetic energy"],
+            Self::NodeType => columns!["": "free", "handle", "type 2 (unused)",
+                "type 3 (unused)", "type 4 (unused)", "type 5 (unused)", "type 6 (unused)",
+                "type 7 (unused)", "type 8 (unused)"],
+            Self::Acceleration => {
+                columns!["m/frame²": "acceleration x", "acceleration y", "acceleration z"]
+            }
+            Self::ExpectedMove => {
+                columns!["m/frame": "expected move x", "expected move y", "expected move z"]
+            }
+            Self::RestOffset => columns!["m": "rest offset x", "rest offset y", "rest offset z"],
+        }
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub const fn width(self) -> usize {
+        self.columns().len()
+    }
+}
+
+impl EdgeFeature {
+    /// Its columns, in order.
+    #[must_use]
+    pub const fn columns(self) -> &'static [Column] {
+        match self {
+            Self::Vector => columns!["m": "vector x", "vector y", "vector z", "length"],
+            Self::RestVector => {
+                columns!["m": "rest vector x", "rest vector y", "rest vector z", "rest length"]
+            }
+            Self::MaterialVector => {
+                columns!["m": "material vector u", "material vector v", "material length"]
+            }
+            Self::Elongation => columns!["m": "elongation"],
+            Self::BendingAngle => columns!["rad": "bending angle"],
+            Self::CoarseVector => columns!["m": "coarse vector x", "coarse vector y",
+                "coarse vector z", "coarse length"],
+            Self::CoarseRestVector => columns!["m": "coarse rest vector x",
+                "coarse rest vector y", "coarse rest vector z", "coarse rest length"],
+        }
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub const fn width(self) -> usize {
+        self.columns().len()
+    }
+}
+
+/// The columns of a vertex, `[node_width]`.
+#[must_use]
+pub fn node_columns(spec: &ModelSpec) -> Vec<Column> {
+    let features = spec.node_features.iter();
+    features.flat_map(|f| f.columns()).copied().collect()
+}
+
+/// The columns of an arc, `[edge_width]`.
+#[must_use]
+pub fn edge_columns(spec: &ModelSpec) -> Vec<Column> {
+    let features = spec.edge_features.iter();
+    features.flat_map(|f| f.columns()).copied().collect()
+}
+
+/// Widths of the groups of node columns that share a unit and a scale, as the normaliser wants
+/// them; their sum is the node width.
+#[must_use]
+pub fn node_groups(spec: &ModelSpec) -> Vec<usize> {
+    spec.node_features.iter().map(|f| f.width()).collect()
+}
+
+/// Widths of the groups of edge columns that share a unit and a scale; their sum is the edge width.
+#[must_use]
+pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
+    spec.edge_features.iter().map(|f| f.width()).collect()
+}
+
+/// One frame of the network's window.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose<'a> {
+    /// World positions `[m]`, `[vertices]`, two frames earlier, or those that take their place in
+    /// the model's integration; only accelerations need them.
+    pub before: &'a [Vec3],
+    /// World positions one frame earlier `[m]`, `[vertices]`.
+    pub previous: &'a [Vec3],
+    /// World positions in this frame `[m]`, `[vertices]`.
+    pub current: &'a [Vec3],
+    /// What uniform motion to the next frame starts from in the model's integration `[m]`,
+    /// `[vertices]`; only expected moves need it.
+    pub reference: &'a [Vec3],
+    /// The rest pose where the handles have carried it `[m]`, `[vertices]`; only rest offsets need it.
+    pub rest: &'a [Vec3],
+    /// The local frame that features are expressed in: that of the *newest* frame of the window.
+    pub yaw: Yaw,
+}
+
+/// Some columns of a table of rows.
+struct Columns<'a> {
+    rows: &'a mut [f32],
+    width: usize,
+    first: usize,
+}
+
+impl Columns<'_> {
+    #[inline]
+    fn put<const N: usize>(&mut self, row: usize, values: [f32; N]) {
+        let start = row * self.width + self.first;
+        self.rows[start..start + N].copy_from_slice(&values);
+    }
+
+    #[inline]
+    fn add(&mut self, row: usize, value: Vec3) {
+        let start = row * self.width + self.first;
+        for (x, y) in self.rows[start..start + 3].iter_mut().zip(value.to_array()) {
+            *x += y;
+        }
+    }
+}
+
+/// Fills `out` (`[vertices, node_width]`) with the features of every vertex.
+///
+/// # Panics
+/// When a slice that the spec needs does not have the size of the cloth.
+pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
+    let (vertices, width) = (graph.vertex_count(), spec.node_width());
+    assert_eq!(pose.previous.len(), vertices, "previous positions");
+    assert_eq!(pose.current.len(), vertices, "current positions");
+    assert_eq!(out.len(), vertices * width, "node features");
+    let mut first = 0;
+    for &feature in &spec.node_features {
+        let columns = Columns {
+            rows: &mut *out,
+            width,
+            first,
+        };
+        match feature {
+            NodeFeature::Velocity => difference(pose, pose.previous, columns),
+            NodeFeature::ExternalForce => external_force(graph, pose, columns),
+            NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
+            NodeFeature::NodeType => node_type(graph, columns),
+            NodeFeature::Acceleration => acceleration(pose, columns),
+            NodeFeature::ExpectedMove => difference(pose, pose.reference, columns),
+            NodeFeature::RestOffset => difference(pose, pose.rest, columns),
+        }
+        first += feature.width();
+    }
+}
+
+/// Fills `out` (`[arcs, edge_width]`) with the features of every arc, in the graph's order.
+///
+/// # Panics
+/// When a slice does not have the size of the cloth, or the cloth has other coarse levels than the spec.
+pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
+    let width = spec.edge_width();
+    assert_eq!(
+        pose.current.len(),
+        graph.vertex_count(),
+        "current positions"
+    );
+    assert_eq!(out.len(), graph.arc_count() * width, "edge features");
+    assert_eq!(graph.coarse_levels(), spec.coarse_levels, "coarse levels");
+    if spec.coarse_levels > 0 {
+        out.fill(0.0);
+    }
+    let mut first = 0;
+    for &feature in &spec.edge_features {
+        let columns = Columns {
+            rows: &mut *out,
+            width,
+            first,
+        };
+        match feature {
+            EdgeFeature::Vector => vector(graph, pose, columns),
+            EdgeFeature::RestVector => rest_vector(graph, columns),
+            EdgeFeature::MaterialVector => material_vector(graph, columns),
+            EdgeFeature::Elongation => elongation(graph, pose, columns),
+            EdgeFeature::BendingAngle => bending(graph, pose, columns),
+            EdgeFeature::CoarseVector => coarse_vector(graph, pose, columns),
+            EdgeFeature::CoarseRestVector => coarse_rest_vector(graph, columns),
+        }
+        first += feature.width();
+    }
+}
+
+/// The current positions minus `from`, locally.
+fn difference(pose: Pose<'_>, from: &[Vec3], mut out: Columns<'_>) {
+    assert_eq!(from.len(), pose.current.len(), "positions to compare with");
+    for (v, (&p, &from)) in pose.current.iter().zip(from).enumerate() {
+        out.put(v, pose.yaw.to_local(p - from).to_array());
+    }
+}
+
+/// The acceleration that led to the current positions, p^t - 2 p^{t-1} + p^{t-2}
+/// `[eq:past-acceleration]`.
+fn acceleration(pose: Pose<'_>, mut out: Columns<'_>) {
+    assert_eq!(pose.before.len(), pose.current.len(), "earlier positions");
+    let frames = pose.current.iter().zip(pose.previous).zip(pose.before);
+    for (v, ((&p, &q), &r)) in frames.enumerate() {
+        out.put(v, pose.yaw.to_local((p - q) - (q - r)).to_array());
+    }
+}
+
+/// What the external force has to do with the air.
+pub(super) struct Air {
+    /// `[kg/m³]`.
+    pub(super) density: f32,
+    pub(super) drag: f32,
+    /// `[m/s]`.
+    wind: Vec3,
+    /// From the way of three corners `[m/frame]` to their mean velocity `[m/s]`.
+    pub(super) corner_rate: f32,
+}
+
+impl Air {
+    /// The air around a cloth, if there is any that acts on it.
+    pub(super) fn around(graph: &ClothGraph) -> Option<Self> {
+        let environment = graph.environment();
+        (environment.air_density != 0.0 || environment.air_drag != 0.0).then(|| Self {
+            density: environment.air_density as f32,
+            drag: environment.air_drag as f32,
+            wind: environment.wind.as_vec3(),
+            corner_rate: graph.frame_rate() as f32 / 3.0,
+        })
+    }
+
+    /// Its velocity relative to a face `[m/s]`.
+    pub(super) fn relative(&self, corners: [usize; 3], pose: Pose<'_>) -> Vec3 {
+        let moves = corners.map(|v| pose.current[v] - pose.previous[v]);
+        self.wind - self.corner_rate * moves.iter().sum::<Vec3>()
+    }
+}
+
+/// Gravity on each vertex and, of each face, a third of the drag of the air on each corner
+/// `[eq:external-force]`: f = m g + ⅓ Σ A (ρ |vₙ| vₙ n + c v_t) over the faces of a vertex, with
+/// the air's velocity relative to the face v = wind - mean corner velocity `[m/s]`, vₙ = n·v,
+/// v_t = v - vₙ n.
+fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    let environment = graph.environment();
+    let gravity = pose.yaw.to_local_f64(environment.gravity).as_vec3();
+    for (v, &mass) in graph.vertex_mass().iter().enumerate() {
+        out.put(v, (mass * gravity).to_array());
+    }
+    let Some(air) = Air::around(graph) else {
+        return;
+    };
+    for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
+        let corners = face.map(|v| v.index());
+        let [a, b, c] = corners.map(|v| pose.current[v]);
+        let relative = air.relative(corners, pose);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let along = normal.dot(relative);
+        let tangential = relative - along * normal;
+        let force = air.density * along.abs() * along * normal + air.drag * tangential;
+        let third = pose.yaw.to_local(area / 3.0 * force);
+        for v in corners {
+            out.add(v, third);
+        }
+    }
+}
+
+/// Kinetic energy with the velocity per frame `[eq:kinetic-energy]`: m |v|² / 2.
+fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    let moves = pose.current.iter().zip(pose.previous);
+    for (v, ((&p, &before), &mass)) in moves.zip(graph.vertex_mass()).enumerate() {
+        out.put(v, [0.5 * mass * (p - before).length_squared()]);
+    }
+}
+
+fn node_type(graph: &ClothGraph, mut out: Columns<'_>) {
+    const FREE: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    const HANDLE: [f32; 9] = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    for (v, &handle) in graph.handle_mask().iter().enumerate() {
+        out.put(v, if handle { HANDLE } else { FREE });
+    }
+}
+
+/// Position of the sender minus that of the receiver, and its length.
+fn vector(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    for ((a, b), arcs) in edge_ends(graph, pose.current) {
+        let d = pose.yaw.to_local(a - b);
+        put_vector(&mut out, arcs, d, d.length());
+    }
+}
+
+fn rest_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+    let rest = graph.rest_vectors().iter().zip(graph.rest_lengths());
+    for ((&d, &length), &arcs) in rest.zip(graph.edge_arcs()) {
+        put_vector(&mut out, arcs, d, length);
+    }
+}
+
+fn material_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+    let uv = graph.material_coordinates();
+    for (edge, [forward, back]) in graph.topology().edges().iter().zip(graph.edge_arcs()) {
+        let [a, b] = edge.vertices.map(|v| uv[v.index()]);
+        let (d, length) = (a - b, a.distance(b));
+        out.put(*forward as usize, [d.x, d.y, length]);
+        out.put(*back as usize, [-d.x, -d.y, length]);
+    }
+}
+
+/// Length minus length in the sagged rest pose.
+fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    let ends = edge_ends(graph, pose.current);
+    for (((a, b), arcs), &rest_length) in ends.zip(graph.rest_lengths()) {
+        let longer = a.distance(b) - rest_length;
+        for arc in arcs {
+            out.put(arc as usize, [longer]);
+        }
+    }
+}
+
+fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    for (edge, arcs) in graph.topology().edges().iter().zip(graph.edge_arcs()) {
+        if edge.is_boundary() {
+            for &arc in arcs {
+                out.put(arc as usize, [0.0]);
+            }
+        }
+    }
+    for hinge in graph.hinges() {
+        let angle = bending_angle(hinge, pose.current);
+        for arc in graph.edge_arcs()[hinge.edge as usize] {
+            out.put(arc as usize, [angle]);
+        }
+    }
+}
+
+fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+    for link in graph.links() {
+        let [a, b] = link.ends.map(|v| pose.current[v as usize]);
+        let d = pose.yaw.to_local(a - b);
+        put_vector(&mut out, link.arcs, d, d.length());
+    }
+}
+
+fn coarse_rest_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+    for link in graph.links() {
+        let d = link.rest_vector;
+        put_vector(&mut out, link.arcs, d, d.length());
+    }
+}
+
+/// The bending angle of a hinge `[rad]`, in (-π, π] `[eq:bending-angle]`:
+/// θ = atan2(-|e| n_l·r, n_l·n_r) with e = to - from, n_l = e × (left - from), r = right - from,
+/// n_r = r × e. Positive where the right wing falls away from the normals. 0 for a degenerate face.
+fn bending_angle(hinge: &Hinge, positions: &[Vec3]) -> f32 {
+    let [from, to, left, right] =
+        [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| positions[v as usize]);
+    let (along, to_right) = (to - from, right - from);
+    let normal_left = along.cross(left - from);
+    let normal_right = to_right.cross(along);
+    // 0 - x, not -x: flat is +0 and a full fold +π.
+    let sine = 0.0 - along.length() * normal_left.dot(to_right);
+    sine.atan2(normal_left.dot(normal_right))
+}
+
+/// The positions of both ends of each edge, and its arcs.
+pub(super) fn edge_ends<'a>(
+    graph: &'a ClothGraph,
+    positions: &'a [Vec3],
+) -> impl Iterator<Item = ((Vec3, Vec3), [u32; 2])> + 'a {
+    let edges = graph.topology().edges().iter();
+    edges.zip(graph.edge_arcs()).map(|(edge, &arcs)| {
+        let [a, b] = edge.vertices.map(|v| positions[v.index()]);
+        ((a, b), arcs)
+    })
+}
+
+/// `d` and `length` for the first arc, the opposite for its reverse.
+#[inline]
+fn put_vector(out: &mut Columns<'_>, [forward, back]: [u32; 2], d: Vec3, length: f32) {
+    out.put(forward as usize, [d.x, d.y, d.z, length]);
+    out.put(back as usize, [-d.x, -d.y, -d.z, length]);
+}
+
+#[cfg(test)]
+mod tests;

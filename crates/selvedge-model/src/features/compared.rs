@@ -1,0 +1,90 @@
+//! What the frames of a window are compared with: the positions that accelerations, expected moves
+//! and rest offsets are measured from. Each is computed only where the spec has the feature.
+
+use glam::Vec3;
+
+use super::window::Frames;
+use crate::features::Pose;
+use crate::graph::ClothGraph;
+use crate::spec::integration::{ReferenceSlope, carried_rest};
+use crate::spec::{ModelSpec, NodeFeature};
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Compared {
+    /// Where the past acceleration would have led from, had the network had to predict it,
+    /// `[vertices]`.
+    before: Vec<Vec3>,
+    /// What uniform motion to the next frame starts from, `[vertices]`.
+    reference: Vec<Vec3>,
+    /// The rest pose where the handles have carried it, `[vertices]`.
+    rest: Vec<Vec3>,
+    /// Where the handles are now, and where they go, `[handles]`.
+    handles: [Vec<Vec3>; 2],
+    /// How `before` and `reference` depend on the positions.
+    slopes: [Option<ReferenceSlope>; 2],
+}
+
+impl Compared {
+    pub(super) fn compute<F: AsRef<[Vec3]>>(
+        &mut self,
+        spec: &ModelSpec,
+        graph: &ClothGraph,
+        frames: &Frames<'_, F>,
+        current: usize,
+    ) {
+        let has = |feature| spec.node_features.contains(&feature);
+        let (integration, yaw) = (spec.integration, frames.yaw);
+        let (previous, now) = (frames.at(current - 1), frames.at(current));
+        let [handles, next] = &mut self.handles;
+        handles.clear();
+        handles.extend(graph.handles().of(now));
+        self.slopes = [None, None];
+        if has(NodeFeature::Acceleration) {
+            let pair = [frames.at(current - 2), previous];
+            integration.reference(graph, pair, handles, yaw, &mut self.before);
+            self.slopes[0] = Some(integration.reference_slope(graph, pair, handles, yaw));
+        }
+        if has(NodeFeature::ExpectedMove) {
+            next.clear();
+            match frames.positions.get(current + 1) {
+                Some(positions) => next.extend(graph.handles().of(positions.as_ref())),
+                None => next.extend_from_slice(frames.next_handles),
+            }
+            let pair = [previous, now];
+            integration.reference(graph, pair, next, yaw, &mut self.reference);
+            self.slopes[1] = Some(integration.reference_slope(graph, pair, next, yaw));
+        }
+        if has(NodeFeature::RestOffset) {
+            let yaw = graph.frame().yaw(handles, yaw);
+            carried_rest(graph, handles, yaw, now, &mut self.rest);
+        }
+    }
+
+    /// Frame `current` with what [`Self::compute`] left.
+    pub(super) fn pose<'a, F: AsRef<[Vec3]>>(
+        &'a self,
+        frames: &'a Frames<'_, F>,
+        current: usize,
+    ) -> Pose<'a> {
+        Pose {
+            before: &self.before,
+            previous: frames.at(current - 1),
+            current: frames.at(current),
+            reference: &self.reference,
+            rest: &self.rest,
+            yaw: frames.yaw,
+        }
+    }
+
+    /// Passes the gradients of `before` and `reference` on to the frames up to the current one, the
+    /// last of `to`.
+    pub(super) fn backward(&self, gradients: [&[Vec3]; 2], to: &mut [Vec<Vec3>]) {
+        for (steps_back, (slope, gradient)) in self.slopes.iter().zip(gradients).enumerate() {
+            let Some(slope) = slope else { continue };
+            // Those of the acceleration are one frame older.
+            let current = to.len() - 2 + steps_back;
+            let (earlier, later) = to.split_at_mut(current);
+            slope.backward(gradient, &mut earlier[current - 1], &mut later[0]);
+        }
+    }
+}

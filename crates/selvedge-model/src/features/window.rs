@@ -1,0 +1,209 @@
+//! The normalised features of a window of frames, as the network takes them; the same code in
+//! training and in use; and the way back of their gradient.
+
+use glam::Vec3;
+
+use crate::features::backward::{PoseGradient, edge_features_backward, node_features_backward};
+use crate::features::normalizer::Normalizer;
+use crate::features::{edge_features, node_features};
+use crate::graph::ClothGraph;
+use crate::graph::frame::Yaw;
+use crate::network::InputGradient;
+
+use super::compared::Compared;
+use crate::spec::ModelSpec;
+
+/// Where one cloth stands in a disjoint union.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Number of its first vertex.
+    pub first_vertex: usize,
+    /// Vertices of the whole union.
+    pub vertex_count: usize,
+    /// Number of its first arc.
+    pub first_arc: usize,
+    /// Arcs of the whole union.
+    pub arc_count: usize,
+}
+
+impl Place {
+    /// A cloth by itself.
+    #[must_use]
+    pub fn alone(graph: &ClothGraph) -> Self {
+        Self {
+            first_vertex: 0,
+            vertex_count: graph.vertex_count(),
+            first_arc: 0,
+            arc_count: graph.arc_count(),
+        }
+    }
+
+    /// The cloths `graphs` side by side, in order.
+    #[must_use]
+    pub fn side_by_side(graphs: &[&ClothGraph]) -> Vec<Self> {
+        let vertex_count = graphs.iter().map(|g| g.vertex_count()).sum();
+        let arc_count = graphs.iter().map(|g| g.arc_count()).sum();
+        let (mut first_vertex, mut first_arc) = (0, 0);
+        let place = |graph: &&ClothGraph| {
+            let place = Self {
+                first_vertex,
+                vertex_count,
+                first_arc,
+                arc_count,
+            };
+            first_vertex += graph.vertex_count();
+            first_arc += graph.arc_count();
+            place
+        };
+        graphs.iter().map(place).collect()
+    }
+}
+
+/// What a window of one cloth is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames<'a, F> {
+    /// Positions `[m]` in the frames before the window and in each frame of it, oldest first,
+    /// `[history][vertices]` with [`ModelSpec::history`] frames.
+    pub positions: &'a [F],
+    /// Where the handles go after the newest of them `[m]`, `[handles]`.
+    pub next_handles: &'a [Vec3],
+    /// The local frame of the newest of them.
+    pub yaw: Yaw,
+}
+
+impl<F: AsRef<[Vec3]>> Frames<'_, F> {
+    pub(crate) fn at(&self, number: usize) -> &[Vec3] {
+        self.positions[number].as_ref()
+    }
+
+    /// The numbers of the last `count` frames.
+    fn last(&self, spec: &ModelSpec, count: usize) -> std::ops::Range<usize> {
+        let history = self.positions.len();
+        assert_eq!(history, spec.history(), "frames of a window");
+        history - count..history
+    }
+}
+
+/// Which frames of a window there are features of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Extent {
+    /// All that the encoder sees.
+    #[default]
+    Whole,
+    /// The newest: where the encoder's states of those before are carried over.
+    Newest,
+}
+
+/// Features of a window of frames of all cloths of a union.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Window {
+    /// `[window, vertices, node width]`.
+    pub nodes: Vec<f32>,
+    /// `[window, arcs, edge width]`.
+    pub edges: Vec<f32>,
+    extent: Extent,
+    compared: Compared,
+}
+
+impl Window {
+    /// Makes room for a union.
+    pub fn fit(&mut self, spec: &ModelSpec, place: &Place) {
+        self.fit_extent(spec, place, Extent::Whole);
+    }
+
+    /// Makes room for these frames of a union.
+    pub fn fit_extent(&mut self, spec: &ModelSpec, place: &Place, extent: Extent) {
+        self.extent = extent;
+        let [nodes, edges] = self.counts(spec);
+        self.nodes
+            .resize(nodes * place.vertex_count * spec.node_width(), 0.0);
+        self.edges
+            .resize(edges * place.arc_count * spec.edge_width(), 0.0);
+    }
+
+    /// Frames of vertices and of arcs.
+    fn counts(&self, spec: &ModelSpec) -> [usize; 2] {
+        match self.extent {
+            Extent::Whole => [spec.node_window(), spec.edge_window()],
+            Extent::Newest => [1, 1],
+        }
+    }
+
+    /// Writes the features of one cloth, not yet normalised.
+    ///
+    /// # Panics
+    /// When there are not `history` frames, or [`Self::fit`] made room for another union.
+    pub fn write<F: AsRef<[Vec3]>>(
+        &mut self,
+        spec: &ModelSpec,
+        graph: &ClothGraph,
+        frames: Frames<'_, F>,
+        place: &Place,
+    ) {
+        let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
+        let [nodes, edges] = self.counts(spec);
+        for (step, current) in frames.last(spec, nodes).enumerate() {
+            self.compared.compute(spec, graph, &frames, current);
+            let pose = self.compared.pose(&frames, current);
+            let row = step * place.vertex_count + place.first_vertex;
+            let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
+            node_features(spec, graph, pose, rows);
+            // Of the last frames only, where arcs have fewer.
+            let Some(step) = (step + edges).checked_sub(nodes) else {
+                continue;
+            };
+            let row = step * place.arc_count + place.first_arc;
+            let rows = &mut self.edges[row * edge_width..][..graph.arc_count() * edge_width];
+            edge_features(spec, graph, pose, rows);
+        }
+    }
+
+    /// Adds to `to` (`[history][vertices]`, in the world) what the gradient of features means for
+    /// the positions of a cloth by itself that [`Self::write`] took. `gradient` is that of the
+    /// features before normalisation ([`Normalizer::scale_gradient`]).
+    ///
+    /// # Panics
+    /// When there are not `history` frames, or `gradient` does not have the size of the cloth.
+    pub fn backward<F: AsRef<[Vec3]>>(
+        &mut self,
+        spec: &ModelSpec,
+        graph: &ClothGraph,
+        frames: Frames<'_, F>,
+        gradient: &InputGradient<'_, f32>,
+        to: &mut [Vec<Vec3>],
+    ) {
+        let nodes = graph.vertex_count() * spec.node_width();
+        let edges = graph.arc_count() * spec.edge_width();
+        let [node_steps, edge_steps] = self.counts(spec);
+        for (step, current) in frames.last(spec, node_steps).enumerate() {
+            self.compared.compute(spec, graph, &frames, current);
+            let pose = self.compared.pose(&frames, current);
+            let [mut by_before, mut by_reference] =
+                [(); 2].map(|()| vec![Vec3::ZERO; graph.vertex_count()]);
+            let (earlier, later) = to.split_at_mut(current);
+            let mut by_pose = PoseGradient {
+                before: &mut by_before,
+                previous: &mut earlier[current - 1],
+                current: &mut later[0],
+                reference: &mut by_reference,
+            };
+            let rows = &gradient.nodes[step * nodes..][..nodes];
+            node_features_backward(spec, graph, pose, rows, &mut by_pose);
+            if let Some(step) = (step + edge_steps).checked_sub(node_steps) {
+                let rows = &gradient.edges[step * edges..][..edges];
+                edge_features_backward(spec, graph, pose, rows, by_pose.current);
+            }
+            self.compared
+                .backward([&by_before, &by_reference], &mut to[..=current]);
+        }
+    }
+
+    /// Normalises everything.
+    pub fn normalize(&mut self, nodes: &Normalizer, edges: &Normalizer) {
+        nodes.normalize(&mut self.nodes);
+        edges.normalize(&mut self.edges);
+    }
+}
+
+#[cfg(test)]
+mod tests;

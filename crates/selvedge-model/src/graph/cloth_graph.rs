@@ -1,0 +1,482 @@
+//! A cloth as the features see it: everything about it that does not change, checked once in
+//! [`ClothGraph::new`], and what can be computed ahead (arcs, hinges, rest vectors).
+//!
+//! Rest vectors are in the local frame of the rest pose, not in world axes: a rest pose that was
+//! turned about the vertical has the same ones. The network's own view of the arcs, for one cloth
+//! or several, is in `connectivity`.
+
+use glam::{Vec2, Vec3};
+use selvedge_cloth::{Environment, EnvironmentError, HandleError, Handles, Topology, VertexId};
+use thiserror::Error;
+
+use crate::graph::frame::LocalFrame;
+use crate::graph::levels::{Arcs, Link, links};
+
+/// What a [`ClothGraph`] is made from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClothParts {
+    /// The connectivity.
+    pub topology: Topology,
+    /// The vertices whose motion is given.
+    pub handles: Handles,
+    /// Mass of each vertex `[kg]`, `[vertices]`.
+    pub vertex_mass: Vec<f32>,
+    /// Area of each face in material space `[m²]`, `[faces]`.
+    pub face_area: Vec<f32>,
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    pub material_coordinates: Vec<Vec2>,
+    /// The sagged rest pose in the world `[m]`, `[vertices]`.
+    pub rest_positions: Vec<Vec3>,
+    /// Gravity and air.
+    pub environment: Environment,
+    /// Frames per second.
+    pub frame_rate: f64,
+}
+
+/// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
+/// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hinge {
+    /// The number of the edge.
+    pub edge: u32,
+    /// The smaller end.
+    pub from: u32,
+    /// The larger end.
+    pub to: u32,
+    /// The third vertex of the face to the left of `from` → `to`.
+    pub left: u32,
+    /// The third vertex of the face to the right.
+    pub right: u32,
+}
+
+/// Everything static of one cloth, valid by construction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClothGraph {
+    parts: ClothParts,
+    handle_mask: Vec<bool>,
+    frame: LocalFrame,
+    pub(crate) senders: Vec<u32>,
+    pub(crate) receivers: Vec<u32>,
+    pub(crate) arc_edges: Vec<u32>,
+    pub(crate) edge_arcs: Vec<[u32; 2]>,
+    pub(crate) hinges: Vec<Hinge>,
+    pub(crate) rest_vectors: Vec<Vec3>,
+    pub(crate) rest_lengths: Vec<f32>,
+    pub(crate) links: Vec<Link>,
+    coarse_levels: usize,
+}
+
+/// Why parts do not make a graph.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum GraphError {
+    #[error(transparent)]
+    Handles(#[from] HandleError),
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    #[error(
+        "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics"
+    )]
+    Gust,
+    #[error("{what} has {found} entries, expected {expected}")]
+    Count {
+        what: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("{what} must be finite, found {value} at entry {entry}")]
+    NonFinite {
+        what: &'static str,
+        entry: usize,
+        value: String,
+    },
+    #[error("{what} must be finite and positive, found {value} at entry {entry}")]
+    NotPositive {
+        what: &'static str,
+        entry: usize,
+        value: f32,
+    },
+    #[error("frame_rate must be between 1 and 100000 frames per second, found {found}")]
+    FrameRate { found: f64 },
+}
+
+impl ClothGraph {
+    /// Checks the parts against each other and computes what does not change.
+    ///
+    /// # Errors
+    /// The first part that does not fit: a count, a value that is not finite, a mass or an area
+    /// that is not positive, a handle that the mesh does not have.
+    pub fn new(parts: ClothParts) -> Result<Self, GraphError> {
+        check(&parts)?;
+        let topology = &parts.topology;
+        let frame = LocalFrame::new(&parts.handles.select(&parts.rest_positions));
+        let yaw = frame.rest_yaw();
+        let arcs = Arcs::new(topology, &[]);
+        let rest_vectors: Vec<Vec3> = topology
+            .edges()
+            .iter()
+            .map(|edge| {
+                let [a, b] = edge.vertices.map(|v| parts.rest_positions[v.index()]);
+                yaw.to_local(a - b)
+            })
+            .collect();
+        Ok(Self {
+            handle_mask: parts.handles.mask(topology.vertex_count()),
+            frame,
+            senders: arcs.senders,
+            receivers: arcs.receivers,
+            arc_edges: arcs.numbers,
+            edge_arcs: arcs.pairs,
+            hinges: hinges(topology),
+            rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
+            rest_vectors,
+            links: Vec::new(),
+            coarse_levels: 0,
+            parts,
+        })
+    }
+
+    /// The same cloth with so many coarse levels, whose links are arcs too; fewer where it has too few
+    /// vertices for them.
+    #[must_use]
+    pub fn with_coarse_levels(mut self, levels: usize) -> Self {
+        let topology = &self.parts.topology;
+        let handles: Vec<u32> = self.parts.handles.vertices().iter().map(|v| v.0).collect();
+        let flat = |v: VertexId| self.parts.material_coordinates[v.index()];
+        let mut lengths: Vec<f32> = topology
+            .edges()
+            .iter()
+            .map(|edge| flat(edge.vertices[0]).distance(flat(edge.vertices[1])))
+            .collect();
+        if lengths.iter().all(|&length| length == 0.0) {
+            // Nobody said where it lies flat.
+            lengths.copy_from_slice(&self.rest_lengths);
+        }
+        let links = links(topology, &lengths, &handles, levels);
+        let arcs = Arcs::new(topology, &links);
+        let (of_edges, of_links) = arcs.pairs.split_at(topology.edges().len());
+        let yaw = self.frame.rest_yaw();
+        let rest = |v: u32| self.parts.rest_positions[v as usize];
+        self.links = links
+            .iter()
+            .zip(of_links)
+            .map(|(&(ends, level), &arcs)| Link {
+                ends,
+                level,
+                arcs,
+                rest_vector: yaw.to_local(rest(ends[0]) - rest(ends[1])),
+            })
+            .collect();
+        self.coarse_levels = levels;
+        self.edge_arcs = of_edges.to_vec();
+        self.receivers = arcs.receivers;
+        self.senders = arcs.senders;
+        self.arc_edges = arcs.numbers;
+        self
+    }
+
+    /// The connectivity.
+    #[must_use]
+    pub fn topology(&self) -> &Topology {
+        &self.parts.topology
+    }
+
+    /// The handles.
+    #[must_use]
+    pub fn handles(&self) -> &Handles {
+        &self.parts.handles
+    }
+
+    /// Whether each vertex is a handle, `[vertices]`.
+    #[must_use]
+    pub fn handle_mask(&self) -> &[bool] {
+        &self.handle_mask
+    }
+
+    /// Mass of each vertex `[kg]`, `[vertices]`.
+    #[must_use]
+    pub fn vertex_mass(&self) -> &[f32] {
+        &self.parts.vertex_mass
+    }
+
+    /// Area of each face in material space `[m²]`, `[faces]`.
+    #[must_use]
+    pub fn face_area(&self) -> &[f32] {
+        &self.parts.face_area
+    }
+
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    #[must_use]
+    pub fn material_coordinates(&self) -> &[Vec2] {
+        &self.parts.material_coordinates
+    }
+
+    /// The sagged rest pose in the world `[m]`, `[vertices]`.
+    #[must_use]
+    pub fn rest_positions(&self) -> &[Vec3] {
+        &self.parts.rest_positions
+    }
+
+    /// Gravity and air.
+    #[must_use]
+    pub fn environment(&self) -> &Environment {
+        &self.parts.environment
+    }
+
+    /// Frames per second.
+    #[must_use]
+    pub fn frame_rate(&self) -> f64 {
+        self.parts.frame_rate
+    }
+
+    /// How the local frame follows the handles.
+    #[must_use]
+    pub fn frame(&self) -> &LocalFrame {
+        &self.frame
+    }
+
+    /// Number of vertices.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.parts.topology.vertex_count()
+    }
+
+    /// Number of arcs, two per edge and two per link.
+    #[must_use]
+    pub fn arc_count(&self) -> usize {
+        self.senders.len()
+    }
+
+    /// The vertex that each arc comes from, `[arcs]`.
+    #[must_use]
+    pub fn senders(&self) -> &[u32] {
+        &self.senders
+    }
+
+    /// The vertex that each arc arrives at, in ascending order, `[arcs]`.
+    #[must_use]
+    pub fn receivers(&self) -> &[u32] {
+        &self.receivers
+    }
+
+    /// The edge of each arc, `[arcs]`; from the number of edges on, the link.
+    #[must_use]
+    pub fn arc_edges(&self) -> &[u32] {
+        &self.arc_edges
+    }
+
+    /// The arcs of each edge: that sent by `vertices[0]`, then its reverse, `[edges, 2]`.
+    #[must_use]
+    pub fn edge_arcs(&self) -> &[[u32; 2]] {
+        &self.edge_arcs
+    }
+
+    /// The edges between two faces, in the order of the edges.
+    #[must_use]
+    pub fn hinges(&self) -> &[Hinge] {
+        &self.hinges
+    }
+
+    /// How many coarse levels were asked for.
+    #[must_use]
+    pub fn coarse_levels(&self) -> usize {
+        self.coarse_levels
+    }
+
+    /// The edges of the coarse levels, level by level; none unless [`Self::with_coarse_levels`] made some.
+    #[must_use]
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,
+    /// `[edges]`.
+    #[must_use]
+    pub fn rest_vectors(&self) -> &[Vec3] {
+        &self.rest_vectors
+    }
+
+    /// Length of each edge in the sagged rest pose `[m]`, `[edges]`.
+    #[must_use]
+    pub fn rest_lengths(&self) -> &[f32] {
+        &self.rest_lengths
+    }
+}
+
+fn check(parts: &ClothParts) -> Result<(), GraphError> {
+    let vertices = parts.topology.vertex_count();
+    let faces = parts.topology.faces().len();
+    let numbers: Vec<u32> = parts.handles.vertices().iter().map(|v| v.0).collect();
+    Handles::new(&numbers, vertices)?;
+    parts.environment.validate()?;
+    if parts.environment.gust.is_some() {
+        return Err(GraphError::Gust);
+    }
+    if !(1.0..=1e5).contains(&parts.frame_rate) {
+        return Err(GraphError::FrameRate {
+            found: parts.frame_rate,
+        });
+    }
+    for (what, expected, found) in [
+        ("vertex_mass", vertices, parts.vertex_mass.len()),
+        ("face_area", faces, parts.face_area.len()),
+        (
+            "material_coordinates",
+            vertices,
+            parts.material_coordinates.len(),
+        ),
+        ("rest_positions", vertices, parts.rest_positions.len()),
+    ] {
+        if expected != found {
+            return Err(GraphError::Count {
+                what,
+                expected,
+                found,
+            });
+        }
+    }
+    check_positive("vertex_mass", &parts.vertex_mass)?;
+    check_positive("face_area", &parts.face_area)?;
+    check_finite("material_coordinates", &parts.material_coordinates, |c| {
+        c.is_finite()
+    })?;
+    check_finite("rest_positions", &parts.rest_positions, |p| p.is_finite())
+}
+
+fn check_positive(what: &'static str, values: &[f32]) -> Result<(), GraphError> {
+    match values.iter().position(|&x| !(x.is_finite() && x > 0.0)) {
+        Some(entry) => Err(GraphError::NotPositive {
+            what,
+            entry,
+            value: values[entry],
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_finite<T: std::fmt::Display>(
+    what: &'static str,
+    values: &[T],
+    is_finite: impl Fn(&T) -> bool,
+) -> Result<(), GraphError> {
+    match values.iter().position(|value| !is_finite(value)) {
+        Some(entry) => Err(GraphError::NonFinite {
+            what,
+            entry,
+            value: values[entry].to_string(),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn hinges(topology: &Topology) -> Vec<Hinge> {
+    let hinge = |(number, edge): (usize, &selvedge_cloth::Edge)| {
+        let [mut from, mut to] = edge.vertices.map(|v: VertexId| v.0);
+        let (mut left, mut right) = (edge.opposite.0.0, edge.opposite.1?.0);
+        if from > to {
+            (from, to, left, right) = (to, from, right, left);
+        }
+        Some(Hinge {
+            edge: number as u32,
+            from,
+            to,
+            left,
+            right,
+        })
+    };
+    topology
+        .edges()
+        .iter()
+        .enumerate()
+        .filter_map(hinge)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use selvedge_cloth::Gust;
+
+    use super::*;
+    use crate::graph::frame::Yaw;
+    use crate::test_cloth::{parts, turn};
+
+    #[test]
+    fn arcs_edges_and_hinges_name_each_other() {
+        let graph = ClothGraph::new(parts(6, 1)).expect("a cloth");
+        let edges = graph.topology().edges();
+        for (number, &[forward, back]) in graph.edge_arcs().iter().enumerate() {
+            let [a, b] = edges[number].vertices.map(|v| v.0);
+            for (arc, sender, receiver) in [(forward, a, b), (back, b, a)] {
+                assert_eq!(graph.senders()[arc as usize], sender);
+                assert_eq!(graph.receivers()[arc as usize], receiver);
+                assert_eq!(graph.arc_edges()[arc as usize] as usize, number);
+            }
+        }
+        let interior = edges.iter().filter(|edge| !edge.is_boundary()).count();
+        assert_eq!(graph.hinges().len(), interior);
+        assert!(graph.hinges().iter().all(|hinge| hinge.from < hinge.to));
+    }
+
+    #[test]
+    fn rest_vectors_do_not_depend_on_where_the_rest_pose_stands() {
+        let start = parts(6, 2);
+        let mut moved = start.clone();
+        moved.rest_positions = turn(&start.rest_positions, Yaw::from_angle(2.1), Vec3::ONE);
+        let (start, moved) = (ClothGraph::new(start), ClothGraph::new(moved));
+        let (start, moved) = (start.expect("a cloth"), moved.expect("a cloth"));
+        for (a, b) in start.rest_vectors().iter().zip(moved.rest_vectors()) {
+            // Positions of about 2 m, rounded to f32 twice.
+            assert!(a.distance(*b) < 1e-6);
+        }
+    }
+
+    type Change = fn(&mut ClothParts);
+
+    #[test]
+    fn parts_that_do_not_fit_are_named() {
+        let message = |change: Change| {
+            let mut parts = parts(3, 1);
+            change(&mut parts);
+            ClothGraph::new(parts).expect_err("a defect").to_string()
+        };
+        let cases: [(Change, &str); 8] = [
+            (
+                |p| p.vertex_mass[2] = 0.0,
+                "vertex_mass must be finite and positive, found 0",
+            ),
+            (
+                |p| p.face_area[1] = f32::NAN,
+                "face_area must be finite and positive, found NaN",
+            ),
+            (
+                |p| p.rest_positions[3].y = f32::NAN,
+                "rest_positions must be finite",
+            ),
+            (
+                |p| p.rest_positions.truncate(8),
+                "rest_positions has 8 entries, expected 9",
+            ),
+            (|p| p.frame_rate = 0.0, "frame_rate must be between"),
+            (|p| p.environment.air_drag = -1.0, "environment.air_drag"),
+            (
+                |p| {
+                    p.environment.gust = Some(Gust {
+                        speed: DVec3::X,
+                        period: 1.0,
+                        seed: 1,
+                    });
+                },
+                "environment.gust",
+            ),
+            (
+                |p| p.handles = Handles::new(&[9], 10).expect("ten"),
+                "handle 0 is vertex 9",
+            ),
+        ];
+        for (change, expected) in cases {
+            let found = message(change);
+            assert!(found.contains(expected), "{found}");
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
+//! for several side by side (a disjoint union).
+
+use std::ops::Range;
+
+use selvedge_cloth::Topology;
+
+use crate::graph::ClothGraph;
+use crate::graph::levels::Arcs;
+use crate::graph::partition::{Leaf, chunks, leaves};
+
+/// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
+/// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Connectivity {
+    pub(crate) vertex_count: usize,
+    pub(crate) senders: Vec<u32>,
+    pub(crate) receivers: Vec<u32>,
+    pub(crate) first_arc: Vec<u32>,
+    pub(crate) twins: Vec<u32>,
+    pub(crate) leaves: Vec<Leaf>,
+}
+
+impl Connectivity {
+    /// The arcs of a mesh, without coarse levels.
+    #[must_use]
+    pub fn of(topology: &Topology) -> Self {
+        let arcs = Arcs::new(topology, &[]);
+        let ends = [&*arcs.senders, &*arcs.receivers];
+        Self::from_arcs(topology.vertex_count(), ends, arcs.pairs.iter())
+    }
+
+    /// The arcs of a cloth with its coarse levels.
+    #[must_use]
+    pub fn of_cloth(graph: &ClothGraph) -> Self {
+        let of_links = graph.links().iter().map(|link| &link.arcs);
+        let pairs = graph.edge_arcs().iter().chain(of_links);
+        let ends = [graph.senders(), graph.receivers()];
+        Self::from_arcs(graph.vertex_count(), ends, pairs)
+    }
+
+    /// From the senders and the receivers of arcs, and the two arcs of every edge and link.
+    fn from_arcs<'a>(
+        vertex_count: usize,
+        [senders, receivers]: [&[u32]; 2],
+        pairs: impl Iterator<Item = &'a [u32; 2]>,
+    ) -> Self {
+        let mut twins = vec![0; senders.len()];
+        for &[forward, back] in pairs {
+            twins[forward as usize] = back;
+            twins[back as usize] = forward;
+        }
+        let mut first_arc = vec![0; vertex_count + 1];
+        for &receiver in receivers {
+            first_arc[receiver as usize + 1] += 1;
+        }
+        for vertex in 0..vertex_count {
+            first_arc[vertex + 1] += first_arc[vertex];
+        }
+        Self {
+            vertex_count,
+            senders: senders.to_vec(),
+            receivers: receivers.to_vec(),
+            leaves: leaves(&first_arc),
+            first_arc,
+            twins,
+        }
+    }
+
+    /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
+    /// each other in order.
+    #[must_use]
+    pub fn union<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut whole = Self {
+            vertex_count: 0,
+            senders: Vec::new(),
+            receivers: Vec::new(),
+            first_arc: vec![0],
+            twins: Vec::new(),
+            leaves: Vec::new(),
+        };
+        for part in parts {
+            let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
+            whole.vertex_count += part.vertex_count;
+            whole
+                .senders
+                .extend(part.senders.iter().map(|v| v + vertices));
+            whole
+                .receivers
+                .extend(part.receivers.iter().map(|v| v + vertices));
+            whole
+                .first_arc
+                .extend(part.first_arc[1..].iter().map(|a| a + arcs));
+            whole.twins.extend(part.twins.iter().map(|a| a + arcs));
+        }
+        whole.leaves = leaves(&whole.first_arc);
+        whole
+    }
+
+    /// Number of vertices.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Number of arcs, two per edge and two per link.
+    #[must_use]
+    pub fn arc_count(&self) -> usize {
+        self.senders.len()
+    }
+
+    /// The vertex that each arc comes from, `[arcs]`.
+    #[must_use]
+    pub fn senders(&self) -> &[u32] {
+        &self.senders
+    }
+
+    /// The vertex that each arc arrives at, in ascending order, `[arcs]`.
+    #[must_use]
+    pub fn receivers(&self) -> &[u32] {
+        &self.receivers
+    }
+
+    /// The first arc into each vertex, and the number of arcs, `[vertices + 1]`.
+    #[must_use]
+    pub fn first_arc(&self) -> &[u32] {
+        &self.first_arc
+    }
+
+    /// The same edge the other way, of each arc, `[arcs]`.
+    #[must_use]
+    pub fn twins(&self) -> &[u32] {
+        &self.twins
+    }
+
+    /// How [`crate::Dropout`] counts rows, of every vertex `[vertices]` and of every arc `[arcs]`: the
+    /// number of its row in the first of `steps` frames, and what is added for each frame after that.
+    #[must_use]
+    pub fn dropout_rows(&self, steps: [usize; 2]) -> [Vec<[u32; 2]>; 2] {
+        let of = |rows: fn(&Leaf) -> &Range<usize>, steps: usize| {
+            let chunks = self
+                .leaves
+                .iter()
+                .flat_map(move |leaf| chunks(rows(leaf).clone()));
+            let rows = chunks.flat_map(move |chunk| {
+                let (first, count) = (chunk.start * steps, chunk.len());
+                (0..count).map(move |row| [first + row, count].map(|n| n as u32))
+            });
+            rows.collect()
+        };
+        [
+            of(|leaf| &leaf.vertices, steps[0]),
+            of(|leaf| &leaf.arcs, steps[1]),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strip(first: u32) -> Topology {
+        let faces = [[0, 1, 2], [2, 1, 3], [2, 3, 4]];
+        let count = if first == 0 { 5 } else { 4 };
+        Topology::new(count, &faces[..count - 2]).expect("a strip")
+    }
+
+    #[test]
+    fn twins_are_the_same_edge_the_other_way() {
+        let graph = Connectivity::of(&strip(0));
+        for a in 0..graph.arc_count() {
+            let twin = graph.twins[a] as usize;
+            assert_eq!(graph.senders[a], graph.receivers[twin]);
+            assert_eq!(graph.receivers[a], graph.senders[twin]);
+            assert_eq!(graph.twins[twin] as usize, a);
+        }
+    }
+
+    #[test]
+    fn a_union_keeps_its_parts_apart_and_in_order() {
+        let parts = [Connectivity::of(&strip(0)), Connectivity::of(&strip(1))];
+        let whole = Connectivity::union(&parts);
+        let (vertices, arcs) = (parts[0].vertex_count as u32, parts[0].arc_count());
+        assert_eq!(whole.vertex_count(), 9);
+        for a in 0..parts[1].arc_count() {
+            assert_eq!(whole.senders[arcs + a], parts[1].senders[a] + vertices);
+            assert_eq!(whole.twins[arcs + a], parts[1].twins[a] + arcs as u32);
+        }
+        for v in 0..whole.vertex_count() {
+            for a in whole.first_arc[v]..whole.first_arc[v + 1] {
+                assert_eq!(whole.receivers[a as usize] as usize, v);
+            }
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! The cloth as the network sees it: the graph of its vertices and arcs, its partition among
+//! threads, its levels, and the local frame that its vectors are turned into.
+
+pub(crate) mod cloth_graph;
+pub(crate) mod connectivity;
+pub(crate) mod frame;
+pub mod geometry;
+pub(crate) mod levels;
+pub(crate) mod partition;
+
+pub use cloth_graph::{ClothGraph, ClothParts, GraphError, Hinge};
+pub use connectivity::Connectivity;
+pub use frame::{LocalFrame, Yaw};
+pub use levels::Link;

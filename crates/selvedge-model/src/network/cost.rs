@@ -1,0 +1,227 @@
+//! How much arithmetic a network needs for a frame, and how much memory to learn from one, from its
+//! spec alone.
+//!
+//! Of the arithmetic the products are counted, two operations for each multiplication with its
+//! addition, as is common; features, activations, normalisation and sums of messages are left out,
+//! which are a few percent. Of the memory all is counted that a [`Workspace`](crate::Workspace) holds.
+
+use crate::network::OUTPUTS;
+use crate::network::layers::encoder::RowEncoder;
+use crate::spec::{Encoder, ModelSpec};
+
+/// Floating-point operations of one frame, by what they grow with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Flops {
+    /// For each vertex.
+    pub vertex: u64,
+    /// For each arc.
+    pub arc: u64,
+}
+
+/// How the first layer of an edge update, W [v_s, v_r, e], is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FirstEdgeLayer {
+    /// As it is written: three products for each arc.
+    Whole,
+    /// As it is computed here: A v_s + B v_r + C e, of which the first two for each vertex.
+    Split,
+}
+
+impl Flops {
+    /// Those of a frame of a cloth.
+    #[must_use]
+    pub fn per_frame(self, vertices: usize, arcs: usize) -> u64 {
+        self.vertex * vertices as u64 + self.arc * arcs as u64
+    }
+}
+
+/// The arithmetic of a network of this spec, one forward pass.
+#[must_use]
+pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
+    let (latent, blocks) = (spec.latent as u64, spec.blocks as u64);
+    let square = latent * latent;
+    // W [v, Σ e'] and two more layers for a vertex, two more layers for an arc.
+    let (mut vertex, mut arc) = (4 * square, 2 * square);
+    match first {
+        FirstEdgeLayer::Whole => arc += 3 * square,
+        FirstEdgeLayer::Split => {
+            vertex += 2 * square;
+            arc += square;
+        }
+    }
+    let [nodes, edges] = spec.encoder.rows();
+    let decoder = 2 * square + latent * OUTPUTS as u64;
+    Flops {
+        vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
+        arc: 2 * (encoder(spec, edges, spec.edge_width()) + blocks * arc),
+    }
+}
+
+/// Multiplications that encode one row of `width` columns per frame of the window; a state that is
+/// carried over spares all but one frame.
+fn encoder(spec: &ModelSpec, rows: RowEncoder, width: usize) -> u64 {
+    let (latent, width) = (spec.latent as u64, width as u64);
+    let square = latent * latent;
+    match rows {
+        RowEncoder::Mlp(window) => window as u64 * width * latent + 2 * square,
+        RowEncoder::Gru => {
+            let first = 3 * latent * (width + latent);
+            let second = 3 * latent * (latent + latent);
+            let steps = match spec.encoder {
+                Encoder::StreamingGru { .. } => 1,
+                _ => spec.window() as u64,
+            };
+            steps * (first + second) + square
+        }
+    }
+}
+
+/// Numbers that a pass to learn from keeps, by what they grow with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Activations {
+    /// For each vertex.
+    pub vertex: u64,
+    /// For each arc.
+    pub arc: u64,
+}
+
+impl Activations {
+    /// Those of a cloth.
+    #[must_use]
+    pub fn of(self, vertices: usize, arcs: usize) -> u64 {
+        self.vertex * vertices as u64 + self.arc * arcs as u64
+    }
+}
+
+/// What a workspace of this spec holds for the rows of its graph after a pass to learn from, with
+/// dropout, and its way back.
+#[must_use]
+pub fn activations(spec: &ModelSpec) -> Activations {
+    let (latent, blocks, window) = (spec.latent as u64, spec.blocks as u64, spec.window() as u64);
+    // Two hidden layers, the normalised output and its deviation.
+    let perceptron = 3 * latent + 1;
+    let [of_vertex, of_arc] = spec.encoder.rows().map(|rows| match rows {
+        RowEncoder::Mlp(_) => perceptron,
+        // Of each of two layers the states and four gates; what is dropped between them; the output.
+        RowEncoder::Gru => (2 * (window + 1 + 4 * window) + window + 1) * latent + 1,
+    });
+    let carried = match spec.encoder {
+        Encoder::StreamingGru { .. } => 2 * latent,
+        _ => 0,
+    };
+    let decoder = 2 * latent;
+    Activations {
+        // A block keeps its input, the sums of messages and its perceptron. Beside the blocks: the
+        // latent vertices, what two blocks' arcs gather of them, the output.
+        vertex: of_vertex
+            + blocks * (2 * latent + perceptron)
+            + decoder
+            + 5 * latent
+            + OUTPUTS as u64
+            + carried,
+        // The latent arcs and the gradients of their first layer.
+        arc: of_arc + blocks * (latent + perceptron) + 2 * latent + carried,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::ClothGraph;
+    use crate::graph::connectivity::Connectivity;
+    use crate::network::workspace::Workspace;
+    use crate::network::{Dropout, Gradients, Input, Network, Pass};
+    use crate::test_cloth::parts;
+
+    #[test]
+    fn a_workspace_holds_what_is_counted() {
+        for (side, seed) in [(3, 1), (5, 2)] {
+            let graph = ClothGraph::new(parts(side, seed)).expect("a cloth");
+            let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+            for encoder in [
+                Encoder::MLP,
+                Encoder::Mlp { window: 3 },
+                Encoder::Gru { window: 2 },
+                Encoder::Gru { window: 5 },
+                Encoder::NodeGru { window: 3 },
+                Encoder::StreamingGru { window: 2 },
+            ] {
+                let spec = ModelSpec::physical(encoder, 4 + seed as usize, 1 + side);
+                let network = Network::new(&spec).expect("a network");
+                let weights = network.initialise(&mut || 0.5);
+                let [node_width, edge_width] = [spec.node_width(), spec.edge_width()];
+                let nodes = vec![0.1_f32; spec.node_window() * vertices * node_width];
+                let edges = vec![0.1_f32; spec.edge_window() * arcs * edge_width];
+                let input = Input {
+                    nodes: &nodes,
+                    edges: &edges,
+                };
+                let connectivity = Connectivity::of(graph.topology());
+                let mut workspace = Workspace::new();
+                let pass = Pass::Training(Some(Dropout { rate: 0.5, seed: 1 }));
+                network.forward(&weights, &connectivity, input, pass, &mut workspace);
+                let mut gradient = vec![0.0; weights.len()];
+                let gradients = Gradients {
+                    weights: &mut gradient,
+                    input: None,
+                };
+                let output = vec![1.0; 3 * vertices];
+                let both = (&weights[..], gradients);
+                network.backward(both, &connectivity, input, &output, &mut workspace);
+                let counted = activations(&spec).of(vertices, arcs);
+                assert_eq!(workspace.number_count() as u64, counted, "{spec:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_small_network_costs_what_a_hand_counts() {
+        // 12 columns of a vertex, 7 of an arc, latent 4, 2 blocks.
+        let spec = ModelSpec::mesh_graph_nets(4, 2);
+        assert_eq!((spec.node_width(), spec.edge_width()), (12, 7));
+        // Encoder 12·4 + 4·4 + 4·4 = 80, two updates of 8·4 + 4·4 + 4·4 = 64, decoder 4·4 + 4·4 + 4·3 = 44.
+        // Arcs: 7·4 + 16 + 16 = 60, two updates of 12·4 + 16 + 16 = 80.
+        let whole = Flops {
+            vertex: 2 * (80 + 2 * 64 + 44),
+            arc: 2 * (60 + 2 * 80),
+        };
+        assert_eq!(flops(&spec, FirstEdgeLayer::Whole), whole);
+        // Of the 48 of an arc's first layer, 32 become two products of 16 for a vertex.
+        let split = Flops {
+            vertex: whole.vertex + 2 * 2 * 32,
+            arc: whole.arc - 2 * 2 * 32,
+        };
+        assert_eq!(flops(&spec, FirstEdgeLayer::Split), split);
+        assert_eq!(split.per_frame(3, 10), 3 * split.vertex + 10 * split.arc);
+    }
+
+    #[test]
+    fn a_recurrent_encoder_costs_its_gates_in_every_frame() {
+        let of = |encoder| flops(&ModelSpec::physical(encoder, 5, 1), FirstEdgeLayer::Split);
+        let [three, four] = [3, 4].map(|window| of(Encoder::Gru { window }));
+        // Three gates of 5 from 16 (10) columns and 5 states, and from 5 and 5 in the second layer.
+        assert_eq!(four.vertex - three.vertex, 2 * 15 * (16 + 5 + 5 + 5));
+        assert_eq!(four.arc - three.arc, 2 * 15 * (10 + 5 + 5 + 5));
+        // Without the window: Linear 5·5, against 16·5 + 5·5 + 5·5 of a perceptron.
+        let perceptron = of(Encoder::MLP);
+        assert_eq!(
+            three.vertex - 3 * (four.vertex - three.vertex) + 2 * (80 + 25),
+            perceptron.vertex
+        );
+    }
+
+    #[test]
+    fn the_papers_networks_cost_what_the_paper_implies() {
+        // 1024 vertices and 2949 edges, in GFLOP to one decimal.
+        let cost = |spec: &ModelSpec, first| {
+            (flops(spec, first).per_frame(1024, 5898) as f64 / 1e8).round() / 10.0
+        };
+        let physical = |encoder| ModelSpec::physical(encoder, 128, 15);
+        let gru = |window| physical(Encoder::Gru { window });
+        assert_eq!(cost(&gru(10), FirstEdgeLayer::Whole), 37.8);
+        assert_eq!(cost(&gru(5), FirstEdgeLayer::Whole), 27.3);
+        assert_eq!(cost(&physical(Encoder::MLP), FirstEdgeLayer::Whole), 17.0);
+        // The processor alone: 16.5 whole, 11.7 split.
+        assert_eq!(cost(&gru(10), FirstEdgeLayer::Split), 33.0);
+    }
+}

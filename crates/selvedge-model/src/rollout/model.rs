@@ -1,0 +1,145 @@
+//! A trained model: network, weights and the frozen statistics of its inputs and its output.
+
+use thiserror::Error;
+
+use crate::features::normalizer::Normalizer;
+use crate::network::{Network, OUTPUTS};
+use crate::spec::{ModelSpec, SpecError};
+
+/// Frozen statistics of what goes in and what comes out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Normalizers {
+    /// Of node features, `[node width]`.
+    pub nodes: Normalizer,
+    /// Of edge features, `[edge width]`.
+    pub edges: Normalizer,
+    /// Of accelerations in the local frame [m/frame²], `[3]`.
+    pub acceleration: Normalizer,
+}
+
+/// A model that can be used.
+#[derive(Clone, Debug)]
+pub struct Model {
+    network: Network,
+    weights: Vec<f32>,
+    normalizers: Normalizers,
+    /// How it was trained, as JSON; free text where it was not.
+    pub training: String,
+}
+
+/// Parts that make no model.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ModelError {
+    #[error(transparent)]
+    Spec(#[from] SpecError),
+    #[error("{what} has {found} values, but the spec of the model needs {expected}")]
+    Count {
+        what: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("weight {name}[{index}] is not finite")]
+    NonFinite { name: String, index: usize },
+}
+
+impl Model {
+    /// Puts a model together; `weights` laid out as [`Network::parameters`] says.
+    ///
+    /// # Errors
+    /// [`ModelError`] when the spec is invalid, a count is not the spec's, or a weight is not
+    /// finite.
+    pub fn new(
+        spec: &ModelSpec,
+        weights: Vec<f32>,
+        normalizers: Normalizers,
+        training: String,
+    ) -> Result<Self, ModelError> {
+        let network = Network::new(spec)?;
+        check_counts(&network, &weights, &normalizers)?;
+        check_finite(&network, &weights)?;
+        Ok(Self {
+            network,
+            weights,
+            normalizers,
+            training,
+        })
+    }
+
+    /// The network.
+    #[must_use]
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// What the network is made of.
+    #[must_use]
+    pub fn spec(&self) -> &ModelSpec {
+        self.network.spec()
+    }
+
+    /// The weights, laid out as [`Network::parameters`] says.
+    #[must_use]
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// The statistics.
+    #[must_use]
+    pub fn normalizers(&self) -> &Normalizers {
+        &self.normalizers
+    }
+}
+
+fn check_counts(
+    network: &Network,
+    weights: &[f32],
+    normalizers: &Normalizers,
+) -> Result<(), ModelError> {
+    let spec = network.spec();
+    let counts = [
+        (
+            "the array of weights",
+            network.parameter_count(),
+            weights.len(),
+        ),
+        (
+            "normalizer.nodes",
+            spec.node_width(),
+            normalizers.nodes.width(),
+        ),
+        (
+            "normalizer.edges",
+            spec.edge_width(),
+            normalizers.edges.width(),
+        ),
+        (
+            "normalizer.acceleration",
+            OUTPUTS,
+            normalizers.acceleration.width(),
+        ),
+    ];
+    for (what, expected, found) in counts {
+        if expected != found {
+            return Err(ModelError::Count {
+                what,
+                expected,
+                found,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_finite(network: &Network, weights: &[f32]) -> Result<(), ModelError> {
+    for parameter in network.parameters() {
+        let values = &weights[parameter.range.clone()];
+        if let Some(index) = values.iter().position(|w| !w.is_finite()) {
+            return Err(ModelError::NonFinite {
+                name: parameter.name.clone(),
+                index,
+            });
+        }
+    }
+    Ok(())
+}

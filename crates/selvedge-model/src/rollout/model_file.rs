@@ -1,0 +1,315 @@
+//! Model files: one `.safetensors` with the weights under their module paths (f32, or in half the size f16 or
+//! bf16, which are f32 again once they are read), the
+//! normaliser's statistics (f64), and metadata: format, version, the resolved spec and how the
+//! model was trained, both as JSON.
+//!
+//! Works on bytes; who reads and writes files does so elsewhere.
+
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use thiserror::Error;
+
+use crate::features::normalizer::{Normalizer, NormalizerError};
+use crate::network::parameters::Parameter;
+use crate::network::{Network, OUTPUTS};
+use crate::rollout::half::{WeightType, bf16_bits, bf16_value, f16_bits, f16_value};
+use crate::rollout::model::{Model, ModelError, Normalizers};
+use crate::spec::{ModelSpec, SpecError};
+
+/// `format` in the metadata of a model file.
+pub const MODEL_FORMAT: &str = "selvedge-model";
+const VERSION: &str = "1";
+
+/// Why bytes are not a model that can be used.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ModelFileError {
+    #[error("not a whole safetensors file ({0}): it may be truncated, or of another kind")]
+    Container(#[from] SafeTensorError),
+    #[error(
+        "metadata \"{key}\" is {found}, expected \"{expected}\": this file is no model that this version reads"
+    )]
+    Metadata {
+        key: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+    #[error("metadata \"spec\" is missing: the file does not say which network its weights are of")]
+    NoSpec,
+    #[error("metadata \"spec\": {0}")]
+    SpecText(#[from] serde_json::Error),
+    #[error(transparent)]
+    Spec(#[from] SpecError),
+    #[error("tensor {name} is missing: the weights are of another spec than the file says")]
+    Missing { name: String },
+    #[error("tensor {name} is in the file, but the spec of the model has no such weight")]
+    Unknown { name: String },
+    #[error(
+        "tensor {name} is {found_dtype:?} {found:?}, but the spec of the model needs {dtype:?} {expected:?}"
+    )]
+    Shape {
+        name: String,
+        dtype: Dtype,
+        expected: Vec<usize>,
+        found_dtype: Dtype,
+        found: Vec<usize>,
+    },
+    #[error(
+        "weight {name}[{index}] is {found}, more than {to} holds: keep this model in f32, or in bf16"
+    )]
+    TooLarge {
+        name: String,
+        index: usize,
+        found: f32,
+        to: &'static str,
+    },
+    #[error("normalizer.{name}: {source}")]
+    Normalizer {
+        name: &'static str,
+        #[source]
+        source: NormalizerError,
+    },
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+impl Model {
+    /// Reads a model from the bytes of its file.
+    ///
+    /// # Errors
+    /// [`ModelFileError`] names the metadata or the tensor that cannot be used.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let text = |key: &str| metadata.get(key).map(String::as_str);
+        check_kind(text)?;
+        let tensors = SafeTensors::deserialize(bytes)?;
+        let spec: ModelSpec = serde_json::from_str(text("spec").ok_or(ModelFileError::NoSpec)?)?;
+        let network = Network::new(&spec)?;
+        check_names(&network, &tensors)?;
+        let mut weights = Vec::new();
+        for parameter in network.parameters() {
+            read_weight(&tensors, parameter, &mut weights)?;
+        }
+        let [nodes, edges, acceleration] =
+            statistics(&spec).map(|(name, width)| read_normalizer(&tensors, name, width));
+        let normalizers = Normalizers {
+            nodes: nodes?,
+            edges: edges?,
+            acceleration: acceleration?,
+        };
+        let training = text("training").unwrap_or_default().to_owned();
+        Ok(Self::new(&spec, weights, normalizers, training)?)
+    }
+
+    /// The bytes of the model's file; the same model gives the same bytes.
+    ///
+    /// The container's own writer keeps metadata in a hash map, whose order differs from run to
+    /// run; so the header (its length, then JSON, padded to 8 bytes) is written here.
+    ///
+    /// # Errors
+    /// [`ModelFileError::SpecText`] when the header cannot be written as JSON.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, ModelFileError> {
+        self.to_bytes_as(WeightType::F32)
+    }
+
+    /// The same with the weights rounded to another type.
+    ///
+    /// # Errors
+    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight that the type has no number for.
+    pub fn to_bytes_as(&self, weights: WeightType) -> Result<Vec<u8>, ModelFileError> {
+        let mut header = serde_json::Map::new();
+        let mut body = Vec::new();
+        let mut add = |name: String, dtype: &str, shape: &[usize], bytes: &[u8]| {
+            let offsets = [body.len(), body.len() + bytes.len()];
+            body.extend_from_slice(bytes);
+            let entry =
+                serde_json::json!({"dtype": dtype, "shape": shape, "data_offsets": offsets});
+            header.insert(name, entry);
+        };
+        // The widest values first, so that all are aligned.
+        for (name, bytes) in statistics_bytes(self) {
+            add(name, "F64", &[bytes.len() / 8], &bytes);
+        }
+        for parameter in self.network().parameters() {
+            let values = &self.weights()[parameter.range.clone()];
+            let (dtype, bytes) = weight_bytes(weights, &parameter.name, values)?;
+            add(parameter.name.clone(), dtype, &parameter.shape, &bytes);
+        }
+        let metadata = serde_json::json!({
+            "format": MODEL_FORMAT,
+            "version": VERSION,
+            "spec": serde_json::to_string(self.spec())?,
+            "training": self.training,
+        });
+        header.insert("__metadata__".to_owned(), metadata);
+        let mut text = serde_json::to_vec(&header)?;
+        text.resize(text.len().next_multiple_of(8), b' ');
+        let mut out = (text.len() as u64).to_le_bytes().to_vec();
+        out.append(&mut text);
+        out.append(&mut body);
+        Ok(out)
+    }
+}
+
+/// Names and widths of the statistics in a model file.
+fn statistics(spec: &ModelSpec) -> [(&'static str, usize); 3] {
+    [
+        ("nodes", spec.node_width()),
+        ("edges", spec.edge_width()),
+        ("acceleration", OUTPUTS),
+    ]
+}
+
+const STATISTIC_KINDS: [&str; 2] = ["mean", "deviation"];
+
+fn statistic_name(of: &str, kind: &str) -> String {
+    format!("normalizer.{of}.{kind}")
+}
+
+fn statistics_bytes(model: &Model) -> Vec<(String, Vec<u8>)> {
+    let Normalizers {
+        nodes,
+        edges,
+        acceleration,
+    } = model.normalizers();
+    let mut out = Vec::new();
+    for ((of, _), normalizer) in
+        statistics(model.spec())
+            .into_iter()
+            .zip([nodes, edges, acceleration])
+    {
+        let both = [normalizer.mean(), normalizer.deviation()];
+        for (kind, values) in STATISTIC_KINDS.into_iter().zip(both) {
+            out.push((statistic_name(of, kind), bytes_of(values, f64::to_le_bytes)));
+        }
+    }
+    out
+}
+
+fn bytes_of<T: Copy, const N: usize>(values: &[T], to: impl Fn(T) -> [u8; N]) -> Vec<u8> {
+    values.iter().flat_map(|&x| to(x)).collect()
+}
+
+/// Weights as they stand in a file, and what their type is called there.
+fn weight_bytes(
+    weights: WeightType,
+    name: &str,
+    values: &[f32],
+) -> Result<(&'static str, Vec<u8>), ModelFileError> {
+    let half = |to: &'static str, bits: fn(f32) -> Option<u16>| {
+        let mut bytes = Vec::with_capacity(2 * values.len());
+        for (index, &found) in values.iter().enumerate() {
+            let too_large = || ModelFileError::TooLarge {
+                name: name.to_owned(),
+                index,
+                found,
+                to,
+            };
+            bytes.extend(bits(found).ok_or_else(too_large)?.to_le_bytes());
+        }
+        Ok((to, bytes))
+    };
+    match weights {
+        WeightType::F32 => Ok(("F32", bytes_of(values, f32::to_le_bytes))),
+        WeightType::F16 => half("F16", f16_bits),
+        WeightType::Bf16 => half("BF16", bf16_bits),
+    }
+}
+
+/// Adds the numbers of a weight, in whichever of the types it is.
+fn read_weight(
+    tensors: &SafeTensors<'_>,
+    parameter: &Parameter,
+    weights: &mut Vec<f32>,
+) -> Result<(), ModelFileError> {
+    let (name, shape) = (&parameter.name, &parameter.shape);
+    let found = tensors.tensor(name).map(|view| view.dtype());
+    let half = |bytes: &[u8], value: fn(u16) -> f32| {
+        let numbers = bytes.as_chunks().0.iter();
+        numbers
+            .map(|b| value(u16::from_le_bytes(*b)))
+            .collect::<Vec<f32>>()
+    };
+    match found {
+        Ok(dtype @ Dtype::F16) => {
+            weights.extend(half(read(tensors, name, dtype, shape)?, f16_value));
+        }
+        Ok(dtype @ Dtype::BF16) => {
+            weights.extend(half(read(tensors, name, dtype, shape)?, bf16_value));
+        }
+        _ => {
+            let numbers = read(tensors, name, Dtype::F32, shape)?.as_chunks().0.iter();
+            weights.extend(numbers.map(|b| f32::from_le_bytes(*b)));
+        }
+    }
+    Ok(())
+}
+
+fn check_kind<'a>(text: impl Fn(&str) -> Option<&'a str>) -> Result<(), ModelFileError> {
+    for (key, expected) in [("format", MODEL_FORMAT), ("version", VERSION)] {
+        if text(key) != Some(expected) {
+            return Err(ModelFileError::Metadata {
+                key,
+                expected,
+                found: text(key).map_or("missing".into(), |found| format!("\"{found}\"")),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_names(network: &Network, tensors: &SafeTensors<'_>) -> Result<(), ModelFileError> {
+    let statistics = statistics(network.spec()).map(|(of, _)| of);
+    let is_statistic = |name: &str| {
+        let mut all = statistics
+            .iter()
+            .flat_map(|of| STATISTIC_KINDS.map(|kind| statistic_name(of, kind)));
+        all.any(|known| known == name)
+    };
+    let mut names = tensors.names();
+    names.sort_unstable();
+    for name in names {
+        if !is_statistic(name) && !network.parameters().iter().any(|p| p.name == name) {
+            return Err(ModelFileError::Unknown { name: name.into() });
+        }
+    }
+    Ok(())
+}
+
+fn read<'a>(
+    tensors: &SafeTensors<'a>,
+    name: &str,
+    dtype: Dtype,
+    shape: &[usize],
+) -> Result<&'a [u8], ModelFileError> {
+    let view = tensors
+        .tensor(name)
+        .map_err(|_| ModelFileError::Missing { name: name.into() })?;
+    if view.dtype() != dtype || view.shape() != shape {
+        return Err(ModelFileError::Shape {
+            name: name.into(),
+            dtype,
+            expected: shape.to_vec(),
+            found_dtype: view.dtype(),
+            found: view.shape().to_vec(),
+        });
+    }
+    Ok(view.data())
+}
+
+fn read_normalizer(
+    tensors: &SafeTensors<'_>,
+    of: &'static str,
+    width: usize,
+) -> Result<Normalizer, ModelFileError> {
+    let [mean, deviation] = STATISTIC_KINDS.map(|kind| -> Result<Vec<f64>, ModelFileError> {
+        let bytes = read(tensors, &statistic_name(of, kind), Dtype::F64, &[width])?;
+        let numbers = bytes.as_chunks().0.iter();
+        Ok(numbers.map(|b| f64::from_le_bytes(*b)).collect())
+    });
+    Normalizer::new(mean?, deviation?)
+        .map_err(|source| ModelFileError::Normalizer { name: of, source })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,285 @@
+//! The learned simulator as a [`Stepper`]: features of the last frames, one pass of the network,
+//! and the integration p^{t+1} = a + 2 p^t - p^{t-1} `[eq:integration]`.
+//!
+//! Where the spec has edge limits they come last. Handle vertices never follow the network: after the step they are where their targets are.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use selvedge_cloth::{
+    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId,
+};
+use thiserror::Error;
+
+use crate::features::window::{Extent, Frames, Place, Window};
+use crate::graph::ClothGraph;
+use crate::graph::connectivity::Connectivity;
+use crate::graph::frame::Yaw;
+use crate::kernels::simd::Instructions;
+use crate::network::packed::{PackedWeights, Purpose};
+use crate::network::workspace::{EncoderState, Workspace};
+use crate::network::{Input, Pass};
+use crate::rollout::model::Model;
+use crate::spec::ModelSpec;
+
+/// A cloth that a trained model moves.
+pub struct LearnedStepper {
+    model: Arc<Model>,
+    graph: ClothGraph,
+    connectivity: Connectivity,
+    /// Positions of the frames before the window and of each frame of it, oldest first; the
+    /// oldest buffer receives the next frame.
+    history: Vec<Vec<Vec3>>,
+    next: Vec<Vec3>,
+    next_handles: Vec<Vec3>,
+    reference: Vec<Vec3>,
+    yaw: Yaw,
+    frame: usize,
+    features: Window,
+    weights: PackedWeights<f32>,
+    workspace: Workspace<f32>,
+    /// What a streaming network's encoders carry; that before the last step is kept until the step
+    /// is known to be good.
+    state: EncoderState<f32>,
+    acceleration: Vec<f32>,
+}
+
+/// Why a rollout cannot start.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RolloutError {
+    #[error("the start has {found} positions in a frame, the cloth has {expected} vertices")]
+    Count { expected: usize, found: usize },
+    #[error("the start needs at least one frame")]
+    NoFrame,
+    #[error("the start position of vertex {vertex} is not finite")]
+    NonFinite { vertex: VertexId },
+}
+
+/// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from the
+/// last ones before now: where there are fewer than the model looks at, the cloth is taken to have
+/// stood still before the first.
+///
+/// # Errors
+/// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
+pub fn opening_frames(
+    spec: &ModelSpec,
+    vertices: usize,
+    start: &[&[Vec3]],
+) -> Result<Vec<Vec<Vec3>>, RolloutError> {
+    let needed = spec.history();
+    let first = *start.first().ok_or(RolloutError::NoFrame)?;
+    for frame in start {
+        if frame.len() != vertices {
+            let (expected, found) = (vertices, frame.len());
+            return Err(RolloutError::Count { expected, found });
+        }
+        if let Some(vertex) = frame.iter().position(|p| !p.is_finite()) {
+            let vertex = VertexId(vertex as u32);
+            return Err(RolloutError::NonFinite { vertex });
+        }
+    }
+    let still = std::iter::repeat_n(first, needed.saturating_sub(start.len()));
+    let recent = &start[start.len().saturating_sub(needed)..];
+    let frames = still.chain(recent.iter().copied());
+    Ok(frames.map(<[_]>::to_vec).collect())
+}
+
+impl LearnedStepper {
+    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where
+    /// there are fewer than the model looks at, the cloth is taken to have stood still before the first.
+    ///
+    /// # Errors
+    /// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
+    pub fn new(
+        model: Arc<Model>,
+        graph: ClothGraph,
+        start: &[&[Vec3]],
+    ) -> Result<Self, RolloutError> {
+        let vertices = graph.vertex_count();
+        let graph = graph.with_coarse_levels(model.spec().coarse_levels);
+        Ok(Self {
+            connectivity: Connectivity::of_cloth(&graph),
+            history: opening_frames(model.spec(), vertices, start)?,
+            next: vec![Vec3::ZERO; vertices],
+            next_handles: Vec::new(),
+            reference: Vec::new(),
+            yaw: graph.frame().rest_yaw(),
+            frame: 0,
+            features: Window::default(),
+            weights: PackedWeights::new(
+                model.network(),
+                model.weights(),
+                Purpose::Inference,
+                Instructions::Detected,
+            ),
+            workspace: Workspace::new(),
+            state: EncoderState::new(),
+            acceleration: Vec::new(),
+            model,
+            graph,
+        })
+    }
+
+    /// The model that moves the cloth.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn predict(&mut self, next_handles: &[Vec3], yaw: Yaw) {
+        let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
+        let frames = Frames {
+            positions: &self.history,
+            next_handles,
+            yaw,
+        };
+        let extent = if self.state.is_zero() {
+            Extent::Whole
+        } else {
+            Extent::Newest
+        };
+        self.features.fit_extent(spec, &place, extent);
+        self.features.write(spec, &self.graph, frames, &place);
+        let normalizers = self.model.normalizers();
+        self.features
+            .normalize(&normalizers.nodes, &normalizers.edges);
+        let input = Input {
+            nodes: &self.features.nodes,
+            edges: &self.features.edges,
+        };
+        let out = self.model.network().forward_carried(
+            &self.weights,
+            &self.connectivity,
+            (input, &self.state),
+            Pass::Inference,
+            &mut self.workspace,
+        );
+        self.acceleration.clear();
+        self.acceleration.extend_from_slice(out);
+        normalizers.acceleration.denormalize(&mut self.acceleration);
+    }
+}
+
+impl Stepper for LearnedStepper {
+    fn topology(&self) -> &Topology {
+        self.graph.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.graph.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.history[self.history.len() - 1]
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        let frame = self.frame + 1;
+        let (expected, found) = (self.handles().len(), targets.handle_count());
+        if expected != found {
+            let source = HandleError::Count { expected, found };
+            return Err(StepError::Handles { frame, source });
+        }
+        targets
+            .require_all_hold()
+            .map_err(|source| StepError::Handles { frame, source })?;
+        let handles_now = self.handles().of(self.positions());
+        let yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
+        let mut next_handles = std::mem::take(&mut self.next_handles);
+        next_handles.clear();
+        next_handles.extend(targets.end().iter().map(|p| p.as_vec3()));
+        self.predict(&next_handles, yaw);
+        let newest = self.history.len() - 1;
+        let [previous, current] = [&*self.history[newest - 1], &*self.history[newest]];
+        let (integration, reference) = (self.model.spec().integration, &mut self.reference);
+        integration.reference(
+            &self.graph,
+            [previous, current],
+            &next_handles,
+            yaw,
+            reference,
+        );
+        self.next_handles = next_handles;
+        integrate(
+            &self.acceleration,
+            yaw,
+            [reference, current],
+            &mut self.next,
+        );
+        for (vertex, target) in self.graph.handles().vertices().iter().zip(targets.end()) {
+            self.next[vertex.index()] = target.as_vec3();
+        }
+        if let Some(limits) = self.model.spec().edge_limits {
+            limits.apply(&self.graph, &mut self.next);
+        }
+        check_frame(frame, &self.next, self.graph.vertex_count())?;
+        self.history.rotate_left(1);
+        std::mem::swap(&mut self.history[newest], &mut self.next);
+        if self.model.network().streams() {
+            self.workspace.swap_end_state(&mut self.state);
+        }
+        self.yaw = yaw;
+        self.frame = frame;
+        Ok(())
+    }
+}
+
+/// What a streaming network carries has seen the frames before the newest one: it stays where that
+/// one is replaced. A frame that is taken has passed it by, so it starts anew from the window.
+impl Correctable for LearnedStepper {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        check_frame(self.frame, positions, self.graph.vertex_count())?;
+        let newest = self.history.len() - 1;
+        self.history[newest].copy_from_slice(positions);
+        Ok(())
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        check_frame(self.frame + 1, positions, self.graph.vertex_count())?;
+        let handles_now = self
+            .graph
+            .handles()
+            .of(&self.history[self.history.len() - 1]);
+        self.yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
+        self.history.rotate_left(1);
+        let newest = self.history.len() - 1;
+        self.history[newest].copy_from_slice(positions);
+        self.state.clear();
+        self.frame += 1;
+        Ok(())
+    }
+}
+
+/// That every one of so many positions is finite.
+fn check_frame(frame: usize, positions: &[Vec3], vertices: usize) -> Result<(), StepError> {
+    assert_eq!(positions.len(), vertices, "positions");
+    match positions.iter().position(|p| !p.is_finite()) {
+        Some(vertex) => Err(StepError::NonFinite {
+            frame,
+            vertex: VertexId(vertex as u32),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// p^{t+1} = a + 2 p^t - p^{t-1}, with `acceleration` `[m/frame²]` in the local frame of `yaw`,
+/// `[vertices, 3]`, and the rest in the world, `[vertices]` `[m]`.
+pub fn integrate(
+    acceleration: &[f32],
+    yaw: Yaw,
+    [previous, current]: [&[Vec3]; 2],
+    next: &mut [Vec3],
+) {
+    let rows = acceleration.as_chunks::<3>().0;
+    for ((next, a), (p, q)) in next.iter_mut().zip(rows).zip(current.iter().zip(previous)) {
+        *next = yaw.to_world(Vec3::from_array(*a)) + (2.0 * *p - *q);
+    }
+}
+
+#[cfg(test)]
+mod tests;

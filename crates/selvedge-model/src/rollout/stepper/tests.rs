@@ -1,0 +1,390 @@
+//! Rollouts with known answers: uniform and uniformly accelerated motion, a scene that is turned
+//! and moved, starts that are padded, and errors that leave everything as it was.
+
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::features::normalizer::Normalizer;
+use crate::graph::ClothParts;
+use crate::network::Network;
+use crate::rollout::model::Normalizers;
+use crate::spec::integration::Integration;
+use crate::spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature};
+use crate::test_cloth::{parts, shaken, turn};
+
+/// Statistics as of a cloth that swings by centimetres per frame.
+fn normalizers(spec: &ModelSpec, acceleration: Normalizer) -> Normalizers {
+    let of = |width: usize, deviation: f64| {
+        Normalizer::new(vec![0.0; width], vec![deviation; width]).expect("statistics")
+    };
+    Normalizers {
+        nodes: of(spec.node_width(), 0.02),
+        edges: of(spec.edge_width(), 0.2),
+        acceleration,
+    }
+}
+
+fn acceleration(mean: DVec3, deviation: f64) -> Normalizer {
+    Normalizer::new(mean.to_array().to_vec(), vec![deviation; 3]).expect("statistics")
+}
+
+/// A model of random weights whose accelerations have these statistics.
+fn model(spec: &ModelSpec, acceleration: Normalizer) -> Arc<Model> {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let network = Network::new(spec).expect("a valid spec");
+    let weights = network.initialise(&mut || rng.random::<f64>());
+    let normalizers = normalizers(spec, acceleration);
+    let model = Model::new(spec, weights, normalizers, String::new());
+    Arc::new(model.expect("a model"))
+}
+
+/// A model whose output is 0, so that its acceleration is `mean` `[m/frame²]`, local.
+fn constant(spec: &ModelSpec, mean: DVec3) -> Arc<Model> {
+    let random = model(spec, acceleration(mean, 1.0));
+    let mut weights = random.weights().to_vec();
+    for parameter in random.network().parameters() {
+        if parameter.name.starts_with("decoder.4.") {
+            weights[parameter.range.clone()].fill(0.0);
+        }
+    }
+    let normalizers = random.normalizers().clone();
+    Arc::new(Model::new(spec, weights, normalizers, String::new()).expect("a model"))
+}
+
+fn specs() -> [ModelSpec; 4] {
+    let mut carried = ModelSpec::physical(Encoder::Mlp { window: 2 }, 8, 2);
+    carried.node_features.insert(NodeFeature::Acceleration);
+    carried.integration = Integration::Carried {
+        damping: 0.03,
+        stiffness: 0.003,
+    };
+    carried.coarse_levels = 2;
+    carried
+        .edge_features
+        .extend([EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector]);
+    [
+        ModelSpec::physical(Encoder::MLP, 8, 2),
+        ModelSpec::physical(Encoder::Gru { window: 5 }, 8, 2),
+        ModelSpec::mesh_graph_nets(8, 2),
+        carried,
+    ]
+}
+
+fn graph(parts: ClothParts) -> ClothGraph {
+    ClothGraph::new(parts).expect("a cloth")
+}
+
+fn stepper(model: &Arc<Model>, parts: ClothParts, start: &[Vec<Vec3>]) -> LearnedStepper {
+    let start: Vec<&[Vec3]> = start.iter().map(Vec::as_slice).collect();
+    LearnedStepper::new(Arc::clone(model), graph(parts), &start).expect("a start")
+}
+
+fn targets(positions: Vec<DVec3>) -> HandleTargets {
+    HandleTargets::at_frame_end(positions).expect("finite targets")
+}
+
+/// Where the handles of `parts` are `frame` frames after rest: they swing and turn.
+fn swing(parts: &ClothParts, frame: usize) -> Vec<DVec3> {
+    let phase = 0.2 * frame as f64;
+    let yaw = Yaw::from_angle(0.3 * phase.sin());
+    let handles = parts.handles.select(&parts.rest_positions);
+    let at =
+        |p: Vec3| yaw.to_world_f64(p.as_dvec3()) + 0.1 * phase.sin() * DVec3::new(1.0, 0.5, 0.3);
+    handles.into_iter().map(at).collect()
+}
+
+/// Rest, then two frames that are shaken.
+fn start(parts: &ClothParts) -> Vec<Vec<Vec3>> {
+    let rest = &parts.rest_positions;
+    vec![rest.clone(), shaken(rest, 0.004, 1), shaken(rest, 0.008, 2)]
+}
+
+fn rollout(mut stepper: LearnedStepper, targets: impl Fn(usize) -> Vec<DVec3>) -> Vec<Vec<Vec3>> {
+    let mut frames = Vec::new();
+    for frame in 1..=20 {
+        stepper
+            .step(&self::targets(targets(frame)))
+            .expect("a step");
+        assert_eq!(stepper.frame(), frame);
+        frames.push(stepper.positions().to_vec());
+    }
+    frames
+}
+
+/// The largest distance between vertices of two rollouts `[m]`.
+fn distance(a: &[Vec<Vec3>], b: &[Vec<Vec3>]) -> f32 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    pairs.map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
+}
+
+#[test]
+fn without_acceleration_free_vertices_go_on_uniformly() {
+    for spec in &specs()[..3] {
+        let parts = parts(4, 3);
+        // Multiples of 2^-12 m, for which the arithmetic is exact.
+        let grid = |p: Vec3| (p * 4096.0).round() / 4096.0;
+        let before: Vec<Vec3> = parts.rest_positions.iter().map(|&p| grid(p)).collect();
+        let now: Vec<Vec3> = shaken(&before, 0.01, 1).into_iter().map(grid).collect();
+        let model = constant(spec, DVec3::ZERO);
+        let stepper = stepper(&model, parts.clone(), &[before.clone(), now.clone()]);
+        let mask = graph(parts.clone()).handle_mask().to_vec();
+        for (number, frame) in rollout(stepper, |f| swing(&parts, f)).iter().enumerate() {
+            let time = (number + 1) as f32;
+            for v in (0..mask.len()).filter(|&v| !mask[v]) {
+                assert_eq!(frame[v], now[v] + time * (now[v] - before[v]));
+            }
+        }
+    }
+}
+
+#[test]
+fn handles_are_where_their_targets_are() {
+    let parts = parts(4, 3);
+    let model = model(&specs()[1], acceleration(DVec3::ZERO, 1e-3));
+    let stepper = stepper(&model, parts.clone(), &start(&parts));
+    for (number, frame) in rollout(stepper, |f| swing(&parts, f)).iter().enumerate() {
+        let expected = swing(&parts, number + 1);
+        for (vertex, target) in parts.handles.vertices().iter().zip(expected) {
+            assert_eq!(frame[vertex.index()], target.as_vec3());
+        }
+    }
+}
+
+#[test]
+fn a_constant_acceleration_acts_along_the_axes_of_the_handles() {
+    let spec = &specs()[0];
+    let parts = parts(4, 3);
+    // The whole cloth stands turned by half a radian from rest, and its handles stay.
+    let turned = turn(&parts.rest_positions, Yaw::from_angle(0.5), Vec3::ZERO);
+    let local = DVec3::new(3e-4, -2e-4, 1e-4);
+    let stepper = stepper(
+        &constant(spec, local),
+        parts.clone(),
+        std::slice::from_ref(&turned),
+    );
+    let handles = parts.handles.select(&turned);
+    let still: Vec<DVec3> = handles.into_iter().map(|p| p.as_dvec3()).collect();
+    let graph = graph(parts.clone());
+    let rest_angle = graph.frame().rest_yaw().angle();
+    let world = Yaw::from_angle(rest_angle + 0.5).to_world_f64(local);
+    for (number, frame) in rollout(stepper, |_| still.clone()).iter().enumerate() {
+        // From rest, p_n - p_0 = a n (n + 1) / 2.
+        let n = (number + 1) as f64;
+        for v in (0..turned.len()).filter(|&v| !graph.handle_mask()[v]) {
+            let expected = turned[v].as_dvec3() + 0.5 * n * (n + 1.0) * world;
+            // Each frame rounds by 1e-7 m, and a velocity keeps it: n²/2 of that.
+            assert!(frame[v].as_dvec3().distance(expected) < 2e-5);
+        }
+    }
+}
+
+#[test]
+fn a_scene_turned_and_moved_gives_the_rollout_turned_and_moved() {
+    let by = Vec3::new(0.7, -0.4, 1.1);
+    for spec in specs() {
+        for (angle, rest_angle) in [(0.8, 0.0), (-2.5, -2.5), (3.0, 1.2)] {
+            let (yaw, rest_yaw) = (Yaw::from_angle(angle), Yaw::from_angle(rest_angle));
+            let model = model(&spec, acceleration(DVec3::new(0.0, -5e-4, 2e-4), 2e-3));
+            let parts = parts(4, 3);
+            let start = start(&parts);
+            let plain = rollout(stepper(&model, parts.clone(), &start), |f| swing(&parts, f));
+            let moved = ClothParts {
+                rest_positions: turn(&parts.rest_positions, rest_yaw, by),
+                environment: selvedge_cloth::Environment {
+                    wind: yaw.to_world_f64(parts.environment.wind),
+                    ..parts.environment
+                },
+                ..parts.clone()
+            };
+            let turned: Vec<_> = start.iter().map(|f| turn(f, yaw, by)).collect();
+            let place = |p: DVec3| yaw.to_world_f64(p) + by.as_dvec3();
+            let found = rollout(stepper(&model, moved, &turned), |f| {
+                swing(&parts, f).into_iter().map(place).collect()
+            });
+            let expected: Vec<_> = plain.iter().map(|f| turn(f, yaw, by)).collect();
+            // Positions round to 1e-7 m; as a velocity that is 6e-6 deviations, a gain of some ten
+            // makes it 6e-5 of 2e-3 m/frame², so 2e-7 m per frame in all; a velocity keeps it,
+            // so that 20 frames make 20²/2 of that: 4e-5 m.
+            assert!(distance(&found, &expected) < 1e-4, "{spec:?} {angle}");
+            let still = vec![start[2].clone(); plain.len()];
+            assert!(distance(&plain, &still) > 0.05, "there is motion");
+        }
+    }
+}
+
+#[test]
+fn a_short_start_stood_still_and_a_long_one_forgets() {
+    for spec in specs() {
+        let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+        let parts = parts(3, 3);
+        let short = start(&parts)[1..].to_vec();
+        let run = |start: &[Vec<Vec3>]| {
+            rollout(stepper(&model, parts.clone(), start), |f| swing(&parts, f))
+        };
+        let mut padded = vec![short[0].clone(); spec.history() - 1];
+        padded.extend(short[1..].to_vec());
+        assert_eq!(padded.len(), spec.history());
+        assert_eq!(run(&short), run(&padded));
+        let longer = [vec![shaken(&short[0], 1.0, 9); 3], padded.clone()].concat();
+        assert_eq!(run(&longer), run(&padded));
+    }
+}
+
+#[test]
+fn a_failed_step_leaves_everything_as_it_was() {
+    let parts = parts(3, 3);
+    let model = model(&specs()[1], acceleration(DVec3::ZERO, 1e-3));
+    let mut good = stepper(&model, parts.clone(), &start(&parts));
+    let mut tried = stepper(&model, parts.clone(), &start(&parts));
+    for frame in 1..=6 {
+        let before = tried.positions().to_vec();
+        let few = targets(vec![DVec3::ZERO]);
+        let source = HandleError::Count {
+            expected: 2,
+            found: 1,
+        };
+        assert_eq!(tried.step(&few), Err(StepError::Handles { frame, source }));
+        // Finite, but not as f32.
+        let mut far = swing(&parts, frame);
+        far[1] = DVec3::splat(1e300);
+        let vertex = parts.handles.vertices()[1];
+        let error = StepError::NonFinite { frame, vertex };
+        assert_eq!(tried.step(&targets(far)), Err(error));
+        assert_eq!((tried.positions(), tried.frame()), (&*before, frame - 1));
+        for stepper in [&mut good, &mut tried] {
+            stepper
+                .step(&targets(swing(&parts, frame)))
+                .expect("a step");
+        }
+        assert_eq!(tried.positions(), good.positions());
+    }
+}
+
+#[test]
+fn a_prediction_that_is_not_finite_is_an_error() {
+    let parts = parts(3, 3);
+    let model = constant(&specs()[0], DVec3::new(0.0, 1e300, 0.0));
+    let mut stepper = stepper(&model, parts.clone(), &start(&parts));
+    for _ in 0..2 {
+        let error = stepper.step(&targets(swing(&parts, 1)));
+        assert!(matches!(error, Err(StepError::NonFinite { frame: 1, .. })));
+        assert_eq!(
+            (stepper.positions(), stepper.frame()),
+            (&*start(&parts)[2], 0)
+        );
+    }
+}
+
+#[test]
+fn a_start_that_does_not_fit_is_refused() {
+    let model = constant(&specs()[0], DVec3::ZERO);
+    let start = |frames: &[&[Vec3]]| {
+        let stepper = LearnedStepper::new(Arc::clone(&model), graph(parts(3, 3)), frames);
+        stepper.err().expect("a defect")
+    };
+    assert_eq!(start(&[]), RolloutError::NoFrame);
+    let (expected, found) = (9, 8);
+    let short = [Vec3::ZERO; 8];
+    assert_eq!(start(&[&short]), RolloutError::Count { expected, found });
+    let mut broken = [Vec3::ZERO; 9];
+    broken[4].y = f32::NAN;
+    let vertex = VertexId(4);
+    assert_eq!(
+        start(&[&[Vec3::ZERO; 9], &broken]),
+        RolloutError::NonFinite { vertex }
+    );
+}
+
+#[test]
+fn a_handle_cannot_be_let_go() {
+    let parts = parts(3, 1);
+    let positions = swing(&parts, 0);
+    let mut stepper = stepper(
+        &constant(&specs()[0], DVec3::ZERO),
+        parts.clone(),
+        &start(&parts),
+    );
+    let mut released = vec![false; positions.len()];
+    released[1] = true;
+    let targets = targets(positions).releasing(released).expect("as many");
+    let source = HandleError::Released { handle: 1 };
+    let error = StepError::Handles { frame: 1, source };
+    assert_eq!(stepper.step(&targets), Err(error));
+    assert_eq!(stepper.frame(), 0);
+}
+
+/// Its last frames, oldest first, as many as the model looks at.
+fn history(start: &[Vec<Vec3>], later: &[Vec<Vec3>], spec: &ModelSpec) -> Vec<Vec<Vec3>> {
+    let all = [start, later].concat();
+    all[all.len().saturating_sub(spec.history())..].to_vec()
+}
+
+#[test]
+fn a_frame_that_is_replaced_is_gone_on_from() {
+    let parts = parts(3, 3);
+    for spec in specs() {
+        let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+        let start = history(&start(&parts), &[], &spec);
+        let start = [vec![start[0].clone(); 5], start].concat();
+        let mut changed = stepper(&model, parts.clone(), &start);
+        let mut frames = Vec::new();
+        for frame in 1..=6 {
+            changed
+                .step(&targets(swing(&parts, frame)))
+                .expect("a step");
+            frames.push(changed.positions().to_vec());
+        }
+        let other = shaken(&frames[5], 0.003, 8);
+        let mut lost = other.clone();
+        lost[4].y = f32::NAN;
+        let error = StepError::NonFinite {
+            frame: 6,
+            vertex: VertexId(4),
+        };
+        assert_eq!(changed.replace_frame(&lost), Err(error));
+        assert_eq!(changed.positions(), frames[5]);
+        changed.replace_frame(&other).expect("finite");
+        assert_eq!((changed.positions(), changed.frame()), (&*other, 6));
+        frames[5] = other;
+        let mut fresh = stepper(&model, parts.clone(), &history(&start, &frames, &spec));
+        for frame in 7..=9 {
+            let targets = targets(swing(&parts, frame));
+            changed.step(&targets).expect("a step");
+            fresh.step(&targets).expect("a step");
+            assert_eq!(changed.positions(), fresh.positions());
+        }
+    }
+}
+
+#[test]
+fn a_frame_that_is_taken_is_one_that_was_stepped_to() {
+    let parts = parts(3, 3);
+    let streaming = ModelSpec::physical(Encoder::StreamingGru { window: 4 }, 8, 2);
+    for spec in specs().into_iter().chain([streaming]) {
+        let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+        let start = history(&start(&parts), &[], &spec);
+        let start = [vec![start[0].clone(); 5], start].concat();
+        let mut led = stepper(&model, parts.clone(), &start);
+        led.step(&targets(swing(&parts, 1))).expect("a step");
+        let mut frames = vec![led.positions().to_vec()];
+        for frame in 2..=4 {
+            frames.push(shaken(&parts.rest_positions, 0.01, frame));
+            let newest = frames.len() - 1;
+            led.take_frame(&frames[newest]).expect("finite");
+            assert_eq!(
+                (led.positions(), led.frame()),
+                (&*frames[newest], frame as usize)
+            );
+        }
+        // What a streaming network carried is dropped: it starts anew from its window.
+        let mut fresh = stepper(&model, parts.clone(), &history(&start, &frames, &spec));
+        for frame in 5..=7 {
+            let targets = targets(swing(&parts, frame));
+            led.step(&targets).expect("a step");
+            fresh.step(&targets).expect("a step");
+            assert_eq!(led.positions(), fresh.positions());
+        }
+    }
+}

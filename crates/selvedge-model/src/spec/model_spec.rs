@@ -1,0 +1,360 @@
+//! What a network is made of: features, encoder, sizes. Closed enums, so that a combination that
+//! makes no sense cannot be written.
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Deserializer, Serialize};
+use thiserror::Error;
+
+use crate::network::layers::encoder::RowEncoder;
+use crate::spec::integration::Integration;
+use crate::spec::limits::EdgeLimits;
+
+/// The full description of a learned simulator, as it stands in a training configuration and in
+/// the metadata of a weight file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSpec {
+    /// What the network sees of a vertex.
+    #[serde(deserialize_with = "each_once")]
+    pub node_features: BTreeSet<NodeFeature>,
+    /// What the network sees of an arc.
+    #[serde(deserialize_with = "each_once")]
+    pub edge_features: BTreeSet<EdgeFeature>,
+    /// How features become latent vectors.
+    pub encoder: Encoder,
+    /// Width of every latent vector.
+    pub latent: usize,
+    /// Number of message-passing blocks.
+    pub blocks: usize,
+    /// Coarse levels, each of a quarter of the vertices of the one before, whose links pass messages beside
+    /// the edges of the mesh; none in the paper.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub coarse_levels: usize,
+    /// Where the cloth goes without the network.
+    #[serde(default)]
+    pub integration: Integration,
+    /// What keeps a rollout's edges within bounds; without it nothing does, as in the paper.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge_limits: Option<EdgeLimits>,
+}
+
+/// A group of columns of a vertex, in the order in which they stand in the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NodeFeature {
+    /// p^t - p^{t-1} `[m/frame]`, 3 columns.
+    Velocity,
+    /// Gravity and air `[N]`, 3 columns.
+    ExternalForce,
+    /// m |v|² / 2 `[kg m²/frame²]`, 1 column.
+    KineticEnergy,
+    /// One-hot of 9: free vertex = 0, handle = 1.
+    NodeType,
+    /// p^t - 2 p^{t-1} + p^{t-2} `[m/frame²]`, 3 columns: not in the paper, whose networks have to
+    /// take the small difference of two large velocities themselves.
+    Acceleration,
+    /// Where the integration leads without the network, minus p^t `[m/frame]`, 3 columns: not in the
+    /// paper. It looks ahead to where the handles go; with carried integration every vertex does.
+    ExpectedMove,
+    /// p^t minus the rest pose where the handles have carried it `[m]`, 3 columns; 0 without handles.
+    /// Not in the paper, whose networks have to add up edges to know how far the cloth swings out.
+    RestOffset,
+}
+
+/// A group of columns of an arc, in the order in which they stand in the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EdgeFeature {
+    /// p_sender - p_receiver and its length `[m]`, 4 columns.
+    Vector,
+    /// The same in the sagged rest pose `[m]`, 4 columns.
+    RestVector,
+    /// The same in material space `[m]`, 3 columns (the baseline's rest feature).
+    MaterialVector,
+    /// Elongation against the sagged rest pose `[m]`, 1 column.
+    Elongation,
+    /// Signed dihedral angle `[rad]`, 1 column.
+    BendingAngle,
+    /// The vector of a link of a coarse level and its length `[m]`, 4 columns; 0 for an edge of the mesh, as
+    /// all columns above are for a link.
+    CoarseVector,
+    /// The same in the sagged rest pose `[m]`, 4 columns.
+    CoarseRestVector,
+}
+
+/// How features become latent vectors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Encoder {
+    /// A multi-layer perceptron on the frames of the window side by side.
+    Mlp {
+        /// Frames in the window, at least 1; the paper's has 1.
+        #[serde(default = "one")]
+        window: usize,
+    },
+    /// A recurrent network of two layers of gated recurrent units over a window of frames, the
+    /// current one last.
+    Gru {
+        /// Frames in the window, at least 1.
+        window: usize,
+    },
+    /// The recurrent network for vertices only; arcs, of which there are six times as many, go through
+    /// the perceptron with their current frame.
+    NodeGru {
+        /// Frames in the window of the vertices, at least 1.
+        window: usize,
+    },
+    /// The recurrent network, but its states are carried from frame to frame instead of begun anew for
+    /// every window: a frame costs one step of it.
+    StreamingGru {
+        /// Frames that the states are begun with where there are none to carry, at least 1.
+        window: usize,
+    },
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// A list in which nothing may stand twice.
+fn each_once<'de, D, T>(list: D) -> Result<BTreeSet<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de> + Serialize + Ord,
+{
+    let mut set = BTreeSet::new();
+    for feature in Vec::<T>::deserialize(list)? {
+        let name = serde_json::to_string(&feature).map_err(serde::de::Error::custom)?;
+        if !set.insert(feature) {
+            let message = format!("{name} stands twice in a list of features: once is enough");
+            return Err(serde::de::Error::custom(message));
+        }
+    }
+    Ok(set)
+}
+
+impl Encoder {
+    /// A perceptron on the current frame, as in MeshGraphNets.
+    pub const MLP: Self = Self::Mlp { window: 1 };
+
+    /// Frames in its window.
+    #[must_use]
+    pub fn window(self) -> usize {
+        match self {
+            Self::Mlp { window }
+            | Self::Gru { window }
+            | Self::NodeGru { window }
+            | Self::StreamingGru { window } => window,
+        }
+    }
+
+    /// How vertices and arcs are encoded.
+    pub(crate) fn rows(self) -> [RowEncoder; 2] {
+        match self {
+            Self::Mlp { window } => [RowEncoder::Mlp(window); 2],
+            Self::Gru { .. } | Self::StreamingGru { .. } => [RowEncoder::Gru; 2],
+            Self::NodeGru { .. } => [RowEncoder::Gru, RowEncoder::Mlp(1)],
+        }
+    }
+}
+
+/// A spec that no network can be built from.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum SpecError {
+    #[error("model.{field} must be between {least} and {most}, found {found}")]
+    Size {
+        field: &'static str,
+        least: usize,
+        most: usize,
+        found: usize,
+    },
+    #[error("model.integration.{field} must be between 0 and 1, found {found}")]
+    Part { field: &'static str, found: f64 },
+    #[error("model.edge_limits.{field} must be {expected}, found {found}")]
+    Limit {
+        field: &'static str,
+        expected: &'static str,
+        found: f64,
+    },
+    #[error(
+        "model.edge_features contains \"{feature}\", but there are no coarse levels: give model.coarse_levels, or take it out"
+    )]
+    NoLevels { feature: &'static str },
+    #[error("model.{field} must contain \"{needed}\"")]
+    Missing {
+        field: &'static str,
+        needed: &'static str,
+    },
+}
+
+impl ModelSpec {
+    /// The paper's features (Libao et al. 2023) with the given encoder and sizes.
+    #[must_use]
+    pub fn physical(encoder: Encoder, latent: usize, blocks: usize) -> Self {
+        Self {
+            node_features: BTreeSet::from([
+                NodeFeature::Velocity,
+                NodeFeature::ExternalForce,
+                NodeFeature::KineticEnergy,
+                NodeFeature::NodeType,
+            ]),
+            edge_features: BTreeSet::from([
+                EdgeFeature::Vector,
+                EdgeFeature::RestVector,
+                EdgeFeature::Elongation,
+                EdgeFeature::BendingAngle,
+            ]),
+            encoder,
+            latent,
+            blocks,
+            coarse_levels: 0,
+            integration: Integration::default(),
+            edge_limits: None,
+        }
+    }
+
+    /// The baseline's features and encoder (MeshGraphNets, Pfaff et al. 2021).
+    #[must_use]
+    pub fn mesh_graph_nets(latent: usize, blocks: usize) -> Self {
+        Self {
+            node_features: BTreeSet::from([NodeFeature::Velocity, NodeFeature::NodeType]),
+            edge_features: BTreeSet::from([EdgeFeature::Vector, EdgeFeature::MaterialVector]),
+            encoder: Encoder::MLP,
+            latent,
+            blocks,
+            coarse_levels: 0,
+            integration: Integration::default(),
+            edge_limits: None,
+        }
+    }
+
+    /// Checks sizes and that the features without which nothing can be predicted are there.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub fn validate(&self) -> Result<(), SpecError> {
+        let sizes = [
+            ("latent", self.latent, 4, 4096),
+            ("blocks", self.blocks, 1, 256),
+            ("encoder.window", self.window(), 1, 64),
+            ("coarse_levels", self.coarse_levels, 0, 8),
+        ];
+        for (field, found, least, most) in sizes {
+            if !(least..=most).contains(&found) {
+                return Err(SpecError::Size {
+                    field,
+                    least,
+                    most,
+                    found,
+                });
+            }
+        }
+        if let Integration::Carried { damping, stiffness } = self.integration {
+            for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
+                if !(0.0..=1.0).contains(&found) {
+                    return Err(SpecError::Part { field, found });
+                }
+            }
+        }
+        if let Some(limits) = self.edge_limits {
+            let sweeps = f64::from(limits.sweeps);
+            for (field, expected, found, holds) in [
+                (
+                    "least",
+                    "from 0 to 1",
+                    limits.least,
+                    (0.0..=1.0).contains(&limits.least),
+                ),
+                (
+                    "most",
+                    "from 1 to 100",
+                    limits.most,
+                    (1.0..=100.0).contains(&limits.most),
+                ),
+                (
+                    "sweeps",
+                    "from 1 to 1000",
+                    sweeps,
+                    (1.0..=1000.0).contains(&sweeps),
+                ),
+            ] {
+                if !holds {
+                    return Err(SpecError::Limit {
+                        field,
+                        expected,
+                        found,
+                    });
+                }
+            }
+        }
+        let missing = |field, needed| Err(SpecError::Missing { field, needed });
+        if !self.node_features.contains(&NodeFeature::Velocity) {
+            return missing("node_features", "velocity");
+        }
+        if !self.node_features.contains(&NodeFeature::NodeType) {
+            return missing("node_features", "node-type");
+        }
+        if !self.edge_features.contains(&EdgeFeature::Vector) {
+            return missing("edge_features", "vector");
+        }
+        let coarse = [
+            (EdgeFeature::CoarseVector, "coarse-vector"),
+            (EdgeFeature::CoarseRestVector, "coarse-rest-vector"),
+        ];
+        let found = |feature| self.edge_features.contains(feature);
+        if self.coarse_levels > 0 && !found(&coarse[0].0) {
+            return missing("edge_features", coarse[0].1);
+        }
+        match coarse.iter().find(|(feature, _)| found(feature)) {
+            Some(&(_, feature)) if self.coarse_levels == 0 => Err(SpecError::NoLevels { feature }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Frames that the encoder sees, the current one included.
+    #[must_use]
+    pub fn window(&self) -> usize {
+        self.encoder.window()
+    }
+
+    /// Frames of vertices that the encoder sees.
+    #[must_use]
+    pub fn node_window(&self) -> usize {
+        self.window()
+    }
+
+    /// Frames of arcs that the encoder sees, the latest ones of the window.
+    #[must_use]
+    pub fn edge_window(&self) -> usize {
+        match self.encoder {
+            Encoder::NodeGru { .. } => 1,
+            _ => self.window(),
+        }
+    }
+
+    /// Frames of positions that the features of a window are made from: the window, the frame
+    /// before it, and one more for accelerations.
+    #[must_use]
+    pub fn history(&self) -> usize {
+        let accelerations = self.node_features.contains(&NodeFeature::Acceleration);
+        self.window() + 1 + usize::from(accelerations)
+    }
+
+    /// Columns of a vertex.
+    #[must_use]
+    pub fn node_width(&self) -> usize {
+        self.node_features.iter().map(|f| f.width()).sum()
+    }
+
+    /// Columns of an arc.
+    #[must_use]
+    pub fn edge_width(&self) -> usize {
+        self.edge_features.iter().map(|f| f.width()).sum()
+    }
+}
