@@ -12,19 +12,19 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use selvedge_lab::span;
 use selvedge_train::Setting;
 
 #[cfg(feature = "gpu")]
 pub(crate) use self::bench::Cloths;
 pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
-pub(crate) use self::device::{DeviceArgs, DeviceName, PrecisionName};
+pub(crate) use self::device::DeviceArgs;
 pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::guard::{GuardName, StressArgs};
 pub(crate) use self::import::ImportArgs;
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
-use crate::span;
 
 /// A learned cloth simulator.
 ///

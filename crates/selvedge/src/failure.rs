@@ -4,6 +4,8 @@
 use std::fmt;
 use std::io::Write;
 
+use selvedge_lab::evaluation::SelectionError;
+
 /// Failed.
 const FAILED: u8 = 1;
 /// Wrong usage, as clap has it.
@@ -30,7 +32,7 @@ impl std::error::Error for WrongUsage {}
 
 /// What the program exits with.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
-    if error.is::<WrongUsage>() {
+    if error.is::<WrongUsage>() || error.is::<SelectionError>() {
         WRONG_USAGE
     } else {
         FAILED
@@ -43,23 +45,9 @@ pub(crate) fn print(error: &anyhow::Error) {
     let _ = writeln!(std::io::stderr(), "error: {}", chain(error));
 }
 
-/// The messages from the outermost to the cause. Many errors already quote their cause: what stands
-/// in the message before is not said twice.
+/// The messages from the outermost to the cause, as one line.
 pub(crate) fn chain(error: &anyhow::Error) -> String {
-    let mut told = String::new();
-    let mut last = String::new();
-    for cause in error.chain() {
-        let message = cause.to_string();
-        if last.contains(message.trim()) {
-            continue;
-        }
-        if !told.is_empty() {
-            told.push_str(": ");
-        }
-        told.push_str(message.trim());
-        last = message;
-    }
-    told
+    selvedge_lab::cause::chain(error.as_ref())
 }
 
 #[cfg(test)]

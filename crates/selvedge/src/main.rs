@@ -4,30 +4,18 @@
 //! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
 //! command answers goes to standard output, everything else to standard error.
 
-mod assets;
 mod cli;
 mod commands;
-mod evaluation;
 mod exporting;
 mod failure;
 mod film;
-mod guarded;
 mod interrupt;
-mod keeping;
-mod learned;
-mod machine;
 mod output;
 mod pictures;
 mod place;
 mod progress;
-mod reference;
-mod report;
-mod rigid;
 mod scenes;
-mod span;
-mod study;
 mod view;
-mod workers;
 
 use std::process::ExitCode;
 

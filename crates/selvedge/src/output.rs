@@ -9,21 +9,15 @@ use anyhow::Context;
 use serde::Serialize;
 use serde_json::Value;
 
+pub(crate) use selvedge_lab::End;
+pub(crate) use selvedge_lab::numbers::{length, percent};
+
 /// What a command has to say at its end.
 pub(crate) struct Answer {
     text: String,
     json: Value,
     end: End,
     problem: Option<String>,
-}
-
-/// How a command ended that did not fail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum End {
-    /// Everything was done.
-    Complete,
-    /// Ctrl-C was pressed; what was written is whole.
-    Interrupted,
 }
 
 /// Who reads the answer.
@@ -80,11 +74,6 @@ impl Answer {
         self.text = format!("{text}\n{name}  {}\n", path.display());
         self.json[name] = path.to_string_lossy().into();
         self
-    }
-
-    /// How the command ended.
-    pub(crate) fn end(&self) -> End {
-        self.end
     }
 
     /// Prints the answer to standard output.
@@ -189,25 +178,6 @@ impl Display for Facts {
     }
 }
 
-/// A length `[m]` as people read it: with two or three digits that matter.
-pub(crate) fn length(metres: f64) -> String {
-    match metres.abs() {
-        1e4.. => format!("{metres:.1e} m"),
-        10.0.. => format!("{metres:.1} m"),
-        0.01.. => format!("{:.1} mm", 1e3 * metres),
-        _ => format!("{:.3} mm", 1e3 * metres),
-    }
-}
-
-/// A fraction as percent; as a multiple where it is more than ten.
-pub(crate) fn percent(fraction: f64) -> String {
-    match fraction.abs() {
-        1e4.. => format!("{fraction:.1e} ×"),
-        10.0.. => format!("{fraction:.1} ×"),
-        _ => format!("{:.1} %", 1e2 * fraction),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -220,24 +190,6 @@ mod tests {
         table.row(["mean".to_owned(), "12.00 mm".to_owned()]);
         let expected = "motion      error\n-----------------\nforward   1.50 mm\n-----------------\nmean     12.00 mm\n";
         assert_eq!(table.to_string(), expected);
-    }
-
-    #[test]
-    fn numbers_keep_the_digits_that_matter() {
-        let lengths = [0.0, 0.000_123_4, 0.024_68, -0.5, 78.125, 2e6];
-        let expected = [
-            "0.000 mm",
-            "0.123 mm",
-            "24.7 mm",
-            "-500.0 mm",
-            "78.1 m",
-            "2.0e6 m",
-        ];
-        assert_eq!(lengths.map(length), expected);
-        let fractions = [0.1193, 9.99, 12.34, 1e5];
-        let expected = ["11.9 %", "999.0 %", "12.3 ×", "1.0e5 ×"];
-        assert_eq!(fractions.map(percent), expected);
-        assert!(length(f64::NAN).contains("NaN"));
     }
 
     #[test]

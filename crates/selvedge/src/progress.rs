@@ -1,14 +1,19 @@
 //! How far something is: a bar with rate and estimate on standard error for what takes longer than
 //! two seconds. Where standard error is no terminal, a plain line every ten seconds instead.
 //!
-//! A [`Progress`] may be told from several threads at once.
+//! A [`Progress`] may be told from several threads at once; [`listener`] shows what the laboratory
+//! reports.
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
+use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use selvedge_lab::{Event, Goal};
+
+use crate::interrupt;
 
 /// Nothing is shown before.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -26,16 +31,6 @@ pub(crate) struct Progress {
     form: Form,
 }
 
-/// Where a count ends.
-#[derive(Clone, Copy)]
-enum Goal {
-    /// Nobody knows.
-    Open,
-    Count(u64),
-    /// After so long, however far it is by then.
-    Time(Duration),
-}
-
 enum Form {
     Bar(ProgressBar),
     Plain(Mutex<Plain>),
@@ -50,16 +45,6 @@ impl Progress {
     /// Starts counting to `total` of `unit` (in the plural).
     pub(crate) fn new(what: impl Into<String>, total: usize, unit: &'static str) -> Self {
         Self::start(what.into(), Goal::Count(total as u64), unit)
-    }
-
-    /// Starts counting `unit` (in the plural) where nobody knows how many there will be.
-    pub(crate) fn open_ended(what: impl Into<String>, unit: &'static str) -> Self {
-        Self::start(what.into(), Goal::Open, unit)
-    }
-
-    /// Starts counting as many of `unit` (in the plural) as there will be in `time`.
-    pub(crate) fn for_time(what: impl Into<String>, time: Duration, unit: &'static str) -> Self {
-        Self::start(what.into(), Goal::Time(time), unit)
     }
 
     fn start(what: String, goal: Goal, unit: &'static str) -> Self {
@@ -131,6 +116,23 @@ impl Progress {
             self.what,
             self.unit
         );
+    }
+}
+
+/// Shows the events of an operation and stops it after Ctrl-C.
+pub(crate) fn listener() -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
+    let mut shown: Option<Progress> = None;
+    move |event| {
+        match (event, &shown) {
+            (Event::Begun { task, goal, unit }, _) => {
+                shown = Some(Progress::start(task.to_owned(), goal, unit));
+            }
+            (Event::Advanced, Some(progress)) => progress.advance(),
+            (Event::Noted(note), Some(progress)) => progress.note(note),
+            (Event::Ended, _) => shown = None,
+            (Event::Advanced | Event::Noted(_) | Event::Asked, _) => {}
+        }
+        interrupt::flow()
     }
 }
 

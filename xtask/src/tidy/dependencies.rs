@@ -7,7 +7,7 @@ use super::violation::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 17] = [
+const FORBIDDEN: [(&str, &str); 21] = [
     ("selvedge-sim", "selvedge-model"),
     ("selvedge-model", "selvedge-sim"),
     ("selvedge-sim", "selvedge-data"),
@@ -22,6 +22,10 @@ const FORBIDDEN: [(&str, &str); 17] = [
     ("selvedge-live", "selvedge-sim"),
     ("selvedge-live", "selvedge-model"),
     ("selvedge-live", "selvedge-train"),
+    ("selvedge-lab", "selvedge-live"),
+    ("selvedge-lab", "clap"),
+    ("selvedge-lab", "ctrlc"),
+    ("selvedge-lab", "indicatif"),
     ("selvedge-gpu", "selvedge-sim"),
     ("selvedge-view", "selvedge-gpu"),
     ("selvedge-live", "selvedge-gpu"),

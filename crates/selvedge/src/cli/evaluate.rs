@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use selvedge_data::Split;
+use selvedge_lab::evaluation::Horizons;
 
 use super::{DeviceArgs, GuardName};
-use crate::evaluation::Horizons;
 
 /// Threads at most: more than any machine has, few enough to be started.
 pub(super) const MOST_THREADS: i64 = 1024;

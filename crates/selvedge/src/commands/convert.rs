@@ -5,11 +5,11 @@ use std::path::Path;
 
 use anyhow::Context;
 use selvedge_data::write_atomically;
+use selvedge_lab::models;
 use selvedge_model::{Model, WeightType};
 use serde_json::json;
 
 use crate::cli::{ConvertArgs, WeightsName};
-use crate::learned;
 use crate::output::Answer;
 use crate::place;
 
@@ -20,7 +20,7 @@ use crate::place;
 pub(crate) fn run(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--out", &args.out)])?;
-    let model = learned::open(Some(&args.model))?.model;
+    let model = models::open(Some(&args.model))?.model;
     let bytes = model
         .to_bytes_as(weight_type(args.weights))
         .with_context(|| args.model.display().to_string())?;

@@ -8,12 +8,13 @@ use std::time::Instant;
 
 use selvedge_data::DatasetWriter;
 use selvedge_data::foreign::ForeignSource;
+use selvedge_lab::folder;
 use serde::Serialize;
 
 use crate::cli::ImportArgs;
+use crate::interrupt;
 use crate::output::{Answer, End, Facts};
 use crate::progress::Progress;
-use crate::{interrupt, place};
 
 #[derive(Serialize)]
 struct Report {
@@ -38,7 +39,7 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let source = ForeignSource::open(args.format(), &args.source, &args.options())?;
     let plan = source.plan();
     let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
-    let _claimed = place::claim_folder(&args.out)?;
+    let _claimed = folder::claim_folder(&args.out)?;
     let mut writer = DatasetWriter::open(&args.out, plan)?;
     let missing = writer.missing().len();
     if let Err(error) = write(&source, &mut writer) {

@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 
 use selvedge_data::{Dataset, DatasetIndex, Distribution, Distributions, Split, write_atomically};
 use selvedge_view::{HistogramPlot, Image, histogram_page};
+use selvedge_lab::{folder, generation};
 use serde::Serialize;
 
-use super::dataset;
 use crate::output::{Answer, Facts, Table, length};
 use crate::pictures::{Show, write_sheet};
-use crate::place;
 use crate::progress::Progress;
 
 #[derive(Serialize)]
@@ -33,9 +32,9 @@ const SPLITS: [(Split, &str); 2] = [(Split::Train, "train"), (Split::Test, "test
 /// # Errors
 /// What is wrong with it, or where the pictures cannot go.
 pub(crate) fn run(folder: &Path, pictures: Option<&Path>) -> anyhow::Result<Answer> {
-    let dataset = dataset::open(folder)?;
+    let dataset = generation::open(folder)?;
     if let Some(out) = pictures {
-        place::make_folder(out)?;
+        folder::make_folder(out)?;
     }
     let (distributions, mut drawn) = read_all(&dataset, pictures)?;
     if let Some(out) = pictures {
@@ -187,7 +186,7 @@ fn bars(distribution: &Distribution) -> String {
 /// # Errors
 /// What of the data set cannot be read.
 pub(crate) fn histograms(folder: &Path) -> anyhow::Result<Image> {
-    let dataset = dataset::open(folder)?;
+    let dataset = generation::open(folder)?;
     let (distributions, _) = read_all(&dataset, None)?;
     histograms_of(&dataset.index().name, &distributions)
 }

@@ -7,20 +7,20 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_data::{Dataset, write_atomically};
-use serde::Serialize;
-use serde_json::Value;
-
-use super::dataset;
-use crate::cli::EvaluateArgs;
-use crate::evaluation::{
+use selvedge_lab::evaluation::{
     Contestant, Evaluation, Measures, Plan, Racer, Row, Summary, TestData, Timing, Who,
     check_horizons, evaluate, summary,
 };
+use selvedge_lab::machine::Machine;
+use selvedge_lab::report::{self, Contest, Heading, Report};
+use selvedge_lab::{folder, generation, models};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::cli::EvaluateArgs;
 use crate::failure::WrongUsage;
-use crate::machine::Machine;
 use crate::output::{Answer, End, Facts, Table, length, percent};
-use crate::report::{self, Contest, Heading, Report};
-use crate::{learned, place};
+use crate::{place, progress};
 
 #[derive(Serialize)]
 struct Answered<'a> {
@@ -62,7 +62,7 @@ struct Mean {
 /// # Errors
 /// What of a model, a data set or a file went wrong.
 pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
-    let machine = Machine::open(&args.machine)?;
+    let machine = args.machine.open()?;
     if let Some(curves) = &args.curves {
         place::check_file(curves, "--curves", &["csv"])?;
     }
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
         }
     }
     if let Some(folder) = &args.report {
-        place::make_folder(folder)?;
+        folder::make_folder(folder)?;
     }
     let (models, mut contestants) = open_models(args, &machine)?;
     contestants.extend(args.substeps().into_iter().map(Contestant::physics));
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
         horizons: &horizons,
         threads: args.threads.map(usize::from),
     };
-    let (evaluation, end) = evaluate(&plan)?;
+    let (evaluation, end) = evaluate(&plan, &mut progress::listener())?;
     let contest = Contest::of(&evaluation.rows);
     let wrote = write_files(args, (&models, &machine), &evaluation, end)?;
     let answered = Answered {
@@ -162,7 +162,7 @@ fn open_models(
             let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
             return Err(WrongUsage::new(problem).into());
         }
-        let model = learned::open(Some(file))?.model;
+        let model = models::open(Some(file))?.model;
         models.push(Named {
             name: name.clone(),
             file: file.to_owned(),
@@ -207,7 +207,7 @@ fn open_data(args: &EvaluateArgs) -> anyhow::Result<Vec<TestData>> {
     let mut all: Vec<Dataset> = Vec::with_capacity(args.data.len());
     let mut seen = Vec::with_capacity(args.data.len());
     for folder in &args.data {
-        let data = dataset::open(folder)?;
+        let data = generation::open(folder)?;
         let place = std::fs::canonicalize(folder)
             .with_context(|| format!("{}: could not be found", folder.display()))?;
         if seen.contains(&place) {

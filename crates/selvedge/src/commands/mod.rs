@@ -3,7 +3,7 @@
 mod bench;
 mod compare;
 mod convert;
-pub(crate) mod dataset;
+mod dataset;
 mod dataset_import;
 mod dataset_inspect;
 mod dataset_plan;
@@ -16,7 +16,7 @@ mod sag;
 mod simulate;
 mod stress;
 mod study;
-pub(crate) mod train;
+mod train;
 mod view;
 
 use crate::cli::{BenchCommand, Command, DatasetCommand};

@@ -1,12 +1,12 @@
 //! `selvedge presets`: the shipped training configurations, each network's size and arithmetic.
 
 use anyhow::Context;
+use selvedge_lab::assets;
 use selvedge_model::{Encoder, FirstEdgeLayer, Flops, Network, flops};
 use selvedge_train::TrainConfig;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::assets;
 use crate::output::{Answer, Table};
 
 /// The cloth that a frame is counted for: the paper's, 2949 edges.

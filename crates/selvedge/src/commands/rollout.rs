@@ -11,19 +11,20 @@ use anyhow::Context;
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{Cloth, LoadedScene, StartSpec, Trajectory, metrics};
 use selvedge_guard::Trust;
+use selvedge_lab::folder;
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::{self, NamedModel};
+use selvedge_lab::physics::{self, Run};
+use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
 use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
 use crate::exporting::Wish;
-use crate::guarded::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
-use crate::learned::{self, NamedModel};
-use crate::machine::Machine;
 use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{self, Show, write_clip_of, write_sheet};
-use crate::progress::Progress;
-use crate::reference::{self, Run};
+use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, place, scenes};
 
 /// The files of the folder.
@@ -73,20 +74,20 @@ struct Stage {
 /// # Errors
 /// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
-    let _claimed = place::claim_folder(&args.out)?;
+    let _claimed = folder::claim_folder(&args.out)?;
     let wishes = exporting::wishes(&args.export)?;
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
     }
     let loaded = open_at_rest(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
-    let model = learned::open(args.model.as_deref())?;
-    let machine = Machine::open(&args.machine)?;
+    let model = models::open(args.model.as_deref())?;
+    let machine = args.machine.open()?;
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => loaded.scene.frame_count()?,
     };
-    let rest = reference::rest_pose(&loaded.scene)?;
+    let rest = physics::rest_pose(&loaded.scene, &mut progress::listener())?;
     let stage = Stage {
         loaded,
         rest,
@@ -96,7 +97,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     let (prediction, log, guarded) = predict(&stage, (&model, &machine), args)?;
     write(&prediction.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
-        guarded::write_trust(trust, &log)?;
+        watched::write_trust(trust, &log)?;
         wrote.push(trust.clone());
     }
     let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
@@ -130,7 +131,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         frames: prediction.trajectory.frame_count(),
         model_ms_per_frame: prediction.ms_per_frame,
         truth_ms_per_frame: truth.as_ref().map(|truth| truth.ms_per_frame),
-        largest_strain: reference::largest_strain(&prediction.trajectory)?,
+        largest_strain: physics::largest_strain(&prediction.trajectory)?,
         guard: args.guard.name(),
         guarded,
         diverged_frame: metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES)
@@ -183,10 +184,10 @@ fn predict(
     args: &RolloutArgs,
 ) -> anyhow::Result<(Timed, Vec<Trust>, Guarded)> {
     let scene = &stage.loaded.scene;
-    let cloth = Cloth::of_scene(scene, reference::rounded(&stage.rest.positions));
-    let graph = learned::graph_of_scene(scene, &cloth)?;
+    let cloth = Cloth::of_scene(scene, physics::rounded(&stage.rest.positions));
+    let graph = models::graph_of_scene(scene, &cloth)?;
     let path = scene.handle_path()?;
-    let stepper = learned::stepper(model, graph, &cloth.rest_positions, machine)?;
+    let stepper = models::stepper(model, graph, &cloth.rest_positions, machine)?;
     let mut watched = Watched::new(
         stepper,
         &cloth,
@@ -195,7 +196,7 @@ fn predict(
         args.guard.settings(),
     )?;
     let progress = Progress::new("predicting", stage.frames, "frames");
-    let run = learned::drive(&mut watched, &path, stage.frames, &mut || {
+    let run = models::drive(&mut watched, &path, stage.frames, &mut || {
         progress.advance();
         interrupt::flow()
     })
@@ -207,7 +208,7 @@ fn predict(
 fn simulate(stage: &Stage) -> anyhow::Result<Timed> {
     let progress = Progress::new("simulating the truth", stage.frames, "frames");
     let start = stage.rest.positions.clone();
-    let run = reference::run(
+    let run = physics::run(
         &stage.loaded.scene,
         start,
         stage.frames,
@@ -223,7 +224,7 @@ fn simulate(stage: &Stage) -> anyhow::Result<Timed> {
 fn timed(stage: &Stage, run: Run) -> anyhow::Result<Timed> {
     let (spec, scene) = (&stage.loaded.spec, &stage.loaded.scene);
     Ok(Timed {
-        trajectory: reference::trajectory(spec, scene, &stage.rest.positions, run.positions)?,
+        trajectory: physics::trajectory(spec, scene, &stage.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
         end: run.end,
     })

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{SagMethod, Scene};
 use selvedge_data::{LoadedScene, write_obj};
+use selvedge_lab::physics;
 use serde::Serialize;
 
 use crate::cli::SagArgs;
 use crate::output::{Answer, Facts, length};
-use crate::{place, reference, scenes};
+use crate::{place, progress, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -40,7 +41,7 @@ pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
         loaded.spec.setting.sag.method = SagMethod::Motion;
     }
     let scene = &loaded.scene;
-    let rest = reference::rest_pose(scene)?;
+    let rest = physics::rest_pose(scene, &mut progress::listener())?;
     let largest_strain = write(&args.out, &loaded, &rest.positions)?;
     let report = Report {
         scene: scene.name.clone(),
@@ -81,8 +82,8 @@ fn below(metres: f64) -> String {
 /// Writes `rest` `[m]`, `[vertices]`, and gives its largest strain.
 fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64> {
     let scene = &loaded.scene;
-    let frame = reference::rounded(rest);
-    let trajectory = reference::trajectory(&loaded.spec, scene, rest, frame)?;
+    let frame = physics::rounded(rest);
+    let trajectory = physics::trajectory(&loaded.spec, scene, rest, frame)?;
     if out.extension().is_some_and(|e| e == "obj") {
         let cloth = trajectory.cloth();
         write_obj(
@@ -94,7 +95,7 @@ fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64
     } else {
         trajectory.write(out)?;
     }
-    reference::largest_strain(&trajectory)
+    physics::largest_strain(&trajectory)
 }
 
 /// The vertex nearest in the material to the middle of the handles: for a square held by two

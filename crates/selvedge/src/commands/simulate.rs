@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, Trajectory, metrics};
+use selvedge_lab::physics::{self, Keep, Plan};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
@@ -10,9 +11,8 @@ use crate::cli::{From, SimulateArgs};
 use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
-use crate::progress::Progress;
-use crate::reference::{Keep, Plan};
-use crate::{exporting, interrupt, pictures, place, reference, scenes};
+use crate::progress::{self, Progress};
+use crate::{exporting, interrupt, pictures, place, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -71,12 +71,12 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         threads: Threads::Pool,
     };
     let progress = Progress::new("simulating", frames, "frames");
-    let (run, states) = reference::run_plan(scene, plan, &mut || {
+    let (run, states) = physics::run_plan(scene, plan, &mut || {
         progress.advance();
         interrupt::flow()
     })?;
     drop(progress);
-    let trajectory = reference::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
+    let trajectory = physics::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         ms_per_frame: run.ms_per_frame,
         sag_solves: rest.as_ref().map(|rest| rest.solves),
         sag_residual: rest.as_ref().map(|rest| rest.residual),
-        largest_strain: reference::largest_strain(&trajectory)?,
+        largest_strain: physics::largest_strain(&trajectory)?,
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
         exported,
         warnings: loaded.warnings.clone(),
@@ -171,7 +171,7 @@ fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, S
     let rest = if scene.handles.is_empty() {
         None
     } else {
-        match reference::rest_pose(scene) {
+        match physics::rest_pose(scene, &mut progress::listener()) {
             Ok(rest) => Some(rest),
             Err(error) if interrupt::requested() => return Err(error),
             Err(error) if from_rest => return Err(error.context(ELSEWHERE)),

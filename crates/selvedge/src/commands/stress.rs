@@ -12,17 +12,18 @@ use anyhow::Context;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::{RandomMotion, Scene, Stepper};
 use selvedge_data::{Cloth, NamedCloth, SceneSpec, metrics, write_atomically};
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::{self, NamedModel};
+use selvedge_lab::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
+use selvedge_lab::{physics, workers};
 use selvedge_model::ClothGraph;
 use serde::Serialize;
 
 use crate::cli::StressArgs;
 use crate::failure::{self, WrongUsage};
-use crate::guarded::{DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
-use crate::learned::{self, NamedModel};
-use crate::machine::Machine;
 use crate::output::{Answer, End, Facts, Table, length, percent};
-use crate::progress::Progress;
-use crate::{interrupt, place, reference, scenes, workers};
+use crate::progress::{self, Progress};
+use crate::{interrupt, place, scenes};
 
 #[derive(Serialize)]
 struct Report {
@@ -90,7 +91,7 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
     if let Some(out) = &args.out {
         place::check_file(out, "--out", &["csv"])?;
     }
-    let model = learned::open(args.model.as_deref())?;
+    let model = models::open(args.model.as_deref())?;
     let stages = stages(args)?;
     let mut numbers: Vec<usize> = args.only.iter().map(|&number| number as usize).collect();
     numbers.sort_unstable();
@@ -182,9 +183,9 @@ fn sheets(names: &[String]) -> anyhow::Result<Vec<NamedSheet>> {
 }
 
 fn stage(mesh: String, scene: Scene) -> anyhow::Result<Stage> {
-    let rest = reference::rest_pose(&scene)?;
-    let cloth = Cloth::of_scene(&scene, reference::rounded(&rest.positions));
-    let graph = learned::graph_of_scene(&scene, &cloth)?;
+    let rest = physics::rest_pose(&scene, &mut progress::listener())?;
+    let cloth = Cloth::of_scene(&scene, physics::rounded(&rest.positions));
+    let graph = models::graph_of_scene(&scene, &cloth)?;
     Ok(Stage {
         mesh,
         scene: Arc::new(scene),
@@ -249,7 +250,7 @@ fn drive(
     let start = &stage.cloth.rest_positions;
     let held = stage.scene.handles.select(stage.scene.mesh.positions());
     let path = motion.motion().bind(&held, rate)?;
-    let stepper = learned::stepper(model, stage.graph.clone(), start, &Machine::Cpu)?;
+    let stepper = models::stepper(model, stage.graph.clone(), start, &Machine::Cpu)?;
     let scene = Some(Arc::clone(&stage.scene));
     let mut watched = Watched::new(stepper, &stage.cloth, rate, scene, args.guard.settings())?;
     let started = Instant::now();

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
+use selvedge_lab::{folder, study};
 use serde::Serialize;
 
 use crate::cli::StudyArgs;
-use crate::machine::Machine;
 use crate::output::{Answer, End, Facts};
-use crate::{place, study};
+use crate::progress;
 
 #[derive(Serialize)]
 struct Answered {
@@ -28,10 +28,16 @@ struct Answered {
 /// What of the study, a training, a model, a data set or a file went wrong.
 pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
-    let machine = Machine::open(&args.machine)?;
-    place::make_folder(&args.out)?;
-    let outcome = study::run(&study, &args.out, args.threads, &machine)
-        .with_context(|| format!("study {}", args.study))?;
+    let machine = args.machine.open()?;
+    folder::make_folder(&args.out)?;
+    let outcome = study::run(
+        &study,
+        &args.out,
+        args.threads,
+        &machine,
+        &mut progress::listener(),
+    )
+    .with_context(|| format!("study {}", args.study))?;
     let answered = Answered {
         title: study.title,
         device: machine.name(),

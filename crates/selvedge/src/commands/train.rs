@@ -5,15 +5,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
+use selvedge_lab::{assets, folder, generation, training};
 use selvedge_train::{Arithmetic, Limits, RunEnd, TrainConfig, Trainer, files};
 use serde::Serialize;
 
-use super::dataset;
 use crate::cli::TrainArgs;
-use crate::machine::Machine;
+use crate::interrupt;
 use crate::output::{Answer, End, Facts};
-use crate::progress::Progress;
-use crate::{assets, interrupt, place};
+use crate::progress::{self, Progress};
 
 /// Between two checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(300);
@@ -61,9 +60,9 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     if let Some(steps) = args.steps {
         cfg.steps = steps;
     }
-    let machine = Machine::open(&args.machine)?;
-    let data = dataset::open(&args.data)?;
-    let _claimed = place::claim_folder(&args.out)?;
+    let machine = args.machine.open()?;
+    let data = generation::open(&args.data)?;
+    let _claimed = folder::claim_folder(&args.out)?;
     let steps = cfg.steps;
     let Some(mut trainer) = trainer(cfg, &data, (args, machine.arithmetic()))? else {
         let report = Stopped {
@@ -75,7 +74,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
     machine.train(&mut trainer)?;
-    warn_of_images(&trainer);
+    training::warn_of_images(&trainer);
     let limits = Limits {
         time: args.span,
         checkpoint_every: CHECKPOINT_EVERY,
@@ -138,35 +137,7 @@ fn trainer(
         let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), on)?;
         return Ok(Some(trainer));
     }
-    fresh(cfg, data, on)
-}
-
-/// Says whose mirror images are not learned from, where there are some.
-pub(crate) fn warn_of_images(trainer: &Trainer) {
-    let left_out = trainer.images_left_out();
-    if !left_out.is_empty() {
-        tracing::warn!(
-            "mirror_images: not of {}, whose handles would go as in a motion to test on",
-            left_out.join(", ")
-        );
-    }
-}
-
-/// A training at its beginning, with its statistics gathered. None where an end was asked for.
-///
-/// # Errors
-/// What of the configuration or the data went wrong.
-pub(crate) fn fresh(
-    cfg: TrainConfig,
-    data: &Dataset,
-    on: Arithmetic,
-) -> anyhow::Result<Option<Trainer>> {
-    let progress = Progress::new("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::new_observed(cfg, data, on, &mut |_| {
-        progress.advance();
-        interrupt::flow()
-    })?;
-    Ok(trainer)
+    training::fresh(cfg, data, on, &mut progress::listener())
 }
 
 fn stopped(steps: u64) -> Facts {

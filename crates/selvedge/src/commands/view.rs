@@ -15,7 +15,6 @@ use serde::Serialize;
 use crate::cli::{Shown, ViewArgs};
 use crate::failure::WrongUsage;
 use crate::interrupt;
-use crate::machine::Machine;
 use crate::output::{Answer, Facts};
 use crate::view::ViewWorkshop;
 
@@ -38,7 +37,7 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
         Some(_) => FALLBACK_SCENE,
         None => &args.subject,
     };
-    let workshop = ViewWorkshop::new(scene, &args.model, Machine::open(&args.machine)?)?;
+    let workshop = ViewWorkshop::new(scene, &args.model, args.machine.open()?)?;
     if tape.is_none() {
         // What is wrong with the scene is said here and now, not in the page.
         crate::scenes::open(scene)?;

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Environment, HandlePath, Motion, RecordedMotion, Scene};
 use selvedge_data::{Cloth, Provenance, SavedState, SceneSpec};
+use selvedge_lab::machine::Machine;
+use selvedge_lab::physics;
 use selvedge_live::{Bench, Hold, LiveStepper, MoverKind, Start};
 use selvedge_model::Model;
 
 use super::movers::{LiveModel, LivePhysics};
-use crate::machine::Machine;
-use crate::reference;
 
 /// A scene with its rest pose and a model.
 pub(super) struct SceneBench {
@@ -63,7 +63,7 @@ impl Bench for SceneBench {
         start: Start<'_>,
         hold: &Hold,
     ) -> Result<Box<dyn LiveStepper>, String> {
-        let beginning = [reference::rounded(&self.start.positions)];
+        let beginning = [physics::rounded(&self.start.positions)];
         let frames = match start {
             Start::Beginning => &beginning[..],
             Start::Frames(frames) => frames,
@@ -100,7 +100,7 @@ impl Bench for SceneBench {
         spec.setting.schedule.releases.clear();
         spec.setting.environment = hold.environment;
         spec.motion = Motion::Recorded(RecordedMotion { positions: handles });
-        reference::provenance(&spec, &self.scene).map_err(|error| crate::failure::chain(&error))
+        physics::provenance(&spec, &self.scene).map_err(|error| crate::failure::chain(&error))
     }
 }
 

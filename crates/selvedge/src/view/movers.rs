@@ -8,12 +8,11 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::Cloth;
 use selvedge_guard::{Guard, GuardSettings};
+use selvedge_lab::machine::{Machine, Mover};
+use selvedge_lab::{models, watched};
 use selvedge_live::{Hold, LiveStepper};
 use selvedge_model::Model;
 use selvedge_sim::Simulator;
-
-use crate::machine::{Machine, Mover};
-use crate::{guarded, learned};
 
 /// The simulator, with the scene that it was made from.
 pub(super) struct LivePhysics {
@@ -95,9 +94,9 @@ impl LiveModel {
             ..(**scene).clone()
         };
         let text = |error: anyhow::Error| crate::failure::chain(&error);
-        let graph = learned::graph_of_scene(&held_scene, &held).map_err(text)?;
+        let graph = models::graph_of_scene(&held_scene, &held).map_err(text)?;
         let stepper = machine.start(model, graph, frames).map_err(text)?;
-        let guarded = guarded::cloth_of(cloth, scene.frame_rate);
+        let guarded = watched::cloth_of(cloth, scene.frame_rate);
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
         let stepper = Guard::new(stepper, guarded, Some(known), settings);
         let needed = model.spec().history();

@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
+use selvedge_lab::machine::Machine;
 use selvedge_live::{MeshOrder, Order, Workshop};
 
 use super::ViewWorkshop;
-use crate::machine::Machine;
 
 fn refused(change: impl FnOnce(&mut Order)) -> String {
     let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();

@@ -14,13 +14,14 @@ use selvedge_data::{
     Cloth, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, StartSpec,
     Transform, materials, shipped_scenes,
 };
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::{self, NamedModel};
+use selvedge_lab::{assets, physics};
 use selvedge_live::{Bench, Catalogue, MeshOrder, Order, Workshop};
 use selvedge_sim::{SagError, sag_with_progress};
 
 use super::bench::SceneBench;
-use crate::learned::{self, NamedModel};
-use crate::machine::Machine;
-use crate::{assets, reference, scenes};
+use crate::scenes;
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
 const VERTICES: [usize; 5] = [150, 289, 400, 600, 1024];
@@ -50,9 +51,9 @@ impl ViewWorkshop {
         scenes.extend(shipped.filter(|name| name != scene));
         let mut opened: Vec<NamedModel> = Vec::new();
         for file in models {
-            opened.push(learned::open(Some(file))?);
+            opened.push(models::open(Some(file))?);
         }
-        opened.push(learned::open(None)?);
+        opened.push(models::open(None)?);
         Ok(Self {
             scenes,
             models: opened,
@@ -97,7 +98,7 @@ impl ViewWorkshop {
             ..scene.clone()
         };
         Ok(SceneBench {
-            cloth: Arc::new(Cloth::of_scene(&scene, reference::rounded(&rest))),
+            cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))),
             spec,
             scene,
             led: Arc::new(led),

@@ -18,6 +18,8 @@ use selvedge_cloth::{HandleTargets, Stepper};
 use selvedge_gpu::bench::inference::Inference;
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::rollout::stepper::GpuStepper;
+use selvedge_lab::machine::{self, DeviceName};
+use selvedge_lab::models;
 use selvedge_model::{
     ClothGraph, Connectivity, Extent, Input, LearnedStepper, Model, Pass, Workspace,
 };
@@ -27,9 +29,9 @@ use serde_json::json;
 use super::cloths::hanging;
 use super::gpu::model;
 use super::variants::named;
-use crate::cli::{ConformanceArgs, DeviceName};
+use crate::cli::ConformanceArgs;
 use crate::output::{Answer, End, Table};
-use crate::{failure, interrupt, learned, machine};
+use crate::{failure, interrupt};
 
 /// Most that a normalised acceleration may be off, in parts of the largest of the pass where that is above 1.
 const FORWARD: f64 = 1e-5;
@@ -134,8 +136,8 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
         args.machine.device != DeviceName::Cpu,
         "cpu is what a GPU is held against: take --device cuda"
     );
-    let device = machine::device(args.machine.device)?;
-    let precision = machine::precision(args.machine.precision);
+    let device = machine::open_device(args.machine.device)?;
+    let precision = machine::precision_of(args.machine.precision.name());
     let conformance = Conformance {
         device: &*device,
         precision,
@@ -155,7 +157,7 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
         limits::check(&conformance, variant.name, (&model, &graph), &mut checks);
     }
     if !interrupt::requested() {
-        let shipped = learned::open(None)?;
+        let shipped = models::open(None)?;
         let graph = hanging(289)?;
         // A network to measure may be called the same.
         let name = format!("{}, shipped", shipped.name);
@@ -169,12 +171,12 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
         End::Complete
     };
     let report = json!({
-        "device": device.name(), "precision": args.machine.precision.name(), "checks": checks.all,
+        "device": device.name(), "precision": args.machine.precision.name().name(), "checks": checks.all,
     });
     let name = format!(
         "{}, precision {}",
         device.name(),
-        args.machine.precision.name()
+        args.machine.precision.name().name()
     );
     let answer = Answer::new(format!("{name}\n{}", checks.text()), &report)?.ended(end);
     Ok(match checks.wrong() {

@@ -15,6 +15,7 @@ use selvedge_gpu::bench::limits::{Limits, limits};
 use selvedge_gpu::bench::profile::{Spent, Work};
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::rollout::{Opening, Rollout};
+use selvedge_lab::machine::{self, DeviceName};
 use selvedge_model::{
     ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, ModelSpec, Network, Normalizer,
     Normalizers, flops,
@@ -26,9 +27,8 @@ use super::cloths::hanging;
 use super::peer::Peer;
 use super::variants::{Variant, named};
 use super::{median, time};
-use crate::cli::{Cloths, DeviceName, GpuArgs};
+use crate::cli::{Cloths, GpuArgs};
 use crate::interrupt;
-use crate::machine;
 use crate::output::{Answer, End};
 
 /// Runs of each that do not count.
@@ -99,8 +99,8 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
         args.machine.device != DeviceName::Cpu,
         "cpu is no GPU: take --device cuda (`selvedge bench engine` measures the processor)"
     );
-    let device = machine::device(args.machine.device)?;
-    let precision = machine::precision(args.machine.precision);
+    let device = machine::open_device(args.machine.device)?;
+    let precision = machine::precision_of(args.machine.precision.name());
     let limits = limits(&*device, usize::from(args.side))?;
     let mut variants = named(&args.variant)?;
     if args.variant.is_empty() {
@@ -132,7 +132,7 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
     };
     let text = page::page(&device.name(), &limits, args, &rows);
     let report = json!({
-        "device": device.name(), "precision": args.machine.precision.name(), "runs": args.runs,
+        "device": device.name(), "precision": args.machine.precision.name().name(), "runs": args.runs,
         "full_flop_per_second": limits.products[0], "tensor_flop_per_second": limits.products[1],
         "half_flop_per_second": limits.products[2], "bytes_per_second": limits.bandwidth,
         "against": args.against, "rows": rows,

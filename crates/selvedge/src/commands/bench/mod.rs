@@ -21,7 +21,7 @@ macro_rules! on_gpu {
         }
         #[cfg(not(feature = "gpu"))]
         {
-            let machine = crate::machine::Machine::open(&$args.machine)?;
+            let machine = $args.machine.open()?;
             anyhow::bail!("{} is no GPU: take --device cuda", machine.name())
         }
     }};

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use selvedge_lab::report::TrainingLog;
 use selvedge_train::{TrainConfig, files};
 use serde_json::json;
 
 use crate::commands::dataset_inspect;
 use crate::output::{Answer, Facts};
-use crate::report::TrainingLog;
 
 /// What a folder is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

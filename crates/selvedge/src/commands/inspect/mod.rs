@@ -19,6 +19,7 @@ use selvedge_data::{
     LoadedScene, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics, read_obj,
     shipped_scenes,
 };
+use selvedge_lab::physics;
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
@@ -26,7 +27,7 @@ use serde_json::{Value, json};
 use super::dataset_plan;
 use crate::cli::InspectArgs;
 use crate::output::{Answer, Facts, length, percent};
-use crate::{place, reference, scenes};
+use crate::{place, scenes};
 
 /// Says what a path is, and draws it where that is wanted.
 ///
@@ -165,7 +166,7 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
     let frames = trajectory.frames();
     let speeds = metrics::speeds(frames, provenance.frame_rate)?;
     let edge = metrics::mean_edge_length(frames, trajectory.topology())?;
-    let strain = reference::largest_strain(trajectory)?;
+    let strain = physics::largest_strain(trajectory)?;
     let (low, high) = box_of(trajectory.positions());
     let handles: Vec<u32> = trajectory
         .handles()
@@ -302,7 +303,7 @@ fn inspect_mesh<'a>(
     let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
     let labels: Vec<&String> = labels.collect();
     let boundary = topology.edges().iter().filter(|e| e.is_boundary()).count();
-    let (low, high) = box_of(&reference::rounded(mesh.positions()));
+    let (low, high) = box_of(&physics::rounded(mesh.positions()));
     let mut facts = Facts::new();
     facts.add("kind", "mesh");
     facts.add("file", path.display());

@@ -9,6 +9,8 @@ use selvedge_cloth::{Mesh, VertexId};
 use selvedge_data::{
     STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, read_obj, write_atomically,
 };
+use selvedge_lab::physics;
+use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_model::{MODEL_FORMAT, Model};
 use selvedge_train::files;
 use selvedge_view::plot::{Axis, Line, LineChart, Role, Scale};
@@ -20,8 +22,7 @@ use super::exported::read_npz;
 use super::folders::{self, FolderKind};
 use crate::commands::dataset_inspect;
 use crate::failure::WrongUsage;
-use crate::report::{TrainingLog, training_chart};
-use crate::{pictures, reference, scenes};
+use crate::{pictures, scenes};
 
 /// Draws what `path` is to the file `to` (.png; curves also .svg).
 ///
@@ -90,7 +91,7 @@ fn draw_run(trajectory: &Trajectory, path: &Path, to: &Path) -> anyhow::Result<(
 
 fn draw_mesh(mesh: &Mesh, handles: &[VertexId], to: &Path) -> anyhow::Result<()> {
     only_png(to)?;
-    let positions = reference::rounded(mesh.positions());
+    let positions = physics::rounded(mesh.positions());
     let run = Run::new(mesh.topology(), [positions.as_slice()], handles, 1.0)?;
     let panel = Panel {
         label: "",

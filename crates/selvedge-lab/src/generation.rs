@@ -1,0 +1,223 @@
+//! Data sets: simulates the motions of a preset, scenes side by side.
+//!
+//! The rest pose of a cloth serves all scenes that it is in. Each scene is the work
+//! of one thread from its start to its end, and the index is sorted: the files do not depend on the
+//! number of threads. A finished trajectory is in the index at once, so that an interrupted run
+//! loses at most the scenes under way. A run that ends before the first leaves nothing behind: its
+//! preset may be another the next time.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::{Context, anyhow};
+use glam::DVec3;
+use rayon::prelude::*;
+use selvedge_data::{Dataset, DatasetPreset, DatasetWriter, LoadedScene, Split};
+use selvedge_sim::Threads;
+
+use crate::event::{End, OnEvent, Reporter};
+use crate::{folder, physics};
+
+/// A data set after [`generate`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Generated {
+    /// The name of the preset.
+    pub name: String,
+    /// Trajectories to train on.
+    pub train: usize,
+    /// Trajectories to test on.
+    pub test: usize,
+    /// Samples of a complete data set; 0 of one that is not.
+    pub samples: usize,
+    /// Frames that were simulated now.
+    pub frames_made: usize,
+    /// Trajectories that were there already.
+    pub kept: usize,
+    /// Trajectories that are still to be made.
+    pub missing: usize,
+}
+
+impl Generated {
+    /// [`End::Interrupted`] where trajectories are missing.
+    #[must_use]
+    pub fn end(&self) -> End {
+        match self.missing {
+            0 => End::Complete,
+            _ => End::Interrupted,
+        }
+    }
+}
+
+/// A trajectory that is still to be made.
+struct Job {
+    split: Split,
+    motion: String,
+    /// Its cloth, where it is not the setting's own.
+    cloth: Option<String>,
+    scene: LoadedScene,
+    frames: usize,
+}
+
+/// Makes the data set of `preset` in `folder`, or goes on with it, on so many threads; as many as there
+/// are processors where none is said.
+///
+/// # Errors
+/// What of a scene, the folder or a file went wrong.
+pub fn generate(
+    preset: &DatasetPreset,
+    folder: &Path,
+    threads: Option<usize>,
+    on_event: &mut OnEvent<'_>,
+) -> anyhow::Result<Generated> {
+    make_dataset(preset, folder, threads, &Reporter::new(on_event))
+}
+
+/// As [`generate`], within a longer operation.
+pub(crate) fn make_dataset(
+    preset: &DatasetPreset,
+    folder: &Path,
+    threads: Option<usize>,
+    reporter: &Reporter<'_>,
+) -> anyhow::Result<Generated> {
+    let plan = preset.plan()?;
+    let _claimed = folder::claim_folder(folder)?;
+    let mut writer = DatasetWriter::open(folder, plan)?;
+    let jobs = match make(preset, &mut writer, threads, reporter) {
+        Ok(jobs) => jobs,
+        Err(error) => {
+            writer.withdraw();
+            return Err(error);
+        }
+    };
+    let [train, test] = [Split::Train, Split::Test].map(|split| preset.motions(split).len());
+    let missing = writer.missing().len();
+    let made = |job: &&Job| writer.written(job.split, &job.motion).is_some();
+    let mut generated = Generated {
+        name: preset.config().name.clone(),
+        train,
+        test,
+        samples: 0,
+        frames_made: jobs.iter().filter(made).map(|job| job.frames + 1).sum(),
+        kept: train + test - jobs.len(),
+        missing,
+    };
+    if missing > 0 {
+        writer.withdraw();
+    } else {
+        generated.samples = writer.finish()?.index().statistics.samples;
+    }
+    Ok(generated)
+}
+
+/// Makes what is missing, until an end is asked for, and says what that was.
+fn make(
+    preset: &DatasetPreset,
+    writer: &mut DatasetWriter,
+    threads: Option<usize>,
+    reporter: &Reporter<'_>,
+) -> anyhow::Result<Vec<Job>> {
+    let jobs = jobs(preset, writer)?;
+    let rests = rest_poses(&jobs, reporter)?;
+    simulate_all(&jobs, &rests, writer, threads, reporter)?;
+    Ok(jobs)
+}
+
+fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Job>> {
+    let missing = writer.missing();
+    let mut jobs = Vec::with_capacity(missing.len());
+    for (split, name) in missing {
+        let motion = preset.motions(split).iter().find(|m| m.name == name);
+        let motion = motion.ok_or_else(|| anyhow!("motion {name:?} is not in the preset"))?;
+        let scene = preset.scene(motion)?;
+        jobs.push(Job {
+            split,
+            motion: name,
+            cloth: motion.cloth.clone(),
+            frames: scene.scene.frame_count()?,
+            scene,
+        });
+    }
+    Ok(jobs)
+}
+
+/// Rest poses by cloth `[m]`, `[vertices]`.
+type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
+
+/// The rest pose of every cloth that the jobs have, until an end is asked for.
+fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> anyhow::Result<Rests> {
+    let mut rests = Rests::new();
+    for job in jobs {
+        if rests.contains_key(&job.cloth) {
+            continue;
+        }
+        let rest = physics::find_rest_pose(&job.scene.scene, reporter);
+        if reporter.is_stopped() {
+            break;
+        }
+        rests.insert(job.cloth.clone(), rest?.positions);
+    }
+    Ok(rests)
+}
+
+/// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked for.
+fn simulate_all(
+    jobs: &[Job],
+    rests: &Rests,
+    writer: &mut DatasetWriter,
+    threads: Option<usize>,
+    reporter: &Reporter<'_>,
+) -> anyhow::Result<()> {
+    let frames = jobs.iter().map(|job| job.frames).sum();
+    let task = reporter.count("simulating", frames, "frames");
+    let writer = Mutex::new(writer);
+    // Zero threads mean one per processor.
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .build()
+        .context("starting the threads")?;
+    // One job at a time for each thread: blocks of them would leave threads idle at the end.
+    let simulate = |job: &Job| -> anyhow::Result<()> {
+        let scene = &job.scene.scene;
+        // There is none where an end was asked for before.
+        let Some(rest) = rests.get(&job.cloth) else {
+            return Ok(());
+        };
+        let run = physics::run(scene, rest.clone(), job.frames, Threads::One, &mut || {
+            task.advance()
+        })?;
+        if run.end == End::Interrupted {
+            return Ok(());
+        }
+        let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
+        // `add` leaves the writer as it was where it fails, so that it is never half done.
+        let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(writer.add(job.split, &job.motion, &trajectory)?)
+    };
+    pool.install(|| {
+        jobs.par_iter().with_max_len(1).try_for_each(|job| {
+            if task.is_stopped() {
+                return Ok(());
+            }
+            simulate(job)
+        })
+    })
+}
+
+/// Opens a complete data set, and says of an incomplete one how to complete it.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn open(folder: &Path) -> anyhow::Result<Dataset> {
+    let dataset = Dataset::open(folder);
+    let begun = folder.join("index.partial.json").is_file();
+    match dataset {
+        Err(error) if begun && !folder.join("index.json").exists() => Err(anyhow!(error).context(
+            format!(
+                "{}: this data set is not complete: run again the command that began it, `selvedge dataset generate` or `selvedge dataset import`",
+                folder.display()
+            ),
+        )),
+        other => Ok(other?),
+    }
+}

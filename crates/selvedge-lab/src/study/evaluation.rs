@@ -1,0 +1,210 @@
+//! The evaluations of a study: one contestant after another, each kept in a file that says which
+//! model and which data it is of, and made anew where these are others.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, anyhow};
+use selvedge_data::Split;
+use selvedge_guard::{Correction, GuardSettings};
+use serde::{Deserialize, Serialize};
+
+use super::{Desk, StudyData, kept, training};
+use crate::evaluation::{
+    Contestant, Evaluation, Horizons, Plan, Racer, Row, TestData, Timing, check_horizons,
+    measure as measure_plan,
+};
+use crate::event::End;
+use crate::{folder, models};
+
+/// An evaluation and what it is of.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kept {
+    of: Subject,
+    evaluation: Evaluation,
+}
+
+/// What an evaluation is of.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Subject {
+    /// Version of what is measured.
+    version: u32,
+    /// Hash of the model, or what a rival is.
+    model: String,
+    /// Names and hashes of the data sets.
+    data: Vec<(String, String)>,
+    motions: Vec<String>,
+    horizons: Horizons,
+    /// What ran it, since its times are in there: `cpu` for a rival, and where nothing is said.
+    #[serde(default = "kept::processor")]
+    device: String,
+}
+
+/// Raised where evaluations that are kept would come out differently now.
+const VERSION: u32 = 3;
+
+/// All that is measured, contestant after contestant.
+pub(super) struct Results {
+    pub(super) rows: Vec<Row>,
+    pub(super) timings: Vec<Timing>,
+}
+
+/// Fails where something that is to be measured cannot be: before any work is done.
+///
+/// # Errors
+/// Names the entry of the study, or the file.
+pub(super) fn check(desk: &Desk<'_>) -> anyhow::Result<()> {
+    for data in &desk.data {
+        let context = || format!("data set {:?} of the study", data.name);
+        data.set.verify_hashes().with_context(context)?;
+    }
+    for entry in &desk.study.model {
+        let (path, _) = training::model_file(desk, entry)?;
+        models::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
+    }
+    let data = test_data(desk)?;
+    if desk.study.evaluation.steps.is_none() {
+        return Ok(());
+    }
+    check_horizons(&data, &horizons(desk)).map_err(|error| anyhow!("evaluation.{error}"))
+}
+
+fn horizons(desk: &Desk<'_>) -> Horizons {
+    let asked = &desk.study.evaluation;
+    let steps = asked.steps.as_deref().unwrap_or(&Horizons::USUAL);
+    Horizons::new(steps.iter().copied(), asked.starts)
+}
+
+/// Measures everyone who is not measured yet. None where an end was asked for.
+///
+/// # Errors
+/// A model that has vanished, or what of the data or a file went wrong.
+pub(super) fn measure_all(desk: &Desk<'_>) -> anyhow::Result<Option<Results>> {
+    let data = test_data(desk)?;
+    folder::make_folder(&desk.out.join("evaluations"))?;
+    let mut results = Results {
+        rows: Vec::new(),
+        timings: Vec::new(),
+    };
+    let mut add = |contestant: Waiting| -> anyhow::Result<bool> {
+        let Some(found) = measure(desk, &data, contestant)? else {
+            return Ok(false);
+        };
+        results.rows.extend(found.rows);
+        results.timings.extend(found.timings);
+        Ok(true)
+    };
+    for entry in &desk.study.train {
+        let (path, hash) = training::finished_model(desk, entry)?;
+        if !add(Waiting::model(&entry.name, path, hash))? {
+            return Ok(None);
+        }
+    }
+    for entry in &desk.study.model {
+        let (path, hash) = training::model_file(desk, entry)?;
+        if !add(Waiting::model(&entry.name, path, hash))? {
+            return Ok(None);
+        }
+    }
+    for rival in desk.study.evaluation.rivals() {
+        let waiting = Waiting {
+            name: rival.name.clone(),
+            hash: rival.name.clone(),
+            runs: Runs::Rival(rival),
+        };
+        if !add(waiting)? {
+            return Ok(None);
+        }
+    }
+    Ok(Some(results))
+}
+
+/// Somebody who is to be measured, and what changes where it is another.
+struct Waiting {
+    name: String,
+    hash: String,
+    runs: Runs,
+}
+
+/// Who runs: a model is only opened where it has to.
+enum Runs {
+    Model(PathBuf),
+    Rival(Contestant),
+}
+
+impl Waiting {
+    fn model(name: &str, path: PathBuf, hash: String) -> Self {
+        Self {
+            name: name.to_owned(),
+            hash,
+            runs: Runs::Model(path),
+        }
+    }
+}
+
+fn test_data(desk: &Desk<'_>) -> anyhow::Result<Vec<TestData>> {
+    let asked = &desk.study.evaluation;
+    let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
+    let sets = desk.data.iter().filter(|data| is_asked(&data.name));
+    let open = |data: &StudyData| {
+        let (name, set) = (data.name.clone(), data.set.clone());
+        let test = TestData::new(name, set, Split::Test, &asked.motions);
+        // The study's mistake, not one of the command line.
+        test.map_err(|error| anyhow!("evaluation.motions: {error}"))
+    };
+    sets.map(open).collect()
+}
+
+fn measure(
+    desk: &Desk<'_>,
+    data: &[TestData],
+    waiting: Waiting,
+) -> anyhow::Result<Option<Evaluation>> {
+    let asked = &desk.study.evaluation;
+    let hash_of = |test: &TestData| -> anyhow::Result<(String, String)> {
+        Ok((test.name.clone(), desk.data(&test.name)?.hash.clone()))
+    };
+    let of = Subject {
+        version: VERSION,
+        model: waiting.hash,
+        data: data.iter().map(hash_of).collect::<Result<_, _>>()?,
+        motions: asked.motions.clone(),
+        horizons: horizons(desk),
+        device: match waiting.runs {
+            Runs::Model(_) => desk.machine.name(),
+            Runs::Rival(_) => kept::processor(),
+        },
+    };
+    let path = desk
+        .out
+        .join("evaluations")
+        .join(format!("{}.json", waiting.name));
+    if let Some(kept) = kept::read::<Kept>(&path)?.filter(|kept| kept.of == of) {
+        return Ok(Some(kept.evaluation));
+    }
+    let contestant = match waiting.runs {
+        Runs::Rival(contestant) => contestant,
+        Runs::Model(file) => Contestant {
+            name: waiting.name,
+            racer: Racer::Model(
+                models::open(Some(&file))?.model,
+                GuardSettings::with(Correction::None),
+                desk.machine.clone(),
+            ),
+        },
+    };
+    let plan = Plan {
+        data,
+        contestants: &[contestant],
+        horizons: &of.horizons,
+        threads: desk.threads.map(usize::from),
+    };
+    let (evaluation, end) = measure_plan(&plan, desk.reporter)?;
+    if end == End::Interrupted {
+        return Ok(None);
+    }
+    let kept = Kept { of, evaluation };
+    kept::write(&path, &kept)?;
+    Ok(Some(kept.evaluation))
+}

@@ -1,0 +1,321 @@
+//! The trainings of a study: each in a folder of its own, with a record of what it was made from and
+//! how far it is. A finished one is kept, one under way goes on from its checkpoint.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use selvedge_train::{Limits, RunEnd, TrainConfig, Trainer, files};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::file::{Budget, Finished, Training};
+use super::{Desk, StudyData, kept};
+use crate::event::{Goal, Task};
+use crate::{folder, training};
+
+/// Between two checkpoints; a training that is limited in time also notes its time so often.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
+
+/// How far a training is, and what it was made from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Record {
+    config: Value,
+    /// Hash of the data set's index.
+    data: String,
+    budget: Budget,
+    after: Option<After>,
+    /// What did the arithmetic when it was begun: `cpu` where nothing is said.
+    #[serde(default = "kept::processor")]
+    pub(super) device: String,
+    /// Steps in all, with those of the training that this one goes on from.
+    pub(super) steps_done: u64,
+    /// Time that it took, without that of the training that this one goes on from `[s]`.
+    pub(super) seconds: f64,
+    /// Weights.
+    pub(super) parameters: usize,
+    /// Hash of the finished model; none until it is.
+    model: Option<String>,
+}
+
+/// The training that another one goes on from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct After {
+    name: String,
+    /// Hash of its model.
+    model: String,
+    /// Its steps, and those before it.
+    steps: u64,
+}
+
+/// Fails where a finished model is gone or another one: before any work is done.
+///
+/// # Errors
+/// Names the model and what to do.
+pub(super) fn check_kept(desk: &Desk<'_>) -> anyhow::Result<()> {
+    for entry in &desk.study.train {
+        let folder = folder(desk, &entry.name);
+        if kept::read::<Record>(&folder.join(RECORD))?.is_some_and(|record| record.model.is_some())
+        {
+            finished_model(desk, entry)?;
+        }
+    }
+    desk.study
+        .model
+        .iter()
+        .try_for_each(|entry| model_file(desk, entry).map(drop))
+}
+
+/// The file of a model that is there already, and its hash.
+///
+/// # Errors
+/// When it is gone, with the remedy.
+pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> anyhow::Result<(PathBuf, String)> {
+    let path = desk.study.folder.join(&entry.file);
+    let hash = kept::hash_of(&path).with_context(|| {
+        format!(
+            "model {:?} of the study has vanished: train it again to {}, or remove the entry from the study",
+            entry.name,
+            path.display()
+        )
+    })?;
+    Ok((path, hash))
+}
+
+/// The file of a model whose training is finished, and its hash.
+///
+/// # Errors
+/// When it is gone or has changed, with the remedy.
+pub(super) fn finished_model(
+    desk: &Desk<'_>,
+    entry: &Training,
+) -> anyhow::Result<(PathBuf, String)> {
+    let folder = folder(desk, &entry.name);
+    let path = folder.join(files::MODEL);
+    let remedy = || {
+        format!(
+            "remove the folder {} to train it again, or remove the entry from the study",
+            folder.display()
+        )
+    };
+    let name = &entry.name;
+    if !path.is_file() {
+        bail!(
+            "training {name:?} is finished, but its model {} has vanished: {}",
+            path.display(),
+            remedy()
+        );
+    }
+    let hash = kept::hash_of(&path)?;
+    let record: Option<Record> = kept::read(&folder.join(RECORD))?;
+    if record.and_then(|record| record.model).as_ref() != Some(&hash) {
+        bail!(
+            "training {name:?} is finished, but its model {} is another one by now: {}",
+            path.display(),
+            remedy()
+        );
+    }
+    Ok((path, hash))
+}
+
+/// Trains `entry`, or goes on with it, or finds it finished. None where an end was asked for.
+///
+/// # Errors
+/// What of the configuration, what is kept, or a step went wrong.
+pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<Record>> {
+    let data = desk.data(desk.study.data_of(entry)?)?;
+    let mut cfg = desk.study.config(entry)?;
+    let after = after(desk, entry)?;
+    if let Budget::Steps(steps) = desk.study.budget(entry)? {
+        cfg.steps = steps + after.as_ref().map_or(0, |after| after.steps);
+    }
+    let folder = folder(desk, &entry.name);
+    folder::make_folder(&folder)?;
+    let path = folder.join(RECORD);
+    if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
+        bail!(
+            "{}: there is a checkpoint, but no {RECORD} that says what it was made from and how long it was \
+             trained: remove the folder to train again",
+            folder.display()
+        );
+    }
+    let mut record = record(desk, entry, after, &cfg, data)?;
+    if record.model.is_some() {
+        return Ok(Some(record));
+    }
+    let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
+        return Ok(None);
+    };
+    desk.machine.train(&mut trainer)?;
+    training::warn_of_images(&trainer);
+    record.parameters = trainer.parameter_count();
+    kept::write(&path, &record)?;
+    let task = begin(desk, &entry.name, &trainer, &record);
+    loop {
+        let end = slice(&mut trainer, data, &folder, &mut record, &task)?;
+        let is_last = match (end, record.budget) {
+            (RunEnd::Stopped, _) => false,
+            (RunEnd::Finished, _) => true,
+            (RunEnd::TimeUp, Budget::Time(time)) => record.seconds >= time.as_secs_f64(),
+            (RunEnd::TimeUp, Budget::Steps(_)) => false,
+        };
+        if is_last {
+            record.model = Some(kept::hash_of(&folder.join(files::MODEL))?);
+        }
+        kept::write(&path, &record)?;
+        if is_last {
+            return Ok(Some(record));
+        }
+        if end == RunEnd::Stopped {
+            return Ok(None);
+        }
+    }
+}
+
+/// What `entry` goes on from, which is finished by now.
+fn after(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<After>> {
+    let Some(name) = &entry.after else {
+        return Ok(None);
+    };
+    let path = folder(desk, name).join(RECORD);
+    let record = kept::read::<Record>(&path)?;
+    let finished = record.and_then(|record| Some((record.model?, record.steps_done)));
+    let (model, steps) = finished
+        .with_context(|| format!("{}: training {name:?} is not finished", path.display()))?;
+    let name = name.clone();
+    Ok(Some(After { name, model, steps }))
+}
+
+/// How far a training is, which may be its beginning.
+fn record(
+    desk: &Desk<'_>,
+    entry: &Training,
+    after: Option<After>,
+    cfg: &TrainConfig,
+    data: &StudyData,
+) -> anyhow::Result<Record> {
+    let fresh = Record {
+        config: serde_json::to_value(cfg)?,
+        data: data.hash.clone(),
+        budget: desk.study.budget(entry)?,
+        after,
+        device: desk.machine.name(),
+        steps_done: 0,
+        seconds: 0.0,
+        parameters: 0,
+        model: None,
+    };
+    let folder = folder(desk, &entry.name);
+    match kept::read::<Record>(&folder.join(RECORD))? {
+        Some(known) => check_same(&known, &fresh, &folder).map(|()| known),
+        None => Ok(fresh),
+    }
+}
+
+/// The name of the record in a training's folder.
+const RECORD: &str = "record.json";
+
+fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
+    desk.out.join("trainings").join(name)
+}
+
+/// A training in this folder goes on only as what it was begun as.
+fn check_same(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()> {
+    let what = if known.config != now.config {
+        "configuration"
+    } else if known.data != now.data {
+        "data set"
+    } else if known.budget != now.budget {
+        "budget"
+    } else if known.after != now.after {
+        "training to go on from"
+    } else {
+        return check_device(known, now, folder);
+    };
+    bail!(
+        "{} was made with another {what}: remove the folder to train again, or give the entry another name",
+        folder.display()
+    )
+}
+
+/// So many steps are the same wherever they are made, but for rounding; so many seconds are not.
+fn check_device(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()> {
+    if known.device == now.device || matches!(now.budget, Budget::Steps(_)) {
+        return Ok(());
+    }
+    bail!(
+        "{} has a budget in time and was begun on {:?}, not on {:?}: take the --device and --precision that it was \
+         begun with, remove the folder to train again, or give the entry another name",
+        folder.display(),
+        known.device,
+        now.device
+    )
+}
+
+/// At the checkpoint of its folder, at the end of the training that it goes on from, or new. None where
+/// an end was asked for.
+fn trainer(
+    desk: &Desk<'_>,
+    entry: &Training,
+    cfg: TrainConfig,
+    data: &StudyData,
+) -> anyhow::Result<Option<Trainer>> {
+    let on = desk.machine.arithmetic();
+    let own = folder(desk, &entry.name).join(files::CHECKPOINT);
+    if own.is_file() {
+        return Ok(Some(Trainer::resume(cfg, &data.set, &own, on)?));
+    }
+    match &entry.after {
+        Some(before) => {
+            let checkpoint = folder(desk, before).join(files::CHECKPOINT);
+            let trainer = Trainer::resume(cfg, &data.set, &checkpoint, on)
+                .with_context(|| format!("going on after training {before:?}"))?;
+            Ok(Some(trainer))
+        }
+        None => training::begin(cfg, &data.set, on, desk.reporter),
+    }
+}
+
+/// Trains until the end, or until a checkpoint is due where time is limited.
+fn slice(
+    trainer: &mut Trainer,
+    data: &StudyData,
+    folder: &Path,
+    record: &mut Record,
+    task: &Task<'_, '_>,
+) -> anyhow::Result<RunEnd> {
+    let time = match record.budget {
+        Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
+        Budget::Steps(_) => None,
+    };
+    let limits = Limits {
+        time,
+        checkpoint_every: CHECKPOINT_EVERY,
+    };
+    let started = Instant::now();
+    let end = selvedge_train::run(trainer, &data.set, folder, limits, &mut |step| {
+        task.note(&format!("loss {:.4}", step.terms.total));
+        task.advance()
+    })?;
+    record.seconds += started.elapsed().as_secs_f64();
+    record.steps_done = trainer.steps_done();
+    Ok(end)
+}
+
+fn time_left(budget: Duration, record: &Record) -> Duration {
+    budget.saturating_sub(Duration::from_secs_f64(record.seconds))
+}
+
+/// Counts the steps of what is left of a training.
+fn begin<'a>(desk: &Desk<'a>, name: &str, trainer: &Trainer, record: &Record) -> Task<'a, 'a> {
+    let goal = match record.budget {
+        Budget::Time(time) => Goal::Time(time_left(time, record)),
+        Budget::Steps(_) => {
+            Goal::Count(trainer.config().steps.saturating_sub(trainer.steps_done()))
+        }
+    };
+    desk.reporter
+        .begin(&format!("training {name}"), goal, "steps")
+}

@@ -1,0 +1,42 @@
+//! The beginning of a training, which may be stopped.
+
+use selvedge_data::Dataset;
+use selvedge_train::{Arithmetic, TrainConfig, Trainer};
+
+use crate::event::{OnEvent, Reporter};
+
+/// Says whose mirror images are not learned from, where there are some.
+pub fn warn_of_images(trainer: &Trainer) {
+    let left_out = trainer.images_left_out();
+    if !left_out.is_empty() {
+        tracing::warn!(
+            "mirror_images: not of {}, whose handles would go as in a motion to test on",
+            left_out.join(", ")
+        );
+    }
+}
+
+/// A training at its beginning, with its statistics gathered. None where an end was asked for.
+///
+/// # Errors
+/// What of the configuration or the data went wrong.
+pub fn fresh(
+    cfg: TrainConfig,
+    data: &Dataset,
+    on: Arithmetic,
+    on_event: &mut OnEvent<'_>,
+) -> anyhow::Result<Option<Trainer>> {
+    begin(cfg, data, on, &Reporter::new(on_event))
+}
+
+/// As [`fresh`], within a longer operation.
+pub(crate) fn begin(
+    cfg: TrainConfig,
+    data: &Dataset,
+    on: Arithmetic,
+    reporter: &Reporter<'_>,
+) -> anyhow::Result<Option<Trainer>> {
+    let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
+    let trainer = Trainer::new_observed(cfg, data, on, &mut |_| task.advance())?;
+    Ok(trainer)
+}

@@ -1,0 +1,147 @@
+//! A model under a guard, as commands run it: the guard's word on every frame is kept, and summed up.
+
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
+use selvedge_data::{Cloth, write_atomically};
+use selvedge_guard::{Guard, GuardSettings, GuardedCloth, Measured, Tally, Trust};
+use serde::{Deserialize, Serialize};
+
+use crate::machine::Mover;
+
+/// A run diverges where some edge strains more, (l - l₀)/l₀ against the material ...
+pub const DIVERGED_STRAIN: f64 = 0.3;
+/// ... for more frames in a row.
+pub const DIVERGED_FRAMES: usize = 10;
+
+/// A model under a guard.
+pub struct Watched {
+    guard: Guard<Mover>,
+    log: Vec<Trust>,
+}
+
+/// What a guard did in a run, or in several.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Guarded {
+    /// Frames that were stepped.
+    pub frames: usize,
+    /// Those that were corrected.
+    pub corrected: usize,
+    /// Those that were lost.
+    pub lost: usize,
+    /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
+    pub largest_correction: f64,
+}
+
+/// What a guard has to know of `cloth`.
+pub fn cloth_of(cloth: &Cloth, frame_rate: f64) -> GuardedCloth<'_> {
+    GuardedCloth {
+        material_coordinates: &cloth.material_coordinates,
+        rest_positions: &cloth.rest_positions,
+        vertex_mass: &cloth.vertex_mass,
+        frame_rate,
+    }
+}
+
+impl Watched {
+    /// `stepper`, which moves `cloth` at `frame_rate`, watched as `settings` say; with its `scene`, where that
+    /// is known.
+    ///
+    /// # Errors
+    /// A cloth that cannot be guarded.
+    pub fn new(
+        stepper: Mover,
+        cloth: &Cloth,
+        frame_rate: f64,
+        scene: Option<Arc<Scene>>,
+        settings: GuardSettings,
+    ) -> anyhow::Result<Self> {
+        let guard = Guard::new(stepper, cloth_of(cloth, frame_rate), scene, settings);
+        Ok(Self {
+            guard: guard.context("the guard (--guard none does without)")?,
+            log: Vec::new(),
+        })
+    }
+
+    /// What is known of each frame that was stepped.
+    pub fn log(&self) -> &[Trust] {
+        &self.log
+    }
+
+    /// The same summed up.
+    pub fn summary(&self) -> Guarded {
+        let mut tally = Tally::default();
+        self.log.iter().for_each(|trust| tally.add(trust));
+        Guarded {
+            frames: tally.frames,
+            corrected: tally.corrected,
+            lost: tally.lost,
+            largest_correction: tally.largest_correction,
+        }
+    }
+}
+
+impl Guarded {
+    /// All together.
+    pub fn sum(all: impl Iterator<Item = Self>) -> Self {
+        all.fold(Self::default(), |a, b| Self {
+            frames: a.frames + b.frames,
+            corrected: a.corrected + b.corrected,
+            lost: a.lost + b.lost,
+            largest_correction: a.largest_correction.max(b.largest_correction),
+        })
+    }
+
+    /// Share of the frames that were corrected or replaced.
+    pub fn share(&self) -> f64 {
+        (self.corrected + self.lost) as f64 / self.frames.max(1) as f64
+    }
+}
+
+impl Stepper for Watched {
+    selvedge_cloth::looks_like!(guard);
+
+    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+        self.guard.step(handles)?;
+        self.log.push(*self.guard.trust());
+        Ok(())
+    }
+}
+
+/// Writes a line per frame: what the guard found, did and gave on. SI units; strains without one.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_trust(path: &Path, log: &[Trust]) -> anyhow::Result<()> {
+    write_atomically(path, |out| {
+        writeln!(
+            out,
+            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest"
+        )?;
+        for trust in log {
+            let Measured {
+                largest_strain,
+                smallest_strain,
+                strain_rms,
+                kinetic_energy,
+                largest_speed,
+            } = trust.given;
+            let text = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
+            let predicted = text(trust.predicted.map(|m| m.largest_strain));
+            let rms = text(trust.correction.map(|m| m.rms));
+            let largest = text(trust.correction.map(|m| m.largest));
+            let verdict = trust.verdict.name();
+            writeln!(
+                out,
+                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest}",
+                trust.frame
+            )?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}

@@ -1,0 +1,112 @@
+//! Jobs shared among threads, each the work of one of them from its start to its end.
+//!
+//! Each worker has a pool of its own, so that a job that waits for its parts does not begin another
+//! job meanwhile: no more jobs are under way than there are workers, and each has its share of the
+//! threads. Answers come in the order of the jobs.
+
+use std::num::NonZero;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+
+use anyhow::{Context, anyhow};
+
+/// Does all `jobs` on so many threads, as many as there are processors where none is said. After a
+/// job that fails no other is begun.
+///
+/// # Errors
+/// What the first of the jobs that failed says, or threads that cannot be started.
+pub fn share<J: Sync, R: Send>(
+    threads: Option<usize>,
+    jobs: &[J],
+    work: impl Fn(&J) -> anyhow::Result<R> + Sync,
+) -> anyhow::Result<Vec<R>> {
+    let threads = threads.unwrap_or_else(processors);
+    let workers = threads.min(jobs.len()).max(1);
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let take = || {
+        let job = next.fetch_add(1, Ordering::Relaxed);
+        (job < jobs.len() && !failed.load(Ordering::Relaxed)).then_some(job)
+    };
+    let worker = || -> anyhow::Result<Vec<(usize, anyhow::Result<R>)>> {
+        let pool = pool(threads / workers)?;
+        let mut done = Vec::new();
+        while let Some(job) = take() {
+            let answer = pool.install(|| work(&jobs[job]));
+            failed.fetch_or(answer.is_err(), Ordering::Relaxed);
+            done.push((job, answer));
+        }
+        Ok(done)
+    };
+    let mut answers = thread::scope(|scope| {
+        let handles: Vec<_> = (0..workers).map(|_| scope.spawn(worker)).collect();
+        let mut answers = Vec::with_capacity(jobs.len());
+        for handle in handles {
+            let done = handle
+                .join()
+                .map_err(|_| anyhow!("a thread has ended early"))?;
+            answers.extend(done?);
+        }
+        anyhow::Ok(answers)
+    })?;
+    answers.sort_by_key(|(job, _)| *job);
+    answers.into_iter().map(|(_, answer)| answer).collect()
+}
+
+/// Does one thing with all threads.
+///
+/// # Errors
+/// Threads that cannot be started.
+pub fn alone<R: Send>(
+    threads: Option<usize>,
+    work: impl FnOnce() -> R + Send,
+) -> anyhow::Result<R> {
+    Ok(pool(threads.unwrap_or_else(processors))?.install(work))
+}
+
+fn pool(threads: usize) -> anyhow::Result<rayon::ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.max(1))
+        .build()
+        .context("starting the threads")
+}
+
+fn processors() -> usize {
+    thread::available_parallelism().map_or(1, NonZero::get)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_come_in_the_order_of_the_jobs_for_any_number_of_threads() {
+        let jobs: Vec<usize> = (0..100).collect();
+        for threads in [1, 2, 3, 7] {
+            let squares = share(Some(threads), &jobs, |job| Ok(job * job)).unwrap();
+            assert!(
+                squares
+                    .iter()
+                    .enumerate()
+                    .all(|(k, square)| *square == k * k)
+            );
+        }
+        let none: [usize; 0] = [];
+        assert!(share(Some(2), &none, |job| Ok(*job)).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_failure_ends_it_and_is_told() {
+        let jobs: Vec<usize> = (0..1000).collect();
+        let begun = AtomicUsize::new(0);
+        let result = share(Some(1), &jobs, |job| {
+            begun.fetch_add(1, Ordering::Relaxed);
+            if *job == 3 {
+                Err(anyhow!("job {job}"))
+            } else {
+                Ok(())
+            }
+        });
+        assert_eq!(result.unwrap_err().to_string(), "job 3");
+        assert_eq!(begun.into_inner(), 4);
+    }
+}
