@@ -300,7 +300,11 @@ impl Mirrors {
     ///
     /// # Errors
     /// When the trajectory has no scene, or the scene cannot be made or does not come to rest.
-    pub(super) fn of(&mut self, truth: &Trajectory, reporter: &Reporter<'_>) -> anyhow::Result<Mirror> {
+    pub(super) fn of(
+        &mut self,
+        truth: &Trajectory,
+        reporter: &Reporter<'_>,
+    ) -> anyhow::Result<Mirror> {
         let mut spec = spec_of(truth)?;
         spec.setting.sag.bulge = -spec.setting.sag.bulge;
         let scene = built(&spec, truth)?;
