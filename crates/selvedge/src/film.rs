@@ -236,7 +236,7 @@ impl<'a> Film<'a> {
     fn renderer(&self, samples: Supersampling) -> anyhow::Result<Renderer> {
         let aspect = SIZE[0] as f32 / SIZE[1] as f32;
         let stage = Stage::of_runs(&[&self.run], &Orbit::default(), aspect)?;
-        Ok(Renderer::new(&stage, SIZE, samples, EdgeLines::All)?)
+        Ok(Renderer::new(&stage, SIZE, samples, EdgeLines::Border)?)
     }
 
     fn panel(&self) -> Panel<'_> {

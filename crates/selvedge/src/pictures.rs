@@ -32,7 +32,7 @@ pub(crate) const MODEL: &str = "model";
 /// What stands over a run of the physics.
 pub(crate) const PHYSICS: &str = "physics";
 
-/// Writes a contact sheet (.png) of evenly spaced frames; beside a truth, the model's run once
+/// Writes a contact sheet (.png) of moments in motion; beside a truth, the model's run once
 /// more in the colours of its error.
 ///
 /// # Errors
@@ -60,7 +60,7 @@ pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
     Ok(write_atomically(path, |out| out.write_all(&png))?)
 }
 
-/// Writes a contact sheet (.png) of evenly spaced frames in the colours of the strain: of each vertex,
+/// Writes a contact sheet (.png) of moments in motion in the colours of the strain: of each vertex,
 /// the largest elongation of its edges against the material.
 ///
 /// # Errors

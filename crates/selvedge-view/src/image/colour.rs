@@ -1,7 +1,7 @@
 //! Colours: sRGB bytes outside, linear light inside, and maps from a number to a colour.
 //!
-//! The transfer curve is that of IEC 61966-2-1. A map interpolates a few of its published control
-//! colours, whose luminance rises from end to end, so that it still orders values in grey.
+//! The transfer curve is that of IEC 61966-2-1. A map interpolates a few control
+//! colours, whose luminance rises or falls from end to end, so that it still orders values in grey.
 
 use std::sync::LazyLock;
 
@@ -13,14 +13,16 @@ pub type Rgb = [u8; 3];
 /// Linear light in 16 bits per channel, as the sample buffer keeps it.
 pub(crate) type Linear16 = [u16; 3];
 
-/// From a number in [0, 1] to a colour.
+/// A map from a number in [0, 1] to a colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColourMap {
     /// Dark violet over green to yellow (van der Walt and Smith, matplotlib 2015, CC0).
-    #[default]
     Viridis,
     /// Black over purple and orange to pale yellow (the same authors).
     Magma,
+    /// Pale cream over orange to dark red: shading still shows where the number is small.
+    #[default]
+    Ember,
 }
 
 const VIRIDIS: [Rgb; 10] = [
@@ -49,13 +51,24 @@ const MAGMA: [Rgb; 10] = [
     [252, 253, 191],
 ];
 
+const EMBER: [Rgb; 7] = [
+    [246, 240, 228],
+    [248, 217, 168],
+    [242, 178, 112],
+    [226, 128, 78],
+    [196, 76, 64],
+    [150, 34, 62],
+    [92, 12, 52],
+];
+
 impl ColourMap {
     /// The colour of `fraction`, clamped to [0, 1]; NaN counts as 0.
     #[must_use]
     pub fn colour(self, fraction: f32) -> Rgb {
-        let controls = match self {
+        let controls: &[Rgb] = match self {
             Self::Viridis => &VIRIDIS,
             Self::Magma => &MAGMA,
+            Self::Ember => &EMBER,
         };
         let place = fraction.clamp(0.0, 1.0) * (controls.len() - 1) as f32;
         // A NaN becomes 0 in the conversion.
@@ -146,10 +159,11 @@ mod tests {
     }
 
     #[test]
-    fn maps_start_and_end_at_their_published_colours() {
+    fn maps_start_and_end_at_their_control_colours() {
         for (map, first, last) in [
             (ColourMap::Viridis, [68, 1, 84], [253, 231, 37]),
             (ColourMap::Magma, [0, 0, 4], [252, 253, 191]),
+            (ColourMap::Ember, [246, 240, 228], [92, 12, 52]),
         ] {
             assert_eq!(map.colour(0.0), first);
             assert_eq!(map.colour(1.0), last);
@@ -160,11 +174,15 @@ mod tests {
     }
 
     #[test]
-    fn luminance_of_maps_rises_from_end_to_end() {
-        for map in [ColourMap::Viridis, ColourMap::Magma] {
+    fn luminance_of_maps_is_monotonic() {
+        for (map, rise) in [
+            (ColourMap::Viridis, 1.0),
+            (ColourMap::Magma, 1.0),
+            (ColourMap::Ember, -1.0),
+        ] {
             // Steps of 1/64: wide enough that rounding to bytes cannot turn a rise around.
             let steps: Vec<f32> = (0..=64)
-                .map(|k| luminance(map.colour(k as f32 / 64.0)))
+                .map(|k| rise * luminance(map.colour(k as f32 / 64.0)))
                 .collect();
             assert!(steps.windows(2).all(|pair| pair[0] < pair[1]), "{map:?}");
         }

@@ -11,8 +11,8 @@ use std::ops::ControlFlow;
 use crate::motion::run::check_panels;
 use crate::page::layout::Page;
 use crate::page::palette::{Palette, UNCHANGED, distance_squared};
-use crate::page::sheet::{clock, stage};
-use crate::raster::camera::Stage;
+use crate::page::sheet::{aspect_of, clock, runs_of};
+use crate::raster::stage::Stage;
 use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
 
 /// How a clip is made.
@@ -192,7 +192,8 @@ impl<'a> Studio<'a> {
         settings: &ClipSettings,
     ) -> Result<Self, ViewError> {
         let page = Page::new(title, panels, settings.tile, [panels.len() as u32, 1])?;
-        let stage: Stage = stage(panels, &settings.orbit, settings.tile)?;
+        let aspect = aspect_of(settings.tile)?;
+        let stage = Stage::of_runs(&runs_of(panels), &settings.orbit, aspect)?;
         Ok(Self {
             panels,
             blank: page.draw()?,

@@ -3,7 +3,8 @@
 
 use crate::motion::run::check_panels;
 use crate::page::layout::Page;
-use crate::raster::camera::Stage;
+use crate::page::moments::Moments;
+use crate::raster::stage::Stage;
 use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
 
 /// How one picture is made.
@@ -25,7 +26,7 @@ impl Default for StillSettings {
             size: [960, 720],
             orbit: Orbit::default(),
             supersampling: Supersampling::Four,
-            lines: EdgeLines::All,
+            lines: EdgeLines::Border,
         }
     }
 }
@@ -37,9 +38,11 @@ pub struct SheetSettings {
     pub tile: [u32; 2],
     /// Pictures per row.
     pub columns: usize,
-    /// How many frames, evenly spaced from the first to the last; no more than the run has.
+    /// Number of pictures; no more than the run has frames.
     pub pictures: usize,
-    /// Where they are seen from.
+    /// The frames that are shown.
+    pub moments: Moments,
+    /// The direction from which they are seen.
     pub orbit: Orbit,
     /// Samples per pixel.
     pub supersampling: Supersampling,
@@ -53,9 +56,10 @@ impl Default for SheetSettings {
             tile: [320, 320],
             columns: 4,
             pictures: 8,
+            moments: Moments::default(),
             orbit: Orbit::default(),
             supersampling: Supersampling::Four,
-            lines: EdgeLines::All,
+            lines: EdgeLines::Border,
         }
     }
 }
@@ -75,18 +79,19 @@ impl SheetSettings {
     }
 }
 
-/// One frame of a panel, seen by the camera that holds the whole run.
+/// One frame of a panel, as large as it fits into the picture.
 ///
 /// # Errors
-/// [`ViewError::FrameOutOfRange`], or what is wrong with the panel or the settings.
+/// [`ViewError::FrameOutOfRange`], or the defect of the panel or the settings.
 pub fn still(
     panel: &Panel<'_>,
     frame: usize,
     settings: &StillSettings,
 ) -> Result<Image, ViewError> {
-    let stage = stage(std::slice::from_ref(panel), &settings.orbit, settings.size)?;
+    let aspect = aspect_of(settings.size)?;
+    let stages = Stage::following(&[panel.run], &[frame], &settings.orbit, aspect)?;
     let mut renderer = Renderer::new(
-        &stage,
+        &stages[0],
         settings.size,
         settings.supersampling,
         settings.lines,
@@ -94,11 +99,12 @@ pub fn still(
     renderer.render(panel, frame)
 }
 
-/// Evenly spaced frames of one or several panels under a title (may be empty), each with its time.
-/// Several panels stand under each other, and one camera holds them all.
+/// Moments of one or several panels under a title (may be empty), each with its time. Several
+/// panels stand under each other. The camera goes along with the cloth, equally far from each
+/// moment, and takes the same place for all panels.
 ///
 /// # Errors
-/// [`ViewError::NoPanels`], [`ViewError::PanelsDiffer`], or what is wrong with a panel or setting.
+/// [`ViewError::NoPanels`], [`ViewError::PanelsDiffer`], or the defect of a panel or setting.
 pub fn contact_sheet(
     title: &str,
     panels: &[Panel<'_>],
@@ -107,7 +113,7 @@ pub fn contact_sheet(
     settings.validate()?;
     check_panels(panels)?;
     let run = panels[0].run;
-    let frames = evenly_spaced(run.frames().len(), settings.pictures);
+    let frames = settings.moments.choose(run, settings.pictures);
     let columns = settings.columns.min(frames.len());
     let rows = frames.len().div_ceil(columns) * panels.len();
     let page = Page::new(
@@ -116,16 +122,13 @@ pub fn contact_sheet(
         settings.tile,
         [columns, rows].map(|n| n as u32),
     )?;
-    let stage = stage(panels, &settings.orbit, settings.tile)?;
-    let mut renderer = Renderer::new(
-        &stage,
-        settings.tile,
-        settings.supersampling,
-        settings.lines,
-    )?;
+    let aspect = aspect_of(settings.tile)?;
+    let stages = Stage::following(&runs_of(panels), &frames, &settings.orbit, aspect)?;
     let mut image = page.draw()?;
-    for (number, &frame) in frames.iter().enumerate() {
+    for (number, (&frame, stage)) in frames.iter().zip(&stages).enumerate() {
         let (column, block) = (number % columns, number / columns);
+        let mut renderer =
+            Renderer::new(stage, settings.tile, settings.supersampling, settings.lines)?;
         for (line, panel) in panels.iter().enumerate() {
             let row = block * panels.len() + line;
             let place = page.place(column as u32, row as u32);
@@ -137,30 +140,20 @@ pub fn contact_sheet(
     Ok(image)
 }
 
-/// The stage of all panels, in pictures of `size`.
-pub(crate) fn stage(
-    panels: &[Panel<'_>],
-    orbit: &Orbit,
-    size: [u32; 2],
-) -> Result<Stage, ViewError> {
+/// The run of each panel.
+pub(crate) fn runs_of<'a>(panels: &[Panel<'a>]) -> Vec<&'a Run<'a>> {
+    panels.iter().map(|panel| panel.run).collect()
+}
+
+/// Width over height of a picture of `size`.
+pub(crate) fn aspect_of(size: [u32; 2]) -> Result<f32, ViewError> {
     crate::image::check_size("picture", size)?;
-    let runs: Vec<&Run<'_>> = panels.iter().map(|panel| panel.run).collect();
-    Stage::of_runs(&runs, orbit, size[0] as f32 / size[1] as f32)
+    Ok(size[0] as f32 / size[1] as f32)
 }
 
 /// The time of a frame, as a caption.
 pub(crate) fn clock(run: &Run<'_>, frame: usize) -> String {
     format!("{:.2} s", run.time(frame))
-}
-
-/// `count` numbers from 0 to `frames` - 1, evenly spaced; all of them when there are fewer.
-fn evenly_spaced(frames: usize, count: usize) -> Vec<usize> {
-    let count = count.min(frames);
-    let steps = (count - 1).max(1);
-    // Rounded to the nearest frame, in whole numbers.
-    (0..count)
-        .map(|k| (2 * k * (frames - 1) + steps) / (2 * steps))
-        .collect()
 }
 
 #[cfg(test)]
@@ -171,15 +164,7 @@ mod tests {
     use selvedge_cloth::Topology;
 
     #[test]
-    fn frames_are_spread_from_the_first_to_the_last() {
-        assert_eq!(evenly_spaced(61, 4), [0, 20, 40, 60]);
-        assert_eq!(evenly_spaced(10, 4), [0, 3, 6, 9]);
-        assert_eq!(evenly_spaced(3, 8), [0, 1, 2]);
-        assert_eq!(evenly_spaced(9, 1), [0]);
-    }
-
-    #[test]
-    fn a_sheet_holds_the_same_pictures_as_stills() {
+    fn a_sheet_holds_the_pictures_of_its_moments() {
         let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
         let frames: Vec<[Vec3; 3]> = (0..6)
             .map(|k| [Vec3::ZERO, Vec3::Y, Vec3::Z].map(|p| p + 0.1 * k as f32 * Vec3::Z))
@@ -195,20 +180,28 @@ mod tests {
             tile: [60, 50],
             columns: 2,
             pictures: 3,
+            moments: Moments::Even,
             supersampling: Supersampling::One,
             ..SheetSettings::default()
         };
         let sheet = contact_sheet("Title", &panels, &settings).unwrap();
         let page = Page::new("Title", &panels, settings.tile, [2, 4]).unwrap();
-        let one = StillSettings {
-            size: settings.tile,
-            orbit: settings.orbit,
-            supersampling: settings.supersampling,
-            lines: settings.lines,
-        };
+        let aspect = aspect_of(settings.tile).unwrap();
+        let frames = [0, 3, 5];
+        let stages = Stage::following(&[&run], &frames, &settings.orbit, aspect).unwrap();
         // Frames 0, 3 and 5 (2.5 rounds up): two rows of panels for the first two, then two more.
-        for (frame, column, rows) in [(0, 0, [0, 1]), (3, 1, [0, 1]), (5, 0, [2, 3])] {
-            let picture = still(&panels[0], frame, &one).unwrap();
+        for (number, (column, rows)) in [(0, [0, 1]), (1, [0, 1]), (0, [2, 3])]
+            .into_iter()
+            .enumerate()
+        {
+            let mut renderer = Renderer::new(
+                &stages[number],
+                settings.tile,
+                settings.supersampling,
+                settings.lines,
+            )
+            .unwrap();
+            let picture = renderer.render(&panels[0], frames[number]).unwrap();
             for row in rows {
                 let [left, top] = page.place(column, row);
                 // The caption covers the lowest 20 rows at most.

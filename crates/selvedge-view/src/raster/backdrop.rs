@@ -10,7 +10,7 @@ use selvedge_cloth::Topology;
 
 use crate::Rgb;
 use crate::image::colour::{Linear16, to_linear, to_linear16};
-use crate::raster::camera::{Stage, cast};
+use crate::raster::stage::{Stage, cast};
 
 const WALL_TOP: Rgb = [236, 238, 242];
 const HORIZON: Rgb = [250, 249, 247];

@@ -1,5 +1,4 @@
-//! Where a run is seen from: an orbit around it, fitted so that every point of every frame stays in
-//! view, and the stage that goes with it (the floor, the light that casts the shadow).
+//! The camera: an orbit around the cloth, and the nearest camera on it that has every point in view.
 //!
 //! With camera axes x (right), y (up), z (towards the viewer) and half-angle tangents tx, ty, the
 //! camera at (x₀, y₀, d) sees a point when |x - x₀| ≤ tx (d - z) and |y - y₀| ≤ ty (d - z). The
@@ -8,9 +7,9 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::{Run, ViewError};
+use crate::ViewError;
 
-/// The direction that a run is seen from, and how wide.
+/// A direction towards the cloth, with an angle of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     /// Angle of the camera around y, from +x towards +z `[rad]`.
@@ -46,7 +45,7 @@ pub struct Camera {
     tangents: Vec2,
 }
 
-/// Where a point lands in the picture.
+/// The image of a point in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projected {
     /// From the left (0) to the right edge (1).
@@ -130,13 +129,13 @@ impl Orbit {
 }
 
 impl Camera {
-    /// Where the camera is `[m]`.
+    /// Position of the camera `[m]`.
     #[must_use]
     pub fn position(&self) -> Vec3 {
         self.position
     }
 
-    /// Where `point` `[m]` lands in the picture.
+    /// Projects `point` `[m]` into the picture.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Projected {
         let offset = point - self.position;
@@ -158,6 +157,14 @@ impl Camera {
         across + upwards - self.backward
     }
 
+    /// The same camera elsewhere, by `offset` `[m]`.
+    pub(crate) fn moved_by(self, offset: Vec3) -> Self {
+        Self {
+            position: self.position + offset,
+            ..self
+        }
+    }
+
     /// Unit vector to the right of the picture.
     pub(crate) fn right(&self) -> Vec3 {
         self.right
@@ -169,74 +176,9 @@ impl Camera {
     }
 }
 
-/// A camera for whole runs, the floor under them, and the part of the floor that their shadow can
-/// reach.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stage {
-    pub(crate) camera: Camera,
-    pub(crate) floor: f32,
-    pub(crate) shadow_light: Vec3,
-    pub(crate) shadow_low: Vec2,
-    pub(crate) shadow_high: Vec2,
-}
-
-impl Stage {
-    /// The stage that holds all `runs` in pictures of `aspect` (width over height).
-    ///
-    /// # Errors
-    /// [`ViewError::NoPanels`] without runs; [`ViewError::Setting`] for an orbit out of range.
-    pub fn of_runs(runs: &[&Run<'_>], orbit: &Orbit, aspect: f32) -> Result<Self, ViewError> {
-        if runs.is_empty() {
-            return Err(ViewError::NoPanels);
-        }
-        orbit.validate()?;
-        let points = || {
-            let frames = runs.iter().flat_map(|run| run.frames());
-            frames.flat_map(|frame| frame.iter().copied())
-        };
-        let (lowest, highest) = points().fold((f32::MAX, f32::MIN), |(low, high), point| {
-            (low.min(point.y), high.max(point.y))
-        });
-        let floor = lowest - (0.06 * (highest - lowest)).max(0.01);
-        let grounded = |point: Vec3| Vec3::new(point.x, floor, point.z);
-        let camera = orbit.fit(points().flat_map(|p| [p, grounded(p)]), aspect);
-
-        let level = Vec3::Y.cross(camera.right).normalize_or(Vec3::X) * -1.0;
-        let shadow_light = (Vec3::Y + 0.22 * level - 0.16 * camera.right).normalize();
-        let (mut shadow_low, mut shadow_high) = (Vec2::MAX, Vec2::MIN);
-        for point in points() {
-            let place = cast(point, shadow_light, floor);
-            shadow_low = shadow_low.min(place);
-            shadow_high = shadow_high.max(place);
-        }
-        Ok(Self {
-            camera,
-            floor,
-            shadow_light,
-            shadow_low,
-            shadow_high,
-        })
-    }
-
-    /// The camera.
-    #[must_use]
-    pub fn camera(&self) -> &Camera {
-        &self.camera
-    }
-}
-
-/// Where the light from `towards_light` throws `point` onto the floor: (x, z) `[m]`.
-pub(crate) fn cast(point: Vec3, towards_light: Vec3, floor: f32) -> Vec2 {
-    let fall = (point.y - floor) / towards_light.y;
-    let place = point - fall * towards_light;
-    Vec2::new(place.x, place.z)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-    use selvedge_cloth::Topology;
 
     #[test]
     fn a_known_point_lands_on_its_closed_form() {
@@ -286,35 +228,5 @@ mod tests {
         let seen = Orbit::default().fit([point], 1.5).project(point);
         assert!((seen.x - 0.5).abs() < 1e-4 && (seen.y - 0.5).abs() < 1e-4);
         assert!(seen.depth > 0.0);
-    }
-
-    proptest! {
-        #[test]
-        fn the_stage_contains_every_point_and_touches_the_margin(
-            points in prop::collection::vec(prop::array::uniform3(-3.0_f32..3.0), 6),
-            azimuth in -4.0_f32..4.0,
-            elevation in 0.0_f32..1.2,
-            aspect in 0.5_f32..2.5,
-        ) {
-            let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
-            let points: Vec<Vec3> = points.into_iter().map(Vec3::from_array).collect();
-            let run = Run::new(&topology, points.chunks(3), &[], 60.0).unwrap();
-            let orbit = Orbit { azimuth, elevation, ..Orbit::default() };
-            let stage = Stage::of_runs(&[&run], &orbit, aspect).unwrap();
-            let mut farthest = 0.0_f32;
-            let grounded = points.iter().map(|p| Vec3::new(p.x, stage.floor, p.z));
-            for &point in &points {
-                let seen = stage.camera.project(point);
-                prop_assert!(seen.depth > 0.0);
-            }
-            for point in points.iter().copied().chain(grounded) {
-                let seen = stage.camera.project(point);
-                let reach = (2.0 * seen.x - 1.0).abs().max((2.0 * seen.y - 1.0).abs());
-                farthest = farthest.max(reach);
-            }
-            // Some point is at the margin: the camera is no farther away than it must be. Rounding
-            // of coordinates around 10 m leaves about 1e-5.
-            prop_assert!((farthest - (1.0 - orbit.margin)).abs() < 1e-4, "{}", farthest);
-        }
     }
 }

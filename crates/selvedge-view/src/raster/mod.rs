@@ -3,7 +3,12 @@
 
 pub(crate) mod backdrop;
 pub(crate) mod camera;
+pub(crate) mod marks;
 pub(crate) mod renderer;
+pub(crate) mod samples;
+pub(crate) mod settings;
 pub(crate) mod shade;
+pub(crate) mod stage;
+pub(crate) mod sun;
 pub(crate) mod surface;
 pub(crate) mod triangle;

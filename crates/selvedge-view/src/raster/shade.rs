@@ -4,7 +4,7 @@
 //! The lights hang on the camera, so that a cloth is lit alike from everywhere. A point whose
 //! normal looks away is the back of the cloth: it has the back's tint and the turned normal.
 
-use glam::{Mat4, Vec3A, Vec4};
+use glam::{Mat4, Vec3, Vec3A, Vec4};
 
 use crate::image::colour::to_linear;
 use crate::raster::camera::Camera;
@@ -21,16 +21,25 @@ const BORDER: Rgb = [190, 50, 44];
 const VALUE_BORDER: Rgb = [52, 52, 60];
 /// Handles.
 pub(crate) const HANDLE: Rgb = [236, 124, 36];
+/// The way that a handle has come.
+pub(crate) const TRAIL: Rgb = [244, 176, 120];
 /// Around handles.
 pub(crate) const HANDLE_RING: Rgb = [255, 252, 246];
+
+/// Light of the key, warm; of the fill from the other side, cool; and of the whole sky.
+const KEY_LIGHT: Vec3A = Vec3A::new(1.72, 1.62, 1.48);
+const FILL_LIGHT: Vec3A = Vec3A::new(0.20, 0.24, 0.30);
+const SKY_LIGHT: Vec3A = Vec3A::new(0.60, 0.67, 0.80);
 
 /// What a point of the surface looks like before light falls on it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Point {
     /// Unit normal, towards the viewer's side of the surface.
     pub(crate) normal: Vec3A,
-    /// In about [-1, 1], positive in a valley of the visible side.
-    pub(crate) hollow: f32,
+    /// The part of the key light that reaches the point past the rest of the cloth, in [0, 1].
+    pub(crate) sun: f32,
+    /// In about [-1, 1], positive on a ridge of the visible side.
+    pub(crate) relief: f32,
 }
 
 /// The two tints of a side: of the cloth, and of the edge lines drawn over it.
@@ -78,43 +87,49 @@ impl Shader {
         }
     }
 
-    /// A flat point of the surface with `normal` turned towards the viewer.
-    pub(crate) fn facing(&self, normal: Vec3A) -> Point {
+    /// Unit vector towards the key light.
+    pub(crate) fn towards_sun(&self) -> Vec3 {
+        self.key.into()
+    }
+
+    /// A point of a thread that the sky reaches from all sides, with `normal` turned towards the
+    /// viewer.
+    pub(crate) fn facing(&self, normal: Vec3A, sun: f32) -> Point {
         let away = normal.dot(self.eye) < 0.0;
         Point {
             normal: if away { -normal } else { normal },
-            hollow: 0.0,
+            sun,
+            relief: 0.0,
         }
     }
 
     /// Light that a tint of the cloth sends to the viewer.
     #[inline]
     pub(crate) fn cloth(&self, tint: Vec3A, point: Point) -> Vec3A {
-        let normal = point.normal;
-        let [x, y, z] = normal.to_array();
+        let [x, y, z] = point.normal.to_array();
         let cosines: Vec4 =
             self.cosines.x_axis * x + self.cosines.y_axis * y + self.cosines.z_axis * z;
+        let through = (-cosines.x).max(0.0) * point.sun;
         // Wrapped: light reaches a little behind the terminator, as it does in woven cloth.
-        let wrap = Vec4::new(0.12, 0.0, 0.0, 0.0);
-        let [key, fill, eye, half] = (cosines + wrap).max(Vec4::ZERO).to_array();
-        let key = key / 1.12;
-        let sky = 0.5 + 0.5 * normal.y;
-        let shelter = (1.0 - 2.6 * point.hollow).clamp(0.4, 1.3);
-        let light = Vec3A::new(1.06, 1.0, 0.92) * (1.35 * key)
-            + Vec3A::new(0.70, 0.82, 1.0) * (0.20 * fill)
-            + Vec3A::new(0.21, 0.23, 0.27) * (0.55 + 0.6 * sky) * shelter;
+        let [key, fill, eye, half] = cosines.max(Vec4::ZERO).to_array();
+        let key = key * point.sun;
+        let sky = 0.5 + 0.5 * y;
+        let shelter = (1.0 + 1.5 * point.relief).clamp(0.25, 1.6);
+        let light = KEY_LIGHT * (key * (0.6 + 0.4 * shelter) + 0.16 * through)
+            + FILL_LIGHT * fill
+            + SKY_LIGHT * ((0.25 + 0.3 * sky) * shelter);
         let grazing = 1.0 - eye;
-        let sheen = 0.10 * grazing * grazing * grazing;
-        let satin = 0.055 * power16(half) * key;
-        tint * light * (0.75 + 0.25 * shelter) + Vec3A::splat(sheen * (0.3 + key) + satin)
+        let sheen = 0.12 * grazing * grazing * grazing;
+        let satin = 0.09 * power16(half) * key;
+        tint * light + Vec3A::splat(sheen * (0.25 + key) + satin)
     }
 
     /// Light of a colour that stands for a number: shaded only so far that folds still show.
     #[inline]
     pub(crate) fn value(&self, tint: Vec3A, point: Point) -> Vec3A {
-        let key = ((point.normal.dot(self.key) + 0.4) / 1.4).max(0.0);
-        let shelter = (1.0 - 0.8 * point.hollow).clamp(0.7, 1.1);
-        tint * ((0.66 + 0.44 * key) * shelter)
+        let key = point.normal.dot(self.key).max(0.0) * point.sun;
+        let shelter = (1.0 + point.relief).clamp(0.5, 1.3);
+        tint * ((0.45 + 0.55 * key) * shelter)
     }
 }
 
@@ -166,11 +181,12 @@ mod tests {
 
     #[test]
     fn a_surface_that_faces_the_key_light_is_brighter_than_one_that_faces_away() {
-        let shader = Shader::new(&Orbit::default().fit([glam::Vec3::ZERO], 1.0));
+        let shader = Shader::new(&Orbit::default().fit([Vec3::ZERO], 1.0));
         let lit = |normal: Vec3A| {
             let point = Point {
                 normal,
-                hollow: 0.0,
+                sun: 1.0,
+                relief: 0.0,
             };
             let cloth = shader.cloth(shader.front.cloth, point);
             let value = shader.value(Vec3A::ONE, point);

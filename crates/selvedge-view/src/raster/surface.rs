@@ -1,17 +1,23 @@
-//! What shading needs to know at each vertex of a frame: the normal, and how hollow the surface is.
+//! The shape of the surface at each vertex of a frame: the normal, and the relief.
 //!
-//! The normal is the normalised sum of the area vectors of the faces around the vertex. Hollowness
-//! is the mean of the neighbours' heights above the tangent plane over their mean distance, in
-//! about [-1, 1]: positive in a valley seen from the front, where less light arrives.
+//! The normal is the normalised sum of the area vectors of the faces around the vertex. The relief
+//! is the height of the vertex above the smoothed surface around it, along the normal, over the mean
+//! length of the edges: positive on a ridge seen from the front, negative in a valley, where less
+//! light arrives. Two widths of smoothing are added, for creases and for folds.
 
 use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};
 
-/// Normals and hollowness of one frame, `[vertices]`; kept between frames to keep the memory.
+/// Rounds of smoothing for creases, and for folds, with the weight of each.
+const WIDTHS: [(usize, f32); 2] = [(1, 1.6), (9, 0.9)];
+
+/// Normals and relief of one frame, `[vertices]`; kept between frames to keep the memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surface {
     pub(crate) normals: Vec<Vec3>,
-    pub(crate) hollow: Vec<f32>,
+    pub(crate) relief: Vec<f32>,
+    smoothed: Vec<Vec3>,
+    scratch: Vec<Vec3>,
 }
 
 impl Surface {
@@ -29,28 +35,54 @@ impl Surface {
         for normal in &mut self.normals {
             *normal = normal.normalize_or_zero();
         }
-        let normals = &self.normals;
-        self.hollow.clear();
-        self.hollow.extend((0..positions.len()).map(|vertex| {
-            let vertex = VertexId(vertex as u32);
-            hollowness(topology, positions, normals[vertex.index()], vertex)
-        }));
+        self.measure_relief(topology, positions);
+    }
+
+    fn measure_relief(&mut self, topology: &Topology, positions: &[Vec3]) {
+        let lengths = topology.edges().iter().map(|edge| {
+            let [a, b] = edge.vertices.map(|vertex| positions[vertex.index()]);
+            a.distance(b)
+        });
+        let mean = lengths.sum::<f32>() / topology.edges().len().max(1) as f32;
+        let per_length = mean.max(f32::MIN_POSITIVE).recip();
+        self.relief.clear();
+        self.relief.resize(positions.len(), 0.0);
+        self.smoothed.clear();
+        self.smoothed.extend_from_slice(positions);
+        let mut done = 0;
+        for (rounds, weight) in WIDTHS {
+            for _ in done..rounds {
+                smooth(topology, &self.smoothed, &mut self.scratch);
+                std::mem::swap(&mut self.smoothed, &mut self.scratch);
+            }
+            done = rounds;
+            let weight = weight * per_length / (rounds as f32).sqrt();
+            for (vertex, relief) in self.relief.iter_mut().enumerate() {
+                let height = positions[vertex] - self.smoothed[vertex];
+                *relief += weight * height.dot(self.normals[vertex]);
+            }
+        }
     }
 }
 
-fn hollowness(topology: &Topology, positions: &[Vec3], normal: Vec3, vertex: VertexId) -> f32 {
-    let here = positions[vertex.index()];
-    let (mut height, mut distance) = (0.0, 0.0);
-    for arc in &topology.arcs()[topology.arcs_into(vertex)] {
-        let offset = positions[arc.sender.index()] - here;
-        height += offset.dot(normal);
-        distance += offset.length();
-    }
-    if distance > 0.0 {
-        height / distance
-    } else {
-        0.0
-    }
+/// Replaces each value by the mean of itself and the mean of its neighbours.
+pub(crate) fn smooth<T>(topology: &Topology, values: &[T], smoothed: &mut Vec<T>)
+where
+    T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
+{
+    smoothed.clear();
+    smoothed.extend((0..values.len()).map(|vertex| {
+        let here = values[vertex];
+        let arcs = &topology.arcs()[topology.arcs_into(VertexId(vertex as u32))];
+        let mut neighbours = arcs.iter().map(|arc| values[arc.sender.index()]);
+        match neighbours.next() {
+            None => here,
+            Some(first) => {
+                let sum = neighbours.fold(first, |sum, value| sum + value);
+                (here + sum * (arcs.len() as f32).recip()) * 0.5
+            }
+        }
+    }));
 }
 
 #[cfg(test)]
@@ -67,15 +99,24 @@ mod tests {
     }
 
     #[test]
-    fn an_apex_points_along_its_axis_and_a_pit_is_hollow() {
+    fn an_apex_points_along_its_axis_and_is_a_ridge_and_a_pit_a_valley() {
         let mut surface = Surface::default();
         for h in [0.0, 0.75, -0.75] {
             let (topology, positions) = pyramid(h);
             surface.update(&topology, &positions);
             assert!(surface.normals[0].distance(Vec3::Z) < 1e-6);
-            // Each neighbour is lower by h, at a distance of sqrt(1 + h²).
-            let expected = -h / (1.0 + h * h).sqrt();
-            assert!((surface.hollow[0] - expected).abs() < 1e-6);
+            assert_eq!(surface.relief[0] > 0.0, h > 0.0);
+            assert_eq!(surface.relief[0] < 0.0, h < 0.0);
         }
+    }
+
+    #[test]
+    fn smoothing_takes_half_of_the_mean_of_the_neighbours() {
+        let (topology, _) = pyramid(1.0);
+        let mut smoothed = Vec::new();
+        smooth(&topology, &[8.0, 0.0, 1.0, 2.0, 3.0], &mut smoothed);
+        assert!((smoothed[0] - 0.5_f32 * (8.0 + 1.5)).abs() < 1e-6);
+        // A corner of the ring: the apex and two neighbours on the ring.
+        assert!((smoothed[1] - 0.5 * (8.0 + 1.0 + 3.0) / 3.0).abs() < 1e-6);
     }
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
 
-use super::renderer::EdgeLines;
+use super::settings::EdgeLines;
 use crate::raster::shade::{Point, Shader, Side};
 
 /// Edge lines are this wide `[pixels]` on a picture 480 pixels high.
@@ -16,19 +16,20 @@ const EDGE_WIDTH: f32 = 0.8;
 
 /// A vertex on the screen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ScreenVertex {
+pub(crate) struct ScreenVertex {
     /// In samples from the top left corner.
     pub(super) place: Vec2,
     /// 1/depth `[1/m]`; 0 behind the camera.
     pub(super) nearness: f32,
     pub(super) normal: Vec3A,
-    pub(super) hollow: f32,
+    pub(super) sun: f32,
+    pub(super) relief: f32,
     pub(super) value: f32,
 }
 
 /// A triangle on the screen, ready to be filled. Weights are barycentric, one per corner.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Triangle {
+pub(crate) struct Triangle {
     places: [Vec2; 3],
     /// Whether its front is seen.
     front: bool,
@@ -38,7 +39,9 @@ pub(super) struct Triangle {
     pub(super) nearness: Vec3A,
     /// Normals times nearness, towards the visible side.
     normals: [Vec3A; 3],
-    hollow: Vec3A,
+    sun: Vec3A,
+    /// Positive on a ridge of the visible side.
+    relief: Vec3A,
     values: Vec3A,
     /// Samples of distance from the opposite edge per unit of weight.
     heights: Vec3A,
@@ -49,7 +52,7 @@ pub(super) struct Triangle {
 
 /// How the lines of a picture are drawn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pen {
+pub(crate) struct Pen {
     pub(super) lines: EdgeLines,
     /// Samples per pixel of line width.
     pub(super) scale: f32,
@@ -81,7 +84,8 @@ impl Triangle {
             down: Vec3A::new(c.x - b.x, a.x - c.x, b.x - a.x) / doubled_area,
             nearness,
             normals: corners.map(|corner| corner.normal * (sign * corner.nearness)),
-            hollow: Vec3A::from_array(corners.map(|corner| corner.hollow)) * sign,
+            sun: Vec3A::from_array(corners.map(|corner| corner.sun)),
+            relief: Vec3A::from_array(corners.map(|corner| corner.relief)) * sign,
             values: Vec3A::from_array(corners.map(|corner| corner.value * corner.nearness)),
             heights: doubled_area.abs() / lengths,
             half_width: 0.5 * EDGE_WIDTH * pen.scale,
@@ -137,7 +141,8 @@ impl Triangle {
         Point {
             // Three opposite normals could cancel: the floor of the length keeps this finite.
             normal: normal * normal.length_squared().max(1e-20).sqrt().recip(),
-            hollow: weights.dot(self.hollow),
+            sun: weights.dot(self.sun),
+            relief: weights.dot(self.relief),
         }
     }
 

@@ -1,7 +1,11 @@
 //! Closed forms of the raster: where points land, what hides what, how much is covered.
 
 use super::*;
-use crate::{Colouring, Orbit, Rgb, Run, ScalarField};
+use crate::image::colour::to_linear;
+use crate::raster::shade::HANDLE;
+use crate::{ColourMap, Colouring, Orbit, Rgb, Run, ScalarField};
+use glam::Vec3A;
+use selvedge_cloth::VertexId;
 
 /// From +x at a level, 90 degrees wide, without margin: what spans y, z in [-1, 1] at x = 0
 /// fills the picture when nothing is lower (the floor is kept in view too).
@@ -158,7 +162,8 @@ fn values_are_interpolated_in_perspective() {
             place: 400.0 * Vec2::new(seen.x, seen.y),
             nearness: seen.depth.recip(),
             normal: Vec3A::Y,
-            hollow: 0.0,
+            sun: 1.0,
+            relief: 0.0,
             value: 0.5 * (1.0 - position.x),
         }
     });
@@ -259,7 +264,8 @@ fn a_flat_field_has_the_hue_of_its_value() {
     let field = ScalarField::new("value", vec![vec![3.0; 3]])
         .unwrap()
         .with_range(1.0, 3.0)
-        .unwrap();
+        .unwrap()
+        .with_map(ColourMap::Viridis);
     let panel = Panel {
         label: "",
         run: &run,
