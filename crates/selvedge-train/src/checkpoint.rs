@@ -15,13 +15,13 @@ use serde_json::Value;
 use thiserror::Error;
 
 use crate::config::TrainConfig;
-use crate::corpus::Corpus;
 use crate::engine::Learned;
-use crate::lane::LaneState;
 use crate::losses::RunningLossStatistics;
 use crate::memory::Arithmetic;
 use crate::optimizer::Adam;
+use crate::slot::Slot;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
+use crate::training_set::TrainingSet;
 
 /// What the metadata `format` of a checkpoint says.
 pub const CHECKPOINT_FORMAT: &str = "selvedge-checkpoint";
@@ -87,7 +87,8 @@ struct State {
     optimizer_steps: u64,
     inputs: [RunningStatistics; 2],
     targets: RunningLossStatistics,
-    lanes: Vec<LaneEntry>,
+    #[serde(rename = "lanes")]
+    slots: Vec<SlotEntry>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     origins: Vec<Origin>,
 }
@@ -106,7 +107,7 @@ pub struct Origin {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct LaneEntry {
+struct SlotEntry {
     section: Section,
     current: usize,
     run: u32,
@@ -136,7 +137,7 @@ impl Trainer {
             optimizer_steps: self.learned.adam.steps(),
             inputs: self.inputs.clone(),
             targets: self.targets.clone(),
-            lanes: self.lanes.iter().map(LaneEntry::of).collect(),
+            slots: self.slots.iter().map(SlotEntry::of).collect(),
             origins: self.origins.clone(),
         };
         let histories = self.histories();
@@ -168,14 +169,14 @@ impl Trainer {
         parts::write(path, &tensors, &metadata, most)
     }
 
-    /// Name, shape and numbers of the history of each lane that is in a run.
+    /// Name, shape and numbers of the history of each slot that is in a run.
     fn histories(&self) -> Vec<(String, Vec<usize>, Vec<f32>)> {
-        let lanes = self.lanes.iter().enumerate();
-        lanes
-            .filter(|(_, lane)| !lane.history.is_empty())
-            .map(|(number, lane)| {
-                let shape = vec![lane.history.len(), lane.history[0].len(), 3];
-                let values = lane.history.iter().flatten().flat_map(|p| p.to_array());
+        let slots = self.slots.iter().enumerate();
+        slots
+            .filter(|(_, slot)| !slot.history.is_empty())
+            .map(|(number, slot)| {
+                let shape = vec![slot.history.len(), slot.history[0].len(), 3];
+                let values = slot.history.iter().flatten().flat_map(|p| p.to_array());
                 (history_name(number), shape, values.collect())
             })
             .collect()
@@ -198,7 +199,7 @@ impl Trainer {
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let (corpus, network) = prepare(&cfg, dataset, on)?;
+        let (set, network) = prepare(&cfg, dataset, on)?;
         let count = network.parameter_count();
         let moments = [
             file.numbers("first_moment", count)?,
@@ -207,12 +208,12 @@ impl Trainer {
         let [first, second] = moments;
         let adam = Adam::resume(cfg.optimizer, first, second, state.optimizer_steps)
             .map_err(TrainError::from)?;
-        if state.lanes.len() != cfg.batch.samples {
-            let (found, expected) = (state.lanes.len(), cfg.batch.samples);
-            return Err(file.content("state", format!("{found} lanes, expected {expected}")));
+        if state.slots.len() != cfg.batch.samples {
+            let (found, expected) = (state.slots.len(), cfg.batch.samples);
+            return Err(file.content("state", format!("{found} slots, expected {expected}")));
         }
-        let lanes = state.lanes.iter().enumerate();
-        let lanes = lanes.map(|(number, entry)| file.lane(number, entry, &cfg, &corpus));
+        let slots = state.slots.iter().enumerate();
+        let slots = slots.map(|(number, entry)| file.slot(number, entry, &cfg, &set));
         let averaged = cfg.weight_average.map(|_| file.numbers("averaged", count));
         let parts = Parts {
             learned: Learned {
@@ -220,14 +221,14 @@ impl Trainer {
                 averaged: averaged.transpose()?,
                 adam,
             },
-            lanes: lanes.collect::<Result<_, _>>()?,
+            slots: slots.collect::<Result<_, _>>()?,
             network,
             inputs: state.inputs,
             targets: state.targets,
             step: state.step,
             origins: state.origins,
         };
-        Ok(Self::assemble(cfg, (corpus, on), parts))
+        Ok(Self::assemble(cfg, (set, on), parts))
     }
 }
 
@@ -251,7 +252,7 @@ impl Trainer {
         file.check_network(&made, &cfg)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let (corpus, network) = prepare(&cfg, dataset, on)?;
+        let (set, network) = prepare(&cfg, dataset, on)?;
         let mut origins = state.origins;
         origins.push(Origin {
             name: made.name,
@@ -265,14 +266,14 @@ impl Trainer {
                 averaged: cfg.weight_average.map(|_| weights.clone()),
                 weights,
             },
-            lanes: vec![LaneState::new(); cfg.batch.samples],
+            slots: vec![Slot::new(); cfg.batch.samples],
             network,
             inputs: state.inputs,
             targets: state.targets,
             step: 0,
             origins,
         };
-        Ok(Self::assemble(cfg, (corpus, on), parts))
+        Ok(Self::assemble(cfg, (set, on), parts))
     }
 }
 
@@ -283,12 +284,12 @@ fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
     })
 }
 
-impl LaneEntry {
-    fn of(lane: &LaneState) -> Self {
+impl SlotEntry {
+    fn of(slot: &Slot) -> Self {
         Self {
-            section: lane.section,
-            current: lane.current,
-            run: lane.run,
+            section: slot.section,
+            current: slot.current,
+            run: slot.run,
         }
     }
 }
@@ -466,23 +467,24 @@ impl<'a> CheckpointFile<'a> {
         }
     }
 
-    fn lane(
+    fn slot(
         &self,
         number: usize,
-        entry: &LaneEntry,
+        entry: &SlotEntry,
         cfg: &TrainConfig,
-        corpus: &Corpus,
-    ) -> Result<LaneState, ResumeError> {
+        set: &TrainingSet,
+    ) -> Result<Slot, ResumeError> {
         let mut history = Vec::new();
         if entry.run > 0 {
             let trajectory = entry.section.trajectory;
-            if !corpus.has(&entry.section) || !Corpus::section_has(&entry.section, entry.current) {
+            if !set.has(&entry.section) || !TrainingSet::section_has(&entry.section, entry.current)
+            {
                 return Err(self.content(
                     "state",
-                    format!("lane {number} is in no section of the data set"),
+                    format!("slot {number} is in no section of the data set"),
                 ));
             }
-            let vertices = corpus.motion(trajectory).graph.vertex_count();
+            let vertices = set.motion(trajectory).graph.vertex_count();
             let frames = cfg.model.history();
             let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
             let positions: Vec<Vec3> = numbers
@@ -497,7 +499,7 @@ impl<'a> CheckpointFile<'a> {
                 .map(<[_]>::to_vec)
                 .collect();
         }
-        Ok(LaneState {
+        Ok(Slot {
             section: entry.section,
             current: entry.current,
             run: entry.run,
@@ -506,8 +508,8 @@ impl<'a> CheckpointFile<'a> {
     }
 }
 
-fn history_name(lane: usize) -> String {
-    format!("lane.{lane}.history")
+fn history_name(slot: usize) -> String {
+    format!("lane.{slot}.history")
 }
 
 /// What tells one data set from another: its name, and the hashes of what is learned from.

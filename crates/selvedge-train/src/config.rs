@@ -8,9 +8,9 @@ use selvedge_model::{Encoder, ModelSpec, SpecError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::aim::Return;
 use crate::losses::{LossWeights, LossWeightsError};
 use crate::optimizer::{AdamError, AdamSettings};
+use crate::rollout_target::OffsetRule;
 use crate::schedule::{LearningRate, MOST_STEPS, ScheduleError, TruthProbability, UnrollFrames};
 pub use setting::{Setting, SettingError};
 
@@ -85,7 +85,7 @@ pub struct TrainConfig {
 pub struct BatchConfig {
     /// Samples per optimiser step.
     pub samples: usize,
-    /// Samples that go through the network together, as one disjoint union. Shards are what
+    /// Samples that go through the network together, as one disjoint union. CpuEngine are what
     /// threads share, so this and not the number of threads decides the order of sums.
     pub shard: usize,
 }
@@ -129,7 +129,7 @@ pub struct ScheduledSampling {
     /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
     pub correction: f64,
     /// What the targets of several frames in a row take for granted about that distance.
-    pub offset: Return,
+    pub offset: OffsetRule,
 }
 
 impl Default for NoiseConfig {
@@ -151,7 +151,7 @@ impl Default for ScheduledSampling {
             longest: 30,
             farthest: 1e3,
             correction: 1.0,
-            offset: Return::default(),
+            offset: OffsetRule::default(),
         }
     }
 }
@@ -358,7 +358,7 @@ impl ScheduledSampling {
         count("scheduled_sampling.longest", longest, most)?;
         positive("scheduled_sampling.farthest", self.farthest)?;
         part("scheduled_sampling.correction", self.correction)?;
-        if let Return::Swinging {
+        if let OffsetRule::Swinging {
             damping,
             stiffness,
             wrinkles,

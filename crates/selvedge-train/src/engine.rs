@@ -1,8 +1,12 @@
-//! Who does the arithmetic of a training step: takes what the lanes show through the network and back,
+//! Who does the arithmetic of a training step: takes what the slots show through the network and back,
 //! and the weights after the gradient.
 //!
-//! The lanes and all that is drawn by chance stay with the trainer, so that a step is the same whoever
+//! The slots and all that is drawn by chance stay with the trainer, so that a step is the same whoever
 //! computes it, but for rounding. `shards` is the one on this machine's processor.
+
+pub(crate) mod cpu;
+pub(crate) mod micro_batch;
+pub(crate) mod unroll;
 
 use std::error::Error;
 use std::sync::Arc;
@@ -11,13 +15,12 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_model::{ClothGraph, Connectivity, Network, Normalizers};
 use thiserror::Error;
 
-use crate::aim::Aim;
 use crate::config::TrainConfig;
-use crate::corpus::Corpus;
-use crate::lane::{LaneState, Shown, rng_of};
 use crate::losses::{LossStatistics, LossTerms};
 use crate::optimizer::Adam;
-use crate::unroll;
+use crate::rollout_target::RolloutTarget;
+use crate::slot::{ShownSample, Slot, rng_of};
+use crate::training_set::TrainingSet;
 
 /// What a training has learned so far.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,8 +45,8 @@ impl Learned {
 
 /// Something that learns.
 pub trait Engine: Send {
-    /// Takes every lane of the batch through its frames and keeps the gradient of the mean of the lanes'
-    /// losses; gives the terms of each lane.
+    /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the slots'
+    /// losses; gives the terms of each slot.
     ///
     /// # Errors
     /// When the machine that computes fails.
@@ -127,45 +130,45 @@ pub struct Setup<'a> {
     pub statistics: &'a LossStatistics,
     /// Where it starts.
     pub learned: &'a Learned,
-    pub(crate) corpus: &'a Corpus,
+    pub(crate) set: &'a TrainingSet,
 }
 
 impl Setup<'_> {
     /// The cloths of all trajectories; those of one cloth share it.
     pub fn graphs(&self) -> impl Iterator<Item = &Arc<ClothGraph>> {
-        self.corpus.motions().map(|motion| &motion.graph)
+        self.set.motions().map(|motion| &motion.graph)
     }
 }
 
-/// The lanes of a step.
+/// The slots of a step.
 pub struct Batch<'a> {
     pub(crate) setup: Setup<'a>,
-    pub(crate) lanes: &'a mut [LaneState],
+    pub(crate) slots: &'a mut [Slot],
     pub(crate) step: u64,
     pub(crate) frames: usize,
 }
 
 impl<'a> Batch<'a> {
-    /// Frames that every lane goes through, unless it ends before.
+    /// Frames that every slot goes through, unless it ends before.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// The lanes, each on its way.
+    /// The slots, each on its way.
     #[must_use]
-    pub fn runs(self) -> Vec<LaneRun<'a>> {
+    pub fn runs(self) -> Vec<SlotRun<'a>> {
         let (setup, step, frames) = (self.setup, self.step, self.frames);
         let (seed, count) = (setup.cfg.seed, setup.cfg.batch.samples);
-        let lanes = self.lanes.iter_mut().enumerate();
-        lanes
-            .map(|(number, lane)| LaneRun {
+        let slots = self.slots.iter_mut().enumerate();
+        slots
+            .map(|(number, slot)| SlotRun {
                 setup,
                 step,
                 frames,
-                lane,
+                slot,
                 rng: rng_of(seed, step, number, count),
-                shown: Shown::default(),
+                shown: ShownSample::default(),
                 aim: None,
                 done: 0,
             })
@@ -173,51 +176,51 @@ impl<'a> Batch<'a> {
     }
 }
 
-/// A lane on its way through the frames of a step: show, take through the network, go on.
-pub struct LaneRun<'a> {
+/// A slot on its way through the frames of a step: show, take through the network, go on.
+pub struct SlotRun<'a> {
     setup: Setup<'a>,
     step: u64,
     frames: usize,
-    lane: &'a mut LaneState,
+    slot: &'a mut Slot,
     rng: ChaCha8Rng,
-    shown: Shown,
-    aim: Option<Aim>,
+    shown: ShownSample,
+    aim: Option<RolloutTarget>,
     done: usize,
 }
 
-impl LaneRun<'_> {
+impl SlotRun<'_> {
     /// Makes the next frame ready.
-    pub fn show(&mut self) -> &Shown {
-        let (cfg, corpus) = (self.setup.cfg, self.setup.corpus);
-        self.lane.show(cfg, corpus, &mut self.rng, &mut self.shown);
+    pub fn show(&mut self) -> &ShownSample {
+        let (cfg, set) = (self.setup.cfg, self.setup.set);
+        self.slot.show(cfg, set, &mut self.rng, &mut self.shown);
         if self.frames > 1 {
-            let (lane, shown) = (&*self.lane, &mut self.shown);
+            let (slot, shown) = (&*self.slot, &mut self.shown);
             let aim = self.aim.get_or_insert_with(|| {
-                let (correction, given) = (lane.correction(cfg), (corpus, shown.yaw));
-                Aim::new(cfg.scheduled_sampling.offset, correction, lane, given)
+                let (correction, given) = (slot.correction(cfg), (set, shown.yaw));
+                RolloutTarget::new(cfg.scheduled_sampling.offset, correction, slot, given)
             });
-            lane.aim(corpus, aim.next(), shown);
+            slot.aim(set, aim.next(), shown);
         }
         &self.shown
     }
 
     /// What was shown last.
     #[must_use]
-    pub fn shown(&self) -> &Shown {
+    pub fn shown(&self) -> &ShownSample {
         &self.shown
     }
 
     /// The cloth of what is shown, and its arcs.
     #[must_use]
     pub fn cloth(&self) -> (&Arc<ClothGraph>, &Arc<Connectivity>) {
-        let motion = self.setup.corpus.motion(self.shown.trajectory);
+        let motion = self.setup.set.motion(self.shown.trajectory);
         (&motion.graph, &motion.connectivity)
     }
 
     /// Goes on after the network gave `output` (normalised, `[vertices, 3]`) for what was shown; whether
     /// there is another frame in this step.
     pub fn go_on(&mut self, output: &[f32]) -> bool {
-        let (cfg, corpus) = (self.setup.cfg, self.setup.corpus);
+        let (cfg, set) = (self.setup.cfg, self.setup.set);
         let mut acceleration = output.to_vec();
         self.setup
             .normalizers
@@ -226,19 +229,19 @@ impl LaneRun<'_> {
         let yaw = self.shown.yaw;
         let chance = (self.step, &mut self.rng);
         if self.frames == 1 {
-            self.lane.advance(cfg, corpus, chance, yaw, &acceleration);
+            self.slot.advance(cfg, set, chance, yaw, &acceleration);
             return false;
         }
         self.done += 1;
-        let goes_on = self.lane.follow(cfg, corpus, yaw, &acceleration);
+        let goes_on = self.slot.follow(cfg, set, yaw, &acceleration);
         if goes_on && self.done < self.frames {
             return true;
         }
-        self.lane.break_off(cfg, chance);
+        self.slot.break_off(cfg, chance);
         false
     }
 
-    /// The mean of the terms of the lane's frames, and what the gradient of each frame counts in that of
+    /// The mean of the terms of the slot's frames, and what the gradient of each frame counts in that of
     /// the mean over the batch.
     #[must_use]
     pub fn weigh(&self, terms: &[LossTerms]) -> (LossTerms, Vec<f64>) {

@@ -13,7 +13,7 @@ use selvedge_model::{ClothGraph, Network, activations};
 use thiserror::Error;
 
 use crate::config::TrainConfig;
-use crate::corpus::Corpus;
+use crate::training_set::TrainingSet;
 
 const GIB: f64 = (1_u64 << 30) as f64;
 /// Taken for the machine's memory where the system does not say [bytes].
@@ -37,7 +37,7 @@ pub enum Arithmetic {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
     "the training needs about {} of memory ({} for {samples} samples per step, {} for the weights and what goes with them, {} for the trajectories), but there are {}: lower batch.samples, unroll.frames, model.latent, model.blocks or the window, raise batch.shard, or take a smaller data set",
-    gib(needed.sum()), gib(needed.lanes), gib(needed.weights), gib(needed.trajectories), gib(*available)
+    gib(needed.sum()), gib(needed.slots), gib(needed.weights), gib(needed.trajectories), gib(*available)
 )]
 pub struct MemoryError {
     needed: Need,
@@ -50,7 +50,7 @@ pub struct MemoryError {
 pub(crate) struct Need {
     trajectories: f64,
     weights: f64,
-    lanes: f64,
+    slots: f64,
 }
 
 impl Need {
@@ -73,12 +73,12 @@ impl Need {
         Self {
             trajectories: images * POSITION * positions,
             weights: NUMBER * copies * network.parameter_count() as f64,
-            lanes: 0.0,
+            slots: 0.0,
         }
     }
 
-    /// The same with what the lanes need, each of them the most that a cloth of `corpus` takes.
-    pub(crate) fn with_lanes(self, cfg: &TrainConfig, corpus: &Corpus, on: Arithmetic) -> Self {
+    /// The same with what the slots need, each of them the most that a cloth of `set` takes.
+    pub(crate) fn with_lanes(self, cfg: &TrainConfig, set: &TrainingSet, on: Arithmetic) -> Self {
         let of = |graph: &ClothGraph| {
             let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
             match on {
@@ -87,13 +87,13 @@ impl Need {
             }
         };
         Self {
-            lanes: corpus.graphs().map(of).fold(0.0, f64::max),
+            slots: set.graphs().map(of).fold(0.0, f64::max),
             ..self
         }
     }
 
     fn sum(self) -> f64 {
-        self.trajectories + self.weights + self.lanes
+        self.trajectories + self.weights + self.slots
     }
 
     /// That so much is there.
@@ -117,7 +117,7 @@ fn shard_count(cfg: &TrainConfig) -> usize {
     cfg.batch.samples.div_ceil(cfg.batch.shard)
 }
 
-/// What all lanes need for a cloth of `vertices` and `arcs` [bytes].
+/// What all slots need for a cloth of `vertices` and `arcs` [bytes].
 fn of_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
     let (spec, unrolled) = (&cfg.model, cfg.unroll.most());
     let rows = |of_vertex: usize, of_arc: usize| {
@@ -134,7 +134,7 @@ fn of_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
     if unrolled == 1 {
         return samples;
     }
-    // Every shard takes one lane at a time through its frames.
+    // Every shard takes one slot at a time through its frames.
     let shards = shard_count(cfg) as f64;
     let by_position = history + POSITION * (unrolled * vertices) as f64;
     samples + shards * (unrolled as f64 * shown + NUMBER * features + by_position)

@@ -1,5 +1,5 @@
-//! The training step, read from top to bottom: every lane shows a sample and is taken forward and
-//! backward by the engine, the lanes advance, the optimiser steps.
+//! The training step, read from top to bottom: every slot shows a sample and is taken forward and
+//! backward by the engine, the slots advance, the optimiser steps.
 //!
 //! The engine is that of this machine's processor unless another one is put in its place, or waited for.
 
@@ -13,26 +13,26 @@ use thiserror::Error;
 
 use crate::checkpoint::Origin;
 use crate::config::{InvalidConfig, TrainConfig};
-use crate::corpus::{Corpus, CorpusError};
+use crate::engine::cpu::CpuEngine;
 use crate::engine::{Batch, Engine, EngineError, Learned, Nobody, Setup, Update};
-use crate::gathering::{Gathered, Gathering, Statistics};
-use crate::lane::LaneState;
+use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, Need};
 use crate::optimizer::{Adam, AdamError};
-use crate::shards::Shards;
+use crate::slot::Slot;
+use crate::training_set::{TrainingSet, TrainingSetError};
 
 /// A training between two steps.
 pub struct Trainer {
     pub(crate) cfg: TrainConfig,
-    corpus: Corpus,
+    set: TrainingSet,
     network: Network,
     pub(crate) learned: Learned,
     pub(crate) inputs: [RunningStatistics; 2],
     pub(crate) targets: RunningLossStatistics,
     statistics: LossStatistics,
     normalizers: Normalizers,
-    pub(crate) lanes: Vec<LaneState>,
+    pub(crate) slots: Vec<Slot>,
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,
     engine: Box<dyn Engine>,
@@ -66,7 +66,7 @@ pub enum TrainError {
     #[error(transparent)]
     Optimizer(#[from] AdamError),
     #[error(transparent)]
-    Corpus(#[from] CorpusError),
+    TrainingSet(#[from] TrainingSetError),
     #[error(transparent)]
     Memory(#[from] MemoryError),
     #[error(transparent)]
@@ -85,11 +85,11 @@ impl Trainer {
     /// memory for both.
     pub fn new(cfg: TrainConfig, dataset: &Dataset) -> Result<Self, TrainError> {
         let on = Arithmetic::OnProcessor;
-        let (corpus, network) = prepare(&cfg, dataset, on)?;
-        let mut gathering = Gathering::new(&cfg, &corpus);
+        let (set, network) = prepare(&cfg, dataset, on)?;
+        let mut gathering = NormalizerFit::new(&cfg, &set);
         while gathering.advance().is_some() {}
         let statistics = gathering.finish();
-        Self::begin(cfg, (corpus, on), network, statistics)
+        Self::begin(cfg, (set, on), network, statistics)
     }
 
     /// The same wherever the arithmetic is done; `observe` hears of every sample of the statistics and may
@@ -101,22 +101,22 @@ impl Trainer {
         cfg: TrainConfig,
         dataset: &Dataset,
         on: Arithmetic,
-        observe: &mut dyn FnMut(Gathered) -> ControlFlow<()>,
+        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
-        let (corpus, network) = prepare(&cfg, dataset, on)?;
-        let mut gathering = Gathering::new(&cfg, &corpus);
+        let (set, network) = prepare(&cfg, dataset, on)?;
+        let mut gathering = NormalizerFit::new(&cfg, &set);
         while let Some(gathered) = gathering.advance() {
             if observe(gathered).is_break() {
                 return Ok(None);
             }
         }
         let statistics = gathering.finish();
-        Self::begin(cfg, (corpus, on), network, statistics).map(Some)
+        Self::begin(cfg, (set, on), network, statistics).map(Some)
     }
 
     fn begin(
         cfg: TrainConfig,
-        given: (Corpus, Arithmetic),
+        given: (TrainingSet, Arithmetic),
         network: Network,
         (inputs, targets): Statistics,
     ) -> Result<Self, TrainError> {
@@ -128,7 +128,7 @@ impl Trainer {
                 averaged: cfg.weight_average.map(|_| weights.clone()),
                 weights,
             },
-            lanes: vec![LaneState::new(); cfg.batch.samples],
+            slots: vec![Slot::new(); cfg.batch.samples],
             network,
             inputs,
             targets,
@@ -140,7 +140,7 @@ impl Trainer {
 
     pub(crate) fn assemble(
         cfg: TrainConfig,
-        (corpus, on): (Corpus, Arithmetic),
+        (set, on): (TrainingSet, Arithmetic),
         parts: Parts,
     ) -> Self {
         let statistics = parts.targets.freeze();
@@ -152,7 +152,7 @@ impl Trainer {
         };
         let engine: Box<dyn Engine> = match on {
             Arithmetic::OnProcessor => {
-                Box::new(Shards::new(&cfg, &parts.network, &parts.learned.weights))
+                Box::new(CpuEngine::new(&cfg, &parts.network, &parts.learned.weights))
             }
             Arithmetic::OnDevice => Box::new(Nobody),
         };
@@ -161,10 +161,10 @@ impl Trainer {
             learned: parts.learned,
             inputs: parts.inputs,
             targets: parts.targets,
-            lanes: parts.lanes,
+            slots: parts.slots,
             step: parts.step,
             origins: parts.origins,
-            corpus,
+            set,
             statistics,
             normalizers,
             engine,
@@ -192,7 +192,7 @@ impl Trainer {
             normalizers: &self.normalizers,
             statistics: &self.statistics,
             learned: &self.learned,
-            corpus: &self.corpus,
+            set: &self.set,
         }
     }
 
@@ -208,7 +208,7 @@ impl Trainer {
     /// Learns from one batch.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`]; the weights are then those before the step, but the lanes have
+    /// [`TrainError::NotFinite`]; the weights are then those before the step, but the slots have
     /// moved on: a checkpoint is what to go on from. So it is when the engine fails.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
@@ -220,9 +220,9 @@ impl Trainer {
                 normalizers: &self.normalizers,
                 statistics: &self.statistics,
                 learned: &self.learned,
-                corpus: &self.corpus,
+                set: &self.set,
             },
-            lanes: &mut self.lanes,
+            slots: &mut self.slots,
             step,
             frames,
         };
@@ -278,14 +278,14 @@ impl Trainer {
     /// Number of samples in the sections of the data set.
     #[must_use]
     pub fn sample_count(&self) -> usize {
-        self.corpus.sample_count()
+        self.set.sample_count()
     }
 
     /// The motions whose mirror images are not learned from, although `mirror_images` is set: their
     /// handles would go as in a motion to test on.
     #[must_use]
     pub fn images_left_out(&self) -> &[String] {
-        self.corpus.images_left_out()
+        self.set.images_left_out()
     }
 
     /// The trainings whose weights this one began with, the first one first; none where it began with
@@ -323,14 +323,14 @@ pub(crate) fn prepare(
     cfg: &TrainConfig,
     dataset: &Dataset,
     on: Arithmetic,
-) -> Result<(Corpus, Network), TrainError> {
+) -> Result<(TrainingSet, Network), TrainError> {
     cfg.validate()?;
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
-    let corpus = Corpus::load(dataset, cfg.model.coarse_levels, cfg.mirror_images)?;
-    need.with_lanes(cfg, &corpus, on).check(cfg)?;
-    Ok((corpus, network))
+    let set = TrainingSet::load(dataset, cfg.model.coarse_levels, cfg.mirror_images)?;
+    need.with_lanes(cfg, &set, on).check(cfg)?;
+    Ok((set, network))
 }
 
 /// What a training consists of besides configuration and data.
@@ -339,7 +339,7 @@ pub(crate) struct Parts {
     pub(crate) learned: Learned,
     pub(crate) inputs: [RunningStatistics; 2],
     pub(crate) targets: RunningLossStatistics,
-    pub(crate) lanes: Vec<LaneState>,
+    pub(crate) slots: Vec<Slot>,
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,
 }

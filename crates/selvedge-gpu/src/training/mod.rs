@@ -7,9 +7,9 @@
 //! up when a lane shows another one.
 
 pub mod adam;
-mod drops;
-mod places;
+mod dropout_seeds;
 mod plan;
+mod slot_arrays;
 #[cfg(test)]
 mod tests;
 
@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use selvedge_model::{ClothGraph, ModelSpec};
 use selvedge_train::{
-    Batch, Engine, EngineError, LaneRun, Learned, LossTerms, LossWeights, Setup, TrainConfig,
+    Batch, Engine, EngineError, Learned, LossTerms, LossWeights, Setup, SlotRun, TrainConfig,
     Update,
 };
 
@@ -46,7 +46,7 @@ pub struct Training {
     shard: usize,
     /// What lies in the place of each lane.
     cloths: Vec<Option<Arc<ClothGraph>>>,
-    drops: drops::Drops,
+    drops: dropout_seeds::DropoutSeeds,
 }
 
 impl Training {
@@ -59,7 +59,7 @@ impl Training {
         precision: Precision,
         setup: Setup<'_>,
     ) -> Result<Self, DeviceError> {
-        let place = places::sizes_of(setup.graphs());
+        let place = slot_arrays::sizes_of(setup.graphs());
         let plan = TrainingPlan::new(setup.cfg, setup.network, place);
         require_memory(device, "this training", plan.plan.bytes(), |free| {
             what_fits(setup, place, free)
@@ -86,15 +86,15 @@ impl Training {
             losses: setup.cfg.losses,
             shard: setup.cfg.batch.shard,
             cloths: vec![None; setup.cfg.batch.samples],
-            drops: drops::Drops::default(),
+            drops: dropout_seeds::DropoutSeeds::default(),
             plan,
             loaded,
         })
     }
 
     /// Writes the cloths that the lanes show where others lie.
-    fn place_cloths(&mut self, runs: &[LaneRun<'_>]) -> Result<(), DeviceError> {
-        let places = places::Places {
+    fn place_cloths(&mut self, runs: &[SlotRun<'_>]) -> Result<(), DeviceError> {
+        let places = slot_arrays::SlotArrays {
             cloths: &self.plan.cloths,
             losses: &self.plan.losses,
         };
@@ -114,7 +114,7 @@ impl Training {
     }
 
     /// Writes what the lanes show in frame `number` of a step.
-    fn upload_frame(&mut self, runs: &[LaneRun<'_>], number: usize) -> Result<(), DeviceError> {
+    fn upload_frame(&mut self, runs: &[SlotRun<'_>], number: usize) -> Result<(), DeviceError> {
         let (frame, loaded) = (&self.plan.frames[number], &mut *self.loaded);
         let place = self.plan.losses.place.vertices;
         let size = OUTPUTS * place * runs.len();
@@ -214,7 +214,7 @@ impl Training {
     }
 
     /// Lets the lanes that are on their way go on from their predictions.
-    fn go_on(&self, runs: &mut [LaneRun<'_>], going: &mut [bool], output: &[f32]) {
+    fn go_on(&self, runs: &mut [SlotRun<'_>], going: &mut [bool], output: &[f32]) {
         let place = OUTPUTS * self.plan.losses.place.vertices;
         let lanes = runs
             .par_iter_mut()
@@ -231,7 +231,7 @@ impl Training {
     /// From the terms of the frames of every lane to their means; the way back is begun.
     fn back(
         &mut self,
-        runs: &[LaneRun<'_>],
+        runs: &[SlotRun<'_>],
         terms: &[Vec<LossTerms>],
         frames: usize,
     ) -> Result<Vec<LossTerms>, DeviceError> {

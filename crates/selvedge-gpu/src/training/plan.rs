@@ -3,7 +3,8 @@
 use selvedge_model::{ModelSpec, Network};
 use selvedge_train::TrainConfig;
 
-use super::places::union_sizes;
+use super::adam::{self, AdamArrays};
+use super::slot_arrays::union_sizes;
 use crate::cloths::ClothArrays;
 use crate::cloths::features as feature_kernels;
 use crate::cloths::features::{FeatureSources, NormalizerArrays, features};

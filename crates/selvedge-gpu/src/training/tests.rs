@@ -6,7 +6,7 @@ mod swinging;
 use selvedge_model::{EdgeFeature, Encoder, Integration, ModelSpec, Network, NodeFeature};
 use selvedge_train::{Arithmetic, TrainConfig, Trainer, TruthProbability, UnrollFrames};
 
-use super::places::{sizes_of, union_sizes};
+use super::slot_arrays::{sizes_of, union_sizes};
 use super::{TrainingPlan, engine};
 use crate::bench::conformance::{TrainingCheck, training};
 use crate::cloths::losses::PlaceSizes;

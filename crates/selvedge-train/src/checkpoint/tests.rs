@@ -90,10 +90,10 @@ fn histories_of_lanes_in_a_run_are_kept() {
     let cfg = busy(Encoder::Gru { window: 3 });
     let trainer =
         Trainer::resume(cfg, &data.dataset, &path, Arithmetic::OnProcessor).expect("resumed");
-    let in_runs = trainer.lanes.iter().filter(|lane| lane.run > 0);
+    let in_runs = trainer.slots.iter().filter(|slot| slot.run > 0);
     assert_eq!(in_runs.clone().count(), histories);
-    for lane in in_runs {
-        assert_eq!(lane.history.len(), 4);
+    for slot in in_runs {
+        assert_eq!(slot.history.len(), 4);
     }
 }
 
@@ -246,12 +246,12 @@ fn states_that_fit_nothing_are_refused() {
         refusal(cfg(), &data, &edited)
     };
     let text = state(|state| {
-        state["lanes"].as_array_mut().expect("lanes").pop();
+        state["lanes"].as_array_mut().expect("slots").pop();
     });
-    assert_eq!(text, "FILE: state: 2 lanes, expected 3");
+    assert_eq!(text, "FILE: state: 2 slots, expected 3");
     let text = state(|state| {
-        for lane in state["lanes"].as_array_mut().expect("lanes") {
-            lane["section"]["end"] = 1000.into();
+        for slot in state["lanes"].as_array_mut().expect("slots") {
+            slot["section"]["end"] = 1000.into();
         }
     });
     assert!(text.ends_with("is in no section of the data set"), "{text}");
@@ -318,7 +318,7 @@ fn a_checkpoint_in_small_files_is_the_same_checkpoint() {
     let mut resumed = Trainer::resume(cfg(), &data.dataset, &path, Arithmetic::OnProcessor)
         .expect("a checkpoint");
     assert_eq!(resumed.learned, trainer.learned);
-    assert_eq!(resumed.lanes, trainer.lanes);
+    assert_eq!(resumed.slots, trainer.slots);
     assert_eq!(steps(&mut resumed, 2), steps(&mut trainer, 2));
     save(&trainer);
     let later = parts_of(&path);

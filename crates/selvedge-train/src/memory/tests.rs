@@ -8,20 +8,20 @@ use crate::schedule::UnrollFrames;
 use crate::test_data::{config, swinging, two_cloths};
 use crate::trainer::{TrainError, Trainer};
 
-fn lanes(change: impl Fn(&mut TrainConfig)) -> f64 {
+fn slots(change: impl Fn(&mut TrainConfig)) -> f64 {
     let mut cfg = config(Encoder::Gru { window: 3 });
     change(&mut cfg);
     let data = two_cloths();
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
     Need::default()
-        .with_lanes(&cfg, &corpus, Arithmetic::OnProcessor)
-        .lanes
+        .with_lanes(&cfg, &set, Arithmetic::OnProcessor)
+        .slots
 }
 
 #[test]
 fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
     let with = |samples: usize, shard: usize| {
-        lanes(move |cfg| {
+        slots(move |cfg| {
             cfg.batch.samples = samples;
             cfg.batch.shard = shard;
         })
@@ -30,10 +30,9 @@ fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
     assert_eq!(with(6, 2), with(6, 6), "shards share, they do not multiply");
     let of = |plans: &[crate::test_data::Plan<'_>]| {
         let data = swinging(plans, SectionRule::Whole);
-        let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-        let need =
-            Need::default().with_lanes(&config(Encoder::MLP), &corpus, Arithmetic::OnProcessor);
-        need.lanes
+        let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+        let need = Need::default().with_lanes(&config(Encoder::MLP), &set, Arithmetic::OnProcessor);
+        need.slots
     };
     let (small, large) = (("a", 9, 14), ("b", 12, 11));
     assert_eq!(of(&[small, large]), of(&[large]));
@@ -43,7 +42,7 @@ fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
 #[test]
 fn frames_that_are_learned_through_are_kept_for_every_shard() {
     let with = |frames: usize, shard: usize| {
-        lanes(move |cfg| {
+        slots(move |cfg| {
             cfg.batch.samples = 4;
             cfg.batch.shard = shard;
             cfg.unroll = UnrollFrames::Constant { frames };
@@ -83,7 +82,7 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
 #[test]
 fn what_a_device_keeps_is_not_reckoned_here() {
     let data = two_cloths();
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
     let needed = |change: fn(&mut TrainConfig)| {
         let mut cfg = config(Encoder::Gru { window: 3 });
         (cfg.batch.samples, cfg.batch.shard) = (4, 1);
@@ -91,7 +90,7 @@ fn what_a_device_keeps_is_not_reckoned_here() {
         let network = Network::new(&cfg.model).expect("a network");
         let need = |on| {
             let need = Need::before_reading(&cfg, &network, &data.dataset, on);
-            need.with_lanes(&cfg, &corpus, on)
+            need.with_lanes(&cfg, &set, on)
         };
         [Arithmetic::OnProcessor, Arithmetic::OnDevice].map(need)
     };
@@ -104,9 +103,9 @@ fn what_a_device_keeps_is_not_reckoned_here() {
         cfg.model.blocks *= 10;
         cfg.unroll = UnrollFrames::Constant { frames: 50 };
     });
-    assert_eq!(larger.lanes, device.lanes);
+    assert_eq!(larger.slots, device.slots);
     let [_, more] = needed(|cfg| cfg.batch.samples = 8);
-    assert_eq!(more.lanes, 2.0 * device.lanes);
+    assert_eq!(more.slots, 2.0 * device.slots);
 }
 
 #[test]
@@ -127,7 +126,7 @@ fn what_does_not_fit_is_refused_with_its_cause() {
     let need = Need {
         trajectories: GIB,
         weights: 2.0 * GIB,
-        lanes: 4.5 * GIB,
+        slots: 4.5 * GIB,
     };
     assert_eq!(need.check_against(&cfg, 7.5 * GIB), Ok(()));
     let error = need.check_against(&cfg, 7.4 * GIB).expect_err("too much");

@@ -110,10 +110,10 @@ fn lanes_are_in_runs_by_then() {
     let mut longest = 0;
     for _ in 0..8 {
         trainer.step().expect("a step");
-        longest = longest.max(trainer.lanes.iter().map(|lane| lane.run).max().unwrap_or(0));
+        longest = longest.max(trainer.slots.iter().map(|slot| slot.run).max().unwrap_or(0));
     }
     assert!(longest >= 2, "{longest}");
-    assert!(trainer.lanes.iter().any(|lane| lane.run > 0), "at the end");
+    assert!(trainer.slots.iter().any(|slot| slot.run > 0), "at the end");
 }
 
 #[test]
@@ -185,13 +185,13 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
     let observed =
         Trainer::new_observed(cfg(), &data.dataset, Arithmetic::OnProcessor, &mut listen);
     let observed = observed.expect("a training").expect("nobody stopped it");
-    let expected = (1..=12).map(|done| Gathered { done, samples: 12 });
+    let expected = (1..=12).map(|done| FitProgress { done, samples: 12 });
     assert!(heard.into_iter().eq(expected));
     let plain = Trainer::new(cfg(), &data.dataset).expect("a training");
     assert_eq!(observed.inputs, plain.inputs);
     assert_eq!(observed.learned.weights, plain.learned.weights);
     let mut count = 0;
-    let mut stop = |gathered: Gathered| {
+    let mut stop = |gathered: FitProgress| {
         count = gathered.done;
         match gathered.done {
             5 => ControlFlow::Break(()),
@@ -242,13 +242,13 @@ fn a_lane_in_a_run_goes_where_the_rollout_goes() {
         let mut compared = 0;
         for _ in 0..30 {
             let model = Arc::new(trainer.model(String::new()).expect("a model"));
-            let before = trainer.lanes[0].clone();
+            let before = trainer.slots[0].clone();
             trainer.step().expect("a step");
-            let after = &trainer.lanes[0];
+            let after = &trainer.slots[0];
             if before.run == 0 || after.run == 0 {
                 continue;
             }
-            let motion = trainer.corpus.motion(0);
+            let motion = trainer.set.motion(0);
             let start: Vec<&[Vec3]> = before.history.iter().map(Vec::as_slice).collect();
             let graph = (*motion.graph).clone();
             let mut stepper = LearnedStepper::new(model, graph, &start).expect("a start");

@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder, Integration, NodeFeature};
 
-use crate::aim::Return;
 use crate::config::TrainConfig;
+use crate::rollout_target::OffsetRule;
 use crate::schedule::UnrollFrames;
 use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
 use crate::trainer::Trainer;
@@ -20,8 +20,8 @@ fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
     cfg
 }
 
-fn swinging_back() -> Return {
-    Return::Swinging {
+fn swinging_back() -> OffsetRule {
+    OffsetRule::Swinging {
         damping: 0.03,
         stiffness: 0.004,
         wrinkles: 0.1,
@@ -92,7 +92,7 @@ fn the_gradient_goes_through_every_frame() {
         Encoder::StreamingGru { window: 2 },
     ] {
         for (integration, offset) in [
-            (Integration::Inertial {}, Return::default()),
+            (Integration::Inertial {}, OffsetRule::default()),
             (carried, swinging_back()),
         ] {
             let mut cfg = unrolled(encoder, 4);
@@ -148,7 +148,7 @@ fn runs_go_on_over_steps_and_threads_do_not_show() {
             let frames_and_loss: Vec<(usize, u64)> = reports
                 .map(|report| (report.frames, report.terms.total.to_bits()))
                 .collect();
-            let longest = trainer.lanes.iter().map(|lane| lane.run).max();
+            let longest = trainer.slots.iter().map(|slot| slot.run).max();
             (frames_and_loss, longest, trainer.learned.weights.clone())
         })
     };

@@ -19,7 +19,7 @@ fn a_swinging_offset_is_a_damped_oscillation() {
         DVec3::X * 1e-3,
         DVec3::Y * 0.005,
     );
-    let mut aim = Aim {
+    let mut aim = RolloutTarget {
         rule: Rule::Swinging {
             damping,
             stiffness,
@@ -46,7 +46,7 @@ fn a_swinging_offset_is_a_damped_oscillation() {
 #[test]
 fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
     let start = vec![DVec3::new(0.01, 0.0, -0.03)];
-    let mut aim = Aim {
+    let mut aim = RolloutTarget {
         now: start.clone(),
         rule: Rule::Decaying {
             start: start.clone(),
@@ -59,49 +59,49 @@ fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
     }
 }
 
-/// A lane in the middle of a run that is `now` off the truth, and was `before` a frame earlier.
+/// A slot in the middle of a run that is `now` off the truth, and was `before` a frame earlier.
 #[test]
 fn an_offset_and_its_velocity_are_seen_from_the_truth() {
     let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
     let cfg = config(Encoder::MLP);
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    let (_, section) = corpus.sample(0);
-    let motion = corpus.motion(section.trajectory);
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+    let (_, section) = set.sample(0);
+    let motion = set.motion(section.trajectory);
     let (now, before) = (Vec3::new(0.01, 0.0, 0.02), Vec3::new(0.004, 0.0, 0.0));
     let shifted = |frame: i64, by: Vec3| motion.frame(frame).iter().map(|p| *p + by).collect();
-    let mut lane = LaneState::new();
-    lane.section = *section;
-    lane.current = 6;
-    lane.run = 3;
-    lane.history = vec![shifted(5, before), shifted(6, now)];
-    assert_eq!(lane.history.len(), cfg.model.history());
+    let mut slot = Slot::new();
+    slot.section = *section;
+    slot.current = 6;
+    slot.run = 3;
+    slot.history = vec![shifted(5, before), shifted(6, now)];
+    assert_eq!(slot.history.len(), cfg.model.history());
     let yaw = Yaw::from_angle(0.7);
     let is_close = |found: &[DVec3], expected: Vec3| {
         let expected = yaw.to_local_f64(expected.as_dvec3());
         // Sums of f32 positions of about a metre.
         found.iter().all(|e| e.distance(expected) < 3e-7)
     };
-    assert!(is_close(&lane.offset(&corpus, yaw), now));
-    assert!(is_close(&lane.offset_velocity(&corpus, yaw), now - before));
+    assert!(is_close(&slot.offset(&set, yaw), now));
+    assert!(is_close(&slot.offset_velocity(&set, yaw), now - before));
     // Wrinkles and what is smooth are all of it.
-    let what = Return::Swinging {
+    let what = OffsetRule::Swinging {
         damping: 0.0,
         stiffness: 0.0,
         wrinkles: 0.0,
     };
-    let mut aim = Aim::new(what, 0.5, &lane, (&corpus, yaw));
+    let mut aim = RolloutTarget::new(what, 0.5, &slot, (&set, yaw));
     let Rule::Swinging { velocity, .. } = &aim.rule else {
         unreachable!("it swings")
     };
     let moved: Vec<DVec3> = velocity.clone();
     let next = aim.next();
-    for ((e, u), offset) in next.iter().zip(moved).zip(lane.offset(&corpus, yaw)) {
+    for ((e, u), offset) in next.iter().zip(moved).zip(slot.offset(&set, yaw)) {
         assert!(e.distance(offset + u) < 1e-15);
     }
     // What is shown from the truth has no velocity, whatever its noise.
-    lane.run = 0;
+    slot.run = 0;
     assert!(
-        lane.offset_velocity(&corpus, yaw)
+        slot.offset_velocity(&set, yaw)
             .iter()
             .all(|u| *u == DVec3::ZERO)
     );

@@ -67,12 +67,12 @@ struct Part {
 }
 
 /// A cloth as it is written to any place.
-pub(super) struct Places<'a> {
+pub(super) struct SlotArrays<'a> {
     pub(super) cloths: &'a ClothArrays,
     pub(super) losses: &'a LossArrays,
 }
 
-impl Places<'_> {
+impl SlotArrays<'_> {
     /// Writes a cloth to the place of a lane.
     pub(super) fn upload(
         &self,

@@ -1,4 +1,4 @@
-//! Gradients of whole shards: the same for two lanes together and apart, and in f64 the slope of
+//! Gradients of whole shards: the same for two slots together and apart, and in f64 the slope of
 //! the whole training loss, features to losses.
 
 use selvedge_data::SectionRule;
@@ -63,8 +63,8 @@ fn a_batch_of_one_sample_many_times_has_the_gradient_of_that_sample() {
 struct Whole {
     network: Network,
     connectivity: Connectivity,
-    shown: Shown,
-    corpus: Corpus,
+    shown: ShownSample,
+    set: TrainingSet,
     nodes: Vec<f64>,
     edges: Vec<f64>,
     statistics: LossStatistics,
@@ -83,11 +83,11 @@ fn whole(encoder: Encoder) -> Whole {
     };
     let trainer = Trainer::new(cfg.clone(), &data.dataset).expect("a training");
     let model = trainer.model(String::new()).expect("a model");
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    let mut shown = Shown::default();
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+    let mut shown = ShownSample::default();
     let mut rng = rng_of(cfg.seed, 0, 0, 1);
-    LaneState::new().show(&cfg, &corpus, &mut rng, &mut shown);
-    let graph = &corpus.motion(0).graph;
+    Slot::new().show(&cfg, &set, &mut rng, &mut shown);
+    let graph = &set.motion(0).graph;
     let place = Place::alone(graph);
     let mut window = Window::default();
     window.fit(&cfg.model, &place);
@@ -104,7 +104,7 @@ fn whole(encoder: Encoder) -> Whole {
         weights: wide(model.weights()),
         network: model.network().clone(),
         shown,
-        corpus,
+        set,
         _data: data,
     }
 }
@@ -125,7 +125,7 @@ impl Whole {
             .forward(weights, graph, input, pass, &mut workspace)
             .to_vec();
         let mut output = vec![T::ZERO; predicted.len()];
-        let triplet = self.shown.triplet(&self.corpus.motion(0).graph);
+        let triplet = self.shown.triplet(&self.set.motion(0).graph);
         let statistics = &self.statistics;
         let losses = &mut self.losses;
         let terms = losses.evaluate(&triplet, statistics, &predicted, &mut output);

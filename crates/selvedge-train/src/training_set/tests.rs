@@ -13,16 +13,16 @@ fn the_papers_6550_samples_are_drawn_each_once() {
     let names = selvedge_cloth::motion::named::training();
     let plans: Vec<Plan<'_>> = names.into_iter().map(|name| (name, 4, 1261)).collect();
     let data = swinging(&plans, SectionRule::Paper);
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    assert_eq!(corpus.sample_count(), 6550);
-    let drawn: Vec<Sample> = (0..6550).map(|number| corpus.sample(number).0).collect();
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+    assert_eq!(set.sample_count(), 6550);
+    let drawn: Vec<Sample> = (0..6550).map(|number| set.sample(number).0).collect();
     assert_eq!(drawn, data.dataset.samples().collect::<Vec<_>>());
     let different: BTreeSet<_> = drawn.iter().map(|s| (s.trajectory, s.current)).collect();
     assert_eq!(different.len(), 6550);
     for number in 0..6550 {
-        let (sample, section) = corpus.sample(number);
+        let (sample, section) = set.sample(number);
         assert_eq!(sample.trajectory, section.trajectory);
-        assert!(corpus.has(section) && Corpus::section_has(section, sample.current));
+        assert!(set.has(section) && TrainingSet::section_has(section, sample.current));
     }
 }
 
@@ -35,7 +35,7 @@ fn a_section_has_the_frames_between_its_ends() {
     };
     let samples: Vec<usize> = section.samples().map(|sample| sample.current).collect();
     let has: Vec<usize> = (0..20)
-        .filter(|&f| Corpus::section_has(&section, f))
+        .filter(|&f| TrainingSet::section_has(&section, f))
         .collect();
     assert_eq!(samples, has);
 }
@@ -43,8 +43,8 @@ fn a_section_has_the_frames_between_its_ends() {
 #[test]
 fn before_its_first_frame_a_cloth_stood_still() {
     let data = two_cloths();
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    let motion = corpus.motion(1);
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+    let motion = set.motion(1);
     assert_eq!(motion.frame(-7), motion.frame(0));
     assert_ne!(motion.frame(1), motion.frame(0));
     let entry = &data.dataset.entries(Split::Train)[1];
@@ -56,8 +56,8 @@ fn before_its_first_frame_a_cloth_stood_still() {
 fn trajectories_of_one_cloth_share_its_graph() {
     let plans = [("a", 9, 5), ("b", 12, 5), ("c", 9, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let corpus = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    let graphs = [0, 1, 2].map(|t| &corpus.motion(t).graph);
+    let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+    let graphs = [0, 1, 2].map(|t| &set.motion(t).graph);
     assert!(Arc::ptr_eq(graphs[0], graphs[2]));
     assert!(!Arc::ptr_eq(graphs[0], graphs[1]));
 }
@@ -65,10 +65,10 @@ fn trajectories_of_one_cloth_share_its_graph() {
 #[test]
 fn a_set_without_anything_to_train_on_is_refused() {
     let data = swinging(&[], SectionRule::Whole);
-    let error = Corpus::load(&data.dataset, 0, false)
+    let error = TrainingSet::load(&data.dataset, 0, false)
         .err()
         .expect("no samples");
-    assert!(matches!(error, CorpusError::NoSamples));
+    assert!(matches!(error, TrainingSetError::NoSamples));
 }
 
 #[test]
@@ -98,8 +98,8 @@ fn the_environment_is_that_of_the_scene() {
 fn mirror_images_follow_the_trajectories() {
     let plans = [("a", 9, 5), ("b", 12, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let alone = Corpus::load(&data.dataset, 0, false).expect("a corpus");
-    let both = Corpus::load(&data.dataset, 0, true).expect("a corpus");
+    let alone = TrainingSet::load(&data.dataset, 0, false).expect("a set");
+    let both = TrainingSet::load(&data.dataset, 0, true).expect("a set");
     let samples = alone.sample_count();
     assert_eq!(both.sample_count(), 2 * samples);
     let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
@@ -132,9 +132,9 @@ fn an_image_that_moves_as_a_test_does_is_left_out() {
     let cloth = image.cloth().clone();
     let test = Trajectory::new(cloth, turned, image.provenance().clone()).expect("a trajectory");
     let data = crate::test_data::swinging_and_tested(&plans, &[("test", test)]);
-    let alone = Corpus::load(&data.dataset, 0, false).expect("a corpus");
+    let alone = TrainingSet::load(&data.dataset, 0, false).expect("a set");
     assert!(alone.images_left_out().is_empty());
-    let both = Corpus::load(&data.dataset, 0, true).expect("a corpus");
+    let both = TrainingSet::load(&data.dataset, 0, true).expect("a set");
     assert_eq!(both.images_left_out(), ["b"]);
     assert_eq!(both.sample_count(), 28 + 29 + 30 + 28 + 30);
     let (last, _) = both.sample(both.sample_count() - 1);

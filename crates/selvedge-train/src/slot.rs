@@ -1,12 +1,12 @@
-//! A lane: one place of the batch, which shows the network one sample per step.
+//! A slot: one place of the batch, which shows the network one sample per step.
 //!
-//! A lane starts a run at a random sample of ground truth. After each step, with probability
+//! A slot starts a run at a random sample of ground truth. After each step, with probability
 //! 1 - p, the model's own prediction becomes the current position of the next sample and the frames
 //! before it shift along (scheduled sampling); else, and at the latest after `longest` predictions
 //! or at the end of the section, the next sample is ground truth again, drawn afresh. With
 //! p = 1 this is a plain shuffle of all samples with replacement.
 //!
-//! Every random number follows from (seed, step, lane) alone.
+//! Every random number follows from (seed, step, slot) alone.
 
 use glam::{DVec3, Vec3};
 use rand::{Rng, RngExt, SeedableRng};
@@ -16,12 +16,12 @@ use selvedge_data::Section;
 use selvedge_model::{ClothGraph, Frames, Yaw, integrate};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
-use crate::corpus::Corpus;
 use crate::losses::Triplet;
+use crate::training_set::TrainingSet;
 
-/// Where a lane stands between two steps; all that a checkpoint keeps of it.
+/// Where a slot stands between two steps; all that a checkpoint keeps of it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct LaneState {
+pub(crate) struct Slot {
     pub(crate) section: Section,
     /// The current frame of the sample to come, if the run goes on.
     pub(crate) current: usize,
@@ -33,7 +33,7 @@ pub(crate) struct LaneState {
 }
 
 /// What the network is shown in one step.
-pub struct Shown {
+pub struct ShownSample {
     pub(crate) trajectory: usize,
     /// The local frame of the current positions.
     pub yaw: Yaw,
@@ -47,8 +47,8 @@ pub struct Shown {
     pub dropout_seed: u64,
 }
 
-impl LaneState {
-    /// A lane that draws its first sample.
+impl Slot {
+    /// A slot that draws its first sample.
     pub(crate) fn new() -> Self {
         Self {
             section: Section {
@@ -66,14 +66,14 @@ impl LaneState {
     pub(crate) fn show(
         &mut self,
         cfg: &TrainConfig,
-        corpus: &Corpus,
+        set: &TrainingSet,
         rng: &mut ChaCha8Rng,
-        shown: &mut Shown,
+        shown: &mut ShownSample,
     ) {
         if self.run == 0 {
-            self.draw(cfg, corpus, rng);
+            self.draw(cfg, set, rng);
         }
-        let motion = corpus.motion(self.section.trajectory);
+        let motion = set.motion(self.section.trajectory);
         let graph = &*motion.graph;
         shown.trajectory = self.section.trajectory;
         shown.dropout_seed = rng.next_u64();
@@ -96,28 +96,34 @@ impl LaneState {
         shown.frames.clone_from(&self.history);
         let next = motion.frame(self.current as i64 + 1);
         shown.next_handles = graph.handles().select(next);
-        self.to_local(cfg, corpus, &target, shown);
+        self.to_local(cfg, set, &target, shown);
     }
 
     /// Any sample of ground truth.
-    fn draw(&mut self, cfg: &TrainConfig, corpus: &Corpus, rng: &mut ChaCha8Rng) {
-        let number = rng.random_range(0..corpus.sample_count());
-        let (sample, section) = corpus.sample(number);
+    fn draw(&mut self, cfg: &TrainConfig, set: &TrainingSet, rng: &mut ChaCha8Rng) {
+        let number = rng.random_range(0..set.sample_count());
+        let (sample, section) = set.sample(number);
         self.section = *section;
         self.current = sample.current;
-        let motion = corpus.motion(sample.trajectory);
+        let motion = set.motion(sample.trajectory);
         let first = sample.current as i64 + 1 - cfg.model.history() as i64;
         let frames = first..=sample.current as i64;
         self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
     }
 
     /// Previous, current and target positions in the local frame of the current ones.
-    fn to_local(&self, cfg: &TrainConfig, corpus: &Corpus, target: &[DVec3], shown: &mut Shown) {
-        let graph = &*corpus.motion(self.section.trajectory).graph;
+    fn to_local(
+        &self,
+        cfg: &TrainConfig,
+        set: &TrainingSet,
+        target: &[DVec3],
+        shown: &mut ShownSample,
+    ) {
+        let graph = &*set.motion(self.section.trajectory).graph;
         let current = &self.history[self.history.len() - 1];
         let handles = graph.handles().select(current);
         let yaw = graph.frame().yaw(&handles, graph.frame().rest_yaw());
-        let previous = self.reference(cfg, corpus, yaw);
+        let previous = self.reference(cfg, set, yaw);
         let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
         let local = |p: DVec3| yaw.to_local_f64(p - origin);
         let [to_previous, to_current, to_target] = &mut shown.local;
@@ -132,8 +138,8 @@ impl LaneState {
 
     /// The previous positions that the acceleration is added to uniform motion from: the true ones,
     /// or those of another [`selvedge_model::Integration`].
-    fn reference(&self, cfg: &TrainConfig, corpus: &Corpus, yaw: Yaw) -> Vec<Vec3> {
-        let motion = corpus.motion(self.section.trajectory);
+    fn reference(&self, cfg: &TrainConfig, set: &TrainingSet, yaw: Yaw) -> Vec<Vec3> {
+        let motion = set.motion(self.section.trajectory);
         let count = self.history.len();
         let frames = [&*self.history[count - 2], &*self.history[count - 1]];
         let next = motion.frame(self.current as i64 + 1);
@@ -145,8 +151,8 @@ impl LaneState {
     }
 
     /// How far the current positions are from the truth, in local axes `[m]`, `[vertices]`.
-    pub(crate) fn offset(&self, corpus: &Corpus, yaw: Yaw) -> Vec<DVec3> {
-        let motion = corpus.motion(self.section.trajectory);
+    pub(crate) fn offset(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
+        let motion = set.motion(self.section.trajectory);
         let truth = motion.frame(self.current as i64);
         let rows = self.history[self.history.len() - 1].iter().zip(truth);
         rows.map(|(p, q)| yaw.to_local_f64(p.as_dvec3() - q.as_dvec3()))
@@ -155,8 +161,8 @@ impl LaneState {
 
     /// How much farther from the truth than a frame before, in local axes `[m/frame]`, `[vertices]`; 0
     /// where it is the truth, with or without noise.
-    pub(crate) fn offset_velocity(&self, corpus: &Corpus, yaw: Yaw) -> Vec<DVec3> {
-        let motion = corpus.motion(self.section.trajectory);
+    pub(crate) fn offset_velocity(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
+        let motion = set.motion(self.section.trajectory);
         if self.run == 0 {
             return vec![DVec3::ZERO; motion.graph.vertex_count()];
         }
@@ -173,8 +179,8 @@ impl LaneState {
     }
 
     /// Makes the truth plus `offset` (local `[m]`) the target of what is shown.
-    pub(crate) fn aim(&self, corpus: &Corpus, offset: &[DVec3], shown: &mut Shown) {
-        let motion = corpus.motion(self.section.trajectory);
+    pub(crate) fn aim(&self, set: &TrainingSet, offset: &[DVec3], shown: &mut ShownSample) {
+        let motion = set.motion(self.section.trajectory);
         let current = &self.history[self.history.len() - 1];
         let handles = motion.graph.handles().select(current);
         let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
@@ -207,12 +213,12 @@ impl LaneState {
         self.history.clear();
     }
 
-    /// Decides how the lane goes on after the network predicted `acceleration` (local, `[m/frame²]`,
+    /// Decides how the slot goes on after the network predicted `acceleration` (local, `[m/frame²]`,
     /// `[vertices, 3]`).
     pub(crate) fn advance(
         &mut self,
         cfg: &TrainConfig,
-        corpus: &Corpus,
+        set: &TrainingSet,
         (step, rng): (u64, &mut ChaCha8Rng),
         yaw: Yaw,
         acceleration: &[f32],
@@ -221,7 +227,7 @@ impl LaneState {
         if uses_truth || self.run >= cfg.scheduled_sampling.longest {
             self.start_afresh();
         } else {
-            self.follow(cfg, corpus, yaw, acceleration);
+            self.follow(cfg, set, yaw, acceleration);
         }
     }
 
@@ -230,19 +236,19 @@ impl LaneState {
     pub(crate) fn follow(
         &mut self,
         cfg: &TrainConfig,
-        corpus: &Corpus,
+        set: &TrainingSet,
         yaw: Yaw,
         acceleration: &[f32],
     ) -> bool {
         let next = self.current + 1;
-        if !Corpus::section_has(&self.section, next) {
+        if !TrainingSet::section_has(&self.section, next) {
             self.start_afresh();
             return false;
         }
-        let motion = corpus.motion(self.section.trajectory);
+        let motion = set.motion(self.section.trajectory);
         let truth = motion.frame(next as i64);
         let count = self.history.len();
-        let reference = self.reference(cfg, corpus, yaw);
+        let reference = self.reference(cfg, set, yaw);
         let mut predicted = std::mem::take(&mut self.history[0]);
         let last = [&*reference, &*self.history[count - 1]];
         integrate(acceleration, yaw, last, &mut predicted);
@@ -267,11 +273,11 @@ impl LaneState {
     }
 }
 
-/// The numbers of lane `lane` in step `step`.
-pub(crate) fn rng_of(seed: u64, step: u64, lane: usize, lanes: usize) -> ChaCha8Rng {
+/// The numbers of slot `slot` in step `step`.
+pub(crate) fn rng_of(seed: u64, step: u64, slot: usize, slots: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Stream 0 is for the weights.
-    rng.set_stream(1 + step * lanes as u64 + lane as u64);
+    rng.set_stream(1 + step * slots as u64 + slot as u64);
     rng
 }
 
@@ -310,7 +316,7 @@ fn add_noise(
     }
 }
 
-impl Default for Shown {
+impl Default for ShownSample {
     fn default() -> Self {
         Self {
             trajectory: 0,
@@ -323,7 +329,7 @@ impl Default for Shown {
     }
 }
 
-impl Shown {
+impl ShownSample {
     /// The sample for the features.
     pub(crate) fn window(&self) -> Frames<'_, Vec<Vec3>> {
         Frames {

@@ -10,14 +10,14 @@ use selvedge_model::{
 };
 
 use crate::config::TrainConfig;
-use crate::corpus::Corpus;
-use crate::lane::{LaneState, Shown, rng_of};
+use crate::engine::unroll::Unroll;
 use crate::losses::{LossEvaluator, LossStatistics, LossTerms, Report};
-use crate::unroll::Unroll;
+use crate::slot::{ShownSample, Slot, rng_of};
+use crate::training_set::TrainingSet;
 
 /// The buffers of the samples that go through the network together.
-pub(crate) struct Shard {
-    shown: Vec<Shown>,
+pub(crate) struct MicroBatch {
+    shown: Vec<ShownSample>,
     trajectories: Vec<usize>,
     connectivity: Connectivity,
     places: Vec<Place>,
@@ -36,7 +36,7 @@ pub(crate) struct Shard {
 /// What all shards share in a step.
 pub(crate) struct Context<'a> {
     pub(crate) cfg: &'a TrainConfig,
-    pub(crate) corpus: &'a Corpus,
+    pub(crate) set: &'a TrainingSet,
     pub(crate) network: &'a Network,
     pub(crate) weights: &'a PackedWeights<f32>,
     pub(crate) normalizers: &'a Normalizers,
@@ -44,11 +44,11 @@ pub(crate) struct Context<'a> {
     pub(crate) step: u64,
 }
 
-impl Shard {
+impl MicroBatch {
     pub(crate) fn new(cfg: &TrainConfig, weights: usize, remaining: usize) -> Self {
         let samples = cfg.batch.shard.min(remaining);
         Self {
-            shown: (0..samples).map(|_| Shown::default()).collect(),
+            shown: (0..samples).map(|_| ShownSample::default()).collect(),
             trajectories: Vec::new(),
             connectivity: Connectivity::union([]),
             places: Vec::new(),
@@ -63,56 +63,56 @@ impl Shard {
         }
     }
 
-    /// Shows the lanes' samples to the network, leaves the gradient of the sum of their losses,
-    /// advances the lanes.
-    pub(crate) fn learn(&mut self, context: &Context<'_>, number: usize, lanes: &mut [LaneState]) {
-        let Context { cfg, corpus, .. } = *context;
+    /// Shows the slots' samples to the network, leaves the gradient of the sum of their losses,
+    /// advances the slots.
+    pub(crate) fn learn(&mut self, context: &Context<'_>, number: usize, slots: &mut [Slot]) {
+        let Context { cfg, set, .. } = *context;
         let first = number * cfg.batch.shard;
-        let mut rngs: Vec<ChaCha8Rng> = (first..first + lanes.len())
-            .map(|lane| rng_of(cfg.seed, context.step, lane, cfg.batch.samples))
+        let mut rngs: Vec<ChaCha8Rng> = (first..first + slots.len())
+            .map(|slot| rng_of(cfg.seed, context.step, slot, cfg.batch.samples))
             .collect();
-        for ((lane, rng), shown) in lanes.iter_mut().zip(&mut rngs).zip(&mut self.shown) {
-            lane.show(cfg, corpus, rng, shown);
+        for ((slot, rng), shown) in slots.iter_mut().zip(&mut rngs).zip(&mut self.shown) {
+            slot.show(cfg, set, rng, shown);
         }
-        self.join(corpus);
+        self.join(set);
         self.write_window(context);
         self.forward(context);
         self.judge(context);
         self.backward(context);
         let normalizer = &context.normalizers.acceleration;
         normalizer.denormalize(&mut self.output);
-        for (k, (lane, rng)) in lanes.iter_mut().zip(&mut rngs).enumerate() {
-            let rows = self.rows(corpus, k);
+        for (k, (slot, rng)) in slots.iter_mut().zip(&mut rngs).enumerate() {
+            let rows = self.rows(set, k);
             let yaw = self.shown[k].yaw;
-            lane.advance(cfg, corpus, (context.step, rng), yaw, &self.output[rows]);
+            slot.advance(cfg, set, (context.step, rng), yaw, &self.output[rows]);
         }
     }
 
-    /// Takes the lanes through `count` frames each and leaves the gradient of the sum of their losses.
+    /// Takes the slots through `count` frames each and leaves the gradient of the sum of their losses.
     pub(crate) fn learn_unrolled(
         &mut self,
         context: &Context<'_>,
         (number, count): (usize, usize),
-        lanes: &mut [LaneState],
+        slots: &mut [Slot],
     ) {
         let cfg = context.cfg;
         self.gradient.fill(0.0);
         self.terms.clear();
-        for (k, lane) in lanes.iter_mut().enumerate() {
+        for (k, slot) in slots.iter_mut().enumerate() {
             let place = number * cfg.batch.shard + k;
             let mut rng = rng_of(cfg.seed, context.step, place, cfg.batch.samples);
-            let driver = (&mut *lane, &mut rng);
+            let driver = (&mut *slot, &mut rng);
             let (losses, gradient) = (&mut self.losses, &mut self.gradient);
             let terms = self.unroll.learn(context, driver, count, losses, gradient);
             self.terms.push(terms);
-            lane.break_off(cfg, (context.step, &mut rng));
+            slot.break_off(cfg, (context.step, &mut rng));
         }
     }
 
     /// The disjoint union of the samples' graphs, made anew when they are other cloths.
-    fn join(&mut self, corpus: &Corpus) {
+    fn join(&mut self, set: &TrainingSet) {
         let trajectories = self.shown.iter().map(|shown| shown.trajectory);
-        let graph = |t: usize| &corpus.motion(t).graph;
+        let graph = |t: usize| &set.motion(t).graph;
         let same = self.trajectories.len() == self.shown.len()
             && trajectories
                 .clone()
@@ -122,11 +122,7 @@ impl Shard {
             return;
         }
         self.trajectories = trajectories.collect();
-        let motions: Vec<_> = self
-            .trajectories
-            .iter()
-            .map(|&t| corpus.motion(t))
-            .collect();
+        let motions: Vec<_> = self.trajectories.iter().map(|&t| set.motion(t)).collect();
         self.connectivity = Connectivity::union(motions.iter().map(|m| &*m.connectivity));
         let graphs: Vec<&ClothGraph> = motions.iter().map(|m| &*m.graph).collect();
         self.places = Place::side_by_side(&graphs);
@@ -135,7 +131,7 @@ impl Shard {
     fn write_window(&mut self, context: &Context<'_>) {
         let spec = context.network.spec();
         for (shown, place) in self.shown.iter().zip(&self.places) {
-            let graph = &context.corpus.motion(shown.trajectory).graph;
+            let graph = &context.set.motion(shown.trajectory).graph;
             self.window.fit(spec, place);
             self.window.write(spec, graph, shown.window(), place);
         }
@@ -180,9 +176,9 @@ impl Shard {
         self.output_gradient.resize(self.output.len(), 0.0);
         self.terms.clear();
         for k in 0..self.shown.len() {
-            let rows = self.rows(context.corpus, k);
+            let rows = self.rows(context.set, k);
             let shown = &self.shown[k];
-            let triplet = shown.triplet(&context.corpus.motion(shown.trajectory).graph);
+            let triplet = shown.triplet(&context.set.motion(shown.trajectory).graph);
             let gradient = &mut self.output_gradient[rows.clone()];
             let predicted = &self.output[rows];
             let statistics = context.statistics;
@@ -198,8 +194,8 @@ impl Shard {
     }
 
     /// Where sample `k` stands in an array `[vertices, 3]` of the union.
-    fn rows(&self, corpus: &Corpus, k: usize) -> std::ops::Range<usize> {
-        let graph = &corpus.motion(self.shown[k].trajectory).graph;
+    fn rows(&self, set: &TrainingSet, k: usize) -> std::ops::Range<usize> {
+        let graph = &set.motion(self.shown[k].trajectory).graph;
         let first = self.places[k].first_vertex;
         3 * first..3 * (first + graph.vertex_count())
     }

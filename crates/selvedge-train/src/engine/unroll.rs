@@ -3,11 +3,11 @@
 //! through the features and the integration into all predictions before it.
 //!
 //! A prediction is judged where the rollout is: k frames after its start (k from 1) its target is the
-//! truth plus what is left of the offset that the start had from it ([`Aim`]). The positions that a
+//! truth plus what is left of the offset that the start had from it ([`RolloutTarget`]). The positions that a
 //! constant error of the acceleration leads to are off by k²/2 of it, so the loss of frame k counts
 //! 1/k², in a weighted mean `[eq:unrolled-loss]`.
 //!
-//! One lane at a time, by itself: lanes are what threads share.
+//! One slot at a time, by itself: slots are what threads share.
 
 use glam::{DVec3, Vec3};
 use rand_chacha::ChaCha8Rng;
@@ -16,14 +16,14 @@ use selvedge_model::{
     Window, Workspace,
 };
 
-use crate::aim::Aim;
 use crate::config::TrainConfig;
-use crate::corpus::Motion;
-use crate::lane::{LaneState, Shown};
+use crate::engine::micro_batch::Context;
 use crate::losses::{LossEvaluator, LossTerms};
-use crate::shard::Context;
+use crate::rollout_target::RolloutTarget;
+use crate::slot::{ShownSample, Slot};
+use crate::training_set::Motion;
 
-/// The buffers of one lane's run through several frames.
+/// The buffers of one slot's run through several frames.
 #[derive(Default)]
 pub(crate) struct Unroll {
     frames: Vec<FrameBuffers>,
@@ -38,7 +38,7 @@ pub(crate) struct Unroll {
 /// What the way back needs of one frame.
 #[derive(Default)]
 struct FrameBuffers {
-    shown: Shown,
+    shown: ShownSample,
     window: Window,
     workspace: Workspace<f32>,
     /// What a streaming network carries into this frame: nothing into the first one, which it begins
@@ -66,21 +66,21 @@ type FrameGradients<'a> = (
 );
 
 impl Unroll {
-    /// Takes `lane` through up to `count` frames and adds the gradient of their loss to `gradient`;
-    /// gives its terms. The lane stands after the last frame.
+    /// Takes `slot` through up to `count` frames and adds the gradient of their loss to `gradient`;
+    /// gives its terms. The slot stands after the last frame.
     pub(crate) fn learn(
         &mut self,
         context: &Context<'_>,
-        (lane, rng): (&mut LaneState, &mut ChaCha8Rng),
+        (slot, rng): (&mut Slot, &mut ChaCha8Rng),
         count: usize,
         losses: &mut LossEvaluator,
         gradient: &mut [f32],
     ) -> LossTerms {
-        let (cfg, corpus) = (context.cfg, context.corpus);
+        let (cfg, set) = (context.cfg, context.set);
         if self.frames.len() < count {
             self.frames.resize_with(count, FrameBuffers::default);
         }
-        let mut aim: Option<Aim> = None;
+        let mut aim: Option<RolloutTarget> = None;
         let mut terms = Vec::with_capacity(count);
         for number in 0..count {
             let (before, frame) = self.frames[..=number].split_at_mut(number);
@@ -89,17 +89,17 @@ impl Unroll {
             if let Some(before) = before.last().filter(|_| context.network.streams()) {
                 frame.state.clone_from(before.workspace.end_state());
             }
-            lane.show(cfg, corpus, rng, &mut frame.shown);
+            slot.show(cfg, set, rng, &mut frame.shown);
             let (shown, sampling) = (&mut frame.shown, &cfg.scheduled_sampling);
             let aim = aim.get_or_insert_with(|| {
-                let (correction, given) = (lane.correction(cfg), (corpus, shown.yaw));
-                Aim::new(sampling.offset, correction, lane, given)
+                let (correction, given) = (slot.correction(cfg), (set, shown.yaw));
+                RolloutTarget::new(sampling.offset, correction, slot, given)
             });
-            lane.aim(corpus, aim.next(), shown);
+            slot.aim(set, aim.next(), shown);
             frame.forward(context);
             terms.push(frame.judge(context, losses));
             let acceleration = frame.acceleration(context);
-            if !lane.follow(cfg, corpus, frame.shown.yaw, &acceleration) {
+            if !slot.follow(cfg, set, frame.shown.yaw, &acceleration) {
                 break;
             }
         }
@@ -110,7 +110,7 @@ impl Unroll {
 
     /// Adds to `gradient` that of the frames' losses, each times its weight, latest frame first.
     fn backward(&mut self, context: &Context<'_>, weights: &[f64], gradient: &mut [f32]) {
-        let motion = context.corpus.motion(self.frames[0].shown.trajectory);
+        let motion = context.set.motion(self.frames[0].shown.trajectory);
         let history = context.network.spec().history();
         let vertices = motion.graph.vertex_count();
         self.by_position
@@ -157,7 +157,7 @@ impl FrameBuffers {
     fn forward(&mut self, context: &Context<'_>) {
         let (spec, motion) = (
             context.network.spec(),
-            context.corpus.motion(self.shown.trajectory),
+            context.set.motion(self.shown.trajectory),
         );
         let place = Place::alone(&motion.graph);
         let extent = if self.state.is_zero() {
@@ -187,7 +187,7 @@ impl FrameBuffers {
     }
 
     fn judge(&mut self, context: &Context<'_>, losses: &mut LossEvaluator) -> LossTerms {
-        let graph = &context.corpus.motion(self.shown.trajectory).graph;
+        let graph = &context.set.motion(self.shown.trajectory).graph;
         self.by_output.resize(self.output.len(), 0.0);
         let triplet = self.shown.triplet(graph);
         let statistics = context.statistics;

@@ -1,4 +1,4 @@
-//! What a lane shows, step by step: ground truth with noise where it belongs, then the model's own
+//! What a slot shows, step by step: ground truth with noise where it belongs, then the model's own
 //! predictions, and when it goes back to the truth.
 
 use selvedge_data::SectionRule;
@@ -16,7 +16,7 @@ const NEVER_TRUTH: TruthProbability = TruthProbability::Linear {
 
 struct Case {
     cfg: TrainConfig,
-    corpus: Corpus,
+    set: TrainingSet,
     _data: Swinging,
 }
 
@@ -25,7 +25,7 @@ fn case(edit: impl FnOnce(&mut TrainConfig)) -> Case {
     let mut cfg = config(Encoder::Gru { window: 3 });
     edit(&mut cfg);
     Case {
-        corpus: Corpus::load(&data.dataset, 0, false).expect("a corpus"),
+        set: TrainingSet::load(&data.dataset, 0, false).expect("a set"),
         cfg,
         _data: data,
     }
@@ -36,52 +36,50 @@ impl Case {
         rng_of(self.cfg.seed, step, 0, 1)
     }
 
-    fn show(&self, lane: &mut LaneState, step: u64) -> Shown {
-        let mut shown = Shown::default();
-        lane.show(&self.cfg, &self.corpus, &mut self.rng(step), &mut shown);
+    fn show(&self, slot: &mut Slot, step: u64) -> ShownSample {
+        let mut shown = ShownSample::default();
+        slot.show(&self.cfg, &self.set, &mut self.rng(step), &mut shown);
         shown
     }
 
     /// After the acceleration 0, which leads near the truth.
-    fn go_on(&self, lane: &mut LaneState, shown: &Shown) {
-        let acceleration = vec![0.0; 3 * self.graph(lane).vertex_count()];
-        self.advance(lane, shown, &acceleration);
+    fn go_on(&self, slot: &mut Slot, shown: &ShownSample) {
+        let acceleration = vec![0.0; 3 * self.graph(slot).vertex_count()];
+        self.advance(slot, shown, &acceleration);
     }
 
     /// After `acceleration`, `[vertices, 3]`.
-    fn advance(&self, lane: &mut LaneState, shown: &Shown, acceleration: &[f32]) {
+    fn advance(&self, slot: &mut Slot, shown: &ShownSample, acceleration: &[f32]) {
         let mut rng = self.rng(7);
-        let (cfg, corpus) = (&self.cfg, &self.corpus);
-        lane.advance(cfg, corpus, (10, &mut rng), shown.yaw, acceleration);
+        let (cfg, set) = (&self.cfg, &self.set);
+        slot.advance(cfg, set, (10, &mut rng), shown.yaw, acceleration);
     }
 
-    fn truth(&self, lane: &LaneState, frame: usize) -> &[Vec3] {
-        self.corpus
-            .motion(lane.section.trajectory)
-            .frame(frame as i64)
+    fn truth(&self, slot: &Slot, frame: usize) -> &[Vec3] {
+        self.set.motion(slot.section.trajectory).frame(frame as i64)
     }
 
-    fn graph(&self, lane: &LaneState) -> &ClothGraph {
-        &self.corpus.motion(lane.section.trajectory).graph
+    fn graph(&self, slot: &Slot) -> &ClothGraph {
+        &self.set.motion(slot.section.trajectory).graph
     }
 
-    /// A lane whose first sample is early in the longer trajectory, and what it shows.
-    fn early(&self) -> (LaneState, Shown) {
+    /// A slot whose first sample is early in the longer trajectory, and what it shows.
+    fn early(&self) -> (Slot, ShownSample) {
         let start = |step| {
-            let mut lane = LaneState::new();
-            let shown = self.show(&mut lane, step);
-            (lane, shown)
+            let mut slot = Slot::new();
+            let shown = self.show(&mut slot, step);
+            (slot, shown)
         };
         (0..500)
             .map(start)
-            .find(|(lane, _)| lane.section.trajectory == 0 && lane.current < 4)
+            .find(|(slot, _)| slot.section.trajectory == 0 && slot.current < 4)
             .expect("an early sample")
     }
 }
 
 /// The target in the world `[m]`.
-fn target(lane: &LaneState, shown: &Shown, graph: &ClothGraph) -> Vec<DVec3> {
-    let newest = &lane.history[lane.history.len() - 1];
+fn target(slot: &Slot, shown: &ShownSample, graph: &ClothGraph) -> Vec<DVec3> {
+    let newest = &slot.history[slot.history.len() - 1];
     let origin = newest[graph.handles().vertices()[0].index()].as_dvec3();
     let world = |&p: &DVec3| shown.yaw.to_world_f64(p) + origin;
     shown.local[2].iter().map(world).collect()
@@ -105,17 +103,17 @@ const EXACT: f64 = 1e-14;
 fn without_noise_a_sample_is_ground_truth_in_the_frame_of_its_handles() {
     let case = case(|_| ());
     for step in 0..40 {
-        let mut lane = LaneState::new();
-        let shown = case.show(&mut lane, step);
-        let current = lane.current;
+        let mut slot = Slot::new();
+        let shown = case.show(&mut slot, step);
+        let current = slot.current;
         for (k, frame) in shown.frames.iter().enumerate() {
             let number = (current + k).saturating_sub(3);
-            assert_eq!(frame, case.truth(&lane, number), "frame {k}");
+            assert_eq!(frame, case.truth(&slot, number), "frame {k}");
         }
         assert_eq!(shown.frames.len(), 4);
-        let graph = case.graph(&lane);
-        let truth = doubles(case.truth(&lane, current + 1));
-        assert!(largest(&target(&lane, &shown, graph), &truth) < EXACT);
+        let graph = case.graph(&slot);
+        let truth = doubles(case.truth(&slot, current + 1));
+        assert!(largest(&target(&slot, &shown, graph), &truth) < EXACT);
         // The first handle is the origin, the second one on the z axis, as in the rest pose.
         let [first, second] = [0, 1].map(|h| graph.handles().vertices()[h].index());
         assert_eq!(shown.local[1][first], DVec3::ZERO);
@@ -157,16 +155,16 @@ fn noise_is_right(deviation: f64, unit: NoiseUnit, size: impl Fn(&ClothGraph) ->
     });
     let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
     for step in 0..200 {
-        let mut lane = LaneState::new();
-        let shown = case.show(&mut lane, step);
-        let graph = case.graph(&lane);
+        let mut slot = Slot::new();
+        let shown = case.show(&mut slot, step);
+        let graph = case.graph(&slot);
         for (k, frame) in shown.frames[..3].iter().enumerate() {
-            let number = (lane.current + k).saturating_sub(3);
-            assert_eq!(frame, case.truth(&lane, number), "frame {k} is clean");
+            let number = (slot.current + k).saturating_sub(3);
+            assert_eq!(frame, case.truth(&slot, number), "frame {k} is clean");
         }
-        let target = target(&lane, &shown, graph);
-        let next = case.truth(&lane, lane.current + 1);
-        let now = case.truth(&lane, lane.current);
+        let target = target(&slot, &shown, graph);
+        let next = case.truth(&slot, slot.current + 1);
+        let now = case.truth(&slot, slot.current);
         for v in 0..graph.vertex_count() {
             let noise = shown.frames[3][v].as_dvec3() - now[v].as_dvec3();
             let moved = target[v] - next[v].as_dvec3();
@@ -193,17 +191,17 @@ fn noise_is_right(deviation: f64, unit: NoiseUnit, size: impl Fn(&ClothGraph) ->
 #[test]
 fn a_run_keeps_the_prediction_as_its_newest_positions() {
     let case = case(|cfg| cfg.scheduled_sampling.truth = NEVER_TRUTH);
-    let (mut lane, mut shown) = case.early();
-    let graph = case.graph(&lane);
+    let (mut slot, mut shown) = case.early();
+    let graph = case.graph(&slot);
     let local = Vec3::new(2e-3, -1e-3, 3e-3);
     let acceleration = local.to_array().repeat(graph.vertex_count());
     for run in 1..=5 {
-        let (current, frames) = (lane.current, shown.frames.clone());
-        case.advance(&mut lane, &shown, &acceleration);
-        assert_eq!((lane.run, lane.current), (run, current + 1));
-        shown = case.show(&mut lane, 100 + u64::from(run));
+        let (current, frames) = (slot.current, shown.frames.clone());
+        case.advance(&mut slot, &shown, &acceleration);
+        assert_eq!((slot.run, slot.current), (run, current + 1));
+        shown = case.show(&mut slot, 100 + u64::from(run));
         assert_eq!(shown.frames[..3], frames[1..], "frames shift along");
-        let truth = case.truth(&lane, lane.current);
+        let truth = case.truth(&slot, slot.current);
         for v in 0..graph.vertex_count() {
             let expected = if graph.handle_mask()[v] {
                 truth[v]
@@ -229,18 +227,18 @@ fn the_target_of_a_run_takes_back_the_given_part_of_the_distance() {
             // Predictions get no noise.
             cfg.noise.deviation = 0.01;
         });
-        let (mut lane, shown) = case.early();
-        let graph = case.graph(&lane);
-        case.advance(&mut lane, &shown, &vec![1e-3; 3 * graph.vertex_count()]);
-        let shown = case.show(&mut lane, 200);
-        let now = doubles(case.truth(&lane, lane.current));
-        let next = doubles(case.truth(&lane, lane.current + 1));
-        let newest = doubles(&lane.history[3]);
+        let (mut slot, shown) = case.early();
+        let graph = case.graph(&slot);
+        case.advance(&mut slot, &shown, &vec![1e-3; 3 * graph.vertex_count()]);
+        let shown = case.show(&mut slot, 200);
+        let now = doubles(case.truth(&slot, slot.current));
+        let next = doubles(case.truth(&slot, slot.current + 1));
+        let newest = doubles(&slot.history[3]);
         assert!(largest(&newest, &now) > 1e-3, "away from the truth");
         let shift = 1.0 - correction;
         let expected = next.iter().zip(&newest).zip(&now);
         let expected: Vec<DVec3> = expected.map(|((n, p), t)| *n + shift * (*p - *t)).collect();
-        assert!(largest(&target(&lane, &shown, graph), &expected) < EXACT);
+        assert!(largest(&target(&slot, &shown, graph), &expected) < EXACT);
     }
 }
 
@@ -250,47 +248,47 @@ fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
         cfg.scheduled_sampling.truth = NEVER_TRUTH;
         cfg.scheduled_sampling.longest = 4;
     });
-    let (mut lane, mut shown) = longest.early();
+    let (mut slot, mut shown) = longest.early();
     for run in [1, 2, 3, 4, 0] {
-        longest.go_on(&mut lane, &shown);
-        assert_eq!((lane.run, lane.history.is_empty()), (run, run == 0));
-        shown = longest.show(&mut lane, 300);
+        longest.go_on(&mut slot, &shown);
+        assert_eq!((slot.run, slot.history.is_empty()), (run, run == 0));
+        shown = longest.show(&mut slot, 300);
     }
 
     let section = case(|cfg| cfg.scheduled_sampling.truth = NEVER_TRUTH);
-    let (mut lane, mut shown) = section.early();
-    let last = lane.section.end - 2;
-    for current in lane.current + 1..=last {
-        section.go_on(&mut lane, &shown);
-        assert_eq!(lane.current, current);
-        assert!(lane.run > 0);
-        shown = section.show(&mut lane, 400);
+    let (mut slot, mut shown) = section.early();
+    let last = slot.section.end - 2;
+    for current in slot.current + 1..=last {
+        section.go_on(&mut slot, &shown);
+        assert_eq!(slot.current, current);
+        assert!(slot.run > 0);
+        shown = section.show(&mut slot, 400);
     }
-    section.go_on(&mut lane, &shown);
-    assert_eq!(lane.run, 0, "there is no frame to predict after the last");
+    section.go_on(&mut slot, &shown);
+    assert_eq!(slot.run, 0, "there is no frame to predict after the last");
 
     let far = case(|cfg| {
         cfg.scheduled_sampling.truth = NEVER_TRUTH;
         cfg.scheduled_sampling.farthest = 0.5;
     });
     for astray in [1.0, f32::NAN] {
-        let (mut lane, shown) = far.early();
+        let (mut slot, shown) = far.early();
         let mut acceleration = vec![0.0; 3 * 9];
         // The last vertex of nine is no handle.
         acceleration[3 * 8 + 1] = astray;
-        far.advance(&mut lane, &shown, &acceleration);
-        assert_eq!(lane.run, 0, "{astray}");
+        far.advance(&mut slot, &shown, &acceleration);
+        assert_eq!(slot.run, 0, "{astray}");
     }
 }
 
 #[test]
 fn with_truth_only_every_sample_is_drawn_afresh() {
     let case = case(|_| ());
-    let (mut lane, mut shown) = case.early();
+    let (mut slot, mut shown) = case.early();
     for step in 0..20 {
-        case.advance(&mut lane, &shown, &[0.0; 36]);
-        assert_eq!((lane.run, lane.history.len()), (0, 0));
-        shown = case.show(&mut lane, step);
+        case.advance(&mut slot, &shown, &[0.0; 36]);
+        assert_eq!((slot.run, slot.history.len()), (0, 0));
+        shown = case.show(&mut slot, step);
     }
 }
 
@@ -303,14 +301,14 @@ fn the_probability_decides_how_often_a_run_goes_on() {
             probability: 0.25,
         };
     });
-    let (lane, shown) = case.early();
-    let acceleration = vec![0.0; 3 * case.graph(&lane).vertex_count()];
+    let (slot, shown) = case.early();
+    let acceleration = vec![0.0; 3 * case.graph(&slot).vertex_count()];
     let went_on = (0..2000).filter(|&step| {
-        let mut lane = lane.clone();
+        let mut slot = slot.clone();
         let mut rng = case.rng(step);
-        let (cfg, corpus) = (&case.cfg, &case.corpus);
-        lane.advance(cfg, corpus, (10, &mut rng), shown.yaw, &acceleration);
-        lane.run > 0
+        let (cfg, set) = (&case.cfg, &case.set);
+        slot.advance(cfg, set, (10, &mut rng), shown.yaw, &acceleration);
+        slot.run > 0
     });
     // 2000 draws with probability 3/4: 1500 give or take 19; five times that.
     assert!(went_on.count().abs_diff(1500) < 97);
@@ -318,10 +316,10 @@ fn the_probability_decides_how_often_a_run_goes_on() {
 
 #[test]
 fn numbers_follow_from_seed_step_and_lane() {
-    let first = |seed, step, lane| rng_of(seed, step, lane, 3).next_u64();
+    let first = |seed, step, slot| rng_of(seed, step, slot, 3).next_u64();
     assert_eq!(first(1, 2, 0), first(1, 2, 0));
     let all: std::collections::BTreeSet<u64> = (0..5)
-        .flat_map(|step| (0..3).map(move |lane| first(1, step, lane)))
+        .flat_map(|step| (0..3).map(move |slot| first(1, step, slot)))
         .chain([first(2, 0, 0)])
         .collect();
     assert_eq!(all.len(), 16, "all different");

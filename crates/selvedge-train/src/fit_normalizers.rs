@@ -4,13 +4,13 @@
 use selvedge_model::{Place, RunningStatistics, Window, edge_groups, node_groups};
 
 use crate::config::TrainConfig;
-use crate::corpus::Corpus;
-use crate::lane::{LaneState, Shown, rng_of};
 use crate::losses::RunningLossStatistics;
+use crate::slot::{ShownSample, Slot, rng_of};
+use crate::training_set::TrainingSet;
 
 /// How far the statistics are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Gathered {
+pub struct FitProgress {
     /// Samples so far.
     pub done: usize,
     /// Samples in all.
@@ -18,37 +18,37 @@ pub struct Gathered {
 }
 
 /// Statistics on their way.
-pub(crate) struct Gathering<'a> {
+pub(crate) struct NormalizerFit<'a> {
     cfg: &'a TrainConfig,
-    corpus: &'a Corpus,
+    set: &'a TrainingSet,
     done: usize,
     nodes: RunningStatistics,
     edges: RunningStatistics,
     targets: RunningLossStatistics,
-    shown: Shown,
+    shown: ShownSample,
     window: Window,
 }
 
 /// Those of vertices and of arcs, and of the targets.
 pub(crate) type Statistics = ([RunningStatistics; 2], RunningLossStatistics);
 
-impl<'a> Gathering<'a> {
+impl<'a> NormalizerFit<'a> {
     /// Statistics of no sample yet.
-    pub(crate) fn new(cfg: &'a TrainConfig, corpus: &'a Corpus) -> Self {
+    pub(crate) fn new(cfg: &'a TrainConfig, set: &'a TrainingSet) -> Self {
         Self {
             cfg,
-            corpus,
+            set,
             done: 0,
             nodes: RunningStatistics::new(&node_groups(&cfg.model)),
             edges: RunningStatistics::new(&edge_groups(&cfg.model)),
             targets: RunningLossStatistics::default(),
-            shown: Shown::default(),
+            shown: ShownSample::default(),
             window: Window::default(),
         }
     }
 
     /// Takes the next sample; none when there are as many as the configuration wants.
-    pub(crate) fn advance(&mut self) -> Option<Gathered> {
+    pub(crate) fn advance(&mut self) -> Option<FitProgress> {
         let (cfg, spec) = (self.cfg, &self.cfg.model);
         if self.done >= cfg.statistics_samples {
             return None;
@@ -57,8 +57,8 @@ impl<'a> Gathering<'a> {
         let last = u64::MAX / cfg.batch.samples as u64 - 1;
         let stream = last - cfg.statistics_samples as u64 + self.done as u64;
         let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
-        LaneState::new().show(cfg, self.corpus, &mut rng, &mut self.shown);
-        let graph = &*self.corpus.motion(self.shown.trajectory).graph;
+        Slot::new().show(cfg, self.set, &mut rng, &mut self.shown);
+        let graph = &*self.set.motion(self.shown.trajectory).graph;
         let place = Place::alone(graph);
         self.window.fit(spec, &place);
         self.window.write(spec, graph, self.shown.window(), &place);
@@ -66,7 +66,7 @@ impl<'a> Gathering<'a> {
         self.edges.add(&self.window.edges);
         self.targets.add(&self.shown.triplet(graph));
         self.done += 1;
-        Some(Gathered {
+        Some(FitProgress {
             done: self.done,
             samples: cfg.statistics_samples,
         })

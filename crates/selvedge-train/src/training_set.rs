@@ -8,9 +8,9 @@ use selvedge_data::{Cloth, Dataset, DatasetError, Sample, Section, Split, Trajec
 use selvedge_model::{ClothGraph, ClothParts, Connectivity, GraphError};
 use thiserror::Error;
 
-use self::track::Track;
+use self::handle_path::HandlePath;
 
-mod track;
+mod handle_path;
 
 /// One trajectory with its graph.
 pub(crate) struct Motion {
@@ -43,7 +43,7 @@ impl Motion {
 }
 
 /// All that a training learns from.
-pub(crate) struct Corpus {
+pub(crate) struct TrainingSet {
     motions: Vec<Motion>,
     sections: Vec<Section>,
     /// Samples before each section, and in all.
@@ -55,7 +55,7 @@ pub(crate) struct Corpus {
 /// A data set that cannot be learned from.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum CorpusError {
+pub enum TrainingSetError {
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     #[error("training trajectory {motion}: {source}")]
@@ -100,27 +100,27 @@ pub fn cloth_graph(
 /// has no scene).
 ///
 /// # Errors
-/// [`CorpusError`] when the scene's environment cannot be read, or the parts do not fit.
-pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, CorpusError> {
+/// [`TrainingSetError`] when the scene's environment cannot be read, or the parts do not fit.
+pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
     graph_in(motion, trajectory, environment_of(motion, trajectory)?)
 }
 
-fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, CorpusError> {
+fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, TrainingSetError> {
     let scene = &trajectory.provenance().scene;
     match scene.pointer("/setting/environment") {
         Some(value) => serde_json::from_value(value.clone()).map_err(|source| {
             let motion = motion.to_owned();
-            CorpusError::Environment { motion, source }
+            TrainingSetError::Environment { motion, source }
         }),
         None => Ok(Environment::default()),
     }
 }
 
 /// The image of an environment in a mirror at z = 0.
-fn mirrored(motion: &str, environment: Environment) -> Result<Environment, CorpusError> {
+fn mirrored(motion: &str, environment: Environment) -> Result<Environment, TrainingSetError> {
     if environment.gust.is_some() {
         let motion = motion.to_owned();
-        return Err(CorpusError::MirroredGust { motion });
+        return Err(TrainingSetError::MirroredGust { motion });
     }
     let side = DVec3::new(1.0, 1.0, -1.0);
     Ok(Environment {
@@ -134,22 +134,22 @@ fn graph_in(
     motion: &str,
     trajectory: &Trajectory,
     environment: Environment,
-) -> Result<ClothGraph, CorpusError> {
+) -> Result<ClothGraph, TrainingSetError> {
     cloth_graph(trajectory.cloth(), environment, trajectory.frame_rate()).map_err(|source| {
         let motion = motion.to_owned();
-        CorpusError::Graph { motion, source }
+        TrainingSetError::Graph { motion, source }
     })
 }
 
 /// Where the handles go in the trajectories of a split.
-fn tracks(dataset: &Dataset, split: Split) -> Result<Vec<Track>, CorpusError> {
+fn tracks(dataset: &Dataset, split: Split) -> Result<Vec<HandlePath>, TrainingSetError> {
     let entries = dataset.entries(split).iter();
     entries
-        .map(|entry| Ok(Track::of(&dataset.read(entry)?)))
+        .map(|entry| Ok(HandlePath::of(&dataset.read(entry)?)))
         .collect()
 }
 
-impl Corpus {
+impl TrainingSet {
     /// Reads the training split of `dataset`, of cloths with so many coarse levels; with `mirror_images`
     /// the trajectories are followed by their mirror images. Those whose handles go as in a trajectory
     /// to test on have no sections: on its cloth they would be that test, buckled to the other side.
@@ -157,7 +157,7 @@ impl Corpus {
         dataset: &Dataset,
         coarse_levels: usize,
         mirror_images: bool,
-    ) -> Result<Self, CorpusError> {
+    ) -> Result<Self, TrainingSetError> {
         let tests = match mirror_images {
             true => tracks(dataset, Split::Test)?,
             false => Vec::new(),
@@ -171,7 +171,7 @@ impl Corpus {
             if mirror_images {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
-                let track = Track::of(&image);
+                let track = HandlePath::of(&image);
                 is_tested.push(tests.iter().any(|test| track.goes_as(test)));
                 let graph = graph_in(&entry.motion, &image, environment)?;
                 let graph = graph.with_coarse_levels(coarse_levels);
@@ -200,7 +200,7 @@ impl Corpus {
             first_sample.push(before + section.samples().count());
         }
         if first_sample[first_sample.len() - 1] == 0 {
-            return Err(CorpusError::NoSamples);
+            return Err(TrainingSetError::NoSamples);
         }
         Ok(Self {
             motions,

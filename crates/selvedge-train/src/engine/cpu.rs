@@ -1,4 +1,4 @@
-//! The engine on this machine's processor: threads share shards of lanes, and the shards' gradients are
+//! The engine on this machine's processor: threads share shards of slots, and the shards' gradients are
 //! added in order. What a shard computes and the order of the sums do not depend on the number of threads,
 //! so that the same seed gives the same bytes with any number of them.
 
@@ -6,25 +6,25 @@ use rayon::prelude::*;
 use selvedge_model::{Instructions, Network, PackedWeights, Purpose};
 
 use crate::config::TrainConfig;
+use crate::engine::micro_batch::{Context, MicroBatch};
 use crate::engine::{Batch, Engine, EngineError, Learned, Setup, Update};
 use crate::losses::LossTerms;
 use crate::optimizer::clip_norm;
-use crate::shard::{Context, Shard};
 
-/// Shards and what they share.
-pub(crate) struct Shards {
+/// CpuEngine and what they share.
+pub(crate) struct CpuEngine {
     packed: PackedWeights<f32>,
-    shards: Vec<Shard>,
+    shards: Vec<MicroBatch>,
     /// The mean over the batch, `[parameters]`.
     gradient: Vec<f32>,
     samples: usize,
 }
 
-impl Shards {
+impl CpuEngine {
     pub(crate) fn new(cfg: &TrainConfig, network: &Network, weights: &[f32]) -> Self {
         let (samples, shard) = (cfg.batch.samples, cfg.batch.shard);
         let shards = (0..samples.div_ceil(shard))
-            .map(|k| Shard::new(cfg, weights.len(), samples - k * shard))
+            .map(|k| MicroBatch::new(cfg, weights.len(), samples - k * shard))
             .collect();
         let (purpose, using) = (Purpose::Training, Instructions::Detected);
         Self {
@@ -52,7 +52,7 @@ impl Shards {
     }
 }
 
-impl Engine for Shards {
+impl Engine for CpuEngine {
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
         let Setup {
             cfg,
@@ -60,12 +60,12 @@ impl Engine for Shards {
             normalizers,
             statistics,
             learned,
-            corpus,
+            set,
         } = batch.setup;
         self.packed.update(network, &learned.weights);
         let context = Context {
             cfg,
-            corpus,
+            set,
             network,
             weights: &self.packed,
             normalizers,
@@ -73,13 +73,13 @@ impl Engine for Shards {
             step: batch.step,
         };
         batch
-            .lanes
+            .slots
             .par_chunks_mut(cfg.batch.shard)
             .zip(&mut self.shards)
             .enumerate()
-            .for_each(|(number, (lanes, shard))| match batch.frames {
-                1 => shard.learn(&context, number, lanes),
-                frames => shard.learn_unrolled(&context, (number, frames), lanes),
+            .for_each(|(number, (slots, shard))| match batch.frames {
+                1 => shard.learn(&context, number, slots),
+                frames => shard.learn_unrolled(&context, (number, frames), slots),
             });
         self.sum_gradients();
         let terms = self.shards.iter().flat_map(|shard| &shard.terms);

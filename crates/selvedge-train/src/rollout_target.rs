@@ -13,8 +13,8 @@ use glam::DVec3;
 use selvedge_model::{ClothGraph, Yaw};
 use serde::{Deserialize, Serialize};
 
-use crate::corpus::Corpus;
-use crate::lane::LaneState;
+use crate::slot::Slot;
+use crate::training_set::TrainingSet;
 
 /// Means over neighbours that take the wrinkles out of an offset.
 const SMOOTHINGS: usize = 16;
@@ -22,7 +22,7 @@ const SMOOTHINGS: usize = 16;
 /// What becomes of an offset from the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Return {
+pub enum OffsetRule {
     /// A part of what is smooth of it is taken back every frame (`correction`).
     Decaying {},
     /// It swings about the truth.
@@ -36,14 +36,14 @@ pub enum Return {
     },
 }
 
-impl Default for Return {
+impl Default for OffsetRule {
     fn default() -> Self {
         Self::Decaying {}
     }
 }
 
 /// The offset of one rollout, frame by frame, in local axes `[m]`, `[vertices]`.
-pub(crate) struct Aim {
+pub(crate) struct RolloutTarget {
     rule: Rule,
     /// What is left k frames after the start.
     now: Vec<DVec3>,
@@ -65,30 +65,30 @@ enum Rule {
     },
 }
 
-impl Aim {
-    /// From where `lane` stands; `correction` is γ.
+impl RolloutTarget {
+    /// From where `slot` stands; `correction` is γ.
     pub(crate) fn new(
-        what: Return,
+        what: OffsetRule,
         correction: f64,
-        lane: &LaneState,
-        (corpus, yaw): (&Corpus, Yaw),
+        slot: &Slot,
+        (set, yaw): (&TrainingSet, Yaw),
     ) -> Self {
-        let graph = &*corpus.motion(lane.section.trajectory).graph;
-        let offset = lane.offset(corpus, yaw);
+        let graph = &*set.motion(slot.section.trajectory).graph;
+        let offset = slot.offset(set, yaw);
         let mut smooth = offset.clone();
         smoothen(graph, &mut smooth);
         let rule = match what {
-            Return::Decaying {} => Rule::Decaying {
+            OffsetRule::Decaying {} => Rule::Decaying {
                 start: smooth,
                 kept: 1.0 - correction,
                 frames: 0,
             },
-            Return::Swinging {
+            OffsetRule::Swinging {
                 damping,
                 stiffness,
                 wrinkles,
             } => {
-                let mut velocity = lane.offset_velocity(corpus, yaw);
+                let mut velocity = slot.offset_velocity(set, yaw);
                 smoothen(graph, &mut velocity);
                 let apart = offset.iter().zip(&smooth);
                 Rule::Swinging {

@@ -8,14 +8,14 @@ use selvedge_data::Trajectory;
 const TOLERANCE: f64 = 1e-3;
 
 /// Where the handles of a trajectory go.
-pub(super) struct Track {
+pub(super) struct HandlePath {
     handles: usize,
     frame_rate: f64,
     /// From the middle of where they start `[m]`, `[frames * handles]`.
     places: Vec<DVec3>,
 }
 
-impl Track {
+impl HandlePath {
     /// That of `trajectory`.
     pub(super) fn of(trajectory: &Trajectory) -> Self {
         let handles = trajectory.handles();
@@ -59,8 +59,8 @@ mod tests {
     use crate::test_data::trajectory;
 
     /// `number`'s swing, turned by `yaw` and moved by `offset`.
-    fn track(number: usize, yaw: f64, offset: DVec3) -> Track {
-        let mut track = Track::of(&trajectory(("a", 9, 40), number));
+    fn track(number: usize, yaw: f64, offset: DVec3) -> HandlePath {
+        let mut track = HandlePath::of(&trajectory(("a", 9, 40), number));
         let (sin, cos) = yaw.sin_cos();
         for place in &mut track.places {
             let p = *place;
@@ -75,7 +75,7 @@ mod tests {
         for yaw in [0.0, 0.7, -2.0, std::f64::consts::PI] {
             assert!(path.goes_as(&track(0, yaw, DVec3::ZERO)), "{yaw}");
         }
-        let start = |frames| Track::of(&trajectory(("a", 9, frames), 0));
+        let start = |frames| HandlePath::of(&trajectory(("a", 9, frames), 0));
         assert!(path.goes_as(&start(20)), "as far as it goes");
         assert!(!path.goes_as(&start(19)), "too short to tell");
     }
@@ -86,7 +86,7 @@ mod tests {
         assert!(!path.goes_as(&track(1, 0.0, DVec3::ZERO)));
         assert!(!path.goes_as(&track(0, 0.0, DVec3::Y * 2e-3)));
         let mirrored = trajectory(("a", 9, 40), 0).mirrored();
-        assert!(!path.goes_as(&Track::of(&mirrored)));
+        assert!(!path.goes_as(&HandlePath::of(&mirrored)));
         let mut slower = track(0, 0.0, DVec3::ZERO);
         slower.frame_rate = 30.0;
         assert!(!path.goes_as(&slower));

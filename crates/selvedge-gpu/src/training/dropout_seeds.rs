@@ -2,7 +2,7 @@
 //! of a shard go through the network together.
 
 use selvedge_model::{Connectivity, Dropout as CpuDropout};
-use selvedge_train::LaneRun;
+use selvedge_train::SlotRun;
 
 use super::plan::{FramePlan, TrainingPlan};
 use crate::device::{DeviceError, Loaded};
@@ -10,12 +10,12 @@ use crate::network::{dropout_numbers, dropout_seeds};
 
 /// Which numbers of rows are on the device.
 #[derive(Default)]
-pub(super) struct Drops {
+pub(super) struct DropoutSeeds {
     /// For each frame, the lanes that go together in it; 0 for none.
     groups: Vec<usize>,
 }
 
-impl Drops {
+impl DropoutSeeds {
     /// The cloths are others now.
     pub(super) fn forget(&mut self) {
         self.groups.clear();
@@ -27,7 +27,7 @@ impl Drops {
         loaded: &mut dyn Loaded,
         plan: &TrainingPlan,
         (frame, number): (&FramePlan, usize),
-        (runs, group): (&[LaneRun<'_>], usize),
+        (runs, group): (&[SlotRun<'_>], usize),
     ) -> Result<(), DeviceError> {
         let Some(dropout) = &frame.dropout else {
             return Ok(());
@@ -64,7 +64,7 @@ fn places(plan: &TrainingPlan) -> [usize; 2] {
 /// The numbers of the rows of all lanes, `group` going together, in their places: 0 where a place is empty.
 fn numbers(
     plan: &TrainingPlan,
-    runs: &[LaneRun<'_>],
+    runs: &[SlotRun<'_>],
     (steps, group): ([usize; 2], usize),
 ) -> [Vec<u32>; 2] {
     let mut numbers = [(); 2].map(|()| Vec::<u32>::new());
