@@ -17,15 +17,17 @@ pub use features::{
     node_columns, node_features, node_features_backward, node_groups,
 };
 pub use graph::{
-    ClothGraph, ClothParts, Connectivity, GraphError, Hinge, Link, LocalFrame, Yaw, geometry,
+    ClothGraph, ClothParts, ClothSize, Connectivity, GraphError, Hinge, Link, LocalFrame, Yaw,
+    geometry,
 };
+pub use kernels::Dropout;
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
 pub use network::cost::{Activations, FirstEdgeLayer, Flops, activations, flops};
 pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
 pub use network::workspace::{EncoderState, Workspace};
-pub use network::{Dropout, Gradients, Input, InputGradient, Network, Pass, StateGradients};
+pub use network::{Gradients, Input, InputGradient, Network, Pass, StateGradients};
 pub use network::{reference, roofline};
 pub use rollout::{
     LearnedStepper, MODEL_FORMAT, Model, ModelError, ModelFileError, Normalizers, RolloutError,

@@ -65,7 +65,7 @@ impl Case {
         }
     }
 
-    fn objective(&self, weights: &[f64], pass: Pass, workspace: &mut Workspace<f64>) -> f64 {
+    fn objective(&self, weights: &[f64], pass: Pass<'_>, workspace: &mut Workspace<f64>) -> f64 {
         let out = self
             .network
             .forward(weights, &self.graph, self.input(), pass, workspace);
@@ -176,7 +176,10 @@ fn f32_agrees(case: &Case, name: &str) {
 
 #[test]
 fn gradients_match_finite_differences_in_every_tensor() {
-    let dropout = Dropout { rate: 0.2, seed: 7 };
+    let dropout = Dropout {
+        rate: 0.2,
+        seeds: &[7],
+    };
     for (number, spec) in specs().iter().enumerate() {
         let dropout = [1, 5].contains(&number).then_some(dropout);
         let mut case = case(spec, 4, 3);
@@ -226,7 +229,7 @@ fn weights_only(weights: &mut [f64]) -> Gradients<'_, f64> {
 }
 
 /// The gradient of every seventh number of the input against finite differences.
-fn check_input_gradient(case: &mut Case, pass: Pass, nodes: &[f64], edges: &[f64]) {
+fn check_input_gradient(case: &mut Case, pass: Pass<'_>, nodes: &[f64], edges: &[f64]) {
     type Part = fn(&mut Case) -> &mut Vec<f64>;
     let parts: [(&str, Part, &[f64]); 2] = [
         ("nodes", |case| &mut case.nodes, nodes),
@@ -252,7 +255,7 @@ fn check_input_gradient(case: &mut Case, pass: Pass, nodes: &[f64], edges: &[f64
     }
 }
 
-fn slope(case: &Case, place: usize, pass: Pass, workspace: &mut Workspace<f64>) -> f64 {
+fn slope(case: &Case, place: usize, pass: Pass<'_>, workspace: &mut Workspace<f64>) -> f64 {
     let step = 1e-5;
     let mut weights = case.weights.clone();
     weights[place] += step;
@@ -266,11 +269,22 @@ fn slope(case: &Case, place: usize, pass: Pass, workspace: &mut Workspace<f64>) 
 fn dropout_changes_training_only_and_follows_its_seed() {
     let case = case(&ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1), 5, 4);
     let run = |pass| case.objective(&case.weights, pass, &mut Workspace::new());
-    let dropped = |seed| Pass::Training(Some(Dropout { rate: 0.5, seed }));
+    let dropped = |seeds: &'static [u64]| Pass::Training(Some(Dropout { rate: 0.5, seeds }));
     assert_eq!(run(Pass::Inference), run(Pass::Training(None)));
-    assert_eq!(run(dropped(1)), run(dropped(1)));
-    assert_ne!(run(dropped(1)), run(dropped(2)));
-    assert_ne!(run(dropped(1)), run(Pass::Inference));
+    assert_eq!(run(dropped(&[1])), run(dropped(&[1])));
+    assert_ne!(run(dropped(&[1])), run(dropped(&[2])));
+    assert_ne!(run(dropped(&[1])), run(Pass::Inference));
+}
+
+/// The input of a union. Inputs are window-major: the parts' rows alternate step by step.
+fn join(parts: &[Case], of: fn(&Case) -> &[f64], window: usize) -> Vec<f64> {
+    let steps = (0..window).flat_map(|step| {
+        parts.iter().flat_map(move |part| {
+            let rows = of(part).len() / window;
+            of(part)[step * rows..][..rows].to_vec()
+        })
+    });
+    steps.collect()
 }
 
 #[test]
@@ -278,18 +292,8 @@ fn a_union_computes_what_its_parts_compute() {
     for spec in specs() {
         let parts = &[case(&spec, 3, 5), case(&spec, 50, 6)];
         let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
-        // Window-major inputs: the parts' rows alternate step by step.
-        let join = |of: fn(&Case) -> &[f64], window: usize| {
-            let steps = (0..window).flat_map(|step| {
-                parts.iter().flat_map(move |part| {
-                    let rows = of(part).len() / window;
-                    of(part)[step * rows..][..rows].to_vec()
-                })
-            });
-            steps.collect::<Vec<f64>>()
-        };
-        let nodes = join(|c| &c.nodes, spec.node_window());
-        let edges = join(|c| &c.edges, spec.edge_window());
+        let nodes = join(parts, |c| &c.nodes, spec.node_window());
+        let edges = join(parts, |c| &c.edges, spec.edge_window());
         let input = Input {
             nodes: &nodes,
             edges: &edges,
@@ -302,6 +306,40 @@ fn a_union_computes_what_its_parts_compute() {
             .iter()
             .flat_map(|part| reference::forward(network, weights, &part.graph, part.input()))
             .collect();
+        assert_eq!(together.len(), apart.len());
+        for (a, b) in together.iter().zip(&apart) {
+            assert!((a - b).abs() < 1e-11);
+        }
+    }
+}
+
+#[test]
+fn a_cloth_drops_the_same_values_alone_and_in_a_union() {
+    for spec in specs().iter().filter(|spec| spec.window() > 1) {
+        let parts = &[case(spec, 3, 5), case(spec, 150, 6)];
+        let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
+        let (nodes, edges) = (
+            join(parts, |c| &c.nodes, spec.node_window()),
+            join(parts, |c| &c.edges, spec.edge_window()),
+        );
+        let input = Input {
+            nodes: &nodes,
+            edges: &edges,
+        };
+        let (network, weights) = (&parts[0].network, &parts[0].weights);
+        let dropped = |seeds| Pass::Training(Some(Dropout { rate: 0.4, seeds }));
+        let mut workspace = Workspace::new();
+        let pass = dropped(&[8, 9]);
+        let together = network
+            .forward(weights, &whole, input, pass, &mut workspace)
+            .to_vec();
+        let alone = |part: &Case, seeds| {
+            let (graph, pass) = (&part.graph, dropped(seeds));
+            let mut workspace = Workspace::new();
+            let out = network.forward(weights, graph, part.input(), pass, &mut workspace);
+            out.to_vec()
+        };
+        let apart = [alone(&parts[0], &[8]), alone(&parts[1], &[9])].concat();
         assert_eq!(together.len(), apart.len());
         for (a, b) in together.iter().zip(&apart) {
             assert!((a - b).abs() < 1e-11);

@@ -82,8 +82,8 @@ impl Need {
         let of = |graph: &ClothGraph| {
             let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
             match on {
-                Arithmetic::OnProcessor => of_lanes(cfg, vertices, arcs),
-                Arithmetic::OnDevice => of_sent_lanes(cfg, vertices, arcs),
+                Arithmetic::OnProcessor => of_slots(cfg, vertices, arcs),
+                Arithmetic::OnDevice => of_sent_slots(cfg, vertices),
             }
         };
         Self {
@@ -118,7 +118,7 @@ fn shard_count(cfg: &TrainConfig) -> usize {
 }
 
 /// What all slots need for a cloth of `vertices` and `arcs` [bytes].
-fn of_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
+fn of_slots(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
     let (spec, unrolled) = (&cfg.model, cfg.unroll.most());
     let rows = |of_vertex: usize, of_arc: usize| {
         of_vertex as f64 * vertices as f64 + of_arc as f64 * arcs as f64
@@ -141,17 +141,13 @@ fn of_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
 }
 
 /// The same where a device takes them through the network: what they show, the predictions that come down, and
-/// two copies of what goes up. What is dropped goes up as four words for a row.
-fn of_sent_lanes(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
+/// two copies of what goes up.
+fn of_sent_slots(cfg: &TrainConfig, vertices: usize) -> f64 {
     let history = POSITION * (cfg.model.history() * vertices) as f64;
     let targets = 3.0 * EXACT_POSITION * vertices as f64;
     let sent = history.max(EXACT_POSITION * vertices as f64);
     let predicted = 2.0 * POSITION * vertices as f64;
-    let dropped = match cfg.dropout > 0.0 {
-        true => 4.0 * NUMBER * (vertices + arcs) as f64,
-        false => 0.0,
-    };
-    cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * (sent + dropped))
+    cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * sent)
 }
 
 /// What this program may take `[bytes]`: the machine's memory, or what the system allows of it.

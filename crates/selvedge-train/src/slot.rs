@@ -43,7 +43,7 @@ pub struct ShownSample {
     pub next_handles: Vec<Vec3>,
     /// Previous, current and target positions in the local frame of the current ones `[m]`.
     pub local: [Vec<DVec3>; 3],
-    /// Decides the dropout of this sample's shard.
+    /// Decides what is dropped of this sample.
     pub dropout_seed: u64,
 }
 

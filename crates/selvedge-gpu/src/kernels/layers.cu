@@ -108,10 +108,12 @@ INNER unsigned long long split_mix(unsigned long long number) {
     return z ^ (z >> 31);
 }
 
-// Dropout: each value is zero where the upper half of its hash is below the threshold, else scaled.
+// Dropout: each value is zero where the upper half of its hash is below the threshold, else scaled. Rows
+// are counted within the place of their cloth, in all its frames.
 KERNEL(dropout) {
-    const unsigned long long seed = seeds[2 * ROW] | (unsigned long long)seeds[2 * ROW + 1] << 32;
-    const unsigned long long row = numbers[2 * ROW] + (unsigned long long)step * numbers[2 * ROW + 1];
+    const unsigned cloth = ROW / place;
+    const unsigned long long seed = seeds[2 * cloth] | (unsigned long long)seeds[2 * cloth + 1] << 32;
+    const unsigned long long row = (unsigned long long)(ROW % place) * steps + step;
     FOR_COLUMNS(j, k) {
         const unsigned long long hash = split_mix(seed + row * LATENT + k);
         ROW_OF(after, LATENT)[k] = ROW_OF(before, LATENT)[k] * (hash >> 32 >= threshold ? scale : 0.0f);

@@ -133,8 +133,9 @@ pub static DROPOUT: Kernel = Kernel {
     parameters: &[
         latent_rows("before", In),
         latent_rows("after", Out),
-        Parameter::per_count("numbers", Indices, Width::Numbers(2)),
-        Parameter::per_count("seeds", Indices, Width::Numbers(2)),
+        Parameter::any("seeds", Indices),
+        Parameter::any("place", Count),
+        Parameter::any("steps", Count),
         Parameter::any("step", Count),
         Parameter::any("threshold", Count),
         Parameter::any("scale", Number),

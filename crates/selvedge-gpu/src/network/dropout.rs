@@ -1,36 +1,62 @@
-//! Dropout between the layers of the recurrent encoders, the same values as on the CPU.
+//! Dropout between the layers of the recurrent encoders, with the masks of the CPU: a value's fate follows
+//! from its cloth's seed, its row within the cloth, its frame and its column.
 
-use selvedge_model::{Connectivity, Dropout as CpuDropout};
+use selvedge_model::Dropout as CpuDropout;
 
+use crate::device::{DeviceError, Loaded};
 use crate::kernels::layers::DROPOUT;
-use crate::schedule::plan::Region;
+use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Argument, Schedule};
 
-/// What is dropped: value `column` of a row in `step` has the number
-/// (first + step apart) latent + column, which is added to the row's seed and hashed.
+/// Dropout of a union whose cloths have places of one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dropout {
     /// Probability of a zero.
     pub rate: f64,
-    /// For vertices and for arcs: of each row its first number, and how far those of its steps are
-    /// apart, `[rows, 2]`.
-    pub numbers: [Region; 2],
-    /// For vertices and for arcs: the seed of each row, low half first, `[rows, 2]`.
+    /// Vertices and arcs in the place of each cloth.
+    pub place: [usize; 2],
+    /// Frames of vertices and of arcs that the encoders see.
+    pub steps: [usize; 2],
+    /// Seeds of vertices and of arcs of each cloth, low half first, `[cloths, 2]`.
     pub seeds: [Region; 2],
 }
 
-/// Numbers of the rows of vertices, and of those of arcs, for [`Dropout::numbers`]: a graph that goes through the
-/// network on the CPU by itself drops by these. `steps` are frames of vertices and of arcs.
-#[must_use]
-pub fn dropout_numbers(graph: &Connectivity, steps: [usize; 2]) -> [Vec<u32>; 2] {
-    graph.dropout_rows(steps).map(|rows| rows.concat())
+/// Sizes of a union whose cloths have places of one size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DropoutSizes {
+    /// Number of places.
+    pub cloths: usize,
+    /// Vertices and arcs of a place.
+    pub place: [usize; 2],
+    /// Frames of vertices and of arcs.
+    pub steps: [usize; 2],
 }
 
-/// The seed of every row of vertices, and that of every row of arcs, for [`Dropout::seeds`].
-#[must_use]
-pub fn dropout_seeds(dropout: CpuDropout) -> [[u32; 2]; 2] {
-    let halves = |seed: u64| [seed as u32, (seed >> 32) as u32];
-    dropout.seeds().map(halves)
+impl Dropout {
+    /// Room for the seeds of a union; none are needed where nothing is dropped.
+    pub fn new(plan: &mut Plan, rate: f64, sizes: DropoutSizes) -> Option<Self> {
+        (rate > 0.0).then(|| Self {
+            rate,
+            place: sizes.place,
+            steps: sizes.steps,
+            seeds: [(); 2].map(|()| plan.indices("dropout seeds", 2 * sizes.cloths)),
+        })
+    }
+
+    /// Writes the seed of each cloth.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn upload(&self, loaded: &mut dyn Loaded, seeds: &[u64]) -> Result<(), DeviceError> {
+        for (kind, region) in self.seeds.into_iter().enumerate() {
+            let of_rows = seeds.iter().map(|&seed| CpuDropout::row_seeds(seed)[kind]);
+            let halves: Vec<u32> = of_rows
+                .flat_map(|seed| [seed as u32, (seed >> 32) as u32])
+                .collect();
+            loaded.upload(region, &halves)?;
+        }
+        Ok(())
+    }
 }
 
 /// Multiplies rows of vertices (`kind` 0) or arcs (1) by their mask of a step, from the first of `rows`
@@ -41,17 +67,19 @@ pub(super) fn drop_out(
     (kind, step): (usize, usize),
     rows: [Region; 2],
 ) {
-    // As selvedge_model reckons them.
+    // As selvedge_model rounds them.
     let scale = (1.0 / (1.0 - dropout.rate)) as f32;
     let threshold = (dropout.rate * (1_u64 << 32) as f64) as u32;
+    let (seeds, place) = (dropout.seeds[kind], dropout.place[kind]);
     schedule.launch(
         &DROPOUT,
-        dropout.numbers[kind].count() / 2,
+        seeds.count() / 2 * place,
         &[
             rows[0].into(),
             rows[1].into(),
-            dropout.numbers[kind].into(),
-            dropout.seeds[kind].into(),
+            seeds.into(),
+            Argument::Count(place as u32),
+            Argument::Count(dropout.steps[kind] as u32),
             Argument::Count(step as u32),
             Argument::Count(threshold),
             Argument::Number(scale),

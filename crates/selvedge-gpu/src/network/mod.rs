@@ -21,7 +21,7 @@ use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
 
 pub use backward::{BackwardPass, backward};
 use dropout::drop_out;
-pub use dropout::{Dropout, dropout_numbers, dropout_seeds};
+pub use dropout::{Dropout, DropoutSizes};
 pub use encoder::{RowEncoder, row_encoders};
 pub use record::{BlockRecord, EncoderRecord, GruRecord, MlpRecord, Record};
 pub use weights::WeightArrays;

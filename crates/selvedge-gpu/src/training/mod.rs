@@ -7,7 +7,6 @@
 //! up when a lane shows another one.
 
 pub mod adam;
-mod dropout_seeds;
 mod plan;
 mod slot_arrays;
 #[cfg(test)]
@@ -43,10 +42,8 @@ pub struct Training {
     update: Prepared,
     spec: ModelSpec,
     losses: LossWeights,
-    shard: usize,
     /// What lies in the place of each lane.
     cloths: Vec<Option<Arc<ClothGraph>>>,
-    drops: dropout_seeds::DropoutSeeds,
 }
 
 impl Training {
@@ -84,9 +81,7 @@ impl Training {
             update,
             spec: setup.network.spec().clone(),
             losses: setup.cfg.losses,
-            shard: setup.cfg.batch.shard,
             cloths: vec![None; setup.cfg.batch.samples],
-            drops: dropout_seeds::DropoutSeeds::default(),
             plan,
             loaded,
         })
@@ -108,7 +103,6 @@ impl Training {
             }
             places.upload(&mut *self.loaded, lane, (graph, connectivity))?;
             *there = Some(Arc::clone(graph));
-            self.drops.forget();
         }
         Ok(())
     }
@@ -192,10 +186,10 @@ impl Training {
                 self.place_cloths(&runs)?;
             }
             self.upload_frame(&runs, done)?;
-            let group = if frames == 1 { self.shard } else { 1 };
-            let frame = &self.plan.frames[done];
-            self.drops
-                .upload(&mut *self.loaded, &self.plan, (frame, done), (&runs, group))?;
+            if let Some(dropout) = &self.plan.frames[done].dropout {
+                let seeds: Vec<u64> = runs.iter().map(|run| run.shown().dropout_seed).collect();
+                dropout.upload(&mut *self.loaded, &seeds)?;
+            }
             self.loaded.run(self.forward[done])?;
             let found;
             (found, output) = self.judged(done)?;

@@ -3,7 +3,6 @@
 use selvedge_model::{ModelSpec, Network};
 use selvedge_train::TrainConfig;
 
-use super::adam::{self, AdamArrays};
 use super::slot_arrays::union_sizes;
 use crate::cloths::ClothArrays;
 use crate::cloths::features as feature_kernels;
@@ -14,8 +13,8 @@ use crate::cloths::losses::{self, Judged, LossArrays, PlaceSizes, TERMS, Triplet
 use crate::kernels::{Program, Sizes};
 use crate::kernels::{backward as backward_kernels, layers};
 use crate::network::{
-    BackwardPass, Dropout, ForwardPass, InputArrays, Keep, OUTPUTS, Record, StateArrays,
-    WeightArrays, backward, forward,
+    BackwardPass, Dropout, DropoutSizes, ForwardPass, InputArrays, Keep, OUTPUTS, Record,
+    StateArrays, WeightArrays, backward, forward,
 };
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
@@ -193,17 +192,18 @@ impl TrainingPlan {
             Some(_) => [1, 1],
             None => [spec.node_window(), spec.edge_window()],
         };
-        let (rows, slots) = ([sizes.vertices, sizes.arcs], spec.history() + most);
+        let (place, slots) = (self.losses.place, spec.history() + most);
+        let dropout = DropoutSizes {
+            cloths: sizes.cloths,
+            place: [place.vertices, place.arcs],
+            steps,
+        };
         let frame = FramePlan {
             steps,
             frames: FrameArrays::on(plan, spec, sizes, (self.positions, slots)),
             newest: spec.history() - 1 + number,
             triplet: TripletArrays::new(plan, sizes.vertices),
-            dropout: (shared.rate > 0.0).then(|| Dropout {
-                rate: shared.rate,
-                numbers: rows.map(|rows| plan.indices("dropped rows", 2 * rows)),
-                seeds: rows.map(|rows| plan.indices("dropout seeds", 2 * rows)),
-            }),
+            dropout: Dropout::new(plan, shared.rate, dropout),
             weights: plan.floats("weights of lanes", sizes.cloths),
             terms: plan.doubles("terms of losses", sizes.cloths * TERMS),
             output: self.positions.part(0..0),
@@ -322,7 +322,6 @@ impl TrainingPlan {
             given.extend(frame.triplet.regions());
             given.push(frame.weights);
             if let Some(dropout) = &frame.dropout {
-                given.extend(dropout.numbers);
                 given.extend(dropout.seeds);
             }
         }

@@ -1,13 +1,11 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
-use std::ops::Range;
-
 use selvedge_cloth::Topology;
 
 use crate::graph::ClothGraph;
 use crate::graph::levels::Arcs;
-use crate::graph::partition::{Leaf, chunks, leaves};
+use crate::graph::partition::{Leaf, leaves};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
 /// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
@@ -19,6 +17,16 @@ pub struct Connectivity {
     pub(crate) first_arc: Vec<u32>,
     pub(crate) twins: Vec<u32>,
     pub(crate) leaves: Vec<Leaf>,
+    cloths: Vec<ClothSize>,
+}
+
+/// Size of one cloth of a graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClothSize {
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of arcs.
+    pub arcs: usize,
 }
 
 impl Connectivity {
@@ -62,6 +70,10 @@ impl Connectivity {
             senders: senders.to_vec(),
             receivers: receivers.to_vec(),
             leaves: leaves(&first_arc),
+            cloths: vec![ClothSize {
+                vertices: vertex_count,
+                arcs: senders.len(),
+            }],
             first_arc,
             twins,
         }
@@ -78,6 +90,7 @@ impl Connectivity {
             first_arc: vec![0],
             twins: Vec::new(),
             leaves: Vec::new(),
+            cloths: Vec::new(),
         };
         for part in parts {
             let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
@@ -91,6 +104,7 @@ impl Connectivity {
             whole
                 .first_arc
                 .extend(part.first_arc[1..].iter().map(|a| a + arcs));
+            whole.cloths.extend(&part.cloths);
             whole.twins.extend(part.twins.iter().map(|a| a + arcs));
         }
         whole.leaves = leaves(&whole.first_arc);
@@ -133,25 +147,10 @@ impl Connectivity {
         &self.twins
     }
 
-    /// How [`crate::Dropout`] counts rows, of every vertex `[vertices]` and of every arc `[arcs]`: the
-    /// number of its row in the first of `steps` frames, and what is added for each frame after that.
+    /// The cloths in order.
     #[must_use]
-    pub fn dropout_rows(&self, steps: [usize; 2]) -> [Vec<[u32; 2]>; 2] {
-        let of = |rows: fn(&Leaf) -> &Range<usize>, steps: usize| {
-            let chunks = self
-                .leaves
-                .iter()
-                .flat_map(move |leaf| chunks(rows(leaf).clone()));
-            let rows = chunks.flat_map(move |chunk| {
-                let (first, count) = (chunk.start * steps, chunk.len());
-                (0..count).map(move |row| [first + row, count].map(|n| n as u32))
-            });
-            rows.collect()
-        };
-        [
-            of(|leaf| &leaf.vertices, steps[0]),
-            of(|leaf| &leaf.arcs, steps[1]),
-        ]
+    pub fn cloths(&self) -> &[ClothSize] {
+        &self.cloths
     }
 }
 

@@ -9,6 +9,6 @@ pub(crate) mod levels;
 pub(crate) mod partition;
 
 pub use cloth_graph::{ClothGraph, ClothParts, GraphError, Hinge};
-pub use connectivity::Connectivity;
+pub use connectivity::{ClothSize, Connectivity};
 pub use frame::{LocalFrame, Yaw};
 pub use levels::Link;

@@ -7,6 +7,7 @@
 //! is used here).
 
 pub(crate) mod aligned;
+mod dropout;
 mod gates;
 pub(crate) mod gemm;
 mod norm;
@@ -16,6 +17,8 @@ pub(crate) mod simd;
 
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
+pub use dropout::Dropout;
+pub(crate) use dropout::{ClothRows, RowMasks};
 pub(crate) use gates::{
     GateGradients, GruStep, gate_slots, gru_gates_backward, gru_step, pack_biases, pack_gates,
 };

@@ -235,7 +235,7 @@ impl Network {
     ) {
         let (spec, latent) = (&self.spec, self.spec.latent);
         let windows = self.windows(graph, given.0, given.1);
-        let inputs = self.encoder_inputs(given, windows, w.dropout);
+        let inputs = self.encoder_inputs(given, windows, &w.dropout);
         let widths = [
             windows[0] * spec.node_width(),
             windows[1] * spec.edge_width(),

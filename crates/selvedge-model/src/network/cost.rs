@@ -129,8 +129,9 @@ mod tests {
     use super::*;
     use crate::graph::ClothGraph;
     use crate::graph::connectivity::Connectivity;
+    use crate::kernels::Dropout;
     use crate::network::workspace::Workspace;
-    use crate::network::{Dropout, Gradients, Input, Network, Pass};
+    use crate::network::{Gradients, Input, Network, Pass};
     use crate::test_cloth::parts;
 
     #[test]
@@ -158,7 +159,10 @@ mod tests {
                 };
                 let connectivity = Connectivity::of(graph.topology());
                 let mut workspace = Workspace::new();
-                let pass = Pass::Training(Some(Dropout { rate: 0.5, seed: 1 }));
+                let pass = Pass::Training(Some(Dropout {
+                    rate: 0.5,
+                    seeds: &[1],
+                }));
                 network.forward(&weights, &connectivity, input, pass, &mut workspace);
                 let mut gradient = vec![0.0; weights.len()];
                 let gradients = Gradients {

@@ -3,8 +3,8 @@
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{Leaf, Rows};
-use crate::kernels::Normalised;
 use crate::kernels::real::Real;
+use crate::kernels::{Normalised, RowMasks};
 use crate::network::layers::block::BlockRows;
 use crate::network::layers::encoder::{EncoderInput, EncoderRows};
 use crate::network::packed::{PackedWeights, Purpose};
@@ -30,7 +30,7 @@ impl Network {
         weights: &[T],
         graph: &Connectivity,
         input: Input<'_, T>,
-        pass: Pass,
+        pass: Pass<'_>,
         workspace: &'w mut Workspace<T>,
     ) -> &'w [T] {
         let purpose = match pass {
@@ -64,7 +64,7 @@ impl Network {
         weights: &PackedWeights<T>,
         graph: &Connectivity,
         input: Input<'_, T>,
-        pass: Pass,
+        pass: Pass<'_>,
         workspace: &'w mut Workspace<T>,
     ) -> &'w [T] {
         self.forward_carried(
@@ -86,7 +86,7 @@ impl Network {
         weights: &PackedWeights<T>,
         graph: &Connectivity,
         (input, state): (Input<'_, T>, &EncoderState<T>),
-        pass: Pass,
+        pass: Pass<'_>,
         workspace: &'w mut Workspace<T>,
     ) -> &'w [T] {
         let arguments = ForwardPass {
@@ -145,20 +145,20 @@ impl Network {
         &self,
         (input, state): (Input<'a, T>, &'a EncoderState<T>),
         windows: [usize; 2],
-        dropout: Option<super::Dropout>,
+        [of_vertices, of_arcs]: &'a [RowMasks; 2],
     ) -> [EncoderInput<'a, T>; 2] {
         let nodes = EncoderInput {
             window: windows[0],
             features: input.nodes,
             width: self.spec.node_width(),
-            dropout,
+            dropout: of_vertices.active(),
             start: state.nodes.each_ref().map(|s| &**s),
         };
         let edges = EncoderInput {
             window: windows[1],
             features: input.edges,
             width: self.spec.edge_width(),
-            dropout: dropout.map(super::Dropout::other),
+            dropout: of_arcs.active(),
             start: state.edges.each_ref().map(|s| &**s),
         };
         [nodes, edges]
@@ -174,7 +174,7 @@ impl Network {
         w: &mut Workspace<T>,
     ) {
         let latent = self.spec.latent;
-        let [nodes, edges] = self.encoder_inputs(given, windows, w.dropout);
+        let [nodes, edges] = self.encoder_inputs(given, windows, &w.dropout);
         let (node_record, edge_record) = if w.kept {
             let nodes = w.node_encoder.rows(&self.node_encoder);
             (nodes, w.edge_encoder.rows(&self.edge_encoder))

@@ -14,6 +14,7 @@ pub(crate) mod workspace;
 
 use std::ops::Range;
 
+use crate::kernels::Dropout;
 use crate::kernels::real::Real;
 use crate::network::layers::block::{Block, BlockRecord};
 use crate::network::layers::encoder::EncoderLayers;
@@ -74,58 +75,11 @@ pub struct InputGradient<'a, T> {
 
 /// What a pass through the network is for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Pass {
+pub enum Pass<'a> {
     /// To use the output: activations are not kept.
     Inference,
     /// To learn from it: activations are kept for [`Network::backward`].
-    Training(Option<Dropout>),
-}
-
-/// Dropout between the layers of the recurrent encoder: a value is zero with probability `rate`,
-/// else divided by 1 - `rate`. Which ones follows from `seed` alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dropout {
-    /// Probability of a zero.
-    pub rate: f64,
-    /// Decides which values.
-    pub seed: u64,
-}
-
-impl Dropout {
-    /// Multiplies `values`, the first of which has number `first`, by their mask.
-    pub(crate) fn apply<T: Real>(self, values: &mut [T], first: usize) {
-        let scale = T::from_f64(1.0 / (1.0 - self.rate));
-        let threshold = (self.rate * (1u64 << 32) as f64) as u64;
-        for (number, value) in values.iter_mut().enumerate() {
-            let hash = split_mix(self.seed.wrapping_add((first + number) as u64));
-            let kept = hash >> 32 >= threshold;
-            *value *= if kept { scale } else { T::ZERO };
-        }
-    }
-
-    /// What the masks of vertices and of arcs follow from: value `column` of a row with number `row`
-    /// ([`crate::Connectivity::dropout_rows`]) is zero where the upper half of the hash (SplitMix64) of
-    /// seed + row · latent + column is below `rate`.
-    #[must_use]
-    pub fn seeds(self) -> [u64; 2] {
-        [self.seed, self.other().seed]
-    }
-
-    /// The mask of the other encoder.
-    fn other(self) -> Self {
-        Self {
-            seed: split_mix(!self.seed),
-            ..self
-        }
-    }
-}
-
-/// A hash of 64 bits to 64 bits (Steele, Lea and Flood 2014).
-fn split_mix(number: u64) -> u64 {
-    let z = number.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
+    Training(Option<Dropout<'a>>),
 }
 
 impl Network {
@@ -255,11 +209,16 @@ impl Network {
         [vertices, arcs]: [usize; 2],
         windows: [usize; 2],
     ) {
-        let dropout = w.dropout;
-        w.node_encoder
-            .fit(&self.node_encoder, (vertices, windows[0]), dropout);
-        w.edge_encoder
-            .fit(&self.edge_encoder, (arcs, windows[1]), dropout);
+        w.node_encoder.fit(
+            &self.node_encoder,
+            (vertices, windows[0]),
+            w.dropout[0].active(),
+        );
+        w.edge_encoder.fit(
+            &self.edge_encoder,
+            (arcs, windows[1]),
+            w.dropout[1].active(),
+        );
         w.blocks
             .resize_with(self.blocks.len(), BlockRecord::default);
         for (record, block) in w.blocks.iter_mut().zip(&self.blocks) {

@@ -12,7 +12,7 @@ pub struct ForwardPass<'a, T> {
     pub(crate) weights: &'a PackedWeights<T>,
     pub(crate) graph: &'a Connectivity,
     pub(crate) given: (Input<'a, T>, &'a EncoderState<T>),
-    pub(crate) pass: Pass,
+    pub(crate) pass: Pass<'a>,
     pub(crate) workspace: &'a mut Workspace<T>,
 }
 

@@ -9,12 +9,13 @@ use crate::graph::connectivity::Connectivity;
 use crate::kernels::aligned::Aligned;
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
+use crate::kernels::{ClothRows, Dropout, RowMasks};
 use crate::network::layers::block::BlockRecord;
 use crate::network::layers::encoder::EncoderRecord;
 use crate::network::layers::mlp::MlpRecord;
 use crate::network::layers::{GroupScratch, Scratch};
 use crate::network::packed::PackedWeights;
-use crate::network::{Dropout, Network, OUTPUTS, Pass};
+use crate::network::{Network, OUTPUTS, Pass};
 
 /// Groups of leaves whose gradients are summed by themselves, in any graph that has as many leaves.
 /// More of them are more sums to add, fewer keep fewer threads busy.
@@ -98,7 +99,8 @@ pub struct Workspace<T> {
     pub(crate) first: Aligned<T>,
     /// Gradients of the input, row by row.
     pub(crate) to_input: [Aligned<T>; 2],
-    pub(crate) dropout: Option<Dropout>,
+    /// Masks of vertices and of arcs in the last pass.
+    pub(crate) dropout: [RowMasks; 2],
     /// The encoders' states after the last pass, where the network streams.
     pub(crate) end: EncoderState<T>,
     /// Whether the activations are those of a training pass that no backward pass has used up.
@@ -170,16 +172,13 @@ impl<T: Real> Workspace<T> {
         &mut self,
         network: &Network,
         graph: &Connectivity,
-        pass: Pass,
+        pass: Pass<'_>,
         windows: [usize; 2],
     ) {
         let spec = network.spec();
         let (vertices, arcs, latent) = (graph.vertex_count(), graph.arc_count(), spec.latent);
         self.kept = matches!(pass, Pass::Training(_));
-        self.dropout = match pass {
-            Pass::Inference => None,
-            Pass::Training(dropout) => dropout.filter(|dropout| dropout.rate > 0.0),
-        };
+        self.fit_dropout(graph, pass, windows.map(|frames| frames * latent));
         self.nodes.resize(vertices * latent);
         self.edges.resize(arcs * latent);
         self.at[0].resize(vertices * 2 * latent);
@@ -197,6 +196,28 @@ impl<T: Real> Workspace<T> {
         }
         if self.kept {
             network.fit_records(self, [vertices, arcs], windows);
+        }
+    }
+
+    /// Prepares the masks of rows with so many values in all frames.
+    fn fit_dropout(&mut self, graph: &Connectivity, pass: Pass<'_>, values: [usize; 2]) {
+        let none = Dropout {
+            rate: 0.0,
+            seeds: &[],
+        };
+        let Dropout { rate, seeds } = match pass {
+            Pass::Training(Some(dropout)) if dropout.rate > 0.0 => dropout,
+            _ => none,
+        };
+        let cloths = graph.cloths();
+        let seeded = if rate > 0.0 { cloths.len() } else { 0 };
+        assert_eq!(seeds.len(), seeded, "seeds of cloths");
+        for (kind, masks) in self.dropout.iter_mut().enumerate() {
+            let rows = seeds.iter().zip(cloths).map(|(&seed, cloth)| ClothRows {
+                seed: Dropout::row_seeds(seed)[kind],
+                rows: [cloth.vertices, cloth.arcs][kind],
+            });
+            masks.fit(rate, rows, values[kind]);
         }
     }
 

@@ -18,6 +18,7 @@ use crate::training_set::TrainingSet;
 /// The buffers of the samples that go through the network together.
 pub(crate) struct MicroBatch {
     shown: Vec<ShownSample>,
+    seeds: Vec<u64>,
     trajectories: Vec<usize>,
     connectivity: Connectivity,
     places: Vec<Place>,
@@ -49,6 +50,7 @@ impl MicroBatch {
         let samples = cfg.batch.shard.min(remaining);
         Self {
             shown: (0..samples).map(|_| ShownSample::default()).collect(),
+            seeds: Vec::with_capacity(samples),
             trajectories: Vec::new(),
             connectivity: Connectivity::union([]),
             places: Vec::new(),
@@ -141,9 +143,12 @@ impl MicroBatch {
     }
 
     fn forward(&mut self, context: &Context<'_>) {
+        self.seeds.clear();
+        let seeds = self.shown.iter().map(|shown| shown.dropout_seed);
+        self.seeds.extend(seeds);
         let dropout = Dropout {
             rate: context.cfg.dropout,
-            seed: self.shown[0].dropout_seed,
+            seeds: &self.seeds,
         };
         let out = context.network.forward_packed(
             context.weights,

@@ -173,7 +173,7 @@ impl FrameBuffers {
             .normalize(&normalizers.nodes, &normalizers.edges);
         let dropout = Dropout {
             rate: context.cfg.dropout,
-            seed: self.shown.dropout_seed,
+            seeds: &[self.shown.dropout_seed],
         };
         let out = context.network.forward_carried(
             context.weights,

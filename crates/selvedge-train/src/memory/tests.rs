@@ -67,7 +67,7 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     // Two frames of history shown and kept; three positions in f64.
     let positions = 2 * 2 * 12 * 10 + 3 * 24 * 10;
     assert_eq!(
-        of_lanes(&cfg, 10, 30),
+        of_slots(&cfg, 10, 30),
         f64::from(5 * (4 * numbers + positions))
     );
     let network = Network::new(&cfg.model).expect("a network");

@@ -11,15 +11,17 @@ use crate::device::{Loaded, Precision};
 use crate::kernels::{Program, Sizes};
 use crate::kernels::{backward as kernels, layers};
 use crate::network::{
-    Dropout, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, Record, StateArrays,
-    WeightArrays, dropout_numbers, dropout_seeds, forward,
+    Dropout, DropoutSizes, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, Record,
+    StateArrays, WeightArrays, forward,
 };
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
 use crate::test_graphs::{device, numbers, specs, squares, weights};
 
 const RATE: f64 = 0.3;
-const SEED: u64 = 0x1234_5678_9abc_def0;
+/// Squares of a graph, each with its seed.
+const CLOTHS: usize = 2;
+const SEEDS: [u64; CLOTHS] = [0x1234_5678_9abc_def0, 0xfedc_ba98_7654_3210];
 /// What a state that is carried holds everywhere.
 const CARRIED: f32 = 0.2;
 /// The gradient of the last states, everywhere.
@@ -69,11 +71,12 @@ impl Lowered {
         let [input, to_input] =
             [(); 2].map(|()| InputArrays::new(&mut plan, network, &graph, steps));
         let states = [(); 4].map(|()| StateArrays::new(&mut plan, network, &graph));
-        let dropout = drops.then(|| Dropout {
-            rate: RATE,
-            numbers: counts.map(|rows| plan.indices("dropout", 2 * rows)),
-            seeds: counts.map(|rows| plan.indices("seeds", 2 * rows)),
-        });
+        let sizes = DropoutSizes {
+            cloths: CLOTHS,
+            place: counts.map(|rows| rows / CLOTHS),
+            steps,
+        };
+        let dropout = Dropout::new(&mut plan, if drops { RATE } else { 0.0 }, sizes);
         let output = plan.floats("gradient of the output", counts[0] * OUTPUTS);
         let mut schedules = ["pack", "forward", "backward"].map(Schedule::new);
         weights.pack(&mut schedules[0]);
@@ -131,7 +134,6 @@ impl Lowered {
             given.extend(self.states[3].regions());
         }
         if let Some(dropout) = &self.dropout {
-            given.extend(dropout.numbers);
             given.extend(dropout.seeds);
         }
         given.into_iter().for_each(|region| trace.give(region));
@@ -190,17 +192,7 @@ fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> Option<A
         loaded.put(region, values).expect("room");
     }
     if let Some(dropout) = &lowered.dropout {
-        let numbers = dropout_numbers(graph, lowered.input.steps);
-        let seeds = dropout_seeds(CpuDropout {
-            rate: RATE,
-            seed: SEED,
-        });
-        for kind in [0, 1] {
-            let (rows, numbers) = (numbers[kind].len() / 2, &numbers[kind]);
-            loaded.upload(dropout.numbers[kind], numbers).expect("room");
-            let seeds = seeds[kind].repeat(rows);
-            loaded.upload(dropout.seeds[kind], &seeds).expect("room");
-        }
+        dropout.upload(&mut *loaded, &SEEDS).expect("room");
     }
     for schedule in &lowered.schedules {
         let prepared = loaded.prepare(schedule).expect("a schedule");
@@ -238,7 +230,7 @@ fn on_cpu(
     };
     let dropout = drops.then_some(CpuDropout {
         rate: RATE,
-        seed: SEED,
+        seeds: &SEEDS,
     });
     let mut workspace = Workspace::new();
     let pass = Pass::Training(dropout);
@@ -316,8 +308,8 @@ fn gradients_of_weights_and_features_are_those_of_the_cpu() {
 
 #[test]
 fn the_same_values_are_dropped_as_on_the_cpu() {
-    // Several leaves and several chunks.
-    let graph = squares(&[300, 40]);
+    // Several leaves and several chunks; places of one size.
+    let graph = squares(&[150; CLOTHS]);
     for spec in specs().into_iter().filter(|spec| spec.window() > 1) {
         let network = Network::new(&spec).expect("a spec");
         compare(&network, &graph, (Start::Zero, true));
@@ -326,7 +318,7 @@ fn the_same_values_are_dropped_as_on_the_cpu() {
 
 #[test]
 fn gradients_go_through_carried_states_as_on_the_cpu() {
-    let graph = squares(&[30, 17]);
+    let graph = squares(&[25; CLOTHS]);
     let streaming = specs()
         .into_iter()
         .map(|spec| Network::new(&spec).expect("a spec"));

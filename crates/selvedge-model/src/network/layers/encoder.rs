@@ -4,10 +4,9 @@
 use std::ops::Range;
 
 use crate::graph::partition::{chunks, of_rows};
-use crate::kernels::Normalised;
 use crate::kernels::gemm::{Columns, Finish, multiply};
 use crate::kernels::real::Real;
-use crate::network::Dropout;
+use crate::kernels::{Normalised, RowMasks};
 use crate::network::layers::gru::{GruEncoder, GruRecord, GruTile, InputRows, States};
 use crate::network::layers::mlp::{Mlp, MlpRecord};
 use crate::network::layers::{GroupScratch, Scratch};
@@ -44,7 +43,7 @@ pub(crate) struct EncoderInput<'a, T> {
     pub(crate) window: usize,
     pub(crate) features: &'a [T],
     pub(crate) width: usize,
-    pub(crate) dropout: Option<Dropout>,
+    pub(crate) dropout: Option<&'a RowMasks>,
     /// States that are carried over, `[all rows, latent]` each; empty where none are.
     pub(crate) start: States<&'a [T]>,
 }
@@ -77,7 +76,7 @@ impl<T: Real> EncoderRecord<T> {
         &mut self,
         layers: &EncoderLayers,
         (rows, steps): (usize, usize),
-        dropout: Option<Dropout>,
+        dropout: Option<&RowMasks>,
     ) {
         match layers {
             EncoderLayers::Mlp(mlp, ..) => self.mlp.fit(mlp, rows),

@@ -10,10 +10,9 @@ use crate::kernels::gemm::{Columns, Finish, Slot, Term, multiply};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::{
-    GateGradients, GruStep, NormRows, Normalised, add, add_column_sums, gate_slots,
+    GateGradients, GruStep, NormRows, Normalised, RowMasks, add, add_column_sums, gate_slots,
     gru_gates_backward, gru_step, layer_norm, layer_norm_backward, pack_biases, pack_gates,
 };
-use crate::network::Dropout;
 use crate::network::layers::encoder::EncoderEnds;
 use crate::network::layers::{GroupScratch, Scratch};
 use crate::network::packed::{LayerWeights, ModuleSize, Packer, Piece};
@@ -97,7 +96,7 @@ impl<T: Real> GruRecord<T> {
         &mut self,
         encoder: &GruEncoder,
         (rows, steps): (usize, usize),
-        dropout: Option<Dropout>,
+        dropout: Option<&RowMasks>,
     ) {
         let hidden = encoder.linear.inputs;
         self.steps = steps;
@@ -311,7 +310,7 @@ impl GruEncoder {
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, dropout): (InputRows<'_, T>, Option<Dropout>),
+        (input, dropout): (InputRows<'_, T>, Option<&RowMasks>),
         (start, end): (States<&[T]>, States<&mut [T]>),
         (tile, scratch): (GruTile<'_, T>, &mut Scratch<T>),
         out: &mut [T],
@@ -389,7 +388,7 @@ impl GruEncoder {
     fn run_kept<'a, T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, dropout): (InputRows<'_, T>, Option<Dropout>),
+        (input, dropout): (InputRows<'_, T>, Option<&RowMasks>),
         start: States<&[T]>,
         (states, kept, between): (States<&'a mut [T]>, States<&mut [T]>, &mut [T]),
     ) -> States<&'a [T]> {
@@ -416,7 +415,7 @@ impl GruEncoder {
             if let Some(dropout) = dropout {
                 let between = &mut between[step * size..][..size];
                 between.copy_from_slice(after);
-                dropout.apply(between, (input.first * input.steps + step * rows) * hidden);
+                dropout.apply(between, input.first..input.first + rows, step);
                 seen = between;
             }
             let (before, after) = states1[step * size..][..2 * size].split_at_mut(size);
@@ -434,7 +433,7 @@ impl GruEncoder {
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, dropout): (InputRows<'_, T>, Option<Dropout>),
+        (input, dropout): (InputRows<'_, T>, Option<&RowMasks>),
         record: &GruRecord<T>,
         ends: EncoderEnds<'_, T>,
         group: (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
@@ -484,7 +483,7 @@ impl GruEncoder {
             let between = &mut scratch.hidden[..size];
             second.input_backward(weights, gates, between);
             if let Some(dropout) = dropout {
-                dropout.apply(between, (input.first * steps + step * rows) * hidden);
+                dropout.apply(between, input.first..input.first + rows, step);
             }
             add(using, state0, between);
             let x = input.at(step, first.weights.inputs);

@@ -12,6 +12,7 @@ use crate::trainer::Trainer;
 fn first_step(data: &Swinging, encoder: Encoder, samples: usize, shard: usize) -> (Vec<f32>, f64) {
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;
+    cfg.dropout = if encoder == Encoder::MLP { 0.0 } else { 0.2 };
     cfg.batch.samples = samples;
     cfg.batch.shard = shard;
     let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
@@ -120,7 +121,10 @@ impl Whole {
         };
         let (network, graph) = (&self.network, &self.connectivity);
         let mut workspace = Workspace::new();
-        let pass = Pass::Training(Some(Dropout { rate: 0.2, seed: 5 }));
+        let pass = Pass::Training(Some(Dropout {
+            rate: 0.2,
+            seeds: &[5],
+        }));
         let predicted = network
             .forward(weights, graph, input, pass, &mut workspace)
             .to_vec();

@@ -1,0 +1,154 @@
+//! Dropout between the layers of the recurrent encoders: a value becomes 0 with probability `rate` and is
+//! divided by 1 - `rate` otherwise.
+//!
+//! Value `column` of a row in frame `step` becomes 0 where the upper half of the hash (SplitMix64) of
+//! seed + (row · steps + step) · latent + column is below `rate`. The seed belongs to the row's cloth, and
+//! rows are counted within that cloth. The mask of a cloth is therefore the same alone and in any union.
+
+use std::ops::Range;
+
+use crate::kernels::real::Real;
+
+/// Dropout of a training pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dropout<'a> {
+    /// Probability of a zero.
+    pub rate: f64,
+    /// Seed of each cloth of the graph, `[cloths]`.
+    pub seeds: &'a [u64],
+}
+
+impl Dropout<'_> {
+    /// Seeds of the vertices and of the arcs of a cloth with this seed.
+    #[must_use]
+    pub fn row_seeds(seed: u64) -> [u64; 2] {
+        [seed, split_mix(!seed)]
+    }
+}
+
+/// Masks of all rows of one kind, vertices or arcs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RowMasks {
+    rate: f64,
+    /// Hashed number of the first value of each row, `[rows]`; empty without dropout.
+    first: Vec<u64>,
+}
+
+/// Rows of one cloth: their seed and their number.
+pub(crate) struct ClothRows {
+    pub(crate) seed: u64,
+    pub(crate) rows: usize,
+}
+
+impl RowMasks {
+    /// Prepares the masks of the rows of `cloths`, each with `values` values in all its frames.
+    pub(crate) fn fit(
+        &mut self,
+        rate: f64,
+        cloths: impl Iterator<Item = ClothRows>,
+        values: usize,
+    ) {
+        self.rate = rate;
+        self.first.clear();
+        if rate <= 0.0 {
+            return;
+        }
+        for ClothRows { seed, rows } in cloths {
+            let numbers = (0..rows).map(|row| seed.wrapping_add((row * values) as u64));
+            self.first.extend(numbers);
+        }
+    }
+
+    /// These masks, unless they keep every value.
+    pub(crate) fn active(&self) -> Option<&Self> {
+        (self.rate > 0.0).then_some(self)
+    }
+
+    /// Multiplies `values`, those of `rows` in frame `step`, by their mask.
+    pub(crate) fn apply<T: Real>(&self, values: &mut [T], rows: Range<usize>, step: usize) {
+        let scale = T::from_f64(1.0 / (1.0 - self.rate));
+        let threshold = (self.rate * (1u64 << 32) as f64) as u64;
+        let width = values.len() / rows.len().max(1);
+        let values = values.chunks_exact_mut(width.max(1));
+        for (&first, values) in self.first[rows].iter().zip(values) {
+            let first = first.wrapping_add((step * width) as u64);
+            for (column, value) in values.iter_mut().enumerate() {
+                let hash = split_mix(first.wrapping_add(column as u64));
+                let kept = hash >> 32 >= threshold;
+                *value *= if kept { scale } else { T::ZERO };
+            }
+        }
+    }
+}
+
+/// A hash of 64 bits to 64 bits (Steele, Lea and Flood 2014).
+fn split_mix(number: u64) -> u64 {
+    let z = number.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE: f64 = 0.3;
+
+    /// The masks of cloths of so many rows with these seeds, all steps of all rows, `[rows, steps, width]`.
+    fn masks(cloths: &[(u64, usize)], steps: usize, width: usize) -> Vec<f64> {
+        let mut masks = RowMasks::default();
+        let rows = cloths.iter().map(|&(seed, rows)| ClothRows { seed, rows });
+        masks.fit(RATE, rows, steps * width);
+        let count = cloths.iter().map(|(_, rows)| rows).sum::<usize>();
+        let mut all = Vec::new();
+        for row in 0..count {
+            for step in 0..steps {
+                let mut values = vec![1.0; width];
+                masks.apply(&mut values, row..row + 1, step);
+                all.extend(values);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn a_cloth_has_its_mask_alone_and_beside_others() {
+        let together = masks(&[(5, 40), (9, 7), (6, 3)], 2, 8);
+        let apart = [
+            masks(&[(5, 40)], 2, 8),
+            masks(&[(9, 7)], 2, 8),
+            masks(&[(6, 3)], 2, 8),
+        ];
+        assert_eq!(together, apart.concat());
+    }
+
+    #[test]
+    fn rows_taken_together_have_the_masks_of_single_rows() {
+        let mut masks = RowMasks::default();
+        let rows = [
+            ClothRows { seed: 1, rows: 30 },
+            ClothRows { seed: 2, rows: 30 },
+        ];
+        masks.fit(RATE, rows.into_iter(), 3 * 4);
+        let mut chunk = vec![1.0; 40 * 4];
+        masks.apply(&mut chunk, 10..50, 2);
+        for (row, values) in (10..50).zip(chunk.chunks_exact(4)) {
+            let mut single = [1.0; 4];
+            masks.apply(&mut single, row..row + 1, 2);
+            assert_eq!(single[..], *values);
+        }
+    }
+
+    #[test]
+    fn the_part_of_zeros_is_the_rate_and_the_mean_is_kept() {
+        let values = masks(&[(3, 500)], 4, 16);
+        let count = values.len() as f64;
+        let zeros = values.iter().filter(|&&x| x == 0.0).count() as f64 / count;
+        // Six deviations of a mean of 32000 draws: 6 √(0.3 · 0.7 / 32000) = 0.015.
+        assert!((zeros - RATE).abs() < 0.015, "{zeros}");
+        let mean = values.iter().sum::<f64>() / count;
+        assert!((mean - 1.0).abs() < 0.015 / 0.7, "{mean}");
+        assert_ne!(values, masks(&[(4, 500)], 4, 16));
+    }
+}
