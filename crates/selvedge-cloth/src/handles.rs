@@ -44,24 +44,34 @@ impl Handles {
     /// # Errors
     /// [`HandleError::OutOfRange`] or [`HandleError::Repeated`].
     pub fn new(vertices: &[u32], vertex_count: usize) -> Result<Self, HandleError> {
+        let vertices: Vec<VertexId> = vertices.iter().copied().map(VertexId).collect();
+        let handles = Self { vertices };
+        handles.check_range(vertex_count)?;
         let mut seen = std::collections::HashSet::new();
-        for (handle, &vertex) in vertices.iter().enumerate() {
-            if vertex as usize >= vertex_count {
-                return Err(HandleError::OutOfRange {
-                    handle,
-                    vertex,
-                    vertex_count,
-                });
-            }
-            if !seen.insert(vertex) {
-                return Err(HandleError::Repeated {
-                    vertex: VertexId(vertex),
-                });
-            }
+        match handles
+            .vertices
+            .iter()
+            .find(|vertex| !seen.insert(**vertex))
+        {
+            Some(&vertex) => Err(HandleError::Repeated { vertex }),
+            None => Ok(handles),
         }
-        Ok(Self {
-            vertices: vertices.iter().copied().map(VertexId).collect(),
-        })
+    }
+
+    /// Checks that each handle is a vertex of a mesh with `vertex_count` vertices.
+    ///
+    /// # Errors
+    /// [`HandleError::OutOfRange`] names the first handle that is not.
+    pub fn check_range(&self, vertex_count: usize) -> Result<(), HandleError> {
+        let mut handles = self.vertices.iter().enumerate();
+        match handles.find(|(_, vertex)| vertex.index() >= vertex_count) {
+            Some((handle, vertex)) => Err(HandleError::OutOfRange {
+                handle,
+                vertex: vertex.0,
+                vertex_count,
+            }),
+            None => Ok(()),
+        }
     }
 
     /// The handles for which `keep`, `[handles]`, says so, in the same order.

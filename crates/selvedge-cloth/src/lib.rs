@@ -6,6 +6,7 @@
 //! are `f64` where a scene is described and solved ([`glam::DVec3`]) and `f32` where a motion is
 //! handed on ([`glam::Vec3`]). This crate reads no files and moves no cloth.
 
+mod cloth;
 mod environment;
 pub mod generate;
 pub mod geometry;
@@ -22,6 +23,7 @@ mod schedule;
 mod stepper;
 mod topology;
 
+pub use cloth::{Cloth, ClothArrays, ClothError};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};

@@ -63,8 +63,8 @@ impl Scene {
     /// # Errors
     /// The first part that cannot be used.
     pub fn validate(&self) -> Result<(), SceneError> {
-        let vertices: Vec<u32> = self.handles.vertices().iter().map(|v| v.0).collect();
-        Handles::new(&vertices, self.mesh.topology().vertex_count())?;
+        self.handles
+            .check_range(self.mesh.topology().vertex_count())?;
         self.schedule.validate(self.handles.len())?;
         self.material.validate()?;
         self.environment.validate()?;

@@ -45,4 +45,4 @@ pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
     ReadStateError, STATES_FORMAT, SavedState, StateChoice, StateError, StateRun, StateSpec,
 };
-pub use trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
+pub use trajectory::{Provenance, Trajectory, TrajectoryError};

@@ -6,9 +6,9 @@
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Handles, Topology};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::{
-    Cloth, Dataset, DatasetError, DatasetPlan, DatasetPreset, DatasetWriter, Provenance, Section,
+    Dataset, DatasetError, DatasetPlan, DatasetPreset, DatasetWriter, Provenance, Section,
     SectionRule, Split, Trajectory,
 };
 use serde_json::json;
@@ -16,14 +16,14 @@ use serde_json::json;
 /// A triangle that moves by `step` [m] per frame at 2 frames per second.
 fn trajectory(frames: usize, step: f32) -> Trajectory {
     let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let cloth = Cloth {
-        topology: Topology::new(3, &[[0, 1, 2]]).unwrap(),
+    let arrays = ClothArrays {
         rest_positions: corners.to_vec(),
         material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
         vertex_mass: vec![0.1; 3],
         face_area: vec![0.5],
-        handles: Handles::new(&[0], 3).unwrap(),
     };
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
     let positions = (0..frames)
         .flat_map(|f| corners.map(|c| c + Vec3::Z * step * f as f32))
         .collect();

@@ -109,15 +109,15 @@ fn flag_simple_is_read_as_it_was_written() {
         assert_eq!(trajectory.positions(), expected_flag(number));
         assert_eq!(trajectory.frame_rate(), 50.0);
         let cloth = trajectory.cloth();
-        let handles: Vec<u32> = cloth.handles.vertices().iter().map(|v| v.0).collect();
+        let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
         assert_eq!(handles, [6, 8]);
-        assert_eq!(cloth.material_coordinates[5], Vec2::new(1.0, 0.5));
-        assert_eq!(cloth.face_area, [0.125; 8]);
+        assert_eq!(cloth.material_coordinates()[5], Vec2::new(1.0, 0.5));
+        assert_eq!(cloth.face_area(), [0.125; 8]);
         // Half a kilogram in all; the middle vertex has six of the eight faces.
-        assert!((cloth.vertex_mass.iter().sum::<f32>() - 0.5).abs() < 1e-6);
-        assert!((cloth.vertex_mass[4] - 6.0 * 0.125 * 0.5 / 3.0).abs() < 1e-7);
+        assert!((cloth.vertex_mass().iter().sum::<f32>() - 0.5).abs() < 1e-6);
+        assert!((cloth.vertex_mass()[4] - 6.0 * 0.125 * 0.5 / 3.0).abs() < 1e-7);
         // Flat, hanging from y = 0 with u along z; the clockwise record is turned round.
-        assert_eq!(cloth.rest_positions[5], Vec3::new(0.0, -0.5, 0.5));
+        assert_eq!(cloth.rest_positions()[5], Vec3::new(0.0, -0.5, 0.5));
         cloth.mesh().unwrap();
     }
 }
@@ -133,7 +133,7 @@ fn the_rest_pose_and_the_axes_of_flag_simple_can_be_chosen() {
         rest: Some(RestSource::FirstFrame),
         ..flag_options()
     };
-    let rest = read(&first).unwrap().cloth().rest_positions.clone();
+    let rest = read(&first).unwrap().cloth().rest_positions().to_vec();
     assert_eq!(rest, expected_flag(0)[..9]);
     let raw = ImportOptions {
         up: Some(UpAxis::Y),
@@ -147,7 +147,7 @@ fn the_rest_pose_and_the_axes_of_flag_simple_can_be_chosen() {
         ..flag_options()
     };
     let rest = read(&obj(fixture("released/forward/rest.obj"))).unwrap();
-    let rest = rest.cloth().rest_positions[8];
+    let rest = rest.cloth().rest_positions()[8];
     assert_eq!(rest, Vec3::new(0.125, 1.0, -1.0));
     let other = tempfile::tempdir().unwrap();
     let path = other.path().join("other.obj");
@@ -180,10 +180,10 @@ fn released_folders_are_read_as_they_were_written() {
         assert_eq!(trajectory.positions(), expected(number));
         assert_eq!(trajectory.frame_rate(), rate);
         let cloth = trajectory.cloth();
-        assert_eq!(cloth.rest_positions[8], Vec3::new(0.125, 1.0, -1.0));
-        assert_eq!(cloth.material_coordinates[8], Vec2::ONE);
-        assert_eq!(cloth.face_area, [0.125; 8]);
-        assert_eq!(cloth.vertex_mass[4], 0.125);
+        assert_eq!(cloth.rest_positions()[8], Vec3::new(0.125, 1.0, -1.0));
+        assert_eq!(cloth.material_coordinates()[8], Vec2::ONE);
+        assert_eq!(cloth.face_area(), [0.125; 8]);
+        assert_eq!(cloth.vertex_mass()[4], 0.125);
         cloth.mesh().unwrap();
     }
 }
@@ -216,7 +216,7 @@ fn a_sagged_rest_pose_without_texture_takes_its_coordinates_from_a_flat_mesh() {
     );
     options.flat = Some(flat.clone());
     let trajectory = read(&options).unwrap();
-    assert_eq!(trajectory.cloth().material_coordinates[8], Vec2::ONE);
+    assert_eq!(trajectory.cloth().material_coordinates()[8], Vec2::ONE);
     fs::write(&flat, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let error = read(&options).unwrap_err();
     assert!(

@@ -6,10 +6,10 @@ use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{Environment, Handles};
+use selvedge_cloth::{Cloth, Environment, Handles};
 use selvedge_model::{
-    ClothGraph, ClothParts, Connectivity, EdgeFeature, Encoder, Integration, Model, ModelSpec,
-    Network, NodeFeature, Normalizer, Normalizers,
+    ClothGraph, Connectivity, EdgeFeature, Encoder, Integration, Model, ModelSpec, Network,
+    NodeFeature, Normalizer, Normalizers,
 };
 
 use crate::device::Device;
@@ -64,11 +64,11 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
     ]
 }
 
-/// A hanging square of `side`² vertices in moving air, its handles the upper corners.
+/// A hanging square of `side`² vertices, its handles the upper corners.
 ///
 /// The tests of `selvedge-model` have one like it. Nothing depends on their being the same, and a feature to share
 /// it would build that crate and all above it a second time.
-pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
+pub(crate) fn hanging(side: usize, seed: u64) -> Cloth {
     let vertices = side * side;
     let spec = SquareSpec {
         vertices,
@@ -79,32 +79,23 @@ pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
     let [left, right] = sheet.labels["upper-corners"][..] else {
         panic!("two upper corners");
     };
-    let (mesh, rest) = (&sheet.mesh, sheet.mesh.rest_shape(0.15));
-    let coordinates = mesh.material_coordinates().iter().map(|c| c.as_vec2());
+    let handles = Handles::new(&[right, left], vertices).expect("two corners");
+    let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).expect("a cloth");
     let ripple = |p: &DVec3| DVec3::new(0.05 * (9.0 * p.z).sin() * p.y, p.y, p.z);
-    ClothParts {
-        topology: mesh.topology().clone(),
-        handles: Handles::new(&[right, left], vertices).expect("two corners"),
-        vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
-        face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
-        material_coordinates: coordinates.collect(),
-        rest_positions: mesh
-            .positions()
-            .iter()
-            .map(|p| ripple(p).as_vec3())
-            .collect(),
-        environment: Environment {
-            wind: DVec3::new(0.4, 0.1, -0.7),
-            air_drag: 0.3,
-            ..Environment::default()
-        },
-        frame_rate: 60.0,
-    }
+    let rest = sheet.mesh.positions().iter().map(|p| ripple(p).as_vec3());
+    cloth
+        .with_rest_positions(rest.collect())
+        .expect("a rest pose")
 }
 
-/// The cloth of [`parts`].
+/// The graph of [`hanging`] in moving air.
 pub(crate) fn cloth(side: usize, seed: u64) -> ClothGraph {
-    ClothGraph::new(parts(side, seed)).expect("a cloth")
+    let environment = Environment {
+        wind: DVec3::new(0.4, 0.1, -0.7),
+        air_drag: 0.3,
+        ..Environment::default()
+    };
+    ClothGraph::new(&hanging(side, seed), environment, 60.0).expect("a graph")
 }
 
 /// `positions` moved at random by up to `size` `[m]` per coordinate.

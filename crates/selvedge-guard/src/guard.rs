@@ -9,8 +9,8 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
-use selvedge_cloth::{Correctable, HandleTargets, Scene, StepError, Stepper, Topology, VertexId};
+use glam::Vec3;
+use selvedge_cloth::{Cloth, Correctable, HandleTargets, Scene, StepError, Stepper, VertexId};
 use thiserror::Error;
 
 use crate::carry::carry;
@@ -20,31 +20,14 @@ use crate::rescue::Physics;
 use crate::settings::{Correction, GuardSettings, SettingsError, When};
 use crate::trust::{Moved, Trust, Verdict};
 
-/// What a guard knows of a cloth beside its stepper.
-#[derive(Clone, Copy, Debug)]
-pub struct GuardedCloth<'a> {
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
-    pub material_coordinates: &'a [Vec2],
-    /// The rest pose `[m]`, `[vertices]`.
-    pub rest_positions: &'a [Vec3],
-    /// Mass of each vertex `[kg]`, `[vertices]`.
-    pub vertex_mass: &'a [f32],
-    /// Frames per second.
-    pub frame_rate: f64,
-}
-
 /// Why a cloth cannot be guarded.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GuardError {
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    #[error("the cloth has {found} entries of {what}, its stepper {expected} vertices")]
-    Count {
-        what: &'static str,
-        expected: usize,
-        found: usize,
-    },
+    #[error("the cloth's {what} are not those that its stepper moves")]
+    OtherCloth { what: &'static str },
     #[error(
         "the material length of the edge from vertex {from} to {to} must be positive, found {length} m"
     )]
@@ -53,8 +36,6 @@ pub enum GuardError {
         to: VertexId,
         length: f64,
     },
-    #[error("the mass of vertex {vertex} must be finite and positive, found {mass} kg")]
-    Mass { vertex: VertexId, mass: f32 },
     #[error(
         "correcting by physics needs the scene of the cloth, which is not known: limit edges instead"
     )]
@@ -79,14 +60,15 @@ pub struct Guard<S> {
 }
 
 impl<S: Correctable> Guard<S> {
-    /// Watches `inner`, which moves `cloth` and stands still so far. With the `scene` of that cloth the
-    /// physics is at hand.
+    /// Watches `inner`, which moves `cloth` by `frame_rate` frames per second and stands still so far.
+    /// With the `scene` of that cloth the physics is at hand.
     ///
     /// # Errors
     /// [`GuardError`] names the setting or the part that does not fit.
     pub fn new(
         inner: S,
-        cloth: GuardedCloth<'_>,
+        cloth: &Cloth,
+        frame_rate: f64,
         scene: Option<Arc<Scene>>,
         settings: GuardSettings,
     ) -> Result<Self, GuardError> {
@@ -96,18 +78,18 @@ impl<S: Correctable> Guard<S> {
             None if settings.correction == Correction::Physics => return Err(GuardError::NoScene),
             None => {}
         }
-        let lengths = check_cloth(&cloth, inner.topology())?;
+        let lengths = check_cloth(cloth, &inner)?;
         let edges = inner.topology().edges().iter();
         let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
-        let mask = inner.handles().mask(cloth.vertex_mass.len());
+        let mask = inner.handles().mask(cloth.vertex_count());
         let limited = ends
             .iter()
             .zip(&lengths)
-            .filter_map(|(&ends, &length)| limited_edge(ends, length, &cloth, (&mask, &settings)));
+            .filter_map(|(&ends, &length)| limited_edge(ends, length, cloth, (&mask, &settings)));
         let start = inner.positions().to_vec();
         let mut guard = Self {
             limiter: EdgeLimiter::new(limited.collect()),
-            gauge: Gauge::new(ends, lengths, cloth.vertex_mass, cloth.frame_rate),
+            gauge: Gauge::new(ends, lengths, cloth.vertex_mass(), frame_rate),
             last: [start.clone(), start.clone()],
             next: start,
             inner,
@@ -285,15 +267,15 @@ fn moved(a: &[Vec3], b: &[Vec3]) -> Moved {
 fn limited_edge(
     ends: [u32; 2],
     length: f64,
-    cloth: &GuardedCloth<'_>,
+    cloth: &Cloth,
     (mask, settings): (&[bool], &GuardSettings),
 ) -> Option<LimitedEdge> {
     let inverse = ends.map(|v| match mask[v as usize] {
         true => 0.0,
-        false => 1.0 / cloth.vertex_mass[v as usize],
+        false => 1.0 / cloth.vertex_mass()[v as usize],
     });
     let both: f32 = inverse.iter().sum();
-    let [a, b] = ends.map(|v| cloth.rest_positions[v as usize].as_dvec3());
+    let [a, b] = ends.map(|v| cloth.rest_positions()[v as usize].as_dvec3());
     let (rest, margin) = (a.distance(b), settings.rest_margin);
     let least = (settings.least_stretch * length).min((1.0 - margin) * rest);
     let most = (settings.most_stretch * length).max((1.0 + margin) * rest);
@@ -314,37 +296,23 @@ fn check_scene(scene: &Scene, inner: &impl Stepper) -> Result<(), GuardError> {
     Ok(())
 }
 
-/// The material length of each edge `[m]`, `[edges]`, of a cloth whose parts fit.
-fn check_cloth(cloth: &GuardedCloth<'_>, topology: &Topology) -> Result<Vec<f64>, GuardError> {
-    let expected = topology.vertex_count();
-    for (what, found) in [
-        ("material_coordinates", cloth.material_coordinates.len()),
-        ("rest_positions", cloth.rest_positions.len()),
-        ("vertex_mass", cloth.vertex_mass.len()),
-    ] {
-        if found != expected {
-            return Err(GuardError::Count {
-                what,
-                expected,
-                found,
-            });
-        }
+/// The material length of each edge `[m]`, `[edges]`, of the cloth that `inner` moves.
+fn check_cloth(cloth: &Cloth, inner: &impl Stepper) -> Result<Vec<f64>, GuardError> {
+    if cloth.topology() != inner.topology() {
+        return Err(GuardError::OtherCloth { what: "faces" });
     }
-    let is_usable = |mass: &f32| mass.is_finite() && *mass > 0.0;
-    if let Some(bad) = cloth.vertex_mass.iter().position(|mass| !is_usable(mass)) {
-        return Err(GuardError::Mass {
-            vertex: VertexId(bad as u32),
-            mass: cloth.vertex_mass[bad],
-        });
+    if cloth.handles() != inner.handles() {
+        return Err(GuardError::OtherCloth { what: "handles" });
     }
     let length = |[from, to]: [VertexId; 2]| {
-        let [a, b] = [from, to].map(|v| cloth.material_coordinates[v.index()].as_dvec2());
+        let [a, b] = [from, to].map(|v| cloth.material_coordinates()[v.index()].as_dvec2());
         match a.distance(b) {
             length if length.is_finite() && length > 0.0 => Ok(length),
             length => Err(GuardError::Length { from, to, length }),
         }
     };
-    topology
+    cloth
+        .topology()
         .edges()
         .iter()
         .map(|e| length(e.vertices))

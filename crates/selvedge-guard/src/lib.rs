@@ -15,6 +15,6 @@ mod settings;
 mod trust;
 
 pub use gauge::Measured;
-pub use guard::{Guard, GuardError, GuardedCloth};
+pub use guard::{Guard, GuardError};
 pub use settings::{Correction, GuardSettings, SettingsError, When};
 pub use trust::{Moved, Tally, Trust, Verdict};

@@ -8,10 +8,9 @@ use std::time::Instant;
 
 use anyhow::Context;
 use glam::Vec3;
-use selvedge_cloth::{HandlePath, Scene, Stepper};
-use selvedge_data::{Cloth, Drive, record};
+use selvedge_cloth::{Cloth, HandlePath, Scene, Stepper};
+use selvedge_data::{Drive, record};
 use selvedge_model::{ClothGraph, Model};
-use selvedge_train::cloth_graph;
 
 use crate::assets;
 use crate::machine::{Machine, Mover};
@@ -54,7 +53,7 @@ pub fn open(file: Option<&Path>) -> anyhow::Result<NamedModel> {
 /// # Errors
 /// When the parts do not fit.
 pub fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<ClothGraph> {
-    cloth_graph(cloth, scene.environment, scene.frame_rate)
+    ClothGraph::new(cloth, scene.environment, scene.frame_rate)
         .with_context(|| format!("the graph of scene {:?}", scene.name))
 }
 

@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use anyhow::Context;
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Scene, Stepper};
+use selvedge_cloth::{Cloth, Scene, Stepper};
 use selvedge_data::{
-    Cloth, Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, StateRun, Trajectory,
+    Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, StateRun, Trajectory,
     metrics, record,
 };
 use selvedge_sim::{SaggedRest, Simulator, Threads, sag_with_progress};
@@ -192,9 +192,9 @@ pub fn trajectory(
     rest: &[DVec3],
     positions: Vec<Vec3>,
 ) -> anyhow::Result<Trajectory> {
-    let cloth = Cloth::of_scene(scene, rounded(rest));
-    Trajectory::new(cloth, positions, provenance(spec, scene)?)
-        .with_context(|| format!("the trajectory of scene {:?}", scene.name))
+    let of_scene = || format!("the trajectory of scene {:?}", scene.name);
+    let cloth = Cloth::of_scene(scene, rounded(rest)).with_context(of_scene)?;
+    Trajectory::new(cloth, positions, provenance(spec, scene)?).with_context(of_scene)
 }
 
 /// Positions as files have them.
@@ -209,7 +209,7 @@ pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
 pub fn largest_strain(trajectory: &Trajectory) -> anyhow::Result<f64> {
     let topology = trajectory.topology();
     let lengths =
-        metrics::material_edge_lengths(topology, &trajectory.cloth().material_coordinates);
+        metrics::material_edge_lengths(topology, trajectory.cloth().material_coordinates());
     let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)
         .context("the largest strain")?;
     Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))

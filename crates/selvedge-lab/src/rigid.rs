@@ -6,8 +6,7 @@
 //! now, and R the turn about the vertical that fits the handles best (the yaw of the local frame).
 
 use glam::Vec3;
-use selvedge_cloth::{HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
-use selvedge_data::Cloth;
+use selvedge_cloth::{Cloth, HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
 use selvedge_model::{LocalFrame, Yaw};
 
 /// A rigid rest pose that follows its handles.
@@ -25,15 +24,15 @@ pub struct RigidRest {
 impl RigidRest {
     /// Starts in the rest pose of `cloth`.
     pub fn new(cloth: &Cloth) -> Self {
-        let held = cloth.handles.select(&cloth.rest_positions);
+        let held = cloth.handles().select(cloth.rest_positions());
         let frame = LocalFrame::new(&held);
         let (yaw, center) = (frame.rest_yaw(), centroid(&held));
         let to_local = |p: &Vec3| yaw.to_local(*p - center);
         Self {
-            topology: cloth.topology.clone(),
-            handles: cloth.handles.clone(),
-            local: cloth.rest_positions.iter().map(to_local).collect(),
-            positions: cloth.rest_positions.clone(),
+            topology: cloth.topology().clone(),
+            handles: cloth.handles().clone(),
+            local: cloth.rest_positions().iter().map(to_local).collect(),
+            positions: cloth.rest_positions().to_vec(),
             frame,
             yaw,
             frames_done: 0,
@@ -90,6 +89,7 @@ fn centroid(positions: &[Vec3]) -> Vec3 {
 mod tests {
     use super::*;
     use glam::{DVec3, Vec2};
+    use selvedge_cloth::ClothArrays;
 
     /// Two triangles, held at vertices 0 and 1.
     fn cloth() -> Cloth {
@@ -99,30 +99,30 @@ mod tests {
             Vec3::new(0.3, 0.0, 0.4),
             Vec3::new(0.2, -0.1, -0.6),
         ];
-        Cloth {
-            topology: Topology::new(4, &[[0, 2, 1], [0, 3, 2]]).unwrap(),
+        let arrays = ClothArrays {
             rest_positions,
             material_coordinates: vec![Vec2::ZERO; 4],
             vertex_mass: vec![1.0; 4],
             face_area: vec![1.0; 2],
-            handles: Handles::new(&[0, 1], 4).unwrap(),
-        }
+        };
+        let topology = Topology::new(4, &[[0, 2, 1], [0, 3, 2]]).unwrap();
+        Cloth::new(topology, Handles::new(&[0, 1], 4).unwrap(), arrays).unwrap()
     }
 
     #[test]
     fn a_rigid_motion_of_the_handles_moves_the_whole_rest_pose_so() {
         let cloth = cloth();
         let mut stepper = RigidRest::new(&cloth);
-        assert_eq!(stepper.positions(), cloth.rest_positions);
+        assert_eq!(stepper.positions(), cloth.rest_positions());
         for step in 1..=24 {
             let turn = glam::DQuat::from_rotation_y(0.3 * f64::from(step));
             let shift = DVec3::new(0.4, -0.2, 1.5) * f64::from(step);
             let moved = |p: Vec3| turn * p.as_dvec3() + shift;
-            let targets = cloth.handles.select(&cloth.rest_positions);
+            let targets = cloth.handles().select(cloth.rest_positions());
             let targets = targets.into_iter().map(moved).collect();
             let targets = HandleTargets::at_frame_end(targets).unwrap();
             stepper.step(&targets).unwrap();
-            for (found, rest) in stepper.positions().iter().zip(&cloth.rest_positions) {
+            for (found, rest) in stepper.positions().iter().zip(cloth.rest_positions()) {
                 // Positions up to 40 m in f32: half a unit in the last place is 2e-6 m, and a yaw
                 // from handles so placed has the same error over their distance of 1 m.
                 assert!(found.as_dvec3().distance(moved(*rest)) < 2e-5);

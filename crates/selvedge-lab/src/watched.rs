@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
-use selvedge_data::{Cloth, write_atomically};
-use selvedge_guard::{Guard, GuardSettings, GuardedCloth, Measured, Tally, Trust};
+use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
+use selvedge_data::write_atomically;
+use selvedge_guard::{Guard, GuardSettings, Measured, Tally, Trust};
 use serde::{Deserialize, Serialize};
 
 use crate::machine::Mover;
@@ -37,16 +37,6 @@ pub struct Guarded {
     pub largest_correction: f64,
 }
 
-/// What a guard has to know of `cloth`.
-pub fn cloth_of(cloth: &Cloth, frame_rate: f64) -> GuardedCloth<'_> {
-    GuardedCloth {
-        material_coordinates: &cloth.material_coordinates,
-        rest_positions: &cloth.rest_positions,
-        vertex_mass: &cloth.vertex_mass,
-        frame_rate,
-    }
-}
-
 impl Watched {
     /// `stepper`, which moves `cloth` at `frame_rate`, watched as `settings` say; with its `scene`, where that
     /// is known.
@@ -60,7 +50,7 @@ impl Watched {
         scene: Option<Arc<Scene>>,
         settings: GuardSettings,
     ) -> anyhow::Result<Self> {
-        let guard = Guard::new(stepper, cloth_of(cloth, frame_rate), scene, settings);
+        let guard = Guard::new(stepper, cloth, frame_rate, scene, settings);
         Ok(Self {
             guard: guard.context("the guard (--guard none does without)")?,
             log: Vec::new(),

@@ -4,8 +4,8 @@
 use std::ops::ControlFlow;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Environment, HandlePath, Handles, Stepper};
-use selvedge_data::{Cloth, Provenance};
+use selvedge_cloth::{Cloth, Environment, HandlePath, Handles, Stepper};
+use selvedge_data::Provenance;
 use serde::{Deserialize, Serialize};
 
 /// Which cloth is to be shown; each part by its name in the [`Catalogue`].

@@ -109,7 +109,7 @@ fn check_match(first: &NamedTrack, other: &NamedTrack) -> Result<(), TapeError> 
         let what = "frames per second".to_owned();
         return differ(what, rates.map(|rate| rate.to_string()));
     }
-    let [cut, cut_too] = [one, two].map(|track| &track.cloth().material_coordinates);
+    let [cut, cut_too] = [one, two].map(|track| track.cloth().material_coordinates());
     for (vertex, (p, q)) in cut.iter().zip(cut_too).enumerate() {
         if p != q {
             let what = format!("as material coordinates of vertex {vertex}");
@@ -186,7 +186,8 @@ mod tests {
     use super::*;
     use crate::test_cloth::{CORNERS, cloth};
     use glam::Vec2;
-    use selvedge_data::{Cloth, Provenance};
+    use selvedge_cloth::Cloth;
+    use selvedge_data::Provenance;
     use serde_json::Value;
 
     fn track(name: &str, cloth: Cloth, frame_rate: f64) -> NamedTrack {
@@ -213,8 +214,10 @@ mod tests {
             message.starts_with("b has 30 frames per second, but a has 60"),
             "{message}"
         );
-        let mut cut = cloth();
-        cut.material_coordinates[2] = Vec2::new(0.25, -1.0);
+        let mut arrays = cloth().arrays().clone();
+        arrays.material_coordinates[2] = Vec2::new(0.25, -1.0);
+        let (topology, handles) = (cloth().topology().clone(), cloth().handles().clone());
+        let cut = Cloth::new(topology, handles, arrays).unwrap();
         let message = text(track("b", cut, 60.0));
         let told = "b has [0.25, -1] as material coordinates of vertex 2, but a has [0, -1]";
         assert!(message.starts_with(told), "{message}");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_data::{Cloth, Trajectory};
+use selvedge_data::Trajectory;
 
 use crate::order::{Hold, MoverKind};
 use crate::player::{NamedTrack, Tape};
@@ -68,11 +68,11 @@ impl Recorder {
     /// What was kept, as trajectories of the cloth of `stage`.
     pub(crate) fn finish(self, stage: &Stage) -> Result<Vec<(MoverKind, NamedTrack)>, String> {
         let bench = stage.bench();
-        let cloth = Cloth {
-            handles: self.hold.handles.clone(),
-            ..bench.cloth().clone()
-        };
-        let vertices = cloth.topology.vertex_count();
+        let cloth = bench.cloth().clone();
+        let cloth = cloth
+            .with_handles(self.hold.handles.clone())
+            .map_err(|error| format!("the recording: {error}"))?;
+        let vertices = cloth.vertex_count();
         let mut finished = Vec::new();
         for (kind, name, positions) in self.tracks {
             let handles = positions.chunks_exact(vertices);

@@ -4,8 +4,7 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleTargets, Handles};
-use selvedge_data::Cloth;
+use selvedge_cloth::{Cloth, HandleTargets, Handles};
 use selvedge_data::metrics::material_edge_lengths;
 
 use crate::order::{Bench, Hold, LiveStepper, Mover, MoverKind, Start};
@@ -53,7 +52,7 @@ impl Stage {
         mover: Mover,
     ) -> Result<(Self, Option<String>), String> {
         let hold = Hold {
-            handles: bench.cloth().handles.clone(),
+            handles: bench.cloth().handles().clone(),
             environment: bench.environment(),
         };
         let gauge = StrainGauge::new(bench.cloth());
@@ -78,7 +77,7 @@ impl Stage {
     /// Back to the beginning, with the handles of the scene; the wind stays.
     pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), String> {
         let hold = Hold {
-            handles: self.bench.cloth().handles.clone(),
+            handles: self.bench.cloth().handles().clone(),
             environment: self.hold.environment,
         };
         let one = |&kind: &MoverKind| {
@@ -330,8 +329,8 @@ pub(crate) struct StrainGauge {
 
 impl StrainGauge {
     pub(crate) fn new(cloth: &Cloth) -> Self {
-        let edges = cloth.topology.edges().iter();
-        let lengths = material_edge_lengths(&cloth.topology, &cloth.material_coordinates);
+        let edges = cloth.topology().edges().iter();
+        let lengths = material_edge_lengths(cloth.topology(), cloth.material_coordinates());
         Self {
             edges: edges.map(|edge| edge.vertices.map(|v| v.0)).collect(),
             inverse: lengths

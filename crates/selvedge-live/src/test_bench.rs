@@ -3,10 +3,10 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion, RecordedMotion,
+    Cloth, Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion, RecordedMotion,
     StepError, Stepper, Topology,
 };
-use selvedge_data::{Cloth, Provenance};
+use selvedge_data::Provenance;
 use serde_json::Value;
 
 use crate::order::{Bench, Hold, LiveStepper, MoverKind, Order, Start};
@@ -126,10 +126,7 @@ impl Puppet {
             told: handles.select(&positions),
             held: vec![true; handles.len()],
             offsets: vec![Vec3::ZERO; handles.len()],
-            cloth: Cloth {
-                handles,
-                ..cloth.clone()
-            },
+            cloth: cloth.clone().with_handles(handles).unwrap(),
             positions,
             frame: 0,
         }
@@ -138,11 +135,11 @@ impl Puppet {
 
 impl Stepper for Puppet {
     fn topology(&self) -> &Topology {
-        &self.cloth.topology
+        self.cloth.topology()
     }
 
     fn handles(&self) -> &Handles {
-        &self.cloth.handles
+        self.cloth.handles()
     }
 
     fn positions(&self) -> &[Vec3] {
@@ -165,7 +162,7 @@ impl Stepper for Puppet {
         for position in &mut self.positions {
             position.y -= FALL;
         }
-        for (handle, vertex) in self.cloth.handles.vertices().iter().enumerate() {
+        for (handle, vertex) in self.cloth.handles().vertices().iter().enumerate() {
             let (vertex, target) = (vertex.index(), targets.end()[handle].as_vec3());
             if targets.holds(handle) {
                 if !self.held[handle] {

@@ -17,8 +17,7 @@ pub use features::{
     node_columns, node_features, node_features_backward, node_groups,
 };
 pub use graph::{
-    ClothGraph, ClothParts, ClothSize, Connectivity, GraphError, Hinge, Link, LocalFrame, Yaw,
-    geometry,
+    ClothGraph, ClothSize, Connectivity, GraphError, Hinge, Link, LocalFrame, Yaw, geometry,
 };
 pub use kernels::Dropout;
 pub use kernels::real::Real;

@@ -4,14 +4,37 @@ use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{Environment, Handles};
+use selvedge_cloth::{Cloth, Environment, Handles};
 
-use crate::graph::ClothParts;
+use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
+
+/// A cloth and the air around it, of which a graph is made.
+#[derive(Clone)]
+pub(crate) struct Hanging {
+    pub(crate) cloth: Cloth,
+    pub(crate) environment: Environment,
+}
+
+impl Hanging {
+    /// The graph at 60 frames per second.
+    pub(crate) fn graph(&self) -> ClothGraph {
+        ClothGraph::new(&self.cloth, self.environment, 60.0).expect("a graph")
+    }
+
+    /// The same with another rest pose `[m]`, `[vertices]`.
+    pub(crate) fn at_rest(&self, positions: Vec<Vec3>) -> Self {
+        let cloth = self.cloth.clone().with_rest_positions(positions);
+        Self {
+            cloth: cloth.expect("a rest pose"),
+            ..*self
+        }
+    }
+}
 
 /// A hanging square of `side`² vertices, its handles the upper corners (right one first), at rest
 /// slightly rippled; the air moves.
-pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
+pub(crate) fn parts(side: usize, seed: u64) -> Hanging {
     let vertices = side * side;
     let spec = SquareSpec {
         vertices,
@@ -22,27 +45,19 @@ pub(crate) fn parts(side: usize, seed: u64) -> ClothParts {
     let [left, right] = sheet.labels["upper-corners"][..] else {
         panic!("two upper corners");
     };
-    let (mesh, rest) = (&sheet.mesh, sheet.mesh.rest_shape(0.15));
-    let coordinates = mesh.material_coordinates().iter().map(|c| c.as_vec2());
+    let handles = Handles::new(&[right, left], vertices).expect("two corners");
+    let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).expect("a cloth");
     let ripple = |p: &DVec3| DVec3::new(0.05 * (9.0 * p.z).sin() * p.y, p.y, p.z);
-    ClothParts {
-        topology: mesh.topology().clone(),
-        handles: Handles::new(&[right, left], vertices).expect("two corners"),
-        vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
-        face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
-        material_coordinates: coordinates.collect(),
-        rest_positions: mesh
-            .positions()
-            .iter()
-            .map(|p| ripple(p).as_vec3())
-            .collect(),
+    let positions = sheet.mesh.positions().iter();
+    let flat = Hanging {
+        cloth,
         environment: Environment {
             wind: DVec3::new(0.4, 0.1, -0.7),
             air_drag: 0.3,
             ..Environment::default()
         },
-        frame_rate: 60.0,
-    }
+    };
+    flat.at_rest(positions.map(|p| ripple(p).as_vec3()).collect())
 }
 
 /// `positions` moved at random by up to `size` `[m]` per coordinate.

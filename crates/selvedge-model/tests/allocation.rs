@@ -12,10 +12,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{DVec3, Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::{Environment, HandleTargets, Handles, Stepper, Topology};
+use selvedge_cloth::{Cloth, ClothArrays, Environment, HandleTargets, Handles, Stepper, Topology};
 use selvedge_model::{
-    ClothGraph, ClothParts, EdgeLimits, Encoder, Integration, LearnedStepper, Model, ModelSpec,
-    Network, NodeFeature, Normalizer, Normalizers,
+    ClothGraph, EdgeLimits, Encoder, Integration, LearnedStepper, Model, ModelSpec, Network,
+    NodeFeature, Normalizer, Normalizers,
 };
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
@@ -54,17 +54,16 @@ fn cloth() -> ClothGraph {
     let rest = material_coordinates
         .iter()
         .map(|p| Vec3::new(p.x, -p.y, 0.0));
-    ClothGraph::new(ClothParts {
-        topology: Topology::new(count, &faces).expect("a sheet"),
+    let arrays = ClothArrays {
         rest_positions: rest.collect(),
         material_coordinates,
         vertex_mass: vec![1e-3; count],
         face_area: vec![2e-3; faces.len()],
-        handles: Handles::new(&[0, side - 1], count).expect("two handles"),
-        environment: Environment::default(),
-        frame_rate: 60.0,
-    })
-    .expect("a cloth")
+    };
+    let topology = Topology::new(count, &faces).expect("a sheet");
+    let handles = Handles::new(&[0, side - 1], count).expect("two handles");
+    let cloth = Cloth::new(topology, handles, arrays).expect("a cloth");
+    ClothGraph::new(&cloth, Environment::default(), 60.0).expect("a graph")
 }
 
 fn model(encoder: Encoder) -> Model {

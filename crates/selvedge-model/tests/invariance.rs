@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{Environment, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology, VertexId};
 use selvedge_model::{
-    ClothGraph, ClothParts, EdgeFeature, Encoder, Frames, Integration, ModelSpec, NodeFeature,
-    Place, Window, Yaw,
+    ClothGraph, EdgeFeature, Encoder, Frames, Integration, ModelSpec, NodeFeature, Place, Window,
+    Yaw,
 };
 
 /// Every feature but those of coarse levels (whose vertices are chosen by their numbers where they are as
@@ -101,21 +101,21 @@ struct Seen {
 
 fn seen(case: &Case, wind: DVec3) -> Seen {
     let vertices = case.rest.len();
-    let graph = ClothGraph::new(ClothParts {
-        topology: Topology::new(vertices, &case.faces).expect("a cloth"),
-        handles: Handles::new(&case.handles, vertices).expect("corners"),
+    let arrays = ClothArrays {
         vertex_mass: case.mass.clone(),
         face_area: case.area.clone(),
         material_coordinates: case.material.clone(),
         rest_positions: case.rest.clone(),
-        environment: Environment {
-            air_drag: 0.3,
-            wind,
-            ..Environment::default()
-        },
-        frame_rate: 60.0,
-    })
-    .expect("a cloth");
+    };
+    let topology = Topology::new(vertices, &case.faces).expect("a mesh");
+    let handles = Handles::new(&case.handles, vertices).expect("corners");
+    let cloth = Cloth::new(topology, handles, arrays).expect("a cloth");
+    let environment = Environment {
+        air_drag: 0.3,
+        wind,
+        ..Environment::default()
+    };
+    let graph = ClothGraph::new(&cloth, environment, 60.0).expect("a graph");
     let spec = spec();
     let handles = graph.handles().select(&case.frames[case.frames.len() - 1]);
     let frames = Frames {

@@ -35,4 +35,4 @@ pub use run::{Kept, Limits, RunEnd, RunError, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use slot::ShownSample;
 pub use trainer::{StepReport, TrainError, Trainer};
-pub use training_set::{TrainingSetError, cloth_graph, graph_of};
+pub use training_set::{TrainingSetError, graph_of};

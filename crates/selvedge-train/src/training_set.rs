@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::Environment;
-use selvedge_data::{Cloth, Dataset, DatasetError, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, ClothParts, Connectivity, GraphError};
+use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
+use selvedge_model::{ClothGraph, Connectivity, GraphError};
 use thiserror::Error;
 
 use self::handle_path::HandlePath;
@@ -75,27 +75,6 @@ pub enum TrainingSetError {
     NoSamples,
 }
 
-/// The graph of `cloth` in `environment`, moving by `frame_rate` frames per second.
-///
-/// # Errors
-/// When the parts do not fit.
-pub fn cloth_graph(
-    cloth: &Cloth,
-    environment: Environment,
-    frame_rate: f64,
-) -> Result<ClothGraph, GraphError> {
-    ClothGraph::new(ClothParts {
-        topology: cloth.topology.clone(),
-        handles: cloth.handles.clone(),
-        vertex_mass: cloth.vertex_mass.clone(),
-        face_area: cloth.face_area.clone(),
-        material_coordinates: cloth.material_coordinates.clone(),
-        rest_positions: cloth.rest_positions.clone(),
-        environment,
-        frame_rate,
-    })
-}
-
 /// The graph of a trajectory's cloth in the environment of its scene (the default one where it
 /// has no scene).
 ///
@@ -135,7 +114,8 @@ fn graph_in(
     trajectory: &Trajectory,
     environment: Environment,
 ) -> Result<ClothGraph, TrainingSetError> {
-    cloth_graph(trajectory.cloth(), environment, trajectory.frame_rate()).map_err(|source| {
+    let cloth = trajectory.cloth();
+    ClothGraph::new(cloth, environment, trajectory.frame_rate()).map_err(|source| {
         let motion = motion.to_owned();
         TrainingSetError::Graph { motion, source }
     })

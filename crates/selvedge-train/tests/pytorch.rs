@@ -7,8 +7,8 @@
 #![allow(clippy::print_stdout)]
 
 use glam::{DVec3, Vec2, Vec3};
-use selvedge_cloth::{Environment, Handles, Topology};
-use selvedge_model::{ClothGraph, ClothParts, Real};
+use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology};
+use selvedge_model::{ClothGraph, Real};
 use selvedge_train::{
     Adam, AdamSettings, LossEvaluator, LossStatistics, LossTerms, LossWeights, Report,
     RunningLossStatistics, Triplet, clip_norm,
@@ -59,17 +59,16 @@ fn graph() -> ClothGraph {
     let mass = tensor("mass");
     let faces = whole("faces");
     let faces = faces.as_chunks::<3>().0;
-    let graph = ClothGraph::new(ClothParts {
-        topology: Topology::new(mass.len(), faces).expect("a grid"),
-        handles: Handles::new(&whole("handles"), mass.len()).expect("two handles"),
+    let arrays = ClothArrays {
         face_area: vec![1.0; faces.len()],
         material_coordinates: vec![Vec2::ZERO; mass.len()],
         rest_positions: vec![Vec3::ZERO; mass.len()],
         vertex_mass: narrow(&mass),
-        environment: Environment::default(),
-        frame_rate: 60.0,
-    });
-    graph.expect("a cloth")
+    };
+    let topology = Topology::new(mass.len(), faces).expect("a grid");
+    let handles = Handles::new(&whole("handles"), mass.len()).expect("two handles");
+    let cloth = Cloth::new(topology, handles, arrays).expect("a cloth");
+    ClothGraph::new(&cloth, Environment::default(), 60.0).expect("a graph")
 }
 
 /// What is done with the sample of the fixture.

@@ -82,7 +82,7 @@ fn difference(mut values: Vec<Vec3>, first: &[Vec3], number: usize) -> Vec<Vec3>
 /// Everything in the order of [`Layout`].
 fn write_binary(take: &Take<'_>, out: &mut impl Write, pulse: &mut Pulse<'_>) -> io::Result<()> {
     let cloth = take.trajectory().cloth();
-    for corner in cloth.topology.face_indices().as_flattened() {
+    for corner in cloth.topology().face_indices().as_flattened() {
         out.write_all(&corner.to_le_bytes())?;
     }
     for target in targets(take) {
@@ -96,7 +96,7 @@ fn write_binary(take: &Take<'_>, out: &mut impl Write, pulse: &mut Pulse<'_>) ->
             write_points(out, &difference(normals, &first, number))?;
         }
     }
-    for c in &cloth.material_coordinates {
+    for c in cloth.material_coordinates() {
         write_floats(out, &[c.x, 1.0 - c.y])?;
     }
     for number in take.handle_numbers() {
@@ -106,7 +106,7 @@ fn write_binary(take: &Take<'_>, out: &mut impl Write, pulse: &mut Pulse<'_>) ->
         write_floats(out, &[take.time(number) as f32])?;
     }
     write_weights(take.len(), out)?;
-    for handle in 0..cloth.handles.vertices().len() {
+    for handle in 0..cloth.handles().vertices().len() {
         for number in 0..take.len() {
             write_floats(out, &take.handle_positions(number)[handle].to_array())?;
         }

@@ -46,8 +46,8 @@ impl Layout {
         let [frames, vertices, faces, handles] = [
             take.len(),
             take.trajectory().vertex_count(),
-            cloth.face_area.len(),
-            cloth.handles.vertices().len(),
+            cloth.face_area().len(),
+            cloth.handles().vertices().len(),
         ]
         .map(|count| count as u64);
         let normals = if take.has_normals() { frames } else { 0 };
@@ -193,7 +193,7 @@ fn primitive(
     extents: impl Iterator<Item = [Vec3; 2]>,
 ) -> Value {
     let vertices = take.trajectory().vertex_count();
-    let corners = 3 * take.trajectory().cloth().face_area.len();
+    let corners = 3 * take.trajectory().cloth().face_area().len();
     let indices = accessors.add(Part::Indices, 0, corners);
     let mut shapes = Vec::with_capacity(take.len());
     for (number, [low, high]) in extents.enumerate() {

@@ -18,7 +18,9 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3};
-use selvedge_cloth::{HandleError, Handles, RecordedMotion, Topology, TopologyError};
+use selvedge_cloth::{
+    Cloth, ClothArrays, ClothError, HandleError, Handles, RecordedMotion, Topology, TopologyError,
+};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -27,7 +29,7 @@ use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
 use crate::formats::npy::{Array, NpyError};
 use crate::formats::npz::{EntryOut, Npz, NpzError, archive_bytes, write_archive};
-use crate::trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
+use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 /// Why an archive is no trajectory, or no motion of handles.
 #[derive(Debug, Error)]
@@ -55,6 +57,8 @@ pub enum NpzTrajectoryError {
     Topology(#[from] TopologyError),
     #[error(transparent)]
     Handles(#[from] HandleError),
+    #[error(transparent)]
+    Cloth(#[from] ClothError),
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
 }
@@ -105,7 +109,7 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
 /// What there is once.
 fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
     let cloth = take.trajectory().cloth();
-    let (vertices, faces) = (cloth.vertex_mass.len(), cloth.face_area.len());
+    let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
     let entry = |name, kind, shape: &[usize], bytes: Vec<u8>| EntryOut {
         name,
         kind,
@@ -113,12 +117,17 @@ fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
         chunks: 1,
         chunk: Box::new(move |_| bytes.clone()),
     };
-    let corners = cloth.topology.face_indices();
+    let corners = cloth.topology().face_indices();
     let rest = floats3(&take.rest_positions());
-    let material = floats(cloth.material_coordinates.iter().flat_map(|c| c.to_array()));
-    let mass = floats(cloth.vertex_mass.iter().copied());
-    let area = floats(cloth.face_area.iter().copied());
-    let handles: Vec<u32> = cloth.handles.vertices().iter().map(|v| v.0).collect();
+    let material = floats(
+        cloth
+            .material_coordinates()
+            .iter()
+            .flat_map(|c| c.to_array()),
+    );
+    let mass = floats(cloth.vertex_mass().iter().copied());
+    let area = floats(cloth.face_area().iter().copied());
+    let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
     let fps = take.trajectory().frame_rate() / take.every() as f64;
     let up = match take.up() {
         UpAxis::Y => 1,
@@ -169,8 +178,7 @@ impl Trajectory {
         let coordinates = archive.floats("material_coordinates", &[Some(vertices), Some(2)])?;
         let single = |values: Vec<f64>| values.into_iter().map(|v| v as f32).collect();
         let fps = archive.floats("fps", &[Some(1)])?;
-        let cloth = Cloth {
-            topology: Topology::new(vertices, &faces)?,
+        let arrays = ClothArrays {
             rest_positions: points(&rest).map(|p| up.to_ours(p).as_vec3()).collect(),
             material_coordinates: coordinates
                 .chunks_exact(2)
@@ -178,8 +186,9 @@ impl Trajectory {
                 .collect(),
             vertex_mass: single(archive.floats("vertex_mass", &[Some(vertices)])?),
             face_area: single(archive.floats("face_area", &[Some(faces.len())])?),
-            handles: Handles::new(&archive.numbers("handles", &[None])?, vertices)?,
         };
+        let handles = Handles::new(&archive.numbers("handles", &[None])?, vertices)?;
+        let cloth = Cloth::new(Topology::new(vertices, &faces)?, handles, arrays)?;
         let positions = points(&positions)
             .map(|p| up.to_ours(p).as_vec3())
             .collect();

@@ -57,9 +57,9 @@ fn with_frame<T>(take: &Take<'_>, number: usize, act: impl FnOnce(&ObjFrame<'_>)
     let normals = take.has_normals().then(|| take.normals_at(&positions));
     let cloth = take.trajectory().cloth();
     act(&ObjFrame {
-        topology: &cloth.topology,
+        topology: cloth.topology(),
         positions: &positions,
-        material_coordinates: &cloth.material_coordinates,
+        material_coordinates: cloth.material_coordinates(),
         normals: normals.as_deref(),
     })
 }

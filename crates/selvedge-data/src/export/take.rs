@@ -168,7 +168,7 @@ impl<'a> Take<'a> {
 
     /// The sagged rest pose `[m]`, `[vertices]`.
     pub(super) fn rest_positions(&self) -> Vec<Vec3> {
-        self.turned(&self.trajectory.cloth().rest_positions)
+        self.turned(self.trajectory.cloth().rest_positions())
     }
 
     /// Where the handles are in the frame taken as `number` `[m]`, `[handles]`.

@@ -83,7 +83,7 @@ fn quoted(text: &str) -> String {
 
 fn write_unchanging(take: &Take<'_>, out: &mut impl Write) -> io::Result<()> {
     let cloth = take.trajectory().cloth();
-    let faces = cloth.topology.face_indices();
+    let faces = cloth.topology().face_indices();
     writeln!(out, "        uniform bool doubleSided = 1")?;
     writeln!(out, "        uniform token orientation = \"rightHanded\"")?;
     writeln!(out, "        uniform token subdivisionScheme = \"none\"")?;
@@ -96,7 +96,7 @@ fn write_unchanging(take: &Take<'_>, out: &mut impl Write) -> io::Result<()> {
     })?;
     writeln!(out)?;
     write!(out, "        texCoord2f[] primvars:st = ")?;
-    let coordinates = cloth.material_coordinates.iter();
+    let coordinates = cloth.material_coordinates().iter();
     write_list(out, coordinates, |out, c| write!(out, "({}, {})", c.x, c.y))?;
     per_vertex(out)?;
     write!(out, "        point3f[] primvars:rest = ")?;

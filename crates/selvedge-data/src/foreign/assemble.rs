@@ -2,12 +2,12 @@
 
 use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::geometry::signed_area_2d;
-use selvedge_cloth::{Handles, Mesh};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Mesh};
 use serde_json::Value;
 
 use super::error::ForeignProblem;
 use super::options::ForeignFormat;
-use crate::trajectory::{Cloth, Provenance, Trajectory};
+use crate::trajectory::{Provenance, Trajectory};
 
 /// How far the sum of given areas may be from that in material space, as a share.
 const AREA_TOLERANCE: f64 = 0.01;
@@ -57,14 +57,13 @@ impl Parts {
             }
         };
         let coordinates = mesh.material_coordinates();
-        let cloth = Cloth {
-            topology: mesh.topology().clone(),
+        let arrays = ClothArrays {
             rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
             material_coordinates: coordinates.iter().map(|c| c.as_vec2()).collect(),
             vertex_mass,
             face_area,
-            handles,
         };
+        let cloth = Cloth::new(mesh.topology().clone(), handles, arrays)?;
         let positions: Vec<Vec3> = self.positions.iter().map(|p| p.as_vec3()).collect();
         let program = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
         let format = match self.format {

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use selvedge_cloth::{HandleError, MeshError};
+use selvedge_cloth::{ClothError, HandleError, MeshError};
 use thiserror::Error;
 
 use crate::formats::npy::NpyError;
@@ -97,6 +97,8 @@ pub enum ForeignProblem {
     Handles(#[from] HandleError),
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
+    #[error(transparent)]
+    Cloth(#[from] ClothError),
     #[error(transparent)]
     Obj(#[from] ReadObjError),
 }

@@ -224,7 +224,7 @@ impl Distributions {
 
     fn add_edges(&mut self, trajectory: &Trajectory) {
         let topology = trajectory.topology();
-        let coordinates = &trajectory.cloth().material_coordinates;
+        let coordinates = trajectory.cloth().material_coordinates();
         let rest = material_edge_lengths(topology, coordinates);
         for frame in trajectory.frames().iter() {
             let at =

@@ -13,12 +13,14 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 use safetensors::tensor::{Dtype, Metadata};
 use safetensors::{SafeTensorError, SafeTensors};
-use selvedge_cloth::{HandleError, Handles, Topology, TopologyError};
+use selvedge_cloth::{
+    Cloth, ClothArrays, ClothError, HandleError, Handles, Topology, TopologyError,
+};
 use thiserror::Error;
 
 use crate::formats::atomic::WriteError;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
-use crate::trajectory::{Cloth, Provenance, Trajectory, TrajectoryError};
+use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";
 const VERSION: &str = "1";
@@ -77,6 +79,8 @@ pub enum TrajectoryFileError {
     #[error(transparent)]
     Handles(#[from] HandleError),
     #[error(transparent)]
+    Cloth(#[from] ClothError),
+    #[error(transparent)]
     Content(#[from] TrajectoryError),
 }
 
@@ -121,23 +125,23 @@ impl Trajectory {
     /// [`WriteError`] names the file and what failed; what was there before still is.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         let cloth = self.cloth();
-        let (vertices, faces) = (self.vertex_count(), cloth.topology.faces().len());
+        let (vertices, faces) = (self.vertex_count(), cloth.topology().faces().len());
         let positions = flat3(self.positions());
-        let face_indices = cloth.topology.face_indices();
-        let rest_positions = flat3(&cloth.rest_positions);
+        let face_indices = cloth.topology().face_indices();
+        let rest_positions = flat3(cloth.rest_positions());
         let coordinates: Vec<f32> = cloth
-            .material_coordinates
+            .material_coordinates()
             .iter()
             .flat_map(|c| c.to_array())
             .collect();
-        let handles: Vec<u32> = cloth.handles.vertices().iter().map(|v| v.0).collect();
+        let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
         let values = [
             TensorValues::F32(&positions),
             TensorValues::U32(face_indices.as_flattened()),
             TensorValues::F32(&rest_positions),
             TensorValues::F32(&coordinates),
-            TensorValues::F32(&cloth.vertex_mass),
-            TensorValues::F32(&cloth.face_area),
+            TensorValues::F32(cloth.vertex_mass()),
+            TensorValues::F32(cloth.face_area()),
             TensorValues::U32(&handles),
         ];
         let shapes = [
@@ -221,8 +225,7 @@ fn read_cloth(file: &SafeTensors<'_>, vertices: usize) -> Result<Cloth, Trajecto
         .map(|f| [f[0], f[1], f[2]])
         .collect();
     let (area, _) = read_tensor(file, "face_area", &[Some(faces.len())])?;
-    Ok(Cloth {
-        topology: Topology::new(vertices, &faces)?,
+    let arrays = ClothArrays {
         rest_positions: vec3s(&floats(rest)),
         material_coordinates: floats(coordinates)
             .chunks_exact(2)
@@ -230,8 +233,13 @@ fn read_cloth(file: &SafeTensors<'_>, vertices: usize) -> Result<Cloth, Trajecto
             .collect(),
         vertex_mass: floats(mass),
         face_area: floats(area),
-        handles: Handles::new(&integers(handles), vertices)?,
-    })
+    };
+    let handles = Handles::new(&integers(handles), vertices)?;
+    Ok(Cloth::new(
+        Topology::new(vertices, &faces)?,
+        handles,
+        arrays,
+    )?)
 }
 
 /// The bytes of tensor `name` and its shape, which must agree with `shape` where that is `Some`.

@@ -13,29 +13,12 @@ pub(crate) mod playback;
 pub(crate) mod record;
 pub(crate) mod state_file;
 
-use glam::{Vec2, Vec3};
-use selvedge_cloth::{FaceId, Handles, Mesh, MeshError, Scene, Topology, VertexId};
+use glam::Vec3;
+use selvedge_cloth::{Cloth, Handles, Topology, VertexId};
 use serde_json::Value;
 use thiserror::Error;
 
 use crate::trajectory::frames::Frames;
-
-/// What does not change over a trajectory.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Cloth {
-    /// The connectivity.
-    pub topology: Topology,
-    /// The sagged rest pose `[m]`, `[vertices]`.
-    pub rest_positions: Vec<Vec3>,
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
-    pub material_coordinates: Vec<Vec2>,
-    /// Mass of each vertex `[kg]`, `[vertices]`.
-    pub vertex_mass: Vec<f32>,
-    /// Area of each face in material space `[m²]`, `[faces]`.
-    pub face_area: Vec<f32>,
-    /// The held vertices, in the order of the handle targets.
-    pub handles: Handles,
-}
 
 /// Where a trajectory comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,12 +45,6 @@ pub struct Trajectory {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TrajectoryError {
-    #[error("{what} has {found} entries, expected {expected}")]
-    Count {
-        what: &'static str,
-        expected: usize,
-        found: usize,
-    },
     #[error(
         "positions have {found} entries, which is no whole number of frames of {vertices} vertices"
     )]
@@ -78,97 +55,8 @@ pub enum TrajectoryError {
         vertex: VertexId,
         value: Vec3,
     },
-    #[error("{what} of vertex {vertex} must be {expected}, found {value}")]
-    Vertex {
-        what: &'static str,
-        vertex: VertexId,
-        expected: &'static str,
-        value: String,
-    },
-    #[error("the area of face {face} must be finite and positive, found {value}")]
-    FaceArea { face: FaceId, value: f32 },
-    #[error("handle {handle} is vertex {vertex}, but the mesh has {vertex_count} vertices")]
-    Handle {
-        handle: usize,
-        vertex: VertexId,
-        vertex_count: usize,
-    },
     #[error("the frame rate must be finite and positive, found {found}")]
     FrameRate { found: f64 },
-}
-
-impl Cloth {
-    /// The cloth of `scene` with its sagged `rest_positions` `[m]`, `[vertices]`.
-    #[must_use]
-    pub fn of_scene(scene: &Scene, rest_positions: Vec<Vec3>) -> Self {
-        let rest = scene.mesh.rest_shape(scene.material.density);
-        let coordinates = scene.mesh.material_coordinates();
-        Self {
-            topology: scene.mesh.topology().clone(),
-            rest_positions,
-            material_coordinates: coordinates.iter().map(|c| c.as_vec2()).collect(),
-            vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
-            face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
-            handles: scene.handles.clone(),
-        }
-    }
-
-    /// The mesh that starts at the rest positions.
-    ///
-    /// # Errors
-    /// [`MeshError`] where the material coordinates of a foreign file make no flat rest shape.
-    pub fn mesh(&self) -> Result<Mesh, MeshError> {
-        Mesh::new(
-            &self.topology.face_indices(),
-            self.material_coordinates
-                .iter()
-                .map(|c| c.as_dvec2())
-                .collect(),
-            self.rest_positions.iter().map(|p| p.as_dvec3()).collect(),
-        )
-    }
-
-    fn validate(&self) -> Result<(), TrajectoryError> {
-        let vertices = self.topology.vertex_count();
-        let faces = self.topology.faces().len();
-        check_count("rest_positions", vertices, self.rest_positions.len())?;
-        let coordinates = &self.material_coordinates;
-        check_count("material_coordinates", vertices, coordinates.len())?;
-        check_count("vertex_mass", vertices, self.vertex_mass.len())?;
-        check_count("face_area", faces, self.face_area.len())?;
-        check_vertices("the rest position", &self.rest_positions, |p| p.is_finite())?;
-        check_vertices("the material coordinate", coordinates, |c| c.is_finite())?;
-        self.check_positive()?;
-        for (handle, &vertex) in self.handles.vertices().iter().enumerate() {
-            if vertex.index() >= vertices {
-                return Err(TrajectoryError::Handle {
-                    handle,
-                    vertex,
-                    vertex_count: vertices,
-                });
-            }
-        }
-        Ok(())
-    }
-
-    fn check_positive(&self) -> Result<(), TrajectoryError> {
-        let positive = |value: f32| value.is_finite() && value > 0.0;
-        if let Some(bad) = self.vertex_mass.iter().position(|&m| !positive(m)) {
-            return Err(TrajectoryError::Vertex {
-                what: "the mass",
-                vertex: VertexId(bad as u32),
-                expected: "finite and positive",
-                value: self.vertex_mass[bad].to_string(),
-            });
-        }
-        match self.face_area.iter().position(|&a| !positive(a)) {
-            Some(bad) => Err(TrajectoryError::FaceArea {
-                face: FaceId(bad as u32),
-                value: self.face_area[bad],
-            }),
-            None => Ok(()),
-        }
-    }
 }
 
 impl Trajectory {
@@ -181,8 +69,7 @@ impl Trajectory {
         positions: Vec<Vec3>,
         provenance: Provenance,
     ) -> Result<Self, TrajectoryError> {
-        cloth.validate()?;
-        let vertices = cloth.topology.vertex_count();
+        let vertices = cloth.vertex_count();
         if positions.is_empty() || !positions.len().is_multiple_of(vertices) {
             return Err(TrajectoryError::Frames {
                 vertices,
@@ -213,10 +100,7 @@ impl Trajectory {
     pub fn mirrored(&self) -> Self {
         let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
         Self {
-            cloth: Cloth {
-                rest_positions: self.cloth.rest_positions.iter().map(mirrored).collect(),
-                ..self.cloth.clone()
-            },
+            cloth: self.cloth.mirrored(),
             positions: self.positions.iter().map(mirrored).collect(),
             provenance: self.provenance.clone(),
         }
@@ -231,7 +115,7 @@ impl Trajectory {
     /// Number of vertices.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
-        self.cloth.topology.vertex_count()
+        self.cloth.vertex_count()
     }
 
     /// Positions in frame `index` `[m]`, `[vertices]`.
@@ -264,13 +148,13 @@ impl Trajectory {
     /// The connectivity.
     #[must_use]
     pub fn topology(&self) -> &Topology {
-        &self.cloth.topology
+        self.cloth.topology()
     }
 
     /// The held vertices.
     #[must_use]
     pub fn handles(&self) -> &Handles {
-        &self.cloth.handles
+        self.cloth.handles()
     }
 
     /// Frames per second.
@@ -283,32 +167,5 @@ impl Trajectory {
     #[must_use]
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
-    }
-}
-
-fn check_count(what: &'static str, expected: usize, found: usize) -> Result<(), TrajectoryError> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(TrajectoryError::Count {
-        what,
-        expected,
-        found,
-    })
-}
-
-fn check_vertices<T: std::fmt::Display>(
-    what: &'static str,
-    values: &[T],
-    is_good: impl Fn(&T) -> bool,
-) -> Result<(), TrajectoryError> {
-    match values.iter().position(|value| !is_good(value)) {
-        Some(vertex) => Err(TrajectoryError::Vertex {
-            what,
-            vertex: VertexId(vertex as u32),
-            expected: "finite",
-            value: values[vertex].to_string(),
-        }),
-        None => Ok(()),
     }
 }

@@ -161,7 +161,7 @@ fn gltf_says_how_the_cloth_is_to_be_shown() {
         glb.floats(glb.number(&pointer))
     };
     let texture = attribute("TEXCOORD_0");
-    let material = &trajectory.cloth().material_coordinates;
+    let material = trajectory.cloth().material_coordinates();
     let expected: Vec<f32> = material.iter().flat_map(|c| [c.x, 1.0 - c.y]).collect();
     assert_eq!(texture, expected);
     assert_eq!(attribute("_HANDLE"), [-1.0, -1.0, 1.0, 0.0, -1.0]);

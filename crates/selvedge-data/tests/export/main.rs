@@ -9,11 +9,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Handles, Topology};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::{
     ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, Normals, export, planned_bytes,
 };
-use selvedge_data::{Cloth, Provenance, Trajectory, UpAxis, read_obj};
+use selvedge_data::{Provenance, Trajectory, UpAxis, read_obj};
 use serde_json::Value;
 
 const VERTICES: usize = 5;
@@ -30,14 +30,15 @@ fn trajectory() -> Trajectory {
     };
     let positions =
         (0..FRAMES).flat_map(|k| flat.iter().map(move |c| at(k, c)).collect::<Vec<_>>());
-    let cloth = Cloth {
-        topology: Topology::new(VERTICES, &faces).unwrap(),
+    let arrays = ClothArrays {
         rest_positions: flat.iter().map(|c| at(0, c)).collect(),
         material_coordinates: flat.clone(),
         vertex_mass: vec![0.1; VERTICES],
         face_area: vec![0.25; 4],
-        handles: Handles::new(&[3, 2], VERTICES).unwrap(),
     };
+    let topology = Topology::new(VERTICES, &faces).unwrap();
+    let handles = Handles::new(&[3, 2], VERTICES).unwrap();
+    let cloth = Cloth::new(topology, handles, arrays).unwrap();
     let provenance = Provenance {
         frame_rate: 60.0,
         scene: Value::Null,

@@ -1,12 +1,12 @@
 //! A stepper that errs on purpose is kept within bounds, one that does not err is left alone.
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    Environment, HandleError, HandleSchedule, Handles, Material, Motion, PhysicsSettings,
-    SagSettings,
+    Cloth, ClothArrays, Environment, HandleError, HandleSchedule, Handles, Material, Motion,
+    PhysicsSettings, SagSettings, Topology,
 };
 use selvedge_sim::Simulator;
 
@@ -172,43 +172,17 @@ impl Correctable for Double {
     }
 }
 
-/// The parts of the scene's cloth.
-struct Parts {
-    coordinates: Vec<Vec2>,
-    rest: Vec<Vec3>,
-    mass: Vec<f32>,
-}
-
-fn parts(scene: &Scene) -> Parts {
-    let rest = scene.mesh.rest_shape(scene.material.density);
-    Parts {
-        coordinates: scene
-            .mesh
-            .material_coordinates()
-            .iter()
-            .map(|c| c.as_vec2())
-            .collect(),
-        rest: scene.mesh.positions().iter().map(|p| p.as_vec3()).collect(),
-        mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
-    }
-}
-
-impl Parts {
-    fn cloth(&self) -> GuardedCloth<'_> {
-        GuardedCloth {
-            material_coordinates: &self.coordinates,
-            rest_positions: &self.rest,
-            vertex_mass: &self.mass,
-            frame_rate: 60.0,
-        }
-    }
+/// The cloth of `scene`, at rest where its mesh starts.
+fn cloth(scene: &Scene) -> Cloth {
+    let (density, handles) = (scene.material.density, scene.handles.clone());
+    Cloth::of_mesh(&scene.mesh, density, handles).unwrap()
 }
 
 /// A guard of a double, with its scene or without.
 fn watched(errs: Error, settings: GuardSettings, scene: Option<Scene>) -> Guard<Double> {
     let double = Double::new(errs);
-    let parts = parts(&double.scene);
-    Guard::new(double, parts.cloth(), scene.map(Arc::new), settings).unwrap()
+    let cloth = cloth(&double.scene);
+    Guard::new(double, &cloth, 60.0, scene.map(Arc::new), settings).unwrap()
 }
 
 fn largest_stretch(guard: &Guard<Double>) -> f64 {
@@ -321,11 +295,11 @@ fn what_the_caller_does_wrong_stays_an_error() {
 fn verdicts_turn_at_their_thresholds() {
     // One free vertex in the middle of the lower edge is pulled down until its longest edge strains so.
     let scene = scene();
-    let parts = parts(&scene);
+    let cloth = cloth(&scene);
     let settings = GuardSettings::with(Correction::None);
     let double = Double::new(Error::Never);
-    let guard = Guard::new(double, parts.cloth(), None, settings).unwrap();
-    let flat = parts.rest.clone();
+    let guard = Guard::new(double, &cloth, 60.0, None, settings).unwrap();
+    let flat = cloth.rest_positions().to_vec();
     let lowest = (0..36).filter(|&v| flat[v].y < -0.99).max_by(|&a, &b| {
         let middle = |v: usize| -flat[v].z.abs();
         middle(a).total_cmp(&middle(b))
@@ -356,7 +330,7 @@ fn verdicts_turn_at_their_thresholds() {
         (1.01, Verdict::Lost),
     ] {
         let double = Double::new(Error::Never);
-        let mut guard = Guard::new(double, parts.cloth(), None, settings).unwrap();
+        let mut guard = Guard::new(double, &cloth, 60.0, None, settings).unwrap();
         guard.inner.last[1] = strained(strain);
         guard.step(&targets(&scene, 0)).unwrap();
         assert_eq!(guard.trust().verdict, verdict, "{strain}");
@@ -418,10 +392,11 @@ fn relaxing_calms_what_is_rough_and_leaves_what_rests() {
     for (vertex, target) in scene.handles.vertices().iter().zip(&held) {
         rough[vertex.index()] = target.as_vec3();
     }
-    let parts = parts(&scene);
+    let cloth = cloth(&scene);
     let guard = Guard::new(
         Double::new(Error::Never),
-        parts.cloth(),
+        &cloth,
+        60.0,
         None,
         GuardSettings::default(),
     );
@@ -455,12 +430,13 @@ fn relaxing_always_touches_frames_that_hold() {
 #[test]
 fn parts_that_do_not_fit_are_refused() {
     let scene = scene();
-    let whole = parts(&scene);
-    let refused = |parts: &Parts, scene: Option<Scene>, correction| {
+    let whole = cloth(&scene);
+    let refused = |cloth: &Cloth, scene: Option<Scene>, correction| {
         let settings = GuardSettings::with(correction);
         let made = Guard::new(
             Double::new(Error::Never),
-            parts.cloth(),
+            cloth,
+            60.0,
             scene.map(Arc::new),
             settings,
         );
@@ -475,20 +451,24 @@ fn parts_that_do_not_fit_are_refused() {
     other.handles = Handles::new(&[0], 36).unwrap();
     let error = GuardError::OtherScene { what: "handles" };
     assert_eq!(refused(&whole, Some(other), limit), error);
-    let mut fewer = parts(&scene);
-    fewer.mass.pop();
-    assert!(matches!(
-        refused(&fewer, None, limit),
-        GuardError::Count { found: 35, .. }
-    ));
-    let mut massless = parts(&scene);
-    massless.mass[4] = 0.0;
-    assert!(matches!(
-        refused(&massless, None, limit),
-        GuardError::Mass { .. }
-    ));
-    let mut flat = parts(&scene);
-    flat.coordinates.fill(Vec2::ONE);
+    let freed = whole.clone().with_handles(Handles::new(&[0], 36).unwrap());
+    let error = GuardError::OtherCloth { what: "handles" };
+    assert_eq!(refused(&freed.unwrap(), None, limit), error);
+    let remade = |topology: Topology, edit: fn(&mut ClothArrays)| {
+        let mut arrays = whole.arrays().clone();
+        edit(&mut arrays);
+        Cloth::new(topology, whole.handles().clone(), arrays).unwrap()
+    };
+    let faces = whole.topology().face_indices();
+    let fewer = Topology::new(36, &faces[1..]).unwrap();
+    let fewer = remade(fewer, |arrays| {
+        arrays.face_area.truncate(arrays.face_area.len() - 1)
+    });
+    let error = GuardError::OtherCloth { what: "faces" };
+    assert_eq!(refused(&fewer, None, limit), error);
+    let flat = remade(whole.topology().clone(), |arrays| {
+        arrays.material_coordinates.fill(Vec2::ONE);
+    });
     assert!(matches!(
         refused(&flat, None, limit),
         GuardError::Length { .. }

@@ -247,7 +247,7 @@ fn physics(truth: &Trajectory, substeps: u32) -> anyhow::Result<Runner> {
     let mut spec = spec_of(truth)?;
     spec.setting.physics.substeps = substeps;
     let scene = built(&spec, truth)?;
-    let rest = truth.cloth().rest_positions.iter();
+    let rest = truth.cloth().rest_positions().iter();
     simulated(&scene, rest.map(|p| p.as_dvec3()).collect())
 }
 

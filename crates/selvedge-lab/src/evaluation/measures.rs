@@ -103,6 +103,6 @@ impl Curves {
 }
 
 fn material_lengths(truth: &Trajectory) -> Vec<f64> {
-    let coordinates = &truth.cloth().material_coordinates;
+    let coordinates = truth.cloth().material_coordinates();
     metrics::material_edge_lengths(truth.topology(), coordinates)
 }

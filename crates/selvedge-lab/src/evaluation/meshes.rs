@@ -30,13 +30,17 @@ impl Meshes {
 fn identity(truth: &Trajectory) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     let cloth = truth.cloth();
-    for vertex in cloth.topology.faces().iter().flatten() {
+    for vertex in cloth.topology().faces().iter().flatten() {
         hasher.update(&vertex.index().to_le_bytes());
     }
-    for coordinate in cloth.material_coordinates.iter().flat_map(|p| p.to_array()) {
+    for coordinate in cloth
+        .material_coordinates()
+        .iter()
+        .flat_map(|p| p.to_array())
+    {
         hasher.update(&coordinate.to_le_bytes());
     }
-    for vertex in cloth.handles.vertices() {
+    for vertex in cloth.handles().vertices() {
         hasher.update(&vertex.index().to_le_bytes());
     }
     hasher.finalize()
@@ -46,7 +50,7 @@ fn words(truth: &Trajectory) -> String {
     let source = truth.provenance().scene.pointer("/setting/mesh/source");
     let text = |pointer| Some(source?.pointer(pointer)?.as_str()?.to_owned());
     let vertices = truth.vertex_count();
-    let handles = match truth.cloth().handles.vertices().len() {
+    let handles = match truth.cloth().handles().vertices().len() {
         1 => "1 handle".to_owned(),
         count => format!("{count} handles"),
     };

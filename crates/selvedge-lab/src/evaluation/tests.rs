@@ -52,8 +52,8 @@ fn the_truth_has_no_error_and_meshes_are_told_in_words() {
 }
 
 fn held_by(truth: &Trajectory, vertices: &[u32]) -> Trajectory {
-    let mut cloth = truth.cloth().clone();
-    cloth.handles = Handles::new(vertices, truth.vertex_count()).unwrap();
+    let handles = Handles::new(vertices, truth.vertex_count()).unwrap();
+    let cloth = truth.cloth().clone().with_handles(handles).unwrap();
     let positions = truth.frames().iter().flatten().copied().collect();
     Trajectory::new(cloth, positions, truth.provenance().clone()).unwrap()
 }

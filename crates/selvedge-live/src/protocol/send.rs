@@ -1,7 +1,7 @@
 //! Messages to a page.
 
 use glam::{DVec3, Vec3};
-use selvedge_data::Cloth;
+use selvedge_cloth::Cloth;
 use serde::Serialize;
 
 use super::{VERSION, kind};
@@ -50,8 +50,8 @@ pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
 /// The cloth of a generation.
 #[must_use]
 pub fn cloth(generation: u32, cloth: &Cloth) -> Vec<u8> {
-    let faces = cloth.topology.face_indices();
-    let coordinates = &cloth.material_coordinates;
+    let faces = cloth.topology().face_indices();
+    let coordinates = cloth.material_coordinates();
     let size = 16 + 12 * faces.len() + 8 * coordinates.len();
     let mut bytes = header(kind::CLOTH, size);
     for word in [generation, coordinates.len() as u32, faces.len() as u32] {

@@ -1,12 +1,10 @@
 //! The wire against garbage: whatever comes is either a message or a reason, and what we write has
 //! the layout that is documented.
 
+use super::*;
 use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
-use selvedge_cloth::{Handles, Topology};
-use selvedge_data::Cloth;
-
-use super::*;
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 
 fn message(kind: u8, words: &[u32]) -> Vec<u8> {
     let mut bytes = vec![VERSION, kind, 0, 0];
@@ -104,14 +102,14 @@ fn a_command_is_json() {
 
 #[test]
 fn cloths_and_frames_have_the_documented_layout() {
-    let of = Cloth {
-        topology: Topology::new(3, &[[0, 1, 2]]).unwrap(),
+    let arrays = ClothArrays {
         rest_positions: vec![Vec3::ZERO; 3],
         material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::new(0.0, 2.0)],
         vertex_mass: vec![1.0; 3],
         face_area: vec![1.0],
-        handles: Handles::new(&[1], 3).unwrap(),
     };
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let of = Cloth::new(topology, Handles::new(&[1], 3).unwrap(), arrays).unwrap();
     let bytes = cloth(7, &of);
     assert_eq!(bytes.len(), 16 + 12 + 24);
     assert_eq!([0, 1, 2, 3].map(|k| word(&bytes, 1 + k)), [7, 3, 1, 0]);

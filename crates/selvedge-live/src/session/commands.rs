@@ -272,7 +272,7 @@ impl Session {
         let Some(stage) = &self.stage else {
             return Ok(());
         };
-        let vertices = stage.bench().cloth().topology.vertex_count();
+        let vertices = stage.bench().cloth().topology().vertex_count();
         let handles = Handles::new(all, vertices).map_err(|error| error.to_string())?;
         self.unfollow();
         let Some(stage) = &mut self.stage else {

@@ -6,32 +6,11 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Environment, EnvironmentError, HandleError, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::frame::LocalFrame;
 use crate::graph::levels::{Arcs, Link, links};
-
-/// What a [`ClothGraph`] is made from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ClothParts {
-    /// The connectivity.
-    pub topology: Topology,
-    /// The vertices whose motion is given.
-    pub handles: Handles,
-    /// Mass of each vertex `[kg]`, `[vertices]`.
-    pub vertex_mass: Vec<f32>,
-    /// Area of each face in material space `[m²]`, `[faces]`.
-    pub face_area: Vec<f32>,
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
-    pub material_coordinates: Vec<Vec2>,
-    /// The sagged rest pose in the world `[m]`, `[vertices]`.
-    pub rest_positions: Vec<Vec3>,
-    /// Gravity and air.
-    pub environment: Environment,
-    /// Frames per second.
-    pub frame_rate: f64,
-}
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
 /// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
@@ -49,10 +28,12 @@ pub struct Hinge {
     pub right: u32,
 }
 
-/// Everything static of one cloth, valid by construction.
+/// A cloth with what can be computed of it ahead of a motion, valid by construction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothGraph {
-    parts: ClothParts,
+    cloth: Cloth,
+    environment: Environment,
+    frame_rate: f64,
     handle_mask: Vec<bool>,
     frame: LocalFrame,
     pub(crate) senders: Vec<u32>,
@@ -71,57 +52,46 @@ pub struct ClothGraph {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GraphError {
     #[error(transparent)]
-    Handles(#[from] HandleError),
-    #[error(transparent)]
     Environment(#[from] EnvironmentError),
     #[error(
         "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics"
     )]
     Gust,
-    #[error("{what} has {found} entries, expected {expected}")]
-    Count {
-        what: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("{what} must be finite, found {value} at entry {entry}")]
-    NonFinite {
-        what: &'static str,
-        entry: usize,
-        value: String,
-    },
-    #[error("{what} must be finite and positive, found {value} at entry {entry}")]
-    NotPositive {
-        what: &'static str,
-        entry: usize,
-        value: f32,
-    },
     #[error("frame_rate must be between 1 and 100000 frames per second, found {found}")]
     FrameRate { found: f64 },
 }
 
 impl ClothGraph {
-    /// Checks the parts against each other and computes what does not change.
+    /// Makes the graph of `cloth` in `environment`, moving by `frame_rate` frames per second.
     ///
     /// # Errors
-    /// The first part that does not fit: a count, a value that is not finite, a mass or an area
-    /// that is not positive, a handle that the mesh does not have.
-    pub fn new(parts: ClothParts) -> Result<Self, GraphError> {
-        check(&parts)?;
-        let topology = &parts.topology;
-        let frame = LocalFrame::new(&parts.handles.select(&parts.rest_positions));
+    /// [`GraphError`] when the environment or the frame rate cannot be used.
+    pub fn new(
+        cloth: &Cloth,
+        environment: Environment,
+        frame_rate: f64,
+    ) -> Result<Self, GraphError> {
+        environment.validate()?;
+        if environment.gust.is_some() {
+            return Err(GraphError::Gust);
+        }
+        if !(1.0..=1e5).contains(&frame_rate) {
+            return Err(GraphError::FrameRate { found: frame_rate });
+        }
+        let (topology, rest) = (cloth.topology(), cloth.rest_positions());
+        let frame = LocalFrame::new(&cloth.handles().select(rest));
         let yaw = frame.rest_yaw();
         let arcs = Arcs::new(topology, &[]);
         let rest_vectors: Vec<Vec3> = topology
             .edges()
             .iter()
             .map(|edge| {
-                let [a, b] = edge.vertices.map(|v| parts.rest_positions[v.index()]);
+                let [a, b] = edge.vertices.map(|v| rest[v.index()]);
                 yaw.to_local(a - b)
             })
             .collect();
         Ok(Self {
-            handle_mask: parts.handles.mask(topology.vertex_count()),
+            handle_mask: cloth.handles().mask(topology.vertex_count()),
             frame,
             senders: arcs.senders,
             receivers: arcs.receivers,
@@ -132,7 +102,9 @@ impl ClothGraph {
             rest_vectors,
             links: Vec::new(),
             coarse_levels: 0,
-            parts,
+            cloth: cloth.clone(),
+            environment,
+            frame_rate,
         })
     }
 
@@ -140,9 +112,15 @@ impl ClothGraph {
     /// vertices for them.
     #[must_use]
     pub fn with_coarse_levels(mut self, levels: usize) -> Self {
-        let topology = &self.parts.topology;
-        let handles: Vec<u32> = self.parts.handles.vertices().iter().map(|v| v.0).collect();
-        let flat = |v: VertexId| self.parts.material_coordinates[v.index()];
+        let topology = self.cloth.topology();
+        let handles: Vec<u32> = self
+            .cloth
+            .handles()
+            .vertices()
+            .iter()
+            .map(|v| v.0)
+            .collect();
+        let flat = |v: VertexId| self.cloth.material_coordinates()[v.index()];
         let mut lengths: Vec<f32> = topology
             .edges()
             .iter()
@@ -156,7 +134,7 @@ impl ClothGraph {
         let arcs = Arcs::new(topology, &links);
         let (of_edges, of_links) = arcs.pairs.split_at(topology.edges().len());
         let yaw = self.frame.rest_yaw();
-        let rest = |v: u32| self.parts.rest_positions[v as usize];
+        let rest = |v: u32| self.cloth.rest_positions()[v as usize];
         self.links = links
             .iter()
             .zip(of_links)
@@ -175,16 +153,22 @@ impl ClothGraph {
         self
     }
 
+    /// The cloth.
+    #[must_use]
+    pub fn cloth(&self) -> &Cloth {
+        &self.cloth
+    }
+
     /// The connectivity.
     #[must_use]
     pub fn topology(&self) -> &Topology {
-        &self.parts.topology
+        self.cloth.topology()
     }
 
     /// The handles.
     #[must_use]
     pub fn handles(&self) -> &Handles {
-        &self.parts.handles
+        self.cloth.handles()
     }
 
     /// Whether each vertex is a handle, `[vertices]`.
@@ -196,37 +180,37 @@ impl ClothGraph {
     /// Mass of each vertex `[kg]`, `[vertices]`.
     #[must_use]
     pub fn vertex_mass(&self) -> &[f32] {
-        &self.parts.vertex_mass
+        self.cloth.vertex_mass()
     }
 
     /// Area of each face in material space `[m²]`, `[faces]`.
     #[must_use]
     pub fn face_area(&self) -> &[f32] {
-        &self.parts.face_area
+        self.cloth.face_area()
     }
 
     /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
     #[must_use]
     pub fn material_coordinates(&self) -> &[Vec2] {
-        &self.parts.material_coordinates
+        self.cloth.material_coordinates()
     }
 
     /// The sagged rest pose in the world `[m]`, `[vertices]`.
     #[must_use]
     pub fn rest_positions(&self) -> &[Vec3] {
-        &self.parts.rest_positions
+        self.cloth.rest_positions()
     }
 
     /// Gravity and air.
     #[must_use]
     pub fn environment(&self) -> &Environment {
-        &self.parts.environment
+        &self.environment
     }
 
     /// Frames per second.
     #[must_use]
     pub fn frame_rate(&self) -> f64 {
-        self.parts.frame_rate
+        self.frame_rate
     }
 
     /// How the local frame follows the handles.
@@ -238,7 +222,7 @@ impl ClothGraph {
     /// Number of vertices.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
-        self.parts.topology.vertex_count()
+        self.cloth.topology().vertex_count()
     }
 
     /// Number of arcs, two per edge and two per link.
@@ -303,72 +287,6 @@ impl ClothGraph {
     }
 }
 
-fn check(parts: &ClothParts) -> Result<(), GraphError> {
-    let vertices = parts.topology.vertex_count();
-    let faces = parts.topology.faces().len();
-    let numbers: Vec<u32> = parts.handles.vertices().iter().map(|v| v.0).collect();
-    Handles::new(&numbers, vertices)?;
-    parts.environment.validate()?;
-    if parts.environment.gust.is_some() {
-        return Err(GraphError::Gust);
-    }
-    if !(1.0..=1e5).contains(&parts.frame_rate) {
-        return Err(GraphError::FrameRate {
-            found: parts.frame_rate,
-        });
-    }
-    for (what, expected, found) in [
-        ("vertex_mass", vertices, parts.vertex_mass.len()),
-        ("face_area", faces, parts.face_area.len()),
-        (
-            "material_coordinates",
-            vertices,
-            parts.material_coordinates.len(),
-        ),
-        ("rest_positions", vertices, parts.rest_positions.len()),
-    ] {
-        if expected != found {
-            return Err(GraphError::Count {
-                what,
-                expected,
-                found,
-            });
-        }
-    }
-    check_positive("vertex_mass", &parts.vertex_mass)?;
-    check_positive("face_area", &parts.face_area)?;
-    check_finite("material_coordinates", &parts.material_coordinates, |c| {
-        c.is_finite()
-    })?;
-    check_finite("rest_positions", &parts.rest_positions, |p| p.is_finite())
-}
-
-fn check_positive(what: &'static str, values: &[f32]) -> Result<(), GraphError> {
-    match values.iter().position(|&x| !(x.is_finite() && x > 0.0)) {
-        Some(entry) => Err(GraphError::NotPositive {
-            what,
-            entry,
-            value: values[entry],
-        }),
-        None => Ok(()),
-    }
-}
-
-fn check_finite<T: std::fmt::Display>(
-    what: &'static str,
-    values: &[T],
-    is_finite: impl Fn(&T) -> bool,
-) -> Result<(), GraphError> {
-    match values.iter().position(|value| !is_finite(value)) {
-        Some(entry) => Err(GraphError::NonFinite {
-            what,
-            entry,
-            value: values[entry].to_string(),
-        }),
-        None => Ok(()),
-    }
-}
-
 fn hinges(topology: &Topology) -> Vec<Hinge> {
     let hinge = |(number, edge): (usize, &selvedge_cloth::Edge)| {
         let [mut from, mut to] = edge.vertices.map(|v: VertexId| v.0);
@@ -403,7 +321,7 @@ mod tests {
 
     #[test]
     fn arcs_edges_and_hinges_name_each_other() {
-        let graph = ClothGraph::new(parts(6, 1)).expect("a cloth");
+        let graph = parts(6, 1).graph();
         let edges = graph.topology().edges();
         for (number, &[forward, back]) in graph.edge_arcs().iter().enumerate() {
             let [a, b] = edges[number].vertices.map(|v| v.0);
@@ -421,61 +339,41 @@ mod tests {
     #[test]
     fn rest_vectors_do_not_depend_on_where_the_rest_pose_stands() {
         let start = parts(6, 2);
-        let mut moved = start.clone();
-        moved.rest_positions = turn(&start.rest_positions, Yaw::from_angle(2.1), Vec3::ONE);
-        let (start, moved) = (ClothGraph::new(start), ClothGraph::new(moved));
-        let (start, moved) = (start.expect("a cloth"), moved.expect("a cloth"));
+        let rest = start.cloth.rest_positions();
+        let moved = start.at_rest(turn(rest, Yaw::from_angle(2.1), Vec3::ONE));
+        let (start, moved) = (start.graph(), moved.graph());
         for (a, b) in start.rest_vectors().iter().zip(moved.rest_vectors()) {
             // Positions of about 2 m, rounded to f32 twice.
             assert!(a.distance(*b) < 1e-6);
         }
     }
 
-    type Change = fn(&mut ClothParts);
-
     #[test]
-    fn parts_that_do_not_fit_are_named() {
-        let message = |change: Change| {
-            let mut parts = parts(3, 1);
-            change(&mut parts);
-            ClothGraph::new(parts).expect_err("a defect").to_string()
+    fn what_a_graph_cannot_be_made_in_is_named() {
+        let message = |environment, frame_rate| {
+            let cloth = parts(3, 1).cloth;
+            let made = ClothGraph::new(&cloth, environment, frame_rate);
+            made.expect_err("a defect").to_string()
         };
-        let cases: [(Change, &str); 8] = [
-            (
-                |p| p.vertex_mass[2] = 0.0,
-                "vertex_mass must be finite and positive, found 0",
-            ),
-            (
-                |p| p.face_area[1] = f32::NAN,
-                "face_area must be finite and positive, found NaN",
-            ),
-            (
-                |p| p.rest_positions[3].y = f32::NAN,
-                "rest_positions must be finite",
-            ),
-            (
-                |p| p.rest_positions.truncate(8),
-                "rest_positions has 8 entries, expected 9",
-            ),
-            (|p| p.frame_rate = 0.0, "frame_rate must be between"),
-            (|p| p.environment.air_drag = -1.0, "environment.air_drag"),
-            (
-                |p| {
-                    p.environment.gust = Some(Gust {
-                        speed: DVec3::X,
-                        period: 1.0,
-                        seed: 1,
-                    });
-                },
-                "environment.gust",
-            ),
-            (
-                |p| p.handles = Handles::new(&[9], 10).expect("ten"),
-                "handle 0 is vertex 9",
-            ),
-        ];
-        for (change, expected) in cases {
-            let found = message(change);
+        let calm = Environment::default();
+        let thick = Environment {
+            air_drag: -1.0,
+            ..calm
+        };
+        let gusty = Environment {
+            gust: Some(Gust {
+                speed: DVec3::X,
+                period: 1.0,
+                seed: 1,
+            }),
+            ..calm
+        };
+        for (environment, frame_rate, expected) in [
+            (calm, 0.0, "frame_rate must be between"),
+            (thick, 60.0, "environment.air_drag"),
+            (gusty, 60.0, "environment.gust"),
+        ] {
+            let found = message(environment, frame_rate);
             assert!(found.contains(expected), "{found}");
         }
     }

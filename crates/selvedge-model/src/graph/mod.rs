@@ -8,7 +8,7 @@ pub mod geometry;
 pub(crate) mod levels;
 pub(crate) mod partition;
 
-pub use cloth_graph::{ClothGraph, ClothParts, GraphError, Hinge};
+pub use cloth_graph::{ClothGraph, GraphError, Hinge};
 pub use connectivity::{ClothSize, Connectivity};
 pub use frame::{LocalFrame, Yaw};
 pub use levels::Link;

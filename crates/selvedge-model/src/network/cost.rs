@@ -127,7 +127,6 @@ pub fn activations(spec: &ModelSpec) -> Activations {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::graph::ClothGraph;
     use crate::graph::connectivity::Connectivity;
     use crate::kernels::Dropout;
     use crate::network::workspace::Workspace;
@@ -137,7 +136,7 @@ mod tests {
     #[test]
     fn a_workspace_holds_what_is_counted() {
         for (side, seed) in [(3, 1), (5, 2)] {
-            let graph = ClothGraph::new(parts(side, seed)).expect("a cloth");
+            let graph = parts(side, seed).graph();
             let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
             for encoder in [
                 Encoder::MLP,

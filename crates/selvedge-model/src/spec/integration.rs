@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn inertial_is_the_previous_frame_itself() {
-        let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+        let graph = parts(5, 1).graph();
         let (a, b) = (
             shaken(graph.rest_positions(), 0.01, 1),
             graph.rest_positions(),
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_cloth_at_rest_goes_rigidly_with_its_handles() {
-        let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+        let graph = parts(5, 1).graph();
         let rest = graph.rest_positions();
         let at = |angle: f64| {
             let by = Vec3::new(0.3, -0.1, 0.2) * angle as f32;
@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_disturbance_swings_and_dies_away_as_a_damped_pendulum() {
-        let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+        let graph = parts(5, 1).graph();
         let rest = graph.rest_positions().to_vec();
         let handles = graph.handles().select(&rest);
         let mut start = rest.clone();

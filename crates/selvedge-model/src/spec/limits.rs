@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn edges_come_back_within_bounds_and_handles_stay() {
-        let graph = ClothGraph::new(parts(8, 1)).expect("a cloth");
+        let graph = parts(8, 1).graph();
         let start = shaken(graph.rest_positions(), 0.04, 3);
         let mut limited = start.clone();
         for v in graph.handles().vertices() {
@@ -112,9 +112,10 @@ mod tests {
 
     #[test]
     fn momentum_is_kept_without_handles() {
-        let mut parts = parts(6, 2);
-        parts.handles = selvedge_cloth::Handles::new(&[], 36).expect("none");
-        let graph = ClothGraph::new(parts).expect("a cloth");
+        let none = selvedge_cloth::Handles::new(&[], 36).expect("none");
+        let mut free = parts(6, 2);
+        free.cloth = free.cloth.with_handles(none).expect("a cloth");
+        let graph = free.graph();
         let start = shaken(graph.rest_positions(), 0.05, 4);
         let mut limited = start.clone();
         assert!(LIMITS.apply(&graph, &mut limited) > 0);
@@ -127,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_single_edge_ends_at_its_bound() {
-        let graph = ClothGraph::new(parts(2, 1)).expect("a cloth");
+        let graph = parts(2, 1).graph();
         let mut pulled = graph.rest_positions().to_vec();
         let free = (0..4)
             .find(|&v| !graph.handle_mask()[v])

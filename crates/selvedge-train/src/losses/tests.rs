@@ -4,8 +4,7 @@ use glam::{Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{Environment, Handles};
-use selvedge_model::ClothParts;
+use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles};
 
 use super::*;
 
@@ -37,22 +36,21 @@ fn sample(vertices: usize) -> Sample {
     let sheet = square(&spec).expect("a square");
     let shape = sheet.mesh.rest_shape(0.15);
     let rest = sheet.mesh.positions();
-    let graph = ClothGraph::new(ClothParts {
-        topology: sheet.mesh.topology().clone(),
-        handles: Handles::new(&[0, 1], rest.len()).expect("two handles"),
+    let arrays = ClothArrays {
         vertex_mass: shape.vertex_mass.iter().map(|&m| m as f32).collect(),
         face_area: shape.face_area.iter().map(|&a| a as f32).collect(),
         material_coordinates: vec![Vec2::ZERO; rest.len()],
         rest_positions: vec![Vec3::ZERO; rest.len()],
-        environment: Environment::default(),
-        frame_rate: 60.0,
-    });
+    };
+    let handles = Handles::new(&[0, 1], rest.len()).expect("two handles");
+    let cloth = Cloth::new(sheet.mesh.topology().clone(), handles, arrays).expect("a cloth");
+    let graph = ClothGraph::new(&cloth, Environment::default(), 60.0);
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let mut draw =
         |size: f64| DVec3::from_array([(); 3].map(|()| size * (2.0 * rng.random::<f64>() - 1.0)));
     let current: Vec<DVec3> = rest.iter().map(|&p| p + draw(0.01)).collect();
     Sample {
-        graph: graph.expect("a cloth"),
+        graph: graph.expect("a graph"),
         previous: current.iter().map(|&p| p + draw(0.02)).collect(),
         target: current.iter().map(|&p| p + draw(0.02)).collect(),
         current,
@@ -238,17 +236,9 @@ fn a_uniform_stretch_of_the_cloth_costs_what_it_says() {
 }
 
 fn free(graph: &ClothGraph) -> ClothGraph {
-    ClothGraph::new(ClothParts {
-        topology: graph.topology().clone(),
-        handles: Handles::new(&[], graph.vertex_count()).expect("none"),
-        vertex_mass: graph.vertex_mass().to_vec(),
-        face_area: graph.face_area().to_vec(),
-        material_coordinates: graph.material_coordinates().to_vec(),
-        rest_positions: graph.rest_positions().to_vec(),
-        environment: *graph.environment(),
-        frame_rate: graph.frame_rate(),
-    })
-    .expect("a cloth")
+    let none = Handles::new(&[], graph.vertex_count()).expect("none");
+    let cloth = graph.cloth().clone().with_handles(none).expect("a cloth");
+    ClothGraph::new(&cloth, *graph.environment(), graph.frame_rate()).expect("a graph")
 }
 
 #[test]

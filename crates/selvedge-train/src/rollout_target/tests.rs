@@ -4,9 +4,9 @@ use glam::{DVec3, Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{Sheet, SquareSpec, square};
-use selvedge_cloth::{Environment, Handles};
+use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles};
 use selvedge_data::SectionRule;
-use selvedge_model::{ClothParts, Encoder};
+use selvedge_model::Encoder;
 
 use super::*;
 use crate::test_data::{config, swinging};
@@ -144,15 +144,13 @@ fn smoothing_takes_wrinkles_and_leaves_a_swing() {
 fn cloth(sheet: &Sheet) -> ClothGraph {
     let rest = sheet.mesh.rest_shape(0.15);
     let positions: Vec<Vec3> = sheet.mesh.positions().iter().map(|p| p.as_vec3()).collect();
-    ClothGraph::new(ClothParts {
-        topology: sheet.mesh.topology().clone(),
-        handles: Handles::new(&sheet.labels["upper-corners"], positions.len()).expect("corners"),
+    let corners = Handles::new(&sheet.labels["upper-corners"], positions.len()).expect("corners");
+    let arrays = ClothArrays {
         vertex_mass: rest.vertex_mass.iter().map(|&m| m as f32).collect(),
         face_area: rest.face_area.iter().map(|&a| a as f32).collect(),
         material_coordinates: vec![Vec2::ZERO; positions.len()],
         rest_positions: positions,
-        environment: Environment::default(),
-        frame_rate: 60.0,
-    })
-    .expect("a cloth")
+    };
+    let cloth = Cloth::new(sheet.mesh.topology().clone(), corners, arrays).expect("a cloth");
+    ClothGraph::new(&cloth, Environment::default(), 60.0).expect("a graph")
 }

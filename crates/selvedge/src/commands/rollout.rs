@@ -8,8 +8,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context;
+use selvedge_cloth::Cloth;
 use selvedge_data::metrics::Comparison;
-use selvedge_data::{Cloth, LoadedScene, StartSpec, Trajectory, metrics};
+use selvedge_data::{LoadedScene, StartSpec, Trajectory, metrics};
 use selvedge_guard::Trust;
 use selvedge_lab::folder;
 use selvedge_lab::machine::Machine;
@@ -184,10 +185,10 @@ fn predict(
     args: &RolloutArgs,
 ) -> anyhow::Result<(Timed, Vec<Trust>, Guarded)> {
     let scene = &stage.loaded.scene;
-    let cloth = Cloth::of_scene(scene, physics::rounded(&stage.rest.positions));
+    let cloth = Cloth::of_scene(scene, physics::rounded(&stage.rest.positions))?;
     let graph = models::graph_of_scene(scene, &cloth)?;
     let path = scene.handle_path()?;
-    let stepper = models::stepper(model, graph, &cloth.rest_positions, machine)?;
+    let stepper = models::stepper(model, graph, cloth.rest_positions(), machine)?;
     let mut watched = Watched::new(
         stepper,
         &cloth,

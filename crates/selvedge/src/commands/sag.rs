@@ -88,9 +88,9 @@ fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64
         let cloth = trajectory.cloth();
         write_obj(
             out,
-            &cloth.topology,
-            &cloth.rest_positions,
-            &cloth.material_coordinates,
+            cloth.topology(),
+            cloth.rest_positions(),
+            cloth.material_coordinates(),
         )?;
     } else {
         trajectory.write(out)?;

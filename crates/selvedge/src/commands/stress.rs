@@ -10,8 +10,8 @@ use std::time::Instant;
 
 use anyhow::Context;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
-use selvedge_cloth::{RandomMotion, Scene, Stepper};
-use selvedge_data::{Cloth, NamedCloth, SceneSpec, metrics, write_atomically};
+use selvedge_cloth::{Cloth, RandomMotion, Scene, Stepper};
+use selvedge_data::{NamedCloth, SceneSpec, metrics, write_atomically};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
@@ -114,7 +114,7 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
         write_runs(out, &runs)?;
     }
     let several = if stages.len() > 1 { &stages[..] } else { &[] };
-    let vertices = |stages: &[Stage]| stages.iter().map(|s| s.cloth.rest_positions.len()).max();
+    let vertices = |stages: &[Stage]| stages.iter().map(|s| s.cloth.rest_positions().len()).max();
     let report = Report {
         model: model.name,
         guard: args.guard.name(),
@@ -125,7 +125,7 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
         all: summary("all", vertices(&stages).unwrap_or(0), &runs),
         meshes: several
             .iter()
-            .map(|stage| summary(&stage.mesh, stage.cloth.rest_positions.len(), &runs))
+            .map(|stage| summary(&stage.mesh, stage.cloth.rest_positions().len(), &runs))
             .collect(),
         ms_per_frame: quantile(runs.iter().map(|run| run.ms_per_frame).collect(), 0.5)
             .unwrap_or(0.0),
@@ -184,7 +184,7 @@ fn sheets(names: &[String]) -> anyhow::Result<Vec<NamedSheet>> {
 
 fn stage(mesh: String, scene: Scene) -> anyhow::Result<Stage> {
     let rest = physics::rest_pose(&scene, &mut progress::listener())?;
-    let cloth = Cloth::of_scene(&scene, physics::rounded(&rest.positions));
+    let cloth = Cloth::of_scene(&scene, physics::rounded(&rest.positions))?;
     let graph = models::graph_of_scene(&scene, &cloth)?;
     Ok(Stage {
         mesh,
@@ -247,7 +247,7 @@ fn drive(
         duration: f64::from(args.frames) / rate,
         speed: args.speed,
     };
-    let start = &stage.cloth.rest_positions;
+    let start = stage.cloth.rest_positions();
     let held = stage.scene.handles.select(stage.scene.mesh.positions());
     let path = motion.motion().bind(&held, rate)?;
     let stepper = models::stepper(model, stage.graph.clone(), start, &Machine::Cpu)?;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Environment, HandlePath, Motion, RecordedMotion, Scene};
-use selvedge_data::{Cloth, Provenance, SavedState, SceneSpec};
+use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, RecordedMotion, Scene};
+use selvedge_data::{Provenance, SavedState, SceneSpec};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::physics;
 use selvedge_live::{Bench, Hold, LiveStepper, MoverKind, Start};

@@ -5,11 +5,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
-use selvedge_data::Cloth;
+use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
-use selvedge_lab::{models, watched};
+use selvedge_lab::models;
 use selvedge_live::{Hold, LiveStepper};
 use selvedge_model::Model;
 use selvedge_sim::Simulator;
@@ -84,10 +83,8 @@ impl LiveModel {
         hold: &Hold,
         frames: &[&[Vec3]],
     ) -> Result<Self, String> {
-        let held = Cloth {
-            handles: hold.handles.clone(),
-            ..(**cloth).clone()
-        };
+        let held = Cloth::clone(cloth).with_handles(hold.handles.clone());
+        let held = held.map_err(|error| error.to_string())?;
         let held_scene = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
@@ -96,9 +93,8 @@ impl LiveModel {
         let text = |error: anyhow::Error| crate::failure::chain(&error);
         let graph = models::graph_of_scene(&held_scene, &held).map_err(text)?;
         let stepper = machine.start(model, graph, frames).map_err(text)?;
-        let guarded = watched::cloth_of(cloth, scene.frame_rate);
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
-        let stepper = Guard::new(stepper, guarded, Some(known), settings);
+        let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);
         let needed = model.spec().history();
         let first = frames.len().saturating_sub(needed);
         Ok(Self {
@@ -156,7 +152,7 @@ mod tests {
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         let hold = Hold {
-            handles: bench.cloth().handles.clone(),
+            handles: bench.cloth().handles().clone(),
             environment: bench.environment(),
         };
         let mut one = bench.start(kind, Start::Beginning, &hold).unwrap();
@@ -194,14 +190,14 @@ mod tests {
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         let hold = Hold {
-            handles: bench.cloth().handles.clone(),
+            handles: bench.cloth().handles().clone(),
             environment: bench.environment(),
         };
         let mut stepper = bench
             .start(MoverKind::Model, Start::Beginning, &hold)
             .unwrap();
         let start = hold.handles.select(stepper.positions());
-        let material = &bench.cloth().material_coordinates;
+        let material = bench.cloth().material_coordinates();
         let mut worst = 0.0_f32;
         for frame in 0..60 {
             // To and fro by half a metre, at eight times the speed of any motion learned from.

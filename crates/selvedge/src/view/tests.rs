@@ -44,7 +44,7 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
     let bench = workshop
         .prepare(&order, &mut |_| ControlFlow::Continue(()))
         .unwrap();
-    assert!(bench.cloth().handles.len() > 2);
+    assert!(bench.cloth().handles().len() > 2);
     assert!(
         bench
             .remarks()
@@ -57,7 +57,7 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
         .prepare(&first, &mut |_| ControlFlow::Continue(()))
         .unwrap();
     assert!(bench.remarks().is_empty(), "{:?}", bench.remarks());
-    assert_eq!(bench.cloth().handles.len(), 2);
+    assert_eq!(bench.cloth().handles().len(), 2);
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn a_cloth_whose_rest_pose_is_neither_needed_nor_found_is_shown_with_a_remark() 
     let (remarks, cloth) = prepare(held, &from_mesh, on).unwrap();
     assert!(remarks.contains("sag.max_steps"), "{remarks}");
     // As it was generated: flat and upright.
-    assert!(cloth.rest_positions.iter().all(|p| p.x == 0.0));
+    assert!(cloth.rest_positions().iter().all(|p| p.x == 0.0));
     let problem = prepare(held, hasty, on).unwrap_err();
     assert!(problem.contains("sag.max_steps"), "{problem}");
     // Nobody waits for it: no more is done.

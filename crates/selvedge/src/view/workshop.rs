@@ -9,10 +9,10 @@ use anyhow::{Context, anyhow, bail};
 use glam::DVec3;
 use selvedge_cloth::generate::{NamedSheet, Shape, named_sheets};
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{HandleSchedule, Motion, Scene};
+use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
-    Cloth, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, StartSpec,
-    Transform, materials, shipped_scenes,
+    GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, StartSpec, Transform,
+    materials, shipped_scenes,
 };
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
@@ -98,7 +98,7 @@ impl ViewWorkshop {
             ..scene.clone()
         };
         Ok(SceneBench {
-            cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))),
+            cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?),
             spec,
             scene,
             led: Arc::new(led),

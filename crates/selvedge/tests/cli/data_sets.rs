@@ -304,7 +304,7 @@ blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { di
     for entry in dataset.entries(Split::Test) {
         let trajectory = dataset.read(entry).unwrap();
         // It starts in its own rest pose.
-        assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions);
+        assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions());
         assert_eq!(trajectory.frame_count(), 7);
     }
     desk.write("moment.toml", crate::common::TRAINING);

@@ -141,7 +141,7 @@ fn a_model_is_measured_beside_its_rivals() {
     let rest = Trajectory::read(&desk.path("tiny/test/lift.safetensors")).unwrap();
     let rest = Trajectory::new(
         rest.cloth().clone(),
-        rest.cloth().rest_positions.clone(),
+        rest.cloth().rest_positions().to_vec(),
         rest.provenance().clone(),
     )
     .unwrap();

@@ -1,6 +1,7 @@
 //! The features of a device against those of the CPU engine.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{Environment, Handles};
 use selvedge_model::{ClothGraph, Extent, Frames, ModelSpec, Place, Window, Yaw};
 
 use super::*;
@@ -9,7 +10,7 @@ use crate::cloths::frames::{FrameNumbers, HandleFrames};
 use crate::device::Precision;
 use crate::kernels::Sizes;
 use crate::schedule::Trace;
-use crate::test_graphs::{cloth, device, full_specs, model, parts, shaken};
+use crate::test_graphs::{cloth, device, full_specs, hanging, model, shaken};
 
 /// A cloth that swings, its last frames oldest first, and where its handles go.
 struct Moving {
@@ -131,14 +132,18 @@ fn of_device(
 fn a_window_of_several_cloths_is_that_of_the_cpu() {
     for spec in full_specs() {
         let norms = model(&spec, 1.0, 1).normalizers().clone();
-        let mut without = parts(4, 5);
-        without.handles = selvedge_cloth::Handles::new(&[], 16).expect("none");
-        without.environment.air_drag = 0.0;
-        without.environment.air_density = 0.0;
+        let none = Handles::new(&[], 16).expect("none");
+        let free = hanging(4, 5).with_handles(none).expect("a cloth");
+        let vacuum = Environment {
+            air_drag: 0.0,
+            air_density: 0.0,
+            wind: DVec3::new(0.4, 0.1, -0.7),
+            ..Environment::default()
+        };
         let graphs = [
             cloth(5, 3),
             cloth(4, 4),
-            ClothGraph::new(without).expect("a cloth"),
+            ClothGraph::new(&free, vacuum, 60.0).expect("a graph"),
         ];
         let graphs = graphs.map(|graph| graph.with_coarse_levels(spec.coarse_levels));
         let cloths = graphs.map(|graph| Moving::new(graph, spec.history()));

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{Handles, Mesh};
+use selvedge_cloth::{Cloth, Handles, Mesh};
 use selvedge_data::{
-    Cloth, Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
+    Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
 };
 use selvedge_model::ModelSpec;
 use selvedge_train::TrainConfig;
@@ -20,23 +20,12 @@ pub(super) struct Swinging {
 }
 
 fn cloth(mesh: &Mesh) -> Cloth {
-    let shape = mesh.rest_shape(0.15);
     let count = mesh.positions().len();
     let upper = |p: &&DVec3| p.y == 0.0 && p.z > 0.0;
     let last = mesh.positions().iter().rposition(|p| upper(&p));
     let corners = [0, last.expect("an upper edge") as u32];
-    Cloth {
-        topology: mesh.topology().clone(),
-        rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
-        material_coordinates: mesh
-            .material_coordinates()
-            .iter()
-            .map(|c| c.as_vec2())
-            .collect(),
-        vertex_mass: shape.vertex_mass.iter().map(|&m| m as f32).collect(),
-        face_area: shape.face_area.iter().map(|&a| a as f32).collect(),
-        handles: Handles::new(&corners, count).expect("two corners"),
-    }
+    let handles = Handles::new(&corners, count).expect("two corners");
+    Cloth::of_mesh(mesh, 0.15, handles).expect("a cloth")
 }
 
 /// A swing whose lower parts lag behind, with ripples and a slow turn of the whole.

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Environment, HandlePath, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
+    Cloth, Environment, HandlePath, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
 };
-use selvedge_data::{Cloth, Provenance};
+use selvedge_data::Provenance;
 use selvedge_live::{
     Bench, Catalogue, Hold, LiveStepper, Mover, MoverKind, Opening, Order, RunningServer,
     RunningSession, ServerSettings, Start, Workshop, serve, start,
@@ -37,11 +37,11 @@ struct Follower {
 
 impl Stepper for Follower {
     fn topology(&self) -> &Topology {
-        &self.cloth.topology
+        self.cloth.topology()
     }
 
     fn handles(&self) -> &Handles {
-        &self.cloth.handles
+        self.cloth.handles()
     }
 
     fn positions(&self) -> &[Vec3] {
@@ -54,7 +54,7 @@ impl Stepper for Follower {
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         std::thread::sleep(self.cost);
-        let before = self.cloth.handles.select(&self.positions);
+        let before = self.cloth.handles().select(&self.positions);
         let moves = targets
             .end()
             .iter()
@@ -62,7 +62,7 @@ impl Stepper for Follower {
             .map(|(t, p)| t.as_vec3() - *p);
         let mean = moves.sum::<Vec3>() / before.len().max(1) as f32;
         self.positions.iter_mut().for_each(|p| *p += mean);
-        for (vertex, target) in self.cloth.handles.vertices().iter().zip(targets.end()) {
+        for (vertex, target) in self.cloth.handles().vertices().iter().zip(targets.end()) {
             self.positions[vertex.index()] = target.as_vec3();
         }
         self.frame += 1;
@@ -72,10 +72,8 @@ impl Stepper for Follower {
 
 impl LiveStepper for Follower {
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
-        let cloth = Cloth {
-            handles: hold.handles.clone(),
-            ..self.cloth.clone()
-        };
+        let cloth = self.cloth.clone();
+        let cloth = cloth.with_handles(hold.handles.clone()).unwrap();
         Ok(Box::new(Self {
             cloth,
             positions: self.positions.clone(),
@@ -126,10 +124,8 @@ impl Bench for FollowerBench {
             Start::Beginning => CORNERS.to_vec(),
             Start::Frames(frames) => frames.last().unwrap().clone(),
         };
-        let cloth = Cloth {
-            handles: hold.handles.clone(),
-            ..self.cloth.clone()
-        };
+        let cloth = self.cloth.clone();
+        let cloth = cloth.with_handles(hold.handles.clone()).unwrap();
         Ok(Box::new(Follower {
             cloth,
             positions,

@@ -4,12 +4,11 @@ use std::collections::BTreeSet;
 use std::f32::consts::PI;
 
 use glam::DVec3;
-use selvedge_cloth::{Environment, Handles, Topology, geometry};
+use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology, geometry};
 
 use super::*;
-use crate::graph::ClothParts;
 use crate::spec::Encoder;
-use crate::test_cloth::{parts, shaken, turn};
+use crate::test_cloth::{Hanging, parts, shaken, turn};
 
 fn physical() -> ModelSpec {
     ModelSpec::physical(Encoder::MLP, 8, 1)
@@ -35,8 +34,8 @@ fn features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>) -> Features {
     Features { nodes, arcs }
 }
 
-fn graph(parts: ClothParts) -> ClothGraph {
-    ClothGraph::new(parts).expect("a cloth")
+fn graph(parts: Hanging) -> ClothGraph {
+    parts.graph()
 }
 
 /// What two frames are enough for.
@@ -61,15 +60,17 @@ fn moving(rest: &[Vec3]) -> (Vec<Vec3>, Vec<Vec3>) {
 fn fold(angle: f32) -> (ClothGraph, [Vec3; 4]) {
     let (sin, cos) = angle.sin_cos();
     let positions = [Vec3::ZERO, Vec3::Z, Vec3::X, Vec3::new(-cos, -sin, 0.0)];
-    let parts = ClothParts {
-        topology: Topology::new(4, &[[0, 1, 2], [1, 0, 3]]).expect("two triangles"),
-        handles: Handles::new(&[], 4).expect("none"),
+    let arrays = ClothArrays {
         vertex_mass: vec![0.1; 4],
         face_area: vec![0.5; 2],
         material_coordinates: vec![glam::Vec2::ZERO; 4],
         rest_positions: positions.to_vec(),
+    };
+    let topology = Topology::new(4, &[[0, 1, 2], [1, 0, 3]]).expect("two triangles");
+    let none = Handles::new(&[], 4).expect("none");
+    let parts = Hanging {
+        cloth: Cloth::new(topology, none, arrays).expect("a cloth"),
         environment: Environment::default(),
-        frame_rate: 60.0,
     };
     (graph(parts), positions)
 }
@@ -272,8 +273,8 @@ fn bending_is_minus_the_simulators_dihedral_angle() {
 #[test]
 fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
     let start = parts(6, 7);
-    let positions = shaken(&start.rest_positions, 0.03, 1);
-    let faces = start.topology.face_indices();
+    let positions = shaken(start.cloth.rest_positions(), 0.03, 1);
+    let faces = start.cloth.topology().face_indices();
     let shuffled: Vec<[u32; 3]> = (0..faces.len())
         .map(|k| {
             let [a, b, c] = faces[(k * 7 + 3) % faces.len()];
@@ -281,9 +282,14 @@ fn the_order_of_faces_and_of_their_corners_changes_no_bit_of_bending() {
         })
         .collect();
     let mut other = start.clone();
-    other.topology = Topology::new(36, &shuffled).expect("the same faces");
-    assert_ne!(other.topology.edges(), start.topology.edges());
-    let angles = |parts: ClothParts| -> Vec<u32> {
+    let topology = Topology::new(36, &shuffled).expect("the same faces");
+    let (handles, arrays) = (start.cloth.handles().clone(), start.cloth.arrays().clone());
+    other.cloth = Cloth::new(topology, handles, arrays).expect("the same cloth");
+    assert_ne!(
+        other.cloth.topology().edges(),
+        start.cloth.topology().edges()
+    );
+    let angles = |parts: Hanging| -> Vec<u32> {
         let graph = graph(parts);
         let pose = pose(&positions, &positions, Yaw::WORLD);
         let arcs = features(&physical(), &graph, pose).arcs;

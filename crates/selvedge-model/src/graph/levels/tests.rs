@@ -1,13 +1,13 @@
 //! Coarse levels keep what farthest-point sampling promises, and reach far.
 
 use super::*;
+use crate::graph::ClothGraph;
 use crate::graph::connectivity::Connectivity;
-use crate::graph::{ClothGraph, ClothParts};
 use crate::test_cloth::parts;
-use selvedge_cloth::{Handles, Topology};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 
 fn levelled(side: usize, seed: u64, levels: usize) -> ClothGraph {
-    let graph = ClothGraph::new(parts(side, seed)).expect("a cloth");
+    let graph = parts(side, seed).graph();
     graph.with_coarse_levels(levels)
 }
 
@@ -161,8 +161,9 @@ fn two_vertices_are_linked_where_their_cells_touch() {
 fn handles_that_are_too_many_for_a_level_leave_room_for_others() {
     let mut few = parts(8, 2);
     let many: Vec<u32> = (0..12).collect();
-    few.handles = Handles::new(&many, 64).expect("a row and a half");
-    let graph = ClothGraph::new(few).expect("a cloth");
+    let handles = Handles::new(&many, 64).expect("a row and a half");
+    few.cloth = few.cloth.with_handles(handles).expect("handles");
+    let graph = few.graph();
     // 64 → 16 → 4: twelve are more than half of sixteen, so that only the first of them comes first.
     let graph = graph.with_coarse_levels(2);
     let chosen = joined(&graph, 1);
@@ -182,10 +183,11 @@ fn cloths_without_room_or_extent_have_what_they_can() {
     assert_eq!(graph.coarse_levels(), 3);
     // Nobody said where it lies flat: then distances are those of the rest pose.
     let mut lost = parts(6, 3);
-    lost.material_coordinates.fill(glam::Vec2::ZERO);
-    let graph = ClothGraph::new(lost)
-        .expect("a cloth")
-        .with_coarse_levels(1);
+    let mut arrays = lost.cloth.arrays().clone();
+    arrays.material_coordinates.fill(glam::Vec2::ZERO);
+    let (topology, handles) = (lost.cloth.topology().clone(), lost.cloth.handles().clone());
+    lost.cloth = Cloth::new(topology, handles, arrays).expect("a cloth");
+    let graph = lost.graph().with_coarse_levels(1);
     assert_eq!(joined(&graph, 1).len(), 9);
 }
 
@@ -238,7 +240,7 @@ fn arcs_of_edges_and_links_name_each_other() {
 
 #[test]
 fn without_levels_a_cloth_is_its_mesh() {
-    let graph = ClothGraph::new(parts(7, 3)).expect("a cloth");
+    let graph = parts(7, 3).graph();
     assert_eq!(
         Connectivity::of_cloth(&graph),
         Connectivity::of(graph.topology())
@@ -252,24 +254,25 @@ fn without_levels_a_cloth_is_its_mesh() {
 
 #[test]
 fn pieces_that_do_not_hang_together_are_not_linked() {
-    let one = parts(6, 1);
-    let count = one.topology.vertex_count() as u32;
-    let faces = one.topology.faces().iter().map(|face| face.map(|v| v.0));
+    let mut hanging = parts(6, 1);
+    let one = &hanging.cloth;
+    let count = one.vertex_count() as u32;
+    let faces = one.topology().faces().iter().map(|face| face.map(|v| v.0));
     let faces: Vec<[u32; 3]> = faces
         .clone()
         .chain(faces.map(|face| face.map(|v| v + count)))
         .collect();
     let twice = |values: &[f32]| [values, values].concat();
-    let graph = ClothGraph::new(ClothParts {
-        topology: Topology::new(2 * count as usize, &faces).expect("two squares"),
-        handles: Handles::new(&[], 2 * count as usize).expect("none"),
-        vertex_mass: twice(&one.vertex_mass),
-        face_area: twice(&one.face_area),
-        material_coordinates: one.material_coordinates.repeat(2),
-        rest_positions: one.rest_positions.repeat(2),
-        ..one
-    });
-    let graph = graph.expect("a cloth").with_coarse_levels(3);
+    let arrays = ClothArrays {
+        vertex_mass: twice(one.vertex_mass()),
+        face_area: twice(one.face_area()),
+        material_coordinates: one.material_coordinates().repeat(2),
+        rest_positions: one.rest_positions().repeat(2),
+    };
+    let topology = Topology::new(2 * count as usize, &faces).expect("two squares");
+    let none = Handles::new(&[], 2 * count as usize).expect("none");
+    hanging.cloth = Cloth::new(topology, none, arrays).expect("two cloths");
+    let graph = hanging.graph().with_coarse_levels(3);
     for piece in [0..count, count..2 * count] {
         let of_piece = |v: &u32| piece.contains(v);
         assert!(joined(&graph, 1).iter().filter(|v| of_piece(v)).count() > 5);

@@ -7,12 +7,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::features::normalizer::Normalizer;
-use crate::graph::ClothParts;
 use crate::network::Network;
 use crate::rollout::model::Normalizers;
 use crate::spec::integration::Integration;
 use crate::spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature};
-use crate::test_cloth::{parts, shaken, turn};
+use crate::test_cloth::{Hanging, parts, shaken, turn};
 
 /// Statistics as of a cloth that swings by centimetres per frame.
 fn normalizers(spec: &ModelSpec, acceleration: Normalizer) -> Normalizers {
@@ -72,11 +71,11 @@ fn specs() -> [ModelSpec; 4] {
     ]
 }
 
-fn graph(parts: ClothParts) -> ClothGraph {
-    ClothGraph::new(parts).expect("a cloth")
+fn graph(parts: Hanging) -> ClothGraph {
+    parts.graph()
 }
 
-fn stepper(model: &Arc<Model>, parts: ClothParts, start: &[Vec<Vec3>]) -> LearnedStepper {
+fn stepper(model: &Arc<Model>, parts: Hanging, start: &[Vec<Vec3>]) -> LearnedStepper {
     let start: Vec<&[Vec3]> = start.iter().map(Vec::as_slice).collect();
     LearnedStepper::new(Arc::clone(model), graph(parts), &start).expect("a start")
 }
@@ -86,19 +85,23 @@ fn targets(positions: Vec<DVec3>) -> HandleTargets {
 }
 
 /// Where the handles of `parts` are `frame` frames after rest: they swing and turn.
-fn swing(parts: &ClothParts, frame: usize) -> Vec<DVec3> {
+fn swing(parts: &Hanging, frame: usize) -> Vec<DVec3> {
     let phase = 0.2 * frame as f64;
     let yaw = Yaw::from_angle(0.3 * phase.sin());
-    let handles = parts.handles.select(&parts.rest_positions);
+    let handles = parts.cloth.handles().select(parts.cloth.rest_positions());
     let at =
         |p: Vec3| yaw.to_world_f64(p.as_dvec3()) + 0.1 * phase.sin() * DVec3::new(1.0, 0.5, 0.3);
     handles.into_iter().map(at).collect()
 }
 
 /// Rest, then two frames that are shaken.
-fn start(parts: &ClothParts) -> Vec<Vec<Vec3>> {
-    let rest = &parts.rest_positions;
-    vec![rest.clone(), shaken(rest, 0.004, 1), shaken(rest, 0.008, 2)]
+fn start(parts: &Hanging) -> Vec<Vec<Vec3>> {
+    let rest = parts.cloth.rest_positions();
+    vec![
+        rest.to_vec(),
+        shaken(rest, 0.004, 1),
+        shaken(rest, 0.008, 2),
+    ]
 }
 
 fn rollout(mut stepper: LearnedStepper, targets: impl Fn(usize) -> Vec<DVec3>) -> Vec<Vec<Vec3>> {
@@ -125,7 +128,12 @@ fn without_acceleration_free_vertices_go_on_uniformly() {
         let parts = parts(4, 3);
         // Multiples of 2^-12 m, for which the arithmetic is exact.
         let grid = |p: Vec3| (p * 4096.0).round() / 4096.0;
-        let before: Vec<Vec3> = parts.rest_positions.iter().map(|&p| grid(p)).collect();
+        let before: Vec<Vec3> = parts
+            .cloth
+            .rest_positions()
+            .iter()
+            .map(|&p| grid(p))
+            .collect();
         let now: Vec<Vec3> = shaken(&before, 0.01, 1).into_iter().map(grid).collect();
         let model = constant(spec, DVec3::ZERO);
         let stepper = stepper(&model, parts.clone(), &[before.clone(), now.clone()]);
@@ -146,7 +154,7 @@ fn handles_are_where_their_targets_are() {
     let stepper = stepper(&model, parts.clone(), &start(&parts));
     for (number, frame) in rollout(stepper, |f| swing(&parts, f)).iter().enumerate() {
         let expected = swing(&parts, number + 1);
-        for (vertex, target) in parts.handles.vertices().iter().zip(expected) {
+        for (vertex, target) in parts.cloth.handles().vertices().iter().zip(expected) {
             assert_eq!(frame[vertex.index()], target.as_vec3());
         }
     }
@@ -157,14 +165,18 @@ fn a_constant_acceleration_acts_along_the_axes_of_the_handles() {
     let spec = &specs()[0];
     let parts = parts(4, 3);
     // The whole cloth stands turned by half a radian from rest, and its handles stay.
-    let turned = turn(&parts.rest_positions, Yaw::from_angle(0.5), Vec3::ZERO);
+    let turned = turn(
+        parts.cloth.rest_positions(),
+        Yaw::from_angle(0.5),
+        Vec3::ZERO,
+    );
     let local = DVec3::new(3e-4, -2e-4, 1e-4);
     let stepper = stepper(
         &constant(spec, local),
         parts.clone(),
         std::slice::from_ref(&turned),
     );
-    let handles = parts.handles.select(&turned);
+    let handles = parts.cloth.handles().select(&turned);
     let still: Vec<DVec3> = handles.into_iter().map(|p| p.as_dvec3()).collect();
     let graph = graph(parts.clone());
     let rest_angle = graph.frame().rest_yaw().angle();
@@ -190,13 +202,12 @@ fn a_scene_turned_and_moved_gives_the_rollout_turned_and_moved() {
             let parts = parts(4, 3);
             let start = start(&parts);
             let plain = rollout(stepper(&model, parts.clone(), &start), |f| swing(&parts, f));
-            let moved = ClothParts {
-                rest_positions: turn(&parts.rest_positions, rest_yaw, by),
+            let moved = Hanging {
                 environment: selvedge_cloth::Environment {
                     wind: yaw.to_world_f64(parts.environment.wind),
                     ..parts.environment
                 },
-                ..parts.clone()
+                ..parts.at_rest(turn(parts.cloth.rest_positions(), rest_yaw, by))
             };
             let turned: Vec<_> = start.iter().map(|f| turn(f, yaw, by)).collect();
             let place = |p: DVec3| yaw.to_world_f64(p) + by.as_dvec3();
@@ -249,7 +260,7 @@ fn a_failed_step_leaves_everything_as_it_was() {
         // Finite, but not as f32.
         let mut far = swing(&parts, frame);
         far[1] = DVec3::splat(1e300);
-        let vertex = parts.handles.vertices()[1];
+        let vertex = parts.cloth.handles().vertices()[1];
         let error = StepError::NonFinite { frame, vertex };
         assert_eq!(tried.step(&targets(far)), Err(error));
         assert_eq!((tried.positions(), tried.frame()), (&*before, frame - 1));
@@ -370,7 +381,7 @@ fn a_frame_that_is_taken_is_one_that_was_stepped_to() {
         led.step(&targets(swing(&parts, 1))).expect("a step");
         let mut frames = vec![led.positions().to_vec()];
         for frame in 2..=4 {
-            frames.push(shaken(&parts.rest_positions, 0.01, frame));
+            frames.push(shaken(parts.cloth.rest_positions(), 0.01, frame));
             let newest = frames.len() - 1;
             led.take_frame(&frames[newest]).expect("finite");
             assert_eq!(

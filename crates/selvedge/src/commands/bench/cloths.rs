@@ -4,8 +4,8 @@
 use anyhow::Context;
 use glam::{Vec2, Vec3};
 use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{Environment, Handles, Topology};
-use selvedge_model::{ClothGraph, ClothParts};
+use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology};
+use selvedge_model::ClothGraph;
 
 use super::scale::sheet;
 
@@ -43,17 +43,15 @@ pub(super) fn hanging(vertices: usize) -> anyhow::Result<ClothGraph> {
     });
     let held = held.map(|v| v.unwrap_or(0) as u32);
     let ripple = |c: &Vec2| Vec3::new(0.02 * (12.0 * c.x).sin() * (1.0 - c.y), c.y, c.x);
-    ClothGraph::new(ClothParts {
-        handles: Handles::new(&held, uv.len())?,
-        vertex_mass,
-        face_area,
+    let arrays = ClothArrays {
         rest_positions: uv.iter().map(ripple).collect(),
         material_coordinates: uv,
-        topology,
-        environment: Environment::default(),
-        frame_rate: 60.0,
-    })
-    .context("a cloth to measure on")
+        vertex_mass,
+        face_area,
+    };
+    let handles = Handles::new(&held, arrays.rest_positions.len())?;
+    let cloth = Cloth::new(topology, handles, arrays)?;
+    ClothGraph::new(&cloth, Environment::default(), 60.0).context("a cloth to measure on")
 }
 
 fn irregular(vertices: usize) -> anyhow::Result<(Topology, Vec<Vec2>)> {

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_data::{
-    Cloth, Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
+    Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
 };
 use selvedge_gpu::bench::conformance::training;
 use selvedge_gpu::bench::learning::Learning;
@@ -246,14 +246,7 @@ fn data(folder: &Path) -> anyhow::Result<Dataset> {
 }
 
 fn trajectory(graph: &ClothGraph, number: usize) -> anyhow::Result<Trajectory> {
-    let cloth = Cloth {
-        topology: graph.topology().clone(),
-        rest_positions: graph.rest_positions().to_vec(),
-        material_coordinates: graph.material_coordinates().to_vec(),
-        vertex_mass: graph.vertex_mass().to_vec(),
-        face_area: graph.face_area().to_vec(),
-        handles: graph.handles().clone(),
-    };
+    let cloth = graph.cloth().clone();
     let air = json!({ "air_density": 1.2, "air_drag": 0.3, "wind": [0.5, 0.1, -0.4] });
     let provenance = Provenance {
         frame_rate: graph.frame_rate(),

@@ -1,0 +1,355 @@
+//! A cloth: connectivity, handles, rest pose, material coordinates, masses and areas, checked
+//! against each other once in [`Cloth::new`].
+//!
+//! A [`Cloth`] holds everything about a cloth that does not change over a motion. Its numbers are
+//! `f32`, as files hold them and as models read them; [`Mesh`] is the description in `f64` that a
+//! simulator starts from.
+
+use glam::{Vec2, Vec3};
+use thiserror::Error;
+
+use crate::{FaceId, HandleError, Handles, Mesh, MeshError, Scene, Topology, VertexId};
+
+/// The arrays of a [`Cloth`], one entry per vertex or per face.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClothArrays {
+    /// The sagged rest pose in the world `[m]`, `[vertices]`.
+    pub rest_positions: Vec<Vec3>,
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    pub material_coordinates: Vec<Vec2>,
+    /// Mass of each vertex `[kg]`, `[vertices]`.
+    pub vertex_mass: Vec<f32>,
+    /// Area of each face in material space `[m²]`, `[faces]`.
+    pub face_area: Vec<f32>,
+}
+
+/// A cloth, valid by construction: counts agree, positions and coordinates are finite, masses and
+/// areas are finite and positive, and every handle is a vertex.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cloth {
+    topology: Topology,
+    handles: Handles,
+    arrays: ClothArrays,
+}
+
+/// Why parts do not make a [`Cloth`].
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ClothError {
+    #[error("{what} has {found} entries, expected {expected}")]
+    Count {
+        what: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("{what} of vertex {vertex} must be finite, found {value}")]
+    NonFinite {
+        what: &'static str,
+        vertex: VertexId,
+        value: Vec3,
+    },
+    #[error("the mass of vertex {vertex} must be finite and positive, found {mass}")]
+    VertexMass { vertex: VertexId, mass: f32 },
+    #[error("the area of face {face} must be finite and positive, found {area}")]
+    FaceArea { face: FaceId, area: f32 },
+    #[error(transparent)]
+    Handles(#[from] HandleError),
+}
+
+impl Cloth {
+    /// Makes a cloth of `topology` with `handles` and `arrays`.
+    ///
+    /// # Errors
+    /// [`ClothError`] names the first array, vertex, face or handle that cannot be used.
+    pub fn new(
+        topology: Topology,
+        handles: Handles,
+        arrays: ClothArrays,
+    ) -> Result<Self, ClothError> {
+        check_counts(&topology, &arrays)?;
+        check_finite("the rest position", &arrays.rest_positions, |p| *p)?;
+        let coordinates = &arrays.material_coordinates;
+        check_finite("the material coordinate", coordinates, |c| c.extend(0.0))?;
+        check_positive(&arrays)?;
+        handles.check_range(topology.vertex_count())?;
+        Ok(Self {
+            topology,
+            handles,
+            arrays,
+        })
+    }
+
+    /// Makes a cloth of `mesh` with `density` `[kg/m²]`, at rest where the mesh starts.
+    ///
+    /// # Errors
+    /// [`ClothError`] when a handle is no vertex of the mesh, or a mass, an area or a coordinate
+    /// cannot be told from zero or infinity in `f32`.
+    pub fn of_mesh(mesh: &Mesh, density: f64, handles: Handles) -> Result<Self, ClothError> {
+        let shape = mesh.rest_shape(density);
+        let coordinates = mesh.material_coordinates().iter();
+        let arrays = ClothArrays {
+            rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
+            material_coordinates: coordinates.map(|c| c.as_vec2()).collect(),
+            vertex_mass: shape.vertex_mass.iter().map(|&m| m as f32).collect(),
+            face_area: shape.face_area.iter().map(|&a| a as f32).collect(),
+        };
+        Self::new(mesh.topology().clone(), handles, arrays)
+    }
+
+    /// Makes the cloth of `scene` with its sagged `rest_positions` `[m]`, `[vertices]`.
+    ///
+    /// # Errors
+    /// [`ClothError`] as for [`Self::new`].
+    pub fn of_scene(scene: &Scene, rest_positions: Vec<Vec3>) -> Result<Self, ClothError> {
+        Self::of_mesh(&scene.mesh, scene.material.density, scene.handles.clone())?
+            .with_rest_positions(rest_positions)
+    }
+
+    /// The same cloth with other `handles`.
+    ///
+    /// # Errors
+    /// [`ClothError::Handles`] when a handle is no vertex of the cloth.
+    pub fn with_handles(self, handles: Handles) -> Result<Self, ClothError> {
+        handles.check_range(self.vertex_count())?;
+        Ok(Self { handles, ..self })
+    }
+
+    /// The same cloth with other `rest_positions` `[m]`, `[vertices]`.
+    ///
+    /// # Errors
+    /// [`ClothError::Count`] or [`ClothError::NonFinite`].
+    pub fn with_rest_positions(self, rest_positions: Vec<Vec3>) -> Result<Self, ClothError> {
+        let arrays = ClothArrays {
+            rest_positions,
+            ..self.arrays
+        };
+        Self::new(self.topology, self.handles, arrays)
+    }
+
+    /// The image of the cloth in a mirror at z = 0.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let mut image = self.clone();
+        for position in &mut image.arrays.rest_positions {
+            position.z = -position.z;
+        }
+        image
+    }
+
+    /// The mesh that starts at the rest positions.
+    ///
+    /// # Errors
+    /// [`MeshError`] where the material coordinates of a foreign file make no flat rest shape.
+    pub fn mesh(&self) -> Result<Mesh, MeshError> {
+        let coordinates = self.material_coordinates().iter();
+        Mesh::new(
+            &self.topology.face_indices(),
+            coordinates.map(|c| c.as_dvec2()).collect(),
+            self.rest_positions().iter().map(|p| p.as_dvec3()).collect(),
+        )
+    }
+
+    /// The connectivity.
+    #[must_use]
+    pub fn topology(&self) -> &Topology {
+        &self.topology
+    }
+
+    /// Number of vertices.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.topology.vertex_count()
+    }
+
+    /// The held vertices, in the order of the handle targets.
+    #[must_use]
+    pub fn handles(&self) -> &Handles {
+        &self.handles
+    }
+
+    /// The arrays, as [`Self::new`] takes them.
+    #[must_use]
+    pub fn arrays(&self) -> &ClothArrays {
+        &self.arrays
+    }
+
+    /// The sagged rest pose in the world `[m]`, `[vertices]`.
+    #[must_use]
+    pub fn rest_positions(&self) -> &[Vec3] {
+        &self.arrays.rest_positions
+    }
+
+    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    #[must_use]
+    pub fn material_coordinates(&self) -> &[Vec2] {
+        &self.arrays.material_coordinates
+    }
+
+    /// Mass of each vertex `[kg]`, `[vertices]`.
+    #[must_use]
+    pub fn vertex_mass(&self) -> &[f32] {
+        &self.arrays.vertex_mass
+    }
+
+    /// Area of each face in material space `[m²]`, `[faces]`.
+    #[must_use]
+    pub fn face_area(&self) -> &[f32] {
+        &self.arrays.face_area
+    }
+}
+
+fn check_counts(topology: &Topology, arrays: &ClothArrays) -> Result<(), ClothError> {
+    let (vertices, faces) = (topology.vertex_count(), topology.faces().len());
+    let coordinates = arrays.material_coordinates.len();
+    for (what, expected, found) in [
+        ("rest_positions", vertices, arrays.rest_positions.len()),
+        ("material_coordinates", vertices, coordinates),
+        ("vertex_mass", vertices, arrays.vertex_mass.len()),
+        ("face_area", faces, arrays.face_area.len()),
+    ] {
+        if expected != found {
+            return Err(ClothError::Count {
+                what,
+                expected,
+                found,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_finite<T>(
+    what: &'static str,
+    values: &[T],
+    point: impl Fn(&T) -> Vec3,
+) -> Result<(), ClothError> {
+    match values.iter().position(|value| !point(value).is_finite()) {
+        Some(vertex) => Err(ClothError::NonFinite {
+            what,
+            vertex: VertexId(vertex as u32),
+            value: point(&values[vertex]),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_positive(arrays: &ClothArrays) -> Result<(), ClothError> {
+    let bad = |values: &[f32]| values.iter().position(|x| !(x.is_finite() && *x > 0.0));
+    if let Some(vertex) = bad(&arrays.vertex_mass) {
+        return Err(ClothError::VertexMass {
+            vertex: VertexId(vertex as u32),
+            mass: arrays.vertex_mass[vertex],
+        });
+    }
+    match bad(&arrays.face_area) {
+        Some(face) => Err(ClothError::FaceArea {
+            face: FaceId(face as u32),
+            area: arrays.face_area[face],
+        }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{SquareSpec, square};
+
+    fn cloth() -> Cloth {
+        let arrays = ClothArrays {
+            rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.5), Vec3::Y],
+            material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+            vertex_mass: vec![0.25; 4],
+            face_area: vec![0.5; 2],
+        };
+        let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+        Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap()
+    }
+
+    #[test]
+    fn arrays_that_do_not_fit_are_named() {
+        let message = |edit: fn(&mut ClothArrays)| {
+            let cloth = cloth();
+            let mut arrays = cloth.arrays().clone();
+            edit(&mut arrays);
+            let made = Cloth::new(cloth.topology().clone(), cloth.handles().clone(), arrays);
+            made.unwrap_err().to_string()
+        };
+        let cases: [(fn(&mut ClothArrays), &str); 8] = [
+            (
+                |a| a.vertex_mass.truncate(3),
+                "vertex_mass has 3 entries, expected 4",
+            ),
+            (
+                |a| a.face_area.clear(),
+                "face_area has 0 entries, expected 2",
+            ),
+            (
+                |a| a.rest_positions.truncate(2),
+                "rest_positions has 2 entries, expected 4",
+            ),
+            (
+                |a| a.material_coordinates.push(Vec2::ZERO),
+                "material_coordinates has 5 entries, expected 4",
+            ),
+            (
+                |a| a.vertex_mass[1] = 0.0,
+                "the mass of vertex 1 must be finite and positive, found 0",
+            ),
+            (
+                |a| a.face_area[1] = f32::NAN,
+                "the area of face 1 must be finite and positive, found NaN",
+            ),
+            (
+                |a| a.rest_positions[2].z = f32::INFINITY,
+                "the rest position of vertex 2 must be finite",
+            ),
+            (
+                |a| a.material_coordinates[3].y = f32::NAN,
+                "the material coordinate of vertex 3 must be finite",
+            ),
+        ];
+        for (edit, expected) in cases {
+            let found = message(edit);
+            assert!(found.starts_with(expected), "{found}");
+        }
+    }
+
+    #[test]
+    fn a_handle_must_be_a_vertex() {
+        let beyond = Handles::new(&[9], 10).unwrap();
+        let error = cloth().with_handles(beyond).unwrap_err();
+        assert!(matches!(error, ClothError::Handles(_)), "{error}");
+        let fewer = Handles::new(&[1], 4).unwrap();
+        let held = cloth().with_handles(fewer.clone()).unwrap();
+        assert_eq!(held.handles(), &fewer);
+        assert_eq!(held.arrays(), cloth().arrays());
+    }
+
+    #[test]
+    fn two_mirrors_show_the_cloth_itself() {
+        let image = cloth().mirrored();
+        assert_eq!(image.rest_positions()[2], Vec3::new(1.0, 1.0, -0.5));
+        assert_eq!(image.mirrored(), cloth());
+    }
+
+    #[test]
+    fn a_cloth_of_a_mesh_has_its_masses_and_gives_it_back() {
+        let spec = SquareSpec {
+            vertices: 30,
+            size: 1.0,
+            seed: 0,
+        };
+        let mesh = square(&spec).unwrap().mesh;
+        let none = Handles::new(&[], 30).unwrap();
+        let cloth = Cloth::of_mesh(&mesh, 0.2, none).unwrap();
+        let mass: f64 = cloth.vertex_mass().iter().map(|&m| f64::from(m)).sum();
+        // Thirty masses, each rounded to a relative 6e-8.
+        assert!((mass - 0.2).abs() < 0.2 * 1e-7, "{mass}");
+        assert_eq!(cloth.mesh().unwrap().topology(), mesh.topology());
+        let sunk = vec![Vec3::NEG_Y; 30];
+        let sunk = cloth.with_rest_positions(sunk.clone()).unwrap();
+        assert_eq!(sunk.rest_positions()[7], Vec3::NEG_Y);
+        assert!(sunk.with_rest_positions(vec![Vec3::ZERO; 29]).is_err());
+    }
+}
