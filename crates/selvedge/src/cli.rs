@@ -96,6 +96,9 @@ pub(crate) enum Command {
     /// Operations per vertex, per arc and per frame of a cloth of 1024 vertices and 5898 arcs (the
     /// paper's), counted from the spec: two for each multiplication with its addition in a product.
     Presets,
+    /// Print this reference as Markdown, for the book.
+    #[command(hide = true)]
+    Reference,
 }
 
 /// Run a trained model on a scene, beside the physics.

@@ -38,6 +38,23 @@ fn wrong_calls_exit_with_2_and_say_why() {
     assert_eq!(desk.names(), Vec::<String>::new());
 }
 
+/// The page of the book that lists the commands.
+#[test]
+fn the_book_has_every_command_as_it_is() {
+    let made = Desk::new().run("reference");
+    assert_eq!((made.code, made.err.as_str()), (Some(0), ""));
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../docs/src/reference/commands.md"
+    );
+    let kept = std::fs::read_to_string(path).unwrap();
+    assert!(
+        kept == made.out,
+        "docs/src/reference/commands.md is of another version: write it anew with \
+         `selvedge reference > docs/src/reference/commands.md`"
+    );
+}
+
 #[test]
 fn every_command_has_help() {
     let desk = Desk::new();
