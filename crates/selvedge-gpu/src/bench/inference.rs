@@ -1,136 +1,110 @@
-//! A network's forward pass on a device, on features that somebody else has made: what is compared
-//! with the CPU engine, and measured beside other programs.
+//! A network's forward pass on a device, on given features: compared with the processor's engine, and
+//! measured beside other programs.
 
-use selvedge_model::{Connectivity, Extent, Input, Network};
+use selvedge_model::{Extent, Input, Network};
 
+use crate::bench::case::{GraphSizes, Layout, NetworkArrays, NetworkCase, load};
 use crate::bench::profile::Work;
-use crate::device::{
-    Device, DeviceError, Loaded, Precision, Prepared, require_memory, vertices_that_fit,
-};
+use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
 use crate::kernels::layers;
 use crate::kernels::{Program, Sizes};
-use crate::network::{
-    ForwardPass, GraphArrays, InputArrays, Keep, StateArrays, WeightArrays, forward,
-};
+use crate::network::{ForwardPass, Keep, StateArrays, forward};
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
 
 /// A network on a graph, ready to be run.
 pub struct Inference {
     loaded: Box<dyn Loaded>,
-    input: InputArrays,
-    start: Option<StateArrays>,
+    arrays: NetworkArrays,
     output: Region,
     forward: Prepared,
     commands: usize,
     work: Work,
 }
 
-/// Where everything lies and what is done.
-struct Layout {
+/// The memory, the kernels and the schedule of a pass.
+struct PassLayout {
     plan: Plan,
     program: Program,
-    weights: WeightArrays,
-    graph: GraphArrays,
-    input: InputArrays,
-    start: Option<StateArrays>,
+    arrays: NetworkArrays,
     output: Region,
-    pack: Schedule,
     forward: Schedule,
 }
 
-impl Layout {
-    fn new(network: &Network, [vertices, arcs]: [usize; 2], extent: Extent) -> Self {
-        let spec = network.spec();
-        let mut program = Program::new(Sizes::of(spec));
+impl Layout for PassLayout {
+    fn new(network: &Network, sizes: GraphSizes, extent: Extent) -> Self {
+        let mut program = Program::new(Sizes::of(network.spec()));
         program.add(&layers::PART);
         let mut plan = Plan::new();
-        let weights = WeightArrays::new(&mut plan, network);
-        let graph = GraphArrays::new(&mut plan, vertices, arcs);
-        let steps = match extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
-            Extent::Newest => [1, 1],
-        };
-        let input = InputArrays::new(&mut plan, network, &graph, steps);
-        let states = (extent == Extent::Newest)
-            .then(|| [0, 1].map(|_| StateArrays::new(&mut plan, network, &graph)));
-        let [start, end] = states.map_or([None, None], |states| states.map(Some));
+        let arrays = NetworkArrays::new(&mut plan, network, sizes, extent);
+        let end = arrays
+            .start
+            .map(|_| StateArrays::new(&mut plan, network, &arrays.graph));
         let mut schedule = Schedule::new("a forward pass");
         let pass = ForwardPass {
             network,
-            weights: &weights,
-            graph: &graph,
-            input: &input,
-            start: start.as_ref(),
+            weights: &arrays.weights,
+            graph: &arrays.graph,
+            input: &arrays.input,
+            start: arrays.start.as_ref(),
             end: end.as_ref(),
             keep: Keep::Output,
         };
         let output = forward(&mut plan, &mut schedule, pass).output;
-        let mut pack = Schedule::new("packing the weights");
-        weights.pack(&mut pack);
         Self {
             plan,
             program,
-            weights,
-            graph,
-            input,
-            start,
+            arrays,
             output,
-            pack,
             forward: schedule,
         }
+    }
+
+    fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    fn program(&self) -> &Program {
+        &self.program
+    }
+
+    fn arrays(&self) -> &NetworkArrays {
+        &self.arrays
     }
 }
 
 impl Inference {
-    /// A network with its weights on a graph. Of [`Extent::Newest`] it goes on from states, which begin
-    /// with zero; those that it leaves are not taken up again.
+    /// Loads a network onto a device. The states that a pass of [`Extent::Newest`] leaves are not those
+    /// that the next one starts from.
     ///
     /// # Errors
     /// Too little memory, or a device that fails.
     ///
     /// # Panics
-    /// When there are not as many weights as the network has.
+    /// When the number of weights is not that of the network.
     pub fn new(
         device: &dyn Device,
-        (network, weights): (&Network, &[f32]),
-        graph: &Connectivity,
-        extent: Extent,
+        case: NetworkCase<'_>,
         precision: Precision,
     ) -> Result<Self, DeviceError> {
-        let counts = [graph.vertex_count(), graph.arc_count()];
-        let layout = Layout::new(network, counts, extent);
-        require_memory(device, "this network", layout.plan.bytes(), |free| {
-            vertices_that_fit(counts, free, |counts| {
-                Layout::new(network, counts, extent).plan.bytes()
-            })
-        })?;
-        let mut loaded = device.load(&layout.program, &layout.plan, precision)?;
-        loaded.put(layout.weights.flat(), weights)?;
-        layout.graph.upload(&mut *loaded, graph)?;
-        for region in layout.start.iter().flat_map(StateArrays::regions) {
-            loaded.put(region, &vec![0.0; region.count()])?;
-        }
-        let packed = loaded.prepare(&layout.pack)?;
-        loaded.run(packed)?;
+        let (layout, mut loaded) = load::<PassLayout>(device, case, precision)?;
         Ok(Self {
             forward: loaded.prepare(&layout.forward)?,
             commands: layout.forward.len(),
             work: Work::of_all(&layout.forward),
             output: layout.output,
+            arrays: layout.arrays,
             loaded,
-            input: layout.input,
-            start: layout.start,
         })
     }
 
-    /// Kernels, products and copies of a pass.
+    /// The number of kernels, products and copies of a pass.
     #[must_use]
     pub fn commands(&self) -> usize {
         self.commands
     }
 
-    /// What a pass moves and multiplies.
+    /// The bytes and operations of a pass.
     #[must_use]
     pub fn work(&self) -> Work {
         self.work
@@ -141,19 +115,15 @@ impl Inference {
     /// # Errors
     /// When the device fails.
     pub fn put(&mut self, input: Input<'_, f32>) -> Result<(), DeviceError> {
-        self.loaded.put(self.input.nodes, input.nodes)?;
-        self.loaded.put(self.input.edges, input.edges)
+        self.arrays.put(&mut *self.loaded, input)
     }
 
-    /// Sets every value of the states that it goes on from; nothing where it begins with none.
+    /// Sets every value of the states that a pass starts from, if it has such states.
     ///
     /// # Errors
     /// When the device fails.
     pub fn put_state(&mut self, value: f32) -> Result<(), DeviceError> {
-        for region in self.start.iter().flat_map(StateArrays::regions) {
-            self.loaded.put(region, &vec![value; region.count()])?;
-        }
-        Ok(())
+        self.arrays.put_state(&mut *self.loaded, value)
     }
 
     /// Starts a pass.
@@ -217,10 +187,13 @@ mod tests {
             let given = (input, &state);
             let pass = Pass::Inference;
             let expected = network.forward_carried(&packed, &graph, given, pass, &mut workspace);
-            let both = (&network, &*weights);
-            let precision = Precision::Full;
-            let mut inference =
-                Inference::new(device, both, &graph, Extent::Newest, precision).expect("a network");
+            let case = NetworkCase {
+                network: &network,
+                weights: &weights,
+                graph: &graph,
+                extent: Extent::Newest,
+            };
+            let mut inference = Inference::new(device, case, Precision::Full).expect("a network");
             inference.put(input).expect("features");
             inference.put_state(0.1).expect("states");
             inference.run().expect("a run");

@@ -1,126 +1,119 @@
-//! A network's step of learning on a device, on features and a target that lie ready: forward, the mean
-//! square error, backward, Adam. What is compared with the CPU engine, and measured beside other programs;
-//! trainings are in `training`.
+//! A network's step of learning on a device, on given features and a given target: forward pass, mean
+//! square error, backward pass, Adam. Compared with the processor's engine, and measured beside other
+//! programs; trainings are in `training`.
 
-use selvedge_model::{Connectivity, Extent, Input, Network};
+use selvedge_model::{Extent, Input, Network};
 use selvedge_train::{Adam, AdamError, AdamSettings};
 
+use crate::bench::case::{GraphSizes, Layout, NetworkArrays, NetworkCase, load};
 use crate::bench::profile::{Spent, profile};
-use crate::cloths::losses::{self, SQUARE_ERROR};
-use crate::device::{
-    Device, DeviceError, Loaded, Precision, Prepared, require_memory, vertices_that_fit,
-};
-use crate::kernels::{Program, Sizes};
-use crate::kernels::{backward as backward_kernels, layers};
-use crate::network::{
-    BackwardPass, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, StateArrays, WeightArrays,
-    backward, forward,
-};
+use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
+use crate::kernels::losses::{self, SQUARE_ERROR};
+use crate::kernels::{Program, Sizes, adam, backward as backward_kernels, layers};
+use crate::network::{BackwardPass, ForwardPass, Keep, OUTPUTS, backward, forward};
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Command, Schedule};
-use crate::training::adam::{self, AdamArrays};
+use crate::schedule::{Command, Schedule, args};
+use crate::training::adam::AdamArrays;
 
 /// A network on a graph, ready to learn.
 pub struct Learning {
     loaded: Box<dyn Loaded>,
-    input: InputArrays,
+    arrays: NetworkArrays,
     target: Region,
     gradient: Region,
-    weights: Region,
-    start: Option<StateArrays>,
     adam: AdamArrays,
     optimizer: Adam,
     learn: Prepared,
     update: Prepared,
-    /// Both, as they were prepared.
+    /// The commands of both.
     commands: Vec<Command>,
 }
 
-/// Where everything lies and what is done.
-struct Layout {
+/// The memory, the kernels and the schedules of a step.
+struct StepLayout {
     plan: Plan,
     program: Program,
-    weights: WeightArrays,
-    graph: GraphArrays,
-    input: InputArrays,
+    arrays: NetworkArrays,
     target: Region,
     gradient: Region,
     ones: Region,
-    start: Option<StateArrays>,
     adam: AdamArrays,
-    pack: Schedule,
     learn: Schedule,
     update: Schedule,
 }
 
-impl Layout {
-    fn new(network: &Network, [vertices, arcs]: [usize; 2], extent: Extent) -> Self {
-        let spec = network.spec();
-        let mut program = Program::new(Sizes::of(spec));
+impl Layout for StepLayout {
+    fn new(network: &Network, sizes: GraphSizes, extent: Extent) -> Self {
+        let mut program = Program::new(Sizes::of(network.spec()));
         let parts = [&layers::PART, &losses::PART, &backward_kernels::PART];
         parts.into_iter().for_each(|part| program.add(part));
         adam::define(&mut program);
         let (mut plan, parameters) = (Plan::new(), network.parameter_count());
-        let graph = GraphArrays::new(&mut plan, vertices, arcs);
-        let steps = match extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
-            Extent::Newest => [1, 1],
-        };
-        let start =
-            (extent == Extent::Newest).then(|| StateArrays::new(&mut plan, network, &graph));
         let mut layout = Self {
-            weights: WeightArrays::new(&mut plan, network),
-            input: InputArrays::new(&mut plan, network, &graph, steps),
-            target: plan.floats("target", vertices * OUTPUTS),
+            arrays: NetworkArrays::new(&mut plan, network, sizes, extent),
+            target: plan.floats("target", sizes.vertices * OUTPUTS),
             gradient: plan.floats("gradient", parameters),
-            ones: plan.floats("ones", vertices.max(arcs)),
-            adam: AdamArrays::new(&mut plan, parameters, None),
-            pack: Schedule::new("packing the weights"),
+            ones: plan.floats("ones", sizes.vertices.max(sizes.arcs)),
+            adam: AdamArrays::new(&mut plan, parameters),
             learn: Schedule::new("a step of learning"),
             update: Schedule::new("a step of the optimiser"),
-            graph,
-            start,
             program,
             plan,
         };
-        layout.weights.pack(&mut layout.pack);
         layout.lower(network);
-        let both = (layout.weights.flat(), layout.gradient);
-        layout.adam.step(&mut layout.plan, &mut layout.update, both);
-        layout.weights.pack(&mut layout.update);
+        let weights = &layout.arrays.weights;
+        let (plan, update) = (&mut layout.plan, &mut layout.update);
+        layout
+            .adam
+            .step(plan, update, weights.flat(), layout.gradient);
+        weights.pack(update);
         layout
     }
 
+    fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    fn program(&self) -> &Program {
+        &self.program
+    }
+
+    fn arrays(&self) -> &NetworkArrays {
+        &self.arrays
+    }
+}
+
+impl StepLayout {
+    /// Adds the passes, with the error between them.
     fn lower(&mut self, network: &Network) {
-        let (plan, schedule) = (&mut self.plan, &mut self.learn);
+        let (plan, schedule, arrays) = (&mut self.plan, &mut self.learn, &self.arrays);
         let pass = ForwardPass {
             network,
-            weights: &self.weights,
-            graph: &self.graph,
-            input: &self.input,
-            start: self.start.as_ref(),
+            weights: &arrays.weights,
+            graph: &arrays.graph,
+            input: &arrays.input,
+            start: arrays.start.as_ref(),
             end: None,
             keep: Keep::Activations(None),
         };
         let record = forward(plan, schedule, pass);
         let count = record.output.count();
         let output = plan.floats("gradient of the output", count);
-        let share = Argument::Number(1.0 / count as f32);
-        let arguments = [
-            record.output.into(),
-            self.target.into(),
-            share,
-            output.into(),
-        ];
-        schedule.launch(&SQUARE_ERROR, count, &arguments);
+        let arguments = args! {
+            found: record.output,
+            target: self.target,
+            share: 1.0 / count as f32,
+            gradient: output,
+        };
+        schedule.launch(&SQUARE_ERROR, count, arguments);
         schedule.clear(self.gradient);
         let pass = BackwardPass {
             network,
-            weights: &self.weights,
+            weights: &arrays.weights,
             gradient: self.gradient,
             ones: self.ones,
-            graph: &self.graph,
-            input: &self.input,
+            graph: &arrays.graph,
+            input: &arrays.input,
             record: &record,
             dropout: None,
             output,
@@ -133,63 +126,44 @@ impl Layout {
 }
 
 impl Learning {
-    /// A network with its weights on a graph. Of [`Extent::Newest`] it goes on from states, which begin
-    /// with zero.
+    /// Loads a network onto a device.
     ///
     /// # Errors
     /// Too little memory, or a device that fails.
     ///
     /// # Panics
-    /// When there are not as many weights as the network has.
+    /// When the number of weights is not that of the network.
     pub fn new(
         device: &dyn Device,
-        (network, weights): (&Network, &[f32]),
-        graph: &Connectivity,
-        extent: Extent,
+        case: NetworkCase<'_>,
         precision: Precision,
     ) -> Result<Self, LearningError> {
-        let optimizer = Adam::new(AdamSettings::default(), weights.len())?;
-        let counts = [graph.vertex_count(), graph.arc_count()];
-        let layout = Layout::new(network, counts, extent);
-        require_memory(device, "this network", layout.plan.bytes(), |free| {
-            vertices_that_fit(counts, free, |counts| {
-                Layout::new(network, counts, extent).plan.bytes()
-            })
-        })?;
-        let mut loaded = device.load(&layout.program, &layout.plan, precision)?;
-        loaded.put(layout.weights.flat(), weights)?;
-        layout.graph.upload(&mut *loaded, graph)?;
+        let optimizer = Adam::new(AdamSettings::default(), case.weights.len())?;
+        let (layout, mut loaded) = load::<StepLayout>(device, case, precision)?;
         loaded.put(layout.ones, &vec![1.0; layout.ones.count()])?;
-        for region in layout.start.iter().flat_map(StateArrays::regions) {
-            loaded.put(region, &vec![0.0; region.count()])?;
-        }
         for moment in [layout.adam.first, layout.adam.second] {
             loaded.put(moment, &vec![0.0; moment.count()])?;
         }
-        let pack = loaded.prepare(&layout.pack)?;
-        loaded.run(pack)?;
         Ok(Self {
             learn: loaded.prepare(&layout.learn)?,
             update: loaded.prepare(&layout.update)?,
             commands: [layout.learn.commands, layout.update.commands].concat(),
             loaded,
-            input: layout.input,
+            arrays: layout.arrays,
             target: layout.target,
             gradient: layout.gradient,
-            weights: layout.weights.flat(),
-            start: layout.start,
             adam: layout.adam,
             optimizer,
         })
     }
 
-    /// Kernels, products and copies of a step.
+    /// The number of kernels, products and copies of a step.
     #[must_use]
     pub fn commands(&self) -> usize {
         self.commands.len()
     }
 
-    /// What every command of a step takes by itself. Nothing can be learned afterwards.
+    /// The cost of every command of a step by itself. Nothing can be learned afterwards.
     ///
     /// # Errors
     /// When the device fails.
@@ -202,26 +176,22 @@ impl Learning {
         profile(&mut *self.loaded, &schedule)
     }
 
-    /// Writes normalised features, of as many frames as the pass takes, and what it should predict,
+    /// Writes normalised features, of as many frames as the pass takes, and the target of its prediction,
     /// `[vertices, 3]`.
     ///
     /// # Errors
     /// When the device fails.
     pub fn put(&mut self, input: Input<'_, f32>, target: &[f32]) -> Result<(), DeviceError> {
-        self.loaded.put(self.input.nodes, input.nodes)?;
-        self.loaded.put(self.input.edges, input.edges)?;
+        self.arrays.put(&mut *self.loaded, input)?;
         self.loaded.put(self.target, target)
     }
 
-    /// Sets every value of the states that it goes on from; nothing where it begins with none.
+    /// Sets every value of the states that a pass starts from, if it has such states.
     ///
     /// # Errors
     /// When the device fails.
     pub fn put_state(&mut self, value: f32) -> Result<(), DeviceError> {
-        for region in self.start.iter().flat_map(StateArrays::regions) {
-            self.loaded.put(region, &vec![value; region.count()])?;
-        }
-        Ok(())
+        self.arrays.put_state(&mut *self.loaded, value)
     }
 
     /// Starts a step at a learning rate.
@@ -264,7 +234,7 @@ impl Learning {
     /// # Errors
     /// When the device fails.
     pub fn weights(&mut self) -> Result<Vec<f32>, DeviceError> {
-        self.loaded.get(self.weights)
+        self.loaded.get(self.arrays.weights.flat())
     }
 }
 
@@ -299,9 +269,13 @@ mod tests {
             nodes: &nodes,
             edges: &edges,
         };
-        let both = (&network, &*expected);
-        let learning = Learning::new(device, both, &graph, Extent::Whole, Precision::Full);
-        let mut learning = learning.expect("a network");
+        let case = NetworkCase {
+            network: &network,
+            weights: &expected,
+            graph: &graph,
+            extent: Extent::Whole,
+        };
+        let mut learning = Learning::new(device, case, Precision::Full).expect("a network");
         learning.put(input, &target).expect("features");
         let mut adam = Adam::new(AdamSettings::default(), expected.len()).expect("settings");
         let mut workspace = Workspace::new();
@@ -329,8 +303,8 @@ mod tests {
             }
             adam.step(&mut expected, &gradient, 1e-3);
         }
-        // Where a gradient is so small that rounding makes its sign, Adam moves by the whole rate all the
-        // same: few weights may differ by that.
+        // Adam moves by the whole rate even where a gradient is so small that rounding decides its sign:
+        // few weights may differ by that.
         let found = learning.weights().expect("weights");
         let off = |bound: f32| {
             let pairs = found.iter().zip(&expected);

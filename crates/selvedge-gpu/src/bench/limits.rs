@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
 use crate::kernels::{Program, Sizes};
 use crate::schedule::plan::Plan;
-use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
+use crate::schedule::{Epilogue, Matrix, Onto, Product, Schedule};
 
 /// Runs of each, of which the fastest counts.
 pub(crate) const RUNS: usize = 5;
@@ -41,7 +41,7 @@ pub fn limits(device: &dyn Device, side: usize) -> Result<Limits, DeviceError> {
                     b: Matrix::new(b, side),
                     c: Matrix::new(c, side),
                     onto: Onto::Set,
-                    finish: Finish::Nothing,
+                    epilogue: Epilogue::Nothing,
                 });
             }
             schedule

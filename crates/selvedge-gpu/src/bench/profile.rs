@@ -9,8 +9,11 @@
 use std::time::Instant;
 
 use crate::device::{DeviceError, Loaded};
+use crate::kernels::{Kind, Parameter};
 use crate::schedule::plan::Region;
-use crate::schedule::{Argument, Command, Finish, Launch, Onto, Product, Schedule};
+use crate::schedule::{
+    Argument, Command, Epilogue, Launch, NamedArgument, Onto, Product, Schedule,
+};
 
 /// Runs in a row of which one takes the mean; more of them of what is short, so that beginning and waiting, about
 /// 10 µs together, do not count.
@@ -72,13 +75,16 @@ impl Work {
     }
 
     fn of_launch(launch: &Launch) -> Self {
-        let pairs = launch.kernel.parameters.iter().zip(&launch.arguments);
-        let of = |(parameter, argument): (&crate::kernels::Parameter, &Argument)| match argument {
-            Argument::Region(region) => {
-                let [reads, writes] = [parameter.access.reads(), parameter.access.writes()];
-                f64::from(u8::from(reads) + u8::from(writes)) * bytes(*region)
+        let pairs = launch.kernel.parameters().iter().zip(launch.arguments());
+        let of = |(parameter, (_, argument)): (&Parameter, &NamedArgument)| match (
+            parameter.kind,
+            argument,
+        ) {
+            (Kind::Array { access, .. }, Argument::Region(region)) => {
+                let times = u8::from(access.reads()) + u8::from(access.writes());
+                f64::from(times) * bytes(*region)
             }
-            Argument::Nothing | Argument::Count(_) | Argument::Number(_) => 0.0,
+            _ => 0.0,
         };
         Self::moved(pairs.map(of).sum())
     }
@@ -90,7 +96,7 @@ impl Work {
         if product.onto == Onto::Add {
             results += 1.0;
         }
-        if let Finish::Bias(_) | Finish::BiasRelu(_) = product.finish {
+        if let Epilogue::Bias(_) | Epilogue::BiasRelu(_) = product.epilogue {
             results += 2.0;
         }
         Self {
@@ -179,8 +185,8 @@ mod tests {
     use crate::device::Precision;
     use crate::kernels::layers::{self, ADD_BIAS};
     use crate::kernels::{Program, Sizes};
-    use crate::schedule::Matrix;
     use crate::schedule::plan::Plan;
+    use crate::schedule::{Matrix, args};
     use crate::test_graphs::device;
 
     #[test]
@@ -195,7 +201,7 @@ mod tests {
             b: Matrix::new(b, 4).transpose(),
             c: Matrix::new(c, 2),
             onto: Onto::Set,
-            finish: Finish::Nothing,
+            epilogue: Epilogue::Nothing,
         };
         let mut schedule = Schedule::new("test");
         for region in [a, b, c, bias] {
@@ -206,9 +212,8 @@ mod tests {
             onto: Onto::Add,
             ..product
         });
-        let width = Argument::Count(2);
-        let arguments = [c.into(), width, bias.into(), width];
-        schedule.launch(&ADD_BIAS, 3, &arguments);
+        let arguments = args! { rows: c, leading: 2_usize, bias, width: 2_usize };
+        schedule.launch(&ADD_BIAS, 3, arguments);
         // In words: 28 cleared; 12 + 8 read and 6 written, then 6 read too; 6 read and written, 2 read.
         let work = Work::of_all(&schedule);
         assert_eq!(work.bytes, 4.0 * f64::from(28 + 26 + 32 + 14));

@@ -1,157 +1,72 @@
-//! The features of vertices and arcs on the device: the table of `kernels/features.cu`, the definitions
-//! that say which columns there are, and the schedule that fills a window of them, normalised.
+//! The features of vertices and arcs on the device: their statistics, and the schedule that fills a
+//! normalised window of them.
 //!
-//! Columns and their order are `selvedge_model`'s. What depends on the handles alone is computed on the
-//! CPU, frame by frame, and uploaded ([`crate::cloths::frames`]).
+//! Columns and their order are those of `selvedge_model`. Numbers that depend on the handles alone are
+//! computed on the processor and uploaded with each frame ([`crate::cloths::frames`]).
 
-use selvedge_model::{EdgeFeature, Integration, ModelSpec, NodeFeature, Normalizers};
+use selvedge_model::{ModelSpec, Normalizers};
 
-use crate::cloths::ClothArrays;
-use crate::cloths::frames::{CarryLayout, FrameArrays};
+use crate::cloths::frames::FrameArrays;
+use crate::cloths::{ClothArrays, UnionSizes};
 use crate::device::{DeviceError, Loaded};
-use crate::kernels::{Access, Kernel, Parameter, Part, Program, Shape, Width};
+use crate::kernels::features::{EDGE_FEATURES, NODE_FEATURES};
 use crate::network::InputArrays;
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Schedule};
+use crate::schedule::{NamedArgument, Schedule, args};
 
-use Access::{Count, Doubles, In, Indices, Out};
-
-/// The file and its kernels.
-pub static PART: Part = Part {
-    name: "features.cu",
-    text: include_str!("../kernels/features.cu"),
-    kernels: &[&NODE_FEATURES, &EDGE_FEATURES],
-};
-
-/// The features of every vertex in every frame of a window.
-pub static NODE_FEATURES: Kernel = Kernel {
-    name: "node_features",
-    shape: Shape::Element,
-    parameters: &[
-        Parameter::any("positions", In),
-        Parameter::fixed("newest", Indices, Width::Numbers(1)),
-        Parameter::any("slots", Count),
-        Parameter::any("vertices", Count),
-        Parameter::any("steps", Count),
-        Parameter::any("cloth_of", Indices),
-        Parameter::any("numbers", In),
-        Parameter::any("carries", Doubles),
-        Parameter::any("air", In),
-        Parameter::any("mass", In),
-        Parameter::any("handle_of", Indices),
-        Parameter::any("rest", In),
-        Parameter::any("first_face", Indices),
-        Parameter::any("faces", Indices),
-        Parameter::any("corners", Indices),
-        Parameter::any("areas", In),
-        Parameter::fixed("shift", In, Width::NodeColumns),
-        Parameter::fixed("scale", In, Width::NodeColumns),
-        Parameter::per_count("out", Out, Width::NodeColumns),
-    ],
-};
-
-/// The features of every arc in every frame of a window.
-pub static EDGE_FEATURES: Kernel = Kernel {
-    name: "edge_features",
-    shape: Shape::Element,
-    parameters: &[
-        Parameter::any("positions", In),
-        Parameter::fixed("newest", Indices, Width::Numbers(1)),
-        Parameter::any("slots", Count),
-        Parameter::any("vertices", Count),
-        Parameter::any("arcs", Count),
-        Parameter::any("steps", Count),
-        Parameter::any("cloth_of", Indices),
-        Parameter::any("numbers", In),
-        Parameter::any("senders", Indices),
-        Parameter::any("receivers", Indices),
-        Parameter::any("arc_rest", In),
-        Parameter::any("arc_material", In),
-        Parameter::any("hinges", Indices),
-        Parameter::fixed("shift", In, Width::EdgeColumns),
-        Parameter::fixed("scale", In, Width::EdgeColumns),
-        Parameter::per_count("out", Out, Width::EdgeColumns),
-    ],
-};
-
-/// Adds the kernels, and what of the spec they have to know.
-pub fn define(program: &mut Program, spec: &ModelSpec) {
-    let mut column = 0;
-    for feature in &spec.node_features {
-        program.define(node_name(*feature), column);
-        column += feature.width();
-    }
-    column = 0;
-    for feature in &spec.edge_features {
-        program.define(edge_name(*feature), column);
-        column += feature.width();
-    }
-    if let Integration::Carried { damping, stiffness } = spec.integration {
-        program.define("CARRIED", 1);
-        // The shortest decimal that reads as the same f64.
-        program.define("DAMPING", format!("{damping:e}"));
-        program.define("STIFFNESS", format!("{stiffness:e}"));
-    }
-    let layout = CarryLayout::of(spec);
-    program.define("CARRY_ACCELERATION", layout.acceleration);
-    program.define("CARRY_EXPECTED", layout.expected);
-    program.define("CARRY_REST", layout.rest);
-    program.define("CARRY_NUMBERS", layout.count);
-    program.add(&PART);
+/// Frozen statistics of some columns in the arena.
+#[derive(Clone, Copy, Debug)]
+pub struct ColumnArrays {
+    /// The means, which are subtracted.
+    pub shift: Region,
+    /// The factors that follow: 1 / deviation for features, the deviation for accelerations.
+    pub scale: Region,
 }
 
-fn node_name(feature: NodeFeature) -> &'static str {
-    match feature {
-        NodeFeature::Velocity => "NODE_VELOCITY",
-        NodeFeature::ExternalForce => "NODE_EXTERNAL_FORCE",
-        NodeFeature::KineticEnergy => "NODE_KINETIC_ENERGY",
-        NodeFeature::NodeType => "NODE_TYPE",
-        NodeFeature::Acceleration => "NODE_ACCELERATION",
-        NodeFeature::ExpectedMove => "NODE_EXPECTED_MOVE",
-        NodeFeature::RestOffset => "NODE_REST_OFFSET",
+impl ColumnArrays {
+    fn new(plan: &mut Plan, name: &str, width: usize) -> Self {
+        let [shift, scale] =
+            ["shift", "scale"].map(|what| plan.floats(format!("{what} of {name}"), width));
+        Self { shift, scale }
+    }
+
+    fn upload(
+        &self,
+        loaded: &mut dyn Loaded,
+        shift: &[f32],
+        scale: &[f32],
+    ) -> Result<(), DeviceError> {
+        loaded.put(self.shift, shift)?;
+        loaded.put(self.scale, scale)
     }
 }
 
-fn edge_name(feature: EdgeFeature) -> &'static str {
-    match feature {
-        EdgeFeature::Vector => "EDGE_VECTOR",
-        EdgeFeature::RestVector => "EDGE_REST_VECTOR",
-        EdgeFeature::MaterialVector => "EDGE_MATERIAL_VECTOR",
-        EdgeFeature::Elongation => "EDGE_ELONGATION",
-        EdgeFeature::BendingAngle => "EDGE_BENDING_ANGLE",
-        EdgeFeature::CoarseVector => "EDGE_COARSE_VECTOR",
-        EdgeFeature::CoarseRestVector => "EDGE_COARSE_REST_VECTOR",
-    }
-}
-
-/// Frozen statistics in the arena: what is taken off, and what then multiplies.
+/// Frozen statistics of features and accelerations in the arena.
 #[derive(Clone, Copy, Debug)]
 pub struct NormalizerArrays {
-    /// Shift and scale of vertices, `[node width]`.
-    pub nodes: [Region; 2],
-    /// Shift and scale of arcs, `[edge width]`.
-    pub edges: [Region; 2],
-    /// Shift and spread of accelerations, `[3]`.
-    pub acceleration: [Region; 2],
+    /// The columns of vertices, `[node width]`.
+    pub nodes: ColumnArrays,
+    /// The columns of arcs, `[edge width]`.
+    pub arcs: ColumnArrays,
+    /// The accelerations, `[3]`.
+    pub acceleration: ColumnArrays,
 }
 
 impl NormalizerArrays {
     /// Room for the statistics of a spec.
     pub fn new(plan: &mut Plan, spec: &ModelSpec) -> Self {
-        let mut pair = |name: &str, width: usize| {
-            ["shift", "scale"].map(|what| plan.floats(format!("{what} of {name}"), width))
-        };
         Self {
-            nodes: pair("vertices", spec.node_width()),
-            edges: pair("arcs", spec.edge_width()),
-            acceleration: pair("accelerations", 3),
+            nodes: ColumnArrays::new(plan, "vertices", spec.node_width()),
+            arcs: ColumnArrays::new(plan, "arcs", spec.edge_width()),
+            acceleration: ColumnArrays::new(plan, "accelerations", 3),
         }
     }
 
-    /// All of them.
+    /// The arrays that [`Self::upload`] writes.
     #[must_use]
     pub fn regions(&self) -> Vec<Region> {
-        [self.nodes, self.edges, self.acceleration].concat()
+        let all = [self.nodes, self.arcs, self.acceleration];
+        all.iter().flat_map(|c| [c.shift, c.scale]).collect()
     }
 
     /// Writes statistics there.
@@ -163,33 +78,40 @@ impl NormalizerArrays {
         loaded: &mut dyn Loaded,
         normalizers: &Normalizers,
     ) -> Result<(), DeviceError> {
-        let inputs = [
-            (self.nodes, normalizers.nodes.factors()),
-            (self.edges, normalizers.edges.factors()),
-        ];
-        for (regions, [shift, scale, _]) in inputs {
-            loaded.put(regions[0], shift)?;
-            loaded.put(regions[1], scale)?;
-        }
-        let [shift, _, spread] = normalizers.acceleration.factors();
-        loaded.put(self.acceleration[0], shift)?;
-        loaded.put(self.acceleration[1], spread)
+        let [shift, scale, _] = normalizers.nodes.factors();
+        self.nodes.upload(loaded, shift, scale)?;
+        let [shift, scale, _] = normalizers.edges.factors();
+        self.arcs.upload(loaded, shift, scale)?;
+        let [shift, _, deviation] = normalizers.acceleration.factors();
+        self.acceleration.upload(loaded, shift, deviation)
     }
 }
 
-/// What features are made from.
+/// The sources of features.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureSources<'a> {
     /// The cloths.
     pub cloths: &'a ClothArrays,
-    /// Positions and what the handles do.
+    /// Positions and the motions of handles.
     pub frames: &'a FrameArrays,
     /// The statistics.
     pub normalizers: &'a NormalizerArrays,
 }
 
-/// Adds the filling of a window of normalised features to a schedule. `frames` must have the carries of
-/// as many steps as `input` has of vertices.
+impl FeatureSources<'_> {
+    /// The arguments `FRAME` of a kernel, with the rigid motions of `steps` steps.
+    pub(crate) fn frame(&self, steps: usize) -> Vec<NamedArgument> {
+        args! {
+            ..self.frames.ring(),
+            cloth_of: self.cloths.cloth_of,
+            numbers: self.frames.numbers,
+            carries: self.frames.carries(steps),
+        }
+    }
+}
+
+/// Adds the filling of a window of normalised features to a schedule. `frames` must have the rigid
+/// motions of as many steps as `input` has of vertices.
 pub fn features(schedule: &mut Schedule, from: FeatureSources<'_>, input: &InputArrays) {
     let FeatureSources {
         cloths,
@@ -197,49 +119,34 @@ pub fn features(schedule: &mut Schedule, from: FeatureSources<'_>, input: &Input
         normalizers,
     } = from;
     let [node_steps, edge_steps] = input.steps;
-    let [vertices, arcs] = [cloths.sizes.vertices, cloths.sizes.arcs];
-    let count = |count: usize| Argument::Count(count as u32);
-    let ring = [
-        frames.positions.into(),
-        frames.newest.into(),
-        count(frames.slots),
-        count(vertices),
-    ];
-    let rest = [
-        count(node_steps),
-        cloths.cloth_of.into(),
-        frames.numbers.into(),
-        frames.carries(node_steps).into(),
-        cloths.air.into(),
-        cloths.mass.into(),
-        cloths.handle_of.into(),
-        cloths.rest.into(),
-        cloths.first_face.into(),
-        cloths.faces.into(),
-        cloths.corners.into(),
-        cloths.areas.into(),
-        normalizers.nodes[0].into(),
-        normalizers.nodes[1].into(),
-        input.nodes.into(),
-    ];
-    let arguments = [&ring[..], &rest].concat();
-    schedule.launch(&NODE_FEATURES, node_steps * vertices, &arguments);
-    let rest = [
-        count(arcs),
-        count(edge_steps),
-        cloths.cloth_of.into(),
-        frames.numbers.into(),
-        cloths.graph.senders.into(),
-        cloths.graph.receivers.into(),
-        cloths.arc_rest.into(),
-        cloths.arc_material.into(),
-        cloths.hinges.into(),
-        normalizers.edges[0].into(),
-        normalizers.edges[1].into(),
-        input.edges.into(),
-    ];
-    let arguments = [&ring[..], &rest].concat();
-    schedule.launch(&EDGE_FEATURES, edge_steps * arcs, &arguments);
+    let UnionSizes { vertices, arcs, .. } = cloths.sizes;
+    let arguments = args! {
+        ..from.frame(node_steps),
+        ..cloths.forces(),
+        steps: node_steps,
+        handle_of: cloths.handle_of,
+        rest: cloths.rest,
+        shift: normalizers.nodes.shift,
+        scale: normalizers.nodes.scale,
+        out: input.nodes,
+    };
+    schedule.launch(&NODE_FEATURES, node_steps * vertices, arguments);
+    let arguments = args! {
+        ..frames.ring(),
+        arcs,
+        steps: edge_steps,
+        cloth_of: cloths.cloth_of,
+        numbers: frames.numbers,
+        senders: cloths.graph.senders,
+        receivers: cloths.graph.receivers,
+        arc_rest: cloths.arc_rest,
+        arc_material: cloths.arc_material,
+        hinges: cloths.hinges,
+        shift: normalizers.arcs.shift,
+        scale: normalizers.arcs.scale,
+        out: input.arcs,
+    };
+    schedule.launch(&EDGE_FEATURES, edge_steps * arcs, arguments);
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! What changes from frame to frame: the last positions, in a ring in the arena, and what follows from
-//! the handles alone, which the CPU computes: the yaw of each cloth's local frame and the rigid motions of
-//! its handles.
+//! Arrays that change from frame to frame: the last positions in a ring, the yaw of each cloth's local
+//! frame, and the rigid motions of its handles.
 //!
-//! Handles go where they are told, so that the CPU knows them without asking the device.
+//! The processor computes the yaws and the motions. They follow from the handles alone, whose
+//! positions it knows without asking the device.
 
 use glam::Vec3;
 use selvedge_model::{Carries, Carry, ClothGraph, Integration, ModelSpec, NodeFeature, Yaw};
@@ -10,6 +10,7 @@ use selvedge_model::{Carries, Carry, ClothGraph, Integration, ModelSpec, NodeFea
 use crate::cloths::UnionSizes;
 use crate::device::{DeviceError, Loaded};
 use crate::schedule::plan::{Plan, Region};
+use crate::schedule::{NamedArgument, args};
 
 /// Numbers of a [`Carry`]: from, to, cosine and sine of its turn.
 const CARRY: usize = 8;
@@ -20,21 +21,21 @@ const CARRIES: usize = 3 * CARRY;
 /// Numbers of a cloth in a frame, as in `kernels/common.h`.
 const CLOTH_NUMBERS: usize = 5;
 
-/// Where the rigid motions of a step of the window stand, in numbers.
+/// Offsets of the rigid motions among the numbers of one step of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CarryLayout {
-    /// Those that past accelerations are measured with.
+    /// The motions that past accelerations are measured with.
     pub acceleration: usize,
-    /// Those that expected moves are measured with.
+    /// The motions that expected moves are measured with.
     pub expected: usize,
-    /// That from the rest pose, then 1, or 0 where there are no handles.
+    /// The motion from the rest pose, then 1, or 0 where there are no handles.
     pub rest: usize,
     /// Numbers of a step; at least 1.
     pub count: usize,
 }
 
 impl CarryLayout {
-    /// Those that the features of a spec need.
+    /// The layout that the features of a spec need.
     #[must_use]
     pub fn of(spec: &ModelSpec) -> Self {
         let carried = matches!(spec.integration, Integration::Carried { .. });
@@ -56,14 +57,14 @@ impl CarryLayout {
     }
 }
 
-/// What changes from frame to frame, in the arena.
+/// The arrays of the arena that change from frame to frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameArrays {
     /// Positions `[slots, vertices, 3]` `[m]`.
     pub positions: Region,
-    /// Frames in the ring: those that features are made from, and the next.
+    /// Slots of the ring: one for each frame that features are made from, and one for the next.
     pub slots: usize,
-    /// Which of them is the newest, `[1]`.
+    /// The slot of the newest frame, `[1]`.
     pub newest: Region,
     /// Yaw and local gravity of each cloth, `[cloths, 5]`.
     pub numbers: Region,
@@ -71,7 +72,7 @@ pub struct FrameArrays {
     carries: Region,
     /// Rigid motions of the integration, `[cloths, 24]`.
     pub last: Region,
-    /// Where the handles go, `[handles, 3]` `[m]`.
+    /// Next positions of the handles, `[handles, 3]` `[m]`.
     pub targets: Region,
     per_step: usize,
 }
@@ -81,16 +82,12 @@ impl FrameArrays {
     pub fn new(plan: &mut Plan, spec: &ModelSpec, sizes: UnionSizes) -> Self {
         let slots = spec.history() + 1;
         let positions = plan.floats("positions", slots * sizes.vertices * 3);
-        Self::on(plan, spec, sizes, (positions, slots))
+        Self::on(plan, spec, sizes, positions)
     }
 
-    /// Room for a frame of a ring that it shares with others, of so many slots.
-    pub fn on(
-        plan: &mut Plan,
-        spec: &ModelSpec,
-        sizes: UnionSizes,
-        (positions, slots): (Region, usize),
-    ) -> Self {
+    /// Room for a frame of the ring `positions`, which it shares with other frames.
+    pub fn on(plan: &mut Plan, spec: &ModelSpec, sizes: UnionSizes, positions: Region) -> Self {
+        let slots = positions.count() / (3 * sizes.vertices).max(1);
         let per_step = sizes.cloths * CarryLayout::of(spec).count;
         Self {
             positions,
@@ -104,13 +101,13 @@ impl FrameArrays {
         }
     }
 
-    /// The rigid motions of so many steps.
+    /// The rigid motions of the first `steps` steps.
     #[must_use]
     pub fn carries(&self, steps: usize) -> Region {
         self.carries.part(0..steps * self.per_step)
     }
 
-    /// All that is written from outside.
+    /// The arrays that are written from outside.
     #[must_use]
     pub fn regions(&self) -> [Region; 6] {
         [
@@ -123,6 +120,16 @@ impl FrameArrays {
         ]
     }
 
+    /// The arguments `RING` of a kernel.
+    pub(crate) fn ring(&self) -> Vec<NamedArgument> {
+        args! {
+            positions: self.positions,
+            newest: self.newest,
+            slots: self.slots,
+            vertices: self.positions.count() / (3 * self.slots),
+        }
+    }
+
     /// One frame of the ring, `[vertices, 3]`.
     #[must_use]
     pub fn slot(&self, slot: usize) -> Region {
@@ -131,12 +138,12 @@ impl FrameArrays {
     }
 }
 
-/// What the handles of one cloth did and do.
+/// The last positions and the next ones of the handles of one cloth.
 #[derive(Clone, Copy, Debug)]
 pub struct HandleFrames<'a> {
-    /// Where they were in the last frames, oldest first, `[history][handles]` `[m]`.
+    /// Positions in the last frames, oldest first, `[history][handles]` `[m]`.
     pub past: &'a [Vec<Vec3>],
-    /// Where they go, `[handles]` `[m]`.
+    /// Next positions, `[handles]` `[m]`.
     pub next: &'a [Vec3],
     /// The yaw of the newest frame.
     pub yaw: Yaw,
@@ -157,10 +164,10 @@ impl FrameNumbers {
         *self = Self::default();
     }
 
-    /// Adds the next cloth of the union, for a window of so many steps.
+    /// Adds the next cloth of the union, for a window of `steps` frames.
     ///
     /// # Panics
-    /// When there are not as many frames of handles as the spec looks back.
+    /// When the number of frames of handles is not the history of the spec.
     pub fn add(
         &mut self,
         spec: &ModelSpec,
@@ -186,9 +193,10 @@ impl FrameNumbers {
         &mut self,
         spec: &ModelSpec,
         graph: &ClothGraph,
-        HandleFrames { past, next, yaw }: HandleFrames<'_>,
+        handles: HandleFrames<'_>,
         now: usize,
     ) {
+        let HandleFrames { past, next, yaw } = handles;
         let (layout, first) = (CarryLayout::of(spec), self.carries.len());
         let has = |feature| spec.node_features.contains(&feature);
         let carried = matches!(spec.integration, Integration::Carried { .. });
@@ -232,7 +240,7 @@ impl FrameNumbers {
         loaded.put(frames.targets, &self.targets)
     }
 
-    /// Writes what features and the integration are measured with, but not where handles go.
+    /// Writes the local frames and the motions of the handles, but not their next positions.
     ///
     /// # Errors
     /// When the device fails.

@@ -7,11 +7,11 @@
 use selvedge_train::{LossStatistics, LossWeights};
 
 use crate::cloths::ClothArrays;
-use crate::kernels::{Access, Kernel, Parameter, Part, Shape, Width};
+use crate::kernels::losses::{
+    EDGE_LOSSES, LOSS_PARTS, LOSS_TERMS, PREDICT_POSITIONS, VERTEX_LOSSES, WEIGH,
+};
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Schedule};
-
-use Access::{Count, Doubles, DoublesOut, In, InOut, Indices, Out};
+use crate::schedule::{NamedArgument, Schedule, args};
 
 /// Statistics and weights of the terms, as in `kernels/losses.cu`.
 const NUMBERS: usize = 19;
@@ -21,141 +21,6 @@ pub const TERMS: usize = 5;
 
 /// Vertices, and edges, that a warp sums: a large cloth is summed by many, always by the same parts.
 const PER_PART: usize = 256;
-
-const VECTOR: Width = Width::Numbers(3);
-
-const fn rows(name: &'static str, access: Access, width: usize) -> Parameter {
-    Parameter::per_count(name, access, Width::Numbers(width))
-}
-
-const fn numbers() -> Parameter {
-    Parameter::fixed("numbers", Doubles, Width::Numbers(NUMBERS))
-}
-
-/// The file and its kernels.
-pub static PART: Part = Part {
-    name: "losses.cu",
-    text: include_str!("../kernels/losses.cu"),
-    kernels: &[
-        &PREDICT_POSITIONS,
-        &EDGE_LOSSES,
-        &VERTEX_LOSSES,
-        &LOSS_PARTS,
-        &LOSS_TERMS,
-        &WEIGH,
-        &SQUARE_ERROR,
-    ],
-};
-
-/// From accelerations to positions.
-pub static PREDICT_POSITIONS: Kernel = Kernel {
-    name: "predict_positions",
-    shape: Shape::Element,
-    parameters: &[
-        rows("predicted", In, 3),
-        rows("previous", Doubles, 3),
-        rows("current", Doubles, 3),
-        rows("target", Doubles, 3),
-        rows("handle_of", Indices, 1),
-        numbers(),
-        rows("positions", DoublesOut, 3),
-    ],
-};
-
-/// What edges and hinges add.
-pub static EDGE_LOSSES: Kernel = Kernel {
-    name: "edge_losses",
-    shape: Shape::Element,
-    parameters: &[
-        Parameter::any("positions", Doubles),
-        Parameter::any("target", Doubles),
-        rows("ends", Indices, 2),
-        rows("hinges", Indices, 4),
-        Parameter::any("shares", Doubles),
-        Parameter::any("per_lane", Count),
-        numbers(),
-        rows("by_edge", DoublesOut, 3),
-        rows("by_hinge", DoublesOut, 12),
-        rows("terms", DoublesOut, 3),
-    ],
-};
-
-/// What vertices add, and the gradient.
-pub static VERTEX_LOSSES: Kernel = Kernel {
-    name: "vertex_losses",
-    shape: Shape::Element,
-    parameters: &[
-        rows("predicted", In, 3),
-        rows("positions", Doubles, 3),
-        rows("previous", Doubles, 3),
-        rows("current", Doubles, 3),
-        rows("target", Doubles, 3),
-        rows("handle_of", Indices, 1),
-        rows("mass", In, 1),
-        Parameter::any("first_arc", Indices),
-        Parameter::any("arc_edges", Indices),
-        Parameter::any("ends", Indices),
-        Parameter::any("by_edge", Doubles),
-        rows("corner_ends", Indices, 2),
-        Parameter::any("corners", Indices),
-        Parameter::any("by_hinge", Doubles),
-        Parameter::any("shares", Doubles),
-        Parameter::any("per_lane", Count),
-        numbers(),
-        Parameter::per_count("gradient", Out, VECTOR),
-        rows("terms", DoublesOut, 2),
-    ],
-};
-
-/// Sums over parts of a lane.
-pub static LOSS_PARTS: Kernel = Kernel {
-    name: "loss_parts",
-    shape: Shape::Row,
-    parameters: &[
-        Parameter::any("of_vertices", Doubles),
-        Parameter::any("of_edges", Doubles),
-        Parameter::any("vertices", Count),
-        Parameter::any("edges", Count),
-        Parameter::any("per_part", Count),
-        Parameter::any("parts", Count),
-        rows("sums", DoublesOut, TERMS),
-    ],
-};
-
-/// The terms of a lane.
-pub static LOSS_TERMS: Kernel = Kernel {
-    name: "loss_terms",
-    shape: Shape::Row,
-    parameters: &[
-        Parameter::any("sums", Doubles),
-        rows("shares", Doubles, 2),
-        Parameter::any("parts", Count),
-        rows("terms", DoublesOut, TERMS),
-    ],
-};
-
-/// What lanes count.
-pub static WEIGH: Kernel = Kernel {
-    name: "weigh",
-    shape: Shape::Element,
-    parameters: &[
-        Parameter::per_count("gradient", InOut, VECTOR),
-        Parameter::any("weights", In),
-        Parameter::any("per_lane", Count),
-    ],
-};
-
-/// The gradient of the mean square error.
-pub static SQUARE_ERROR: Kernel = Kernel {
-    name: "square_error",
-    shape: Shape::Element,
-    parameters: &[
-        rows("found", In, 1),
-        rows("target", In, 1),
-        Parameter::any("share", Access::Number),
-        rows("gradient", Out, 1),
-    ],
-};
 
 /// How many of everything the place of a lane has room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -221,7 +86,19 @@ impl LossArrays {
         }
     }
 
-    /// All that is written from outside.
+    /// The vertices of all slots.
+    #[must_use]
+    pub fn vertices(&self) -> usize {
+        self.lanes * self.place.vertices
+    }
+
+    /// The edges of all slots.
+    #[must_use]
+    pub fn edges(&self) -> usize {
+        self.lanes * self.place.edges()
+    }
+
+    /// The arrays that are written from outside.
     #[must_use]
     pub fn regions(&self) -> [Region; 8] {
         [
@@ -310,107 +187,125 @@ pub struct Judged<'a> {
     pub terms: Region,
 }
 
+impl Judged<'_> {
+    /// The arguments `JUDGED` of a kernel.
+    fn arguments(&self, losses: &LossArrays) -> Vec<NamedArgument> {
+        args! {
+            predicted: self.predicted,
+            previous: self.triplet.previous,
+            current: self.triplet.current,
+            target: self.triplet.target,
+            handle_of: self.cloths.handle_of,
+            numbers: losses.numbers,
+        }
+    }
+}
+
+/// Arrays between the kernels of the losses.
+struct Between {
+    /// Predicted positions, `[vertices, 3]` `[m]`.
+    positions: Region,
+    /// Gradients of edge vectors, `[edges, 3]`.
+    by_edge: Region,
+    /// Gradients of the corners of hinges, `[edges, 12]`.
+    by_hinge: Region,
+    /// Terms of edges, `[edges, 3]`.
+    of_edges: Region,
+    /// Terms of vertices, `[vertices, 2]`.
+    of_vertices: Region,
+}
+
 /// Adds the judging of a frame to a schedule.
 pub fn judge(plan: &mut Plan, schedule: &mut Schedule, losses: &LossArrays, what: Judged<'_>) {
-    let (lanes, place) = (losses.lanes, losses.place);
-    let [vertices, edges] = [place.vertices, place.edges()].map(|n| n * lanes);
-    let per_lane = [place.vertices, place.edges()].map(|n| Argument::Count(n as u32));
+    let (vertices, edges) = (losses.vertices(), losses.edges());
     let mark = plan.mark();
-    let positions = plan.doubles("predicted positions", 3 * vertices);
-    let by_edge = plan.doubles("losses by edge", 3 * edges);
-    let by_hinge = plan.doubles("losses by hinge", 12 * edges);
-    let of_edges = plan.doubles("losses of edges", 3 * edges);
-    let of_vertices = plan.doubles("losses of vertices", 2 * vertices);
-    let (cloths, numbers) = (what.cloths, losses.numbers.into());
-    let [previous, current, target] = what.triplet.regions().map(Argument::from);
-    let (predicted, handles) = (what.predicted.into(), cloths.handle_of.into());
-    let arguments = [
-        predicted,
-        previous,
-        current,
-        target,
-        handles,
-        numbers,
-        positions.into(),
-    ];
-    schedule.launch(&PREDICT_POSITIONS, vertices, &arguments);
-    let arguments = [
-        positions.into(),
-        target,
-        losses.ends.into(),
-        losses.hinges.into(),
-        losses.shares.into(),
-        per_lane[1],
-        numbers,
-        by_edge.into(),
-        by_hinge.into(),
-        of_edges.into(),
-    ];
-    schedule.launch(&EDGE_LOSSES, edges, &arguments);
-    let arguments = [
-        predicted,
-        positions.into(),
-        previous,
-        current,
-        target,
-        handles,
-        cloths.mass.into(),
-        cloths.graph.first_arc.into(),
-        losses.arc_edges.into(),
-        losses.ends.into(),
-        by_edge.into(),
-        losses.corner_ends.into(),
-        losses.corners.into(),
-        by_hinge.into(),
-        losses.shares.into(),
-        per_lane[0],
-        numbers,
-        what.gradient.into(),
-        of_vertices.into(),
-    ];
-    schedule.launch(&VERTEX_LOSSES, vertices, &arguments);
-    sum_terms(
-        plan,
-        schedule,
-        losses,
-        ([of_vertices, of_edges], what.terms),
-    );
+    let between = Between {
+        positions: plan.doubles("predicted positions", 3 * vertices),
+        by_edge: plan.doubles("losses by edge", 3 * edges),
+        by_hinge: plan.doubles("losses by hinge", 12 * edges),
+        of_edges: plan.doubles("losses of edges", 3 * edges),
+        of_vertices: plan.doubles("losses of vertices", 2 * vertices),
+    };
+    let arguments = args! {
+        ..what.arguments(losses),
+        positions: between.positions,
+    };
+    schedule.launch(&PREDICT_POSITIONS, vertices, arguments);
+    judge_edges(schedule, losses, what, &between);
+    judge_vertices(schedule, losses, what, &between);
+    sum_terms(plan, schedule, losses, &between, what.terms);
     plan.release(mark);
 }
 
-/// From what vertices and edges add to the terms of their lanes.
+fn judge_edges(schedule: &mut Schedule, losses: &LossArrays, what: Judged<'_>, between: &Between) {
+    let arguments = args! {
+        positions: between.positions,
+        target: what.triplet.target,
+        ends: losses.ends,
+        hinges: losses.hinges,
+        shares: losses.shares,
+        per_slot: losses.place.edges(),
+        numbers: losses.numbers,
+        by_edge: between.by_edge,
+        by_hinge: between.by_hinge,
+        terms: between.of_edges,
+    };
+    schedule.launch(&EDGE_LOSSES, losses.edges(), arguments);
+}
+
+fn judge_vertices(
+    schedule: &mut Schedule,
+    losses: &LossArrays,
+    what: Judged<'_>,
+    between: &Between,
+) {
+    let arguments = args! {
+        ..what.arguments(losses),
+        positions: between.positions,
+        mass: what.cloths.mass,
+        first_arc: what.cloths.graph.first_arc,
+        arc_edges: losses.arc_edges,
+        ends: losses.ends,
+        by_edge: between.by_edge,
+        corner_ends: losses.corner_ends,
+        corners: losses.corners,
+        by_hinge: between.by_hinge,
+        shares: losses.shares,
+        per_slot: losses.place.vertices,
+        gradient: what.gradient,
+        terms: between.of_vertices,
+    };
+    schedule.launch(&VERTEX_LOSSES, losses.vertices(), arguments);
+}
+
+/// Adds the sums of the terms of vertices and edges to the terms of their slots.
 fn sum_terms(
     plan: &mut Plan,
     schedule: &mut Schedule,
     losses: &LossArrays,
-    ([of_vertices, of_edges], terms): ([Region; 2], Region),
+    between: &Between,
+    terms: Region,
 ) {
     let (lanes, place) = (losses.lanes, losses.place);
-    let counts = [place.vertices, place.edges()];
-    let parts = counts[0].max(counts[1]).div_ceil(PER_PART).max(1);
+    let parts = place.vertices.max(place.edges());
+    let parts = parts.div_ceil(PER_PART).max(1);
     let sums = plan.doubles("losses of parts", TERMS * parts * lanes);
-    let in_parts = Argument::Count(parts as u32);
-    let arguments = [
-        of_vertices.into(),
-        of_edges.into(),
-        Argument::Count(counts[0] as u32),
-        Argument::Count(counts[1] as u32),
-        Argument::Count(PER_PART as u32),
-        in_parts,
-        sums.into(),
-    ];
-    schedule.launch(&LOSS_PARTS, lanes * parts, &arguments);
-    let arguments = [sums.into(), losses.shares.into(), in_parts, terms.into()];
-    schedule.launch(&LOSS_TERMS, lanes, &arguments);
+    let arguments = args! {
+        of_vertices: between.of_vertices,
+        of_edges: between.of_edges,
+        vertices: place.vertices,
+        edges: place.edges(),
+        per_part: PER_PART,
+        parts,
+        sums,
+    };
+    schedule.launch(&LOSS_PARTS, lanes * parts, arguments);
+    let arguments = args! { sums, shares: losses.shares, parts, terms };
+    schedule.launch(&LOSS_TERMS, lanes, arguments);
 }
 
-/// Multiplies the gradients of the lanes by what each counts, `[lanes]`.
+/// Multiplies the gradient of each slot by its weight, `[slots]`.
 pub fn weigh(schedule: &mut Schedule, losses: &LossArrays, gradient: Region, weights: Region) {
-    let per_lane = Argument::Count(losses.place.vertices as u32);
-    let vertices = losses.lanes * losses.place.vertices;
-    schedule.launch(
-        &WEIGH,
-        vertices,
-        &[gradient.into(), weights.into(), per_lane],
-    );
+    let arguments = args! { gradient, weights, per_slot: losses.place.vertices };
+    schedule.launch(&WEIGH, losses.vertices(), arguments);
 }

@@ -12,6 +12,7 @@ use selvedge_model::{ClothGraph, Connectivity};
 use crate::device::{DeviceError, Loaded};
 use crate::network::GraphArrays;
 use crate::schedule::plan::{Plan, Region};
+use crate::schedule::{NamedArgument, args};
 
 /// Of a vertex that is no handle, as in `kernels/common.h`.
 const NO_HANDLE: u32 = u32::MAX;
@@ -130,7 +131,19 @@ impl ClothArrays {
         }
     }
 
-    /// All that [`Self::upload`] writes.
+    /// The arguments `FORCES` of a kernel.
+    pub(crate) fn forces(&self) -> Vec<NamedArgument> {
+        args! {
+            air: self.air,
+            mass: self.mass,
+            first_face: self.first_face,
+            faces: self.faces,
+            corners: self.corners,
+            areas: self.areas,
+        }
+    }
+
+    /// The arrays that [`Self::upload`] writes.
     #[must_use]
     pub fn regions(&self) -> Vec<Region> {
         let mut regions = self.graph.regions().to_vec();

@@ -21,7 +21,9 @@ use selvedge_train::available_memory;
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
 use crate::kernels::{Dialect, Program, Sizes};
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Command, Finish, Launch, Matrix, Onto, Product, Schedule, Trace};
+use crate::schedule::{
+    Argument, Command, Epilogue, Launch, Matrix, Onto, Product, Schedule, Trace,
+};
 
 type Entry = unsafe extern "C" fn(*mut *mut c_void, u32);
 type ProductEntry = unsafe extern "C" fn(
@@ -194,9 +196,9 @@ impl HostLoaded {
             Count(u32),
             Number(f32),
         }
-        let arguments = launch.arguments.iter();
+        let arguments = launch.arguments().iter();
         let mut values: Vec<Value> = arguments
-            .map(|argument| match *argument {
+            .map(|(_, argument)| match *argument {
                 Argument::Region(region) => Value::Pointer(self.pointer(region)),
                 Argument::Nothing => Value::Pointer(std::ptr::null_mut()),
                 Argument::Count(count) => Value::Count(count),
@@ -224,10 +226,10 @@ impl HostLoaded {
                 [matrix.leading, 1]
             }
         };
-        let (finish, bias) = match product.finish {
-            Finish::Nothing => (0, std::ptr::null()),
-            Finish::Bias(bias) => (1, self.pointer(bias).cast_const().cast()),
-            Finish::BiasRelu(bias) => (2, self.pointer(bias).cast_const().cast()),
+        let (epilogue, bias) = match product.epilogue {
+            Epilogue::Nothing => (0, std::ptr::null()),
+            Epilogue::Bias(bias) => (1, self.pointer(bias).cast_const().cast()),
+            Epilogue::BiasRelu(bias) => (2, self.pointer(bias).cast_const().cast()),
         };
         let [a, b] = [product.a, product.b].map(|m| (self.pointer(m.region).cast(), strides(m)));
         let c = self.pointer(product.c.region).cast();
@@ -244,7 +246,7 @@ impl HostLoaded {
                 product.c.leading,
                 onto,
                 bias,
-                finish,
+                epilogue,
             );
         }
     }

@@ -170,31 +170,6 @@ pub fn require_memory(
     })
 }
 
-/// How much of something fits, in words: `bytes` of so many vertices and arcs, of which there are `counts`.
-pub(crate) fn vertices_that_fit(
-    [vertices, arcs]: [usize; 2],
-    free: usize,
-    bytes: impl Fn([usize; 2]) -> usize,
-) -> String {
-    let part = |vertices_of_it: usize| {
-        let arcs_of_it = (arcs * vertices_of_it).div_ceil(vertices.max(1));
-        [vertices_of_it, arcs_of_it]
-    };
-    let (mut low, mut high) = (0, vertices);
-    while high - low > 1 {
-        let middle = usize::midpoint(low, high);
-        if bytes(part(middle)) <= free {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    match low {
-        0 => "not even one vertex would fit".to_owned(),
-        low => format!("about {low} vertices would fit, instead of {vertices}"),
-    }
-}
-
 /// A number of bytes for people.
 pub(crate) fn in_bytes(bytes: usize) -> String {
     let units = [(1e9, "GB"), (1e6, "MB"), (1e3, "kB")];
@@ -241,19 +216,4 @@ pub enum DeviceError {
     Schedule(#[from] ScheduleError),
     #[error("{call} failed on the device: {reason}")]
     Call { call: &'static str, reason: String },
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn as_many_vertices_as_fit_are_named_with_their_share_of_the_arcs() {
-        let bytes = |[vertices, arcs]: [usize; 2]| 1000 + 10 * vertices + arcs;
-        let fit = |free: usize| vertices_that_fit([100, 550], free, bytes);
-        // 60 vertices have 330 arcs.
-        assert_eq!(fit(1930), "about 60 vertices would fit, instead of 100");
-        assert_eq!(fit(1929), "about 59 vertices would fit, instead of 100");
-        assert_eq!(fit(1000), "not even one vertex would fit");
-    }
 }

@@ -1,8 +1,9 @@
-// Clipping of the gradient by its norm, Adam, and the running mean of the weights, as on the CPU. Where
-// the norm is not finite nothing changes.
+// The optimiser: clipping of the gradient by its norm, Adam, and the running mean of the weights. Nothing changes
+// where the norm is not finite.
 
-// The sum of squares of a part of the gradient.
-KERNEL(gradient_squares) {
+// Sum of squares of one part of the gradient.
+KERNEL(gradient_squares, ROW,
+       const float *gradient ALL(parameters), unsigned parameters, OUT double *squares EACH(1)) {
     const size_t first = (size_t)ROW * SQUARES_PER_ROW;
     double sum = 0.0;
     for (unsigned i = LANE; i < SQUARES_PER_ROW; i += LANES) {
@@ -13,8 +14,9 @@ KERNEL(gradient_squares) {
     if (LANE == 0) squares[ROW] = sum;
 }
 
-// The norm, and what the gradient is multiplied by.
-KERNEL(gradient_norm) {
+// Norm of the gradient, and the factor that clips it to `limit`.
+KERNEL(gradient_norm, ROW,
+       const double *squares ALL(parts), unsigned parts, const double *limit EACH(1), OUT double *norm EACH(2)) {
     double sum = 0.0;
     for (unsigned i = LANE; i < parts; i += LANES) sum += squares[i];
     sum = sqrt(SUM_DOUBLES_OVER_LANES(sum));
@@ -24,8 +26,11 @@ KERNEL(gradient_norm) {
     }
 }
 
-// Memories of both moments, what they take, the corrected rate, the corrected root, epsilon.
-KERNEL(adam) {
+// One step of Adam. `rates` are, for both moments, the part that is kept and the part of the gradient that is taken;
+// then the corrected rate, the correction of the root, and epsilon.
+KERNEL(adam, ELEMENT,
+       float *weights EACH(1), float *first EACH(1), float *second EACH(1), const float *gradient EACH(1),
+       const double *norm ALL(2), const float *rates ALL(7)) {
     if (!(norm[0] <= LARGEST_NORM)) return;
     float g = gradient[ELEMENT];
     if (norm[1] < 1.0) g *= (float)norm[1];
@@ -36,7 +41,9 @@ KERNEL(adam) {
     weights[ELEMENT] -= rates[4] * m / (rates[5] * sqrtf(v) + rates[6]);
 }
 
-KERNEL(running_mean) {
+// Running mean of the weights: goes `part` of the way to them.
+KERNEL(running_mean, ELEMENT,
+       float *mean EACH(1), const float *weights EACH(1), const double *norm ALL(2), const float *part ALL(1)) {
     if (!(norm[0] <= LARGEST_NORM)) return;
     mean[ELEMENT] += part[0] * (weights[ELEMENT] - mean[ELEMENT]);
 }

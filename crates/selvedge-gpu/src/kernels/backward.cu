@@ -1,8 +1,11 @@
-// The layers of the network that are not products, backward.
+// Backward pass: the layers of the network that are not matrix products.
 
-// Layer normalisation, in place: with the normalised row n and h = g weight, the gradient of its input is
-// (h - mean of h - n times mean of h n) / deviation. What the gradient of its weight is the sum of: g n.
-KERNEL(norm_backward) {
+// Layer normalisation, in place. With the normalised row n and h = g weight, the gradient of the input is
+// (h - mean of h - n times mean of h n) / deviation. `by_weight` takes g n, whose sum over rows is the gradient of
+// the weight.
+KERNEL(norm_backward, ROW,
+       float *gradient EACH(LATENT), const float *normal EACH(LATENT), const float *inverse EACH(1),
+       const float *weight ALL(LATENT), OUT float *by_weight EACH(LATENT)) {
     float *g = ROW_OF(gradient, LATENT);
     const float *n = ROW_OF(normal, LATENT);
     float sum = 0.0f, along = 0.0f;
@@ -18,24 +21,29 @@ KERNEL(norm_backward) {
     }
 }
 
-// ReLU: no gradient where it gave zero.
-KERNEL(mask_relu) {
+// ReLU: the gradient is zero where the output `kept` was zero.
+KERNEL(mask_relu, ELEMENT, float *gradient EACH(1), const float *kept EACH(1)) {
     if (!(kept[ELEMENT] > 0.0f)) gradient[ELEMENT] = 0.0f;
 }
 
-// A message goes into its arc and into the sum of its receiver.
-KERNEL(gather_incoming) {
-    const float *arc = ROW_OF(edges, LATENT), *sum = incoming + (size_t)receivers[ROW] * LATENT;
+// Gradient of a message: the gradients of its arc and of the sum of its receiver, which both contain it.
+KERNEL(gather_incoming, ROW,
+       const float *arcs EACH(LATENT), const float *incoming, const unsigned *receivers EACH(1),
+       OUT float *messages EACH(LATENT)) {
+    const float *arc = ROW_OF(arcs, LATENT), *sum = incoming + (size_t)receivers[ROW] * LATENT;
     FOR_COLUMNS(j, k) ROW_OF(messages, LATENT)[k] = arc[k] + sum[k];
 }
 
-// What a vertex adds to the first layer of all arcs that leave it, and of all that arrive: the sums of
-// their gradients side by side. The arcs that leave are the twins of those that arrive.
-KERNEL(sum_ends) {
+// Gradient of a vertex's endpoint products: the sums of the pre-activation gradients of the arcs that leave it, then
+// of the arcs that arrive. The arcs that leave are the reverse arcs of those that arrive.
+KERNEL(sum_ends, ROW,
+       const float *pre_activation, const unsigned *first_arc, const unsigned *reverse_arcs,
+       OUT float *sums EACH(2 * LATENT)) {
     float from[PER_LANE], to[PER_LANE];
     FOR_COLUMNS(j, k) from[j] = to[j] = 0.0f;
     for (size_t arc = first_arc[ROW]; arc < first_arc[ROW + 1]; ++arc) {
-        const float *leaves = first + (size_t)twins[arc] * LATENT, *arrives = first + arc * LATENT;
+        const float *leaves = pre_activation + (size_t)reverse_arcs[arc] * LATENT;
+        const float *arrives = pre_activation + arc * LATENT;
         FOR_COLUMNS(j, k) {
             from[j] += leaves[k];
             to[j] += arrives[k];
@@ -47,30 +55,37 @@ KERNEL(sum_ends) {
     }
 }
 
-// One step of a gated recurrent unit: from the gradient of the state after to that part of the gradient
-// of the state before that does not go through the gates, in place, and to those of the sums of n's input
-// part, r, z and n's recurrent part, side by side.
-KERNEL(gates_backward) {
+// One step of a gated recurrent unit. `state` holds the gradient of the state after, and then that part of the
+// gradient of the state before which does not pass through the gates. `sums` takes the pre-activation gradients of
+// the gates in the order SUM_N, SUM_R, SUM_Z, SUM_RECURRENT; `kept` is in the order of the forward pass.
+KERNEL(gates_backward, ROW,
+       const float *kept EACH(4 * LATENT), const float *before EACH(LATENT), float *state EACH(LATENT),
+       OUT float *sums EACH(4 * LATENT)) {
     const float *gates = ROW_OF(kept, 4 * LATENT);
     float *out = ROW_OF(sums, 4 * LATENT);
     FOR_COLUMNS(j, k) {
-        const float r = gates[k], z = gates[LATENT + k], n = gates[2 * LATENT + k];
-        const float recurrent = gates[3 * LATENT + k], g = ROW_OF(state, LATENT)[k];
+        const float r = gates[KEPT_R * LATENT + k], z = gates[KEPT_Z * LATENT + k], n = gates[KEPT_N * LATENT + k];
+        const float recurrent = gates[KEPT_RECURRENT * LATENT + k], g = ROW_OF(state, LATENT)[k];
         const float by_n = g * (1.0f - z) * (1.0f - n * n);
-        out[k] = by_n;
-        out[LATENT + k] = by_n * recurrent * r * (1.0f - r);
-        out[2 * LATENT + k] = g * (ROW_OF(before, LATENT)[k] - n) * z * (1.0f - z);
-        out[3 * LATENT + k] = by_n * r;
+        out[SUM_N * LATENT + k] = by_n;
+        out[SUM_R * LATENT + k] = by_n * recurrent * r * (1.0f - r);
+        out[SUM_Z * LATENT + k] = g * (ROW_OF(before, LATENT)[k] - n) * z * (1.0f - z);
+        out[SUM_RECURRENT * LATENT + k] = by_n * r;
         ROW_OF(state, LATENT)[k] = g * z;
     }
 }
 
-// From the sums over all rows and steps of those to the gradients of both biases.
-KERNEL(gate_biases) {
-    to_input[ELEMENT] += ELEMENT < 2 * LATENT ? sums[LATENT + ELEMENT] : sums[ELEMENT - 2 * LATENT];
-    to_recurrent[ELEMENT] += sums[LATENT + ELEMENT];
+// Adds the sums of `gates_backward` over all rows and steps to the gradients of both biases, [3 LATENT] each in the
+// order of the weights. The bias of the input belongs to n's input part, the other one to its recurrent part.
+KERNEL(gate_biases, ELEMENT,
+       const float *sums ALL(4 * LATENT), float *to_input EACH(1), float *to_recurrent EACH(1)) {
+    const unsigned gate = ELEMENT / LATENT, k = ELEMENT % LATENT;
+    const unsigned shared = gate == WEIGHT_R ? SUM_R : SUM_Z;
+    to_input[ELEMENT] += sums[(gate == WEIGHT_N ? SUM_N : shared) * LATENT + k];
+    to_recurrent[ELEMENT] += sums[(gate == WEIGHT_N ? SUM_RECURRENT : shared) * LATENT + k];
 }
 
-KERNEL(add) {
+// Adds one array to another.
+KERNEL(add, ELEMENT, float *to EACH(1), const float *what EACH(1)) {
     to[ELEMENT] += what[ELEMENT];
 }

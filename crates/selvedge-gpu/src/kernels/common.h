@@ -1,8 +1,31 @@
-// What every kernel may use. KERNEL(name) begins a kernel; its parameters stand in the table beside it.
-#define KERNEL(name) SIGNATURE_##name
-// Where row ROW of an array with rows of `width` begins.
+// Definitions that all kernels share.
+//
+// KERNEL(name, shape, parameters...) begins a kernel. Its body works on one element, one row or one block
+// and finds the number of it in ELEMENT, ROW or BLOCK. The signature is also what the host program knows of
+// a kernel (signature.rs reads it): an array is read where it is const, written as a whole where it is
+// marked OUT, and read and written otherwise. MAYBE marks an array that may be null. EACH(width) is the
+// number of elements per element, row or block of a launch, ALL(width) that of the whole array; a width is a product
+// of a number, sizes of the network, and counts of the launch.
+#define KERNEL(name, shape, ...) INNER void of_##name(const unsigned shape, __VA_ARGS__)
+#define OUT
+#define MAYBE
+#define EACH(width)
+#define ALL(width)
+
+// Lists of parameters that several kernels have, one line each.
+// The last frames of positions, [slots, vertices, 3]; slot newest[0] is the newest.
+#define RING const float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices
+// A ring, and the numbers of the cloths in the frame: the cloth of each vertex, local frames, and the rigid
+// motions of the handles.
+#define FRAME RING, const unsigned *cloth_of ALL(vertices), const float *numbers, const double *carries
+// Forces on vertices: air and masses, the faces of each vertex, corners and areas of the faces.
+#define FORCES const float *air, const float *mass ALL(vertices), const unsigned *first_face, const unsigned *faces, const unsigned *corners, const float *areas
+// A prediction, the three frames it is judged by, the handles, and the constants of the losses.
+#define JUDGED const float *predicted EACH(3), const double *previous EACH(3), const double *current EACH(3), const double *target EACH(3), const unsigned *handle_of EACH(1), const double *numbers ALL(19)
+
+// Row ROW of an array with rows of `width`.
 #define ROW_OF(array, width) ((array) + (size_t)ROW * (width))
-// The columns of a latent row that this lane takes: the j-th of them is number k.
+// The columns of a latent row that belong to this lane: the j-th of them is column k.
 #define PER_LANE ((LATENT + LANES - 1) / LANES)
 #define FOR_COLUMNS(j, k) UNROLL for (unsigned j = 0, k = LANE; j < PER_LANE; ++j, k += LANES) if (LATENT % LANES == 0 || k < LATENT)
 // Added to a variance before its root, as in PyTorch.
@@ -13,13 +36,14 @@ INNER float relu(float x) { return x > 0.0f ? x : 0.0f; }
 // e^{-x} overflows to infinity where x is very negative, and the quotient is 0 then, as it should be.
 INNER float sigmoid(float x) { return 1.0f / (1.0f + expf(-x)); }
 
-// What is greater is not finite.
+// The largest finite float.
 #define LARGEST 3.4028235e38f
-// Of a vertex that is no handle.
+// The handle number of a vertex that is no handle.
 #define NO_HANDLE 0xffffffffu
 // Numbers of a cloth in a frame: cosine and sine of its yaw, gravity in the local frame.
 #define CLOTH_NUMBERS 5
-// Numbers of the air around a cloth: wind, density, drag, from the way of three corners to their rate.
+// Numbers of the air around a cloth: wind, density, drag, and the frame rate over three, which takes the sum of
+// the moves of three corners to their mean velocity.
 #define AIR_NUMBERS 6
 
 typedef struct { float x, y, z; } Vector;
@@ -51,7 +75,7 @@ INNER Vector cross(Vector a, Vector b) {
 }
 INNER float length(Vector a) { return sqrtf(dot(a, a)); }
 
-// A turn about the vertical: `yaw` is its cosine and sine.
+// Rotations about the vertical; `yaw` is the cosine and the sine of the local frame.
 INNER Vector to_local(const float *yaw, Vector world) {
     const Vector v = {yaw[0] * world.x - yaw[1] * world.z, world.y, yaw[1] * world.x + yaw[0] * world.z};
     return v;
@@ -61,13 +85,13 @@ INNER Vector to_world(const float *yaw, Vector local) {
     return v;
 }
 
-// Positions so many frames before the newest.
+// Positions `back` frames before the newest.
 INNER const float *frame_of(const Ring *ring, unsigned back) {
     const unsigned slot = (ring->newest + ring->slots - back) % ring->slots;
     return ring->positions + (size_t)slot * ring->vertices * 3;
 }
 
-// Where a rigid motion (from, to, cosine and sine of the turn) takes a point.
+// Image of a point under a rigid motion: from, to, cosine and sine of the turn.
 INNER Wide carried(const double *carry, Vector point) {
     const double x = point.x - carry[0], y = point.y - carry[1], z = point.z - carry[2];
     const Wide w = {carry[3] + (carry[6] * x + carry[7] * z), carry[4] + y, carry[5] + (carry[6] * z - carry[7] * x)};
@@ -85,8 +109,8 @@ INNER float reference_of(double here, double before, double rest, float now) {
 }
 #endif
 
-// The position one frame earlier from which uniform motion would lead where the cloth goes by itself;
-// `carries` are those of the handles from now, from before and from rest to where they go.
+// Reference position one frame earlier: uniform motion from it through `now` leads where the cloth would go by
+// itself. `carries` are the rigid motions of the handles from now, from before and from rest to the next frame.
 INNER Vector reference(const double *carries, Vector before, Vector now, Vector rest) {
 #ifdef CARRIED
     const Wide here = carried(carries, now), old = carried(carries + 8, before), home = carried(carries + 16, rest);
@@ -97,4 +121,9 @@ INNER Vector reference(const double *carries, Vector before, Vector now, Vector 
     (void)carries, (void)now, (void)rest;
     return before;
 #endif
+}
+
+// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1; 0 for an arc of the mesh.
+INNER float is_link(const float *arc_material, unsigned arc) {
+    return arc_material[3 * (size_t)arc + 2] < 0.0f ? 1.0f : 0.0f;
 }

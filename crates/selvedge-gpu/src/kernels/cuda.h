@@ -1,4 +1,4 @@
-// For NVRTC: a row is a warp, its lanes are the threads of the warp.
+// Definitions for NVRTC: a row is a warp, its lanes are the threads of the warp.
 #define INNER static __device__ __forceinline__
 #define LANES 32u
 #define LANE (threadIdx.x & 31u)

@@ -1,10 +1,9 @@
-// What the network sees of vertices and arcs, from positions in the world, and normalised.
+// Normalised features of vertices and arcs, from positions in the world.
 //
-// Positions are a ring of `slots` frames [slots, vertices, 3] of which `newest[0]` is the newest; a
-// feature whose columns are not defined is not there. Sums are in the order of the CPU's.
+// NODE_* and EDGE_* are the first columns of the features that a spec has; a feature without one is left out. Sums
+// are in the order of the processor's engine.
 
-// Where the corner's share of a face goes on: gravity on vertex v and, of each of its faces, a third of
-// the drag of the air, in the local frame.
+// External force on a vertex in the local frame [N]: gravity, and a third of the drag of the air on each of its faces.
 INNER Vector external_force(const float *now, const float *before, const Cloth *cloth, float mass,
                             const unsigned *faces, unsigned count, const unsigned *corners,
                             const float *areas) {
@@ -31,7 +30,7 @@ INNER Vector external_force(const float *now, const float *before, const Cloth *
     return force;
 }
 
-// Normalises one column of a row.
+// Writes one normalised column of a row; a column without spread is zero.
 INNER void put(float *row, const float *shift, const float *scale, unsigned column, float value) {
     row[column] = scale[column] > 0.0f ? (value - shift[column]) * scale[column] : 0.0f;
 }
@@ -42,14 +41,16 @@ INNER void put_vector(float *row, const float *shift, const float *scale, unsign
     put(row, shift, scale, column + 2, v.z);
 }
 
-// The same with the length of the vector in the column after it.
+// Normalises a vector and, in the column after it, its length.
 INNER void put_with_length(float *row, const float *shift, const float *scale, unsigned column, Vector v, float of) {
     put_vector(row, shift, scale, column, v);
     put(row, shift, scale, column + 3, of);
 }
 
-// One vertex in one frame of the window, [steps, vertices].
-KERNEL(node_features) {
+// Features of one vertex in one frame of the window, [steps, vertices].
+KERNEL(node_features, ELEMENT,
+       FRAME, unsigned steps, FORCES, const unsigned *handle_of ALL(vertices), const float *rest ALL(3 * vertices),
+       const float *shift ALL(NODE_WIDTH), const float *scale ALL(NODE_WIDTH), OUT float *out EACH(NODE_WIDTH)) {
     const unsigned step = ELEMENT / vertices, v = ELEMENT % vertices, cloth_number = cloth_of[v];
     const Ring ring = {positions, newest[0], slots, vertices};
     const float *now = frame_of(&ring, steps - 1 - step), *previous = frame_of(&ring, steps - step);
@@ -95,7 +96,7 @@ KERNEL(node_features) {
 #endif
 }
 
-// The bending angle over an edge (from, to, left, right), as the CPU computes it.
+// The bending angle over a hinge (from, to, left, right) [rad], in f32 as the processor computes it.
 INNER float bending_angle(const float *now, const unsigned *hinge) {
     Vector at[4];
     for (unsigned i = 0; i < 4; ++i) at[i] = vector(now + 3 * (size_t)hinge[i]);
@@ -104,13 +105,12 @@ INNER float bending_angle(const float *now, const unsigned *hinge) {
     return atan2f(0.0f - length(along) * dot(normal_left, right), dot(normal_left, normal_right));
 }
 
-// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1, 0 for one of the mesh.
-INNER float is_link(const float *arc_material, unsigned arc) {
-    return arc_material[3 * (size_t)arc + 2] < 0.0f ? 1.0f : 0.0f;
-}
-
-// One arc in one frame of the window, [steps, arcs].
-KERNEL(edge_features) {
+// Features of one arc in one frame of the window, [steps, arcs].
+KERNEL(edge_features, ELEMENT,
+       RING, unsigned arcs, unsigned steps, const unsigned *cloth_of ALL(vertices), const float *numbers,
+       const unsigned *senders ALL(arcs), const unsigned *receivers ALL(arcs), const float *arc_rest ALL(4 * arcs),
+       const float *arc_material ALL(3 * arcs), const unsigned *hinges ALL(4 * arcs),
+       const float *shift ALL(EDGE_WIDTH), const float *scale ALL(EDGE_WIDTH), OUT float *out EACH(EDGE_WIDTH)) {
     const unsigned step = ELEMENT / arcs, arc = ELEMENT % arcs;
     const Ring ring = {positions, newest[0], slots, vertices};
     const float *now = frame_of(&ring, steps - 1 - step);

@@ -1,6 +1,5 @@
-// From the gradient of normalised features to that of the positions that they were made from, for one
-// frame of a window at a time; and through the integration. Handles are not treated apart here: their
-// gradient is dropped where a prediction is joined with what came of it.
+// Gradients of positions, from the gradient of normalised features, for one frame of a window at a time, and through
+// the integration. Handles are treated like other vertices here; join_prediction drops their gradient.
 
 INNER Vector row_vector(const float *row, const float *scale, unsigned column) {
     const Vector v = {row[column] * scale[column], row[column + 1] * scale[column + 1],
@@ -13,7 +12,7 @@ INNER Vector unit(Vector a) {
     return times(inverse > 0.0f && inverse <= LARGEST ? inverse : 0.0f, a);
 }
 
-// What the gradient g of a reference means for its two frames; `carries` as in `reference`.
+// Adds the gradient g of a reference to the gradients of its two frames; `carries` as in `reference`.
 INNER void reference_backward(const double *carries, Vector g, Vector *earlier, Vector *now) {
 #ifdef CARRIED
     const float before[2] = {(float)carries[14], (float)carries[15]}, from_now[2] = {(float)carries[6], (float)carries[7]};
@@ -26,8 +25,10 @@ INNER void reference_backward(const double *carries, Vector g, Vector *earlier, 
 #endif
 }
 
-// The corners of the hinge over an edge, for the gradient of its angle in both arcs.
-KERNEL(hinges_backward) {
+// Gradient of the corners of the hinge over an edge, from the gradients of its angle in both arcs.
+KERNEL(hinges_backward, ELEMENT,
+       RING, unsigned back, const unsigned *hinges EACH(4), const unsigned *edge_arcs EACH(2),
+       const float *rows, const float *scale ALL(EDGE_WIDTH), OUT double *by_hinge EACH(12)) {
     const unsigned *hinge = hinges + 4 * (size_t)ELEMENT, *arc = edge_arcs + 2 * (size_t)ELEMENT;
     double *out = by_hinge + 12 * (size_t)ELEMENT;
     for (unsigned i = 0; i < 12; ++i) out[i] = 0.0;
@@ -50,8 +51,8 @@ KERNEL(hinges_backward) {
 }
 
 #ifdef NODE_EXTERNAL_FORCE
-// What the air's drag on one face means for its corner number `own`: with the force of the gradient on all
-// corners u = A/3 sum g, phi = u (rho |v_n| v_n n + c v_t), v_n = n v, n = N / |N|.
+// Adds the gradient of the drag of the air on one face to that of its corner number `own`. With the gradient of the
+// force on all corners u = A/3 sum g: phi = u (rho |v_n| v_n n + c v_t), v_n = n v, n = N / |N|.
 INNER void face_backward(const float *now, const float *before, const Cloth *cloth, const unsigned *face,
                          float area, Vector sum, unsigned own, Vector *to_now, Vector *to_before) {
     Vector at[3], moved[3];
@@ -78,9 +79,15 @@ INNER void face_backward(const float *now, const float *before, const Cloth *clo
 }
 #endif
 
-// One vertex: what the features of vertices, arcs and hinges in the frame `back` frames before the newest,
-// step `step` of the window, mean for its position there and in the two frames before.
-KERNEL(positions_backward) {
+// Gradient of one vertex's position in the frame `back` frames before the newest (step `step` of the window) and in
+// the two frames before, from the gradients of the features of vertices, arcs and hinges in that frame.
+KERNEL(positions_backward, ELEMENT,
+       FRAME, unsigned back, unsigned step, unsigned steps, FORCES,
+       const float *nodes EACH(NODE_WIDTH), const float *node_scale ALL(NODE_WIDTH),
+       MAYBE const float *edges, const float *edge_scale ALL(EDGE_WIDTH),
+       const unsigned *first_arc, const unsigned *senders, const unsigned *reverse_arcs, const float *arc_material,
+       const unsigned *corner_ends EACH(2), const unsigned *hinge_corners, MAYBE const double *by_hinge,
+       float *gradient ALL(3 * slots * vertices)) {
     const Ring ring = {positions, newest[0], slots, vertices};
     const Ring to = {gradient, newest[0], slots, vertices};
     const float *now = frame_of(&ring, back), *before = frame_of(&ring, back + 1);
@@ -133,7 +140,7 @@ KERNEL(positions_backward) {
 #endif
     if (edges) {
         for (size_t arc = first_arc[ELEMENT]; arc < first_arc[ELEMENT + 1]; ++arc) {
-            const float *here = edges + arc * EDGE_WIDTH, *there = edges + (size_t)twins[arc] * EDGE_WIDTH;
+            const float *here = edges + arc * EDGE_WIDTH, *there = edges + (size_t)reverse_arcs[arc] * EDGE_WIDTH;
             const Vector along = unit(minus(p, vector(now + 3 * (size_t)senders[arc])));
             float by_length = 0.0f;
             (void)here, (void)there;
@@ -170,9 +177,11 @@ KERNEL(positions_backward) {
     (void)by_earlier;
 }
 
-// Joins a frame's own loss with the gradient that later frames have for the positions it predicts: then
-// `gradient` is the whole one of the prediction, `by_next` that of the predicted positions.
-KERNEL(join_prediction) {
+// Joins the gradient of a frame's own loss with that of later frames for the positions it predicts. Afterwards
+// `gradient` is that of the prediction and `by_next` that of the predicted positions.
+KERNEL(join_prediction, ELEMENT,
+       float *gradient EACH(3), const unsigned *handle_of EACH(1), const unsigned *cloth_of EACH(1),
+       const float *numbers, const float *spread ALL(3), float *by_next EACH(3)) {
     const float *yaw = numbers + CLOTH_NUMBERS * cloth_of[ELEMENT];
     float *row = gradient + 3 * (size_t)ELEMENT, *next = by_next + 3 * (size_t)ELEMENT;
     const Vector zero = {0.0f, 0.0f, 0.0f}, own = vector(row);
@@ -185,8 +194,10 @@ KERNEL(join_prediction) {
     next[0] = all.x, next[1] = all.y, next[2] = all.z;
 }
 
-// p' = a + 2 p - reference.
-KERNEL(integration_backward) {
+// Integration p' = a + 2 p - reference: adds the gradient of p' to those of the two frames before.
+KERNEL(integration_backward, ELEMENT,
+       const float *by_next EACH(3), const double *carries, const unsigned *cloth_of EACH(1),
+       float *current EACH(3), float *previous EACH(3)) {
     const size_t at = 3 * (size_t)ELEMENT;
     const Vector g = vector(by_next + at), zero = {0.0f, 0.0f, 0.0f};
     Vector now = times(2.0f, g), earlier = zero;

@@ -1,4 +1,4 @@
-// For the C compiler of this machine: one lane, one thread.
+// Definitions for the C compiler of this machine: one lane, one thread.
 #include <math.h>
 #include <stddef.h>
 #define INNER static inline

@@ -1,9 +1,9 @@
-// Products on the host: c = a b or c += a b, row by row, then bias and ReLU. Strides in elements; `onto`
-// is 1 where c is added to, `finish` 0 for nothing, 1 for a bias, 2 for a bias and ReLU.
-// Several threads may be in here at once.
+// Matrix products on the host: c = a b or c += a b, row by row, then the epilogue. Strides are in elements. `onto` is
+// 1 where c is added to; `epilogue` is 0 for nothing, 1 for a bias, 2 for a bias and ReLU. Several threads may call this
+// at once.
 void run_product(const size_t *size, const float *a, const size_t *a_strides, const float *b,
                  const size_t *b_strides, float *c, size_t leading, unsigned onto, const float *bias,
-                 unsigned finish) {
+                 unsigned epilogue) {
     float sums_of_row[1 << 12];
     const size_t rows = size[0], columns = size[1], depth = size[2];
     for (size_t first = 0; first < columns; first += sizeof sums_of_row / sizeof *sums_of_row) {
@@ -29,8 +29,8 @@ void run_product(const size_t *size, const float *a, const size_t *a_strides, co
             }
             for (size_t j = 0; j < count; ++j) {
                 float x = sums_of_row[j];
-                if (finish) x += bias[first + j];
-                out[j] = finish == 2 ? relu(x) : x;
+                if (epilogue) x += bias[first + j];
+                out[j] = epilogue == 2 ? relu(x) : x;
             }
         }
     }

@@ -1,34 +1,38 @@
-// The layers of the network that are not products, forward.
+// Forward pass: the layers of the network that are not matrix products.
 
-// What a product ends in where the library of products cannot do it: x + bias, and its positive part.
-KERNEL(add_bias) {
+// Epilogues of products, where the library of products has none: x + bias, and its positive part.
+KERNEL(add_bias, ROW, float *rows, unsigned leading, const float *bias, unsigned width) {
     float *x = ROW_OF(rows, leading);
     for (unsigned k = LANE; k < width; k += LANES) x[k] += bias[k];
 }
 
-KERNEL(add_bias_relu) {
+KERNEL(add_bias_relu, ROW, float *rows, unsigned leading, const float *bias, unsigned width) {
     float *x = ROW_OF(rows, leading);
     for (unsigned k = LANE; k < width; k += LANES) x[k] = relu(x[k] + bias[k]);
 }
 
-// The first edge layer's parts for sender and receiver, one below the other, for every block:
-// [blocks, 2 latent, latent] of the weights [latent, 3 latent] that lie `apart` from each other.
-KERNEL(pack_ends) {
+// Packs the parts of the first edge layers for sender and receiver below each other, [blocks, 2 LATENT, LATENT].
+// The layer of the first block, [LATENT, 3 LATENT], begins at `first`; those of two blocks are `apart` elements apart.
+KERNEL(pack_ends, ELEMENT,
+       const float *weights, unsigned first, unsigned apart, OUT float *packed EACH(1)) {
     const unsigned column = ELEMENT % LATENT, end = ELEMENT / LATENT % (2 * LATENT);
     const unsigned block = ELEMENT / (2 * LATENT * LATENT);
     const float *weight = weights + first + (size_t)block * apart;
     packed[ELEMENT] = weight[(size_t)(end % LATENT) * 3 * LATENT + end / LATENT * LATENT + column];
 }
 
-// The rest of the split first edge layer: what both ends of the arc add, the bias, ReLU.
-KERNEL(gather_ends) {
+// Rest of the split first edge layer: adds the endpoint products [vertices, 2 LATENT] of sender and receiver and
+// the bias to an arc, then ReLU.
+KERNEL(gather_ends, ROW,
+       float *hidden EACH(LATENT), const float *endpoint_products, const float *bias ALL(LATENT),
+       const unsigned *senders EACH(1), const unsigned *receivers EACH(1)) {
     float *x = ROW_OF(hidden, LATENT);
-    const float *from = ends + (size_t)senders[ROW] * 2 * LATENT;
-    const float *to = ends + (size_t)receivers[ROW] * 2 * LATENT + LATENT;
+    const float *from = endpoint_products + (size_t)senders[ROW] * 2 * LATENT;
+    const float *to = endpoint_products + (size_t)receivers[ROW] * 2 * LATENT + LATENT;
     FOR_COLUMNS(j, k) x[k] = relu(x[k] + from[k] + to[k] + bias[k]);
 }
 
-// x + bias of a row to (x - mean) / deviation, which stays on its lanes; gives 1 / deviation.
+// Normalises the row x + bias into `normal`, element j for the j-th column of this lane. Returns 1 / deviation.
 INNER float normalise(const float *x, const float *bias, float *normal) {
     float sum = 0.0f, squares = 0.0f;
     FOR_COLUMNS(j, k) {
@@ -45,8 +49,12 @@ INNER float normalise(const float *x, const float *bias, float *normal) {
     return scale;
 }
 
-// Layer normalisation of x + bias, added to `before` where there is one.
-KERNEL(norm) {
+// Layer normalisation of x + bias, added to `before` where that is given. `normal` and `inverse` take the
+// normalised row and 1 / deviation for the backward pass.
+KERNEL(norm, ROW,
+       const float *x EACH(LATENT), const float *bias ALL(LATENT), const float *weight ALL(LATENT),
+       const float *shift ALL(LATENT), MAYBE const float *before EACH(LATENT),
+       OUT float *after EACH(LATENT), MAYBE OUT float *normal EACH(LATENT), MAYBE OUT float *inverse EACH(1)) {
     float row[PER_LANE];
     const float scale = normalise(ROW_OF(x, LATENT), bias, row);
     float *out = ROW_OF(after, LATENT);
@@ -58,9 +66,12 @@ KERNEL(norm) {
     if (inverse && LANE == 0) inverse[ROW] = scale;
 }
 
-// The end of an edge update, for the arcs into a vertex: the layer normalisation of x + bias is the
-// message; it is added to its arc and, arc after arc, to the sum of the vertex.
-KERNEL(norm_messages) {
+// End of an edge update, for all arcs into one vertex. The layer normalisation of x + bias is the message. It is
+// added to the arc and, arc after arc, to the sum of the vertex.
+KERNEL(norm_messages, ROW,
+       const float *x, const float *bias ALL(LATENT), const float *weight ALL(LATENT),
+       const float *shift ALL(LATENT), const unsigned *first_arc, const float *before, OUT float *after,
+       OUT float *incoming EACH(LATENT), MAYBE OUT float *normal, MAYBE OUT float *inverse) {
     float row[PER_LANE], sum[PER_LANE];
     FOR_COLUMNS(j, k) sum[j] = 0.0f;
     for (size_t arc = first_arc[ROW]; arc < first_arc[ROW + 1]; ++arc) {
@@ -76,15 +87,19 @@ KERNEL(norm_messages) {
     FOR_COLUMNS(j, k) ROW_OF(incoming, LATENT)[k] = sum[j];
 }
 
-// One step of a gated recurrent unit from the products with its input and with its state, gates r, z, n:
-// n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before; without a state before, from
-// zero. Kept are r, z, n and the recurrent part of n.
-KERNEL(gates) {
+// One step of a gated recurrent unit, from the products of its weights with input and state:
+// n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before. The state before is zero where it is
+// not given. Weights have their rows in the order WEIGHT_R, WEIGHT_Z, WEIGHT_N; `kept` takes the gates in the order
+// KEPT_R, KEPT_Z, KEPT_N, KEPT_RECURRENT, of which the last is the recurrent part of n.
+KERNEL(gates, ROW,
+       const float *input EACH(3 * LATENT), MAYBE const float *recurrent EACH(3 * LATENT),
+       const float *bias_input ALL(3 * LATENT), const float *bias_recurrent ALL(3 * LATENT),
+       MAYBE const float *before EACH(LATENT), OUT float *after EACH(LATENT), MAYBE OUT float *kept EACH(4 * LATENT)) {
     const float *in = ROW_OF(input, 3 * LATENT), *back = recurrent ? ROW_OF(recurrent, 3 * LATENT) : 0;
     FOR_COLUMNS(j, k) {
-        const unsigned z_at = LATENT + k, n_at = 2 * LATENT + k;
-        const float of_r = back ? back[k] : 0.0f, of_z = back ? back[z_at] : 0.0f;
-        const float r = sigmoid(in[k] + bias_input[k] + of_r + bias_recurrent[k]);
+        const unsigned r_at = WEIGHT_R * LATENT + k, z_at = WEIGHT_Z * LATENT + k, n_at = WEIGHT_N * LATENT + k;
+        const float of_r = back ? back[r_at] : 0.0f, of_z = back ? back[z_at] : 0.0f;
+        const float r = sigmoid(in[r_at] + bias_input[r_at] + of_r + bias_recurrent[r_at]);
         const float z = sigmoid(in[z_at] + bias_input[z_at] + of_z + bias_recurrent[z_at]);
         const float state = (back ? back[n_at] : 0.0f) + bias_recurrent[n_at];
         const float n = tanhf(in[n_at] + bias_input[n_at] + r * state);
@@ -92,10 +107,10 @@ KERNEL(gates) {
         ROW_OF(after, LATENT)[k] = (1.0f - z) * n + z * old;
         if (kept) {
             float *gates = ROW_OF(kept, 4 * LATENT);
-            gates[k] = r;
-            gates[z_at] = z;
-            gates[n_at] = n;
-            gates[3 * LATENT + k] = state;
+            gates[KEPT_R * LATENT + k] = r;
+            gates[KEPT_Z * LATENT + k] = z;
+            gates[KEPT_N * LATENT + k] = n;
+            gates[KEPT_RECURRENT * LATENT + k] = state;
         }
     }
 }
@@ -108,12 +123,14 @@ INNER unsigned long long split_mix(unsigned long long number) {
     return z ^ (z >> 31);
 }
 
-// Dropout: each value is zero where the upper half of its hash is below the threshold, else scaled. Rows
-// are counted within the place of their cloth, in all its frames.
-KERNEL(dropout) {
-    const unsigned cloth = ROW / place;
+// Dropout: a value becomes zero where the upper half of its hash is below `threshold`, and is scaled otherwise. Rows
+// are counted within the rollout slot of their cloth, which has `slot_rows` rows, in all its `steps` frames.
+KERNEL(dropout, ROW,
+       const float *before EACH(LATENT), OUT float *after EACH(LATENT), const unsigned *seeds, unsigned slot_rows,
+       unsigned steps, unsigned step, unsigned threshold, float scale) {
+    const unsigned cloth = ROW / slot_rows;
     const unsigned long long seed = seeds[2 * cloth] | (unsigned long long)seeds[2 * cloth + 1] << 32;
-    const unsigned long long row = (unsigned long long)(ROW % place) * steps + step;
+    const unsigned long long row = (unsigned long long)(ROW % slot_rows) * steps + step;
     FOR_COLUMNS(j, k) {
         const unsigned long long hash = split_mix(seed + row * LATENT + k);
         ROW_OF(after, LATENT)[k] = ROW_OF(before, LATENT)[k] * (hash >> 32 >= threshold ? scale : 0.0f);

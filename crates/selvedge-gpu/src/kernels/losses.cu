@@ -1,9 +1,9 @@
-// What a prediction is judged by, in f64 as on the CPU: sums over vertices, edges and hinges of every
-// lane, and the gradient of their weighted sum with respect to the normalised acceleration.
+// Losses of a prediction, in f64 as on the processor: sums over vertices, edges and hinges of every rollout slot, and
+// the gradient of their weighted sum with respect to the normalised acceleration.
 //
-// A lane is a cloth in a place of its own; all places have the same numbers of vertices and edges.
+// A rollout slot is a section of the union with one cloth; all sections have the same numbers of vertices and edges.
 
-// Where in `numbers` the statistics and the weights of the terms stand.
+// Offsets of the statistics and the weights of the terms in `numbers`.
 #define MEAN 0
 #define DEVIATION 3
 #define INVERSE 6
@@ -16,78 +16,15 @@
 #define LENGTH_WEIGHT 17
 #define ANGLE_WEIGHT 18
 
-#define HALF_TURN 3.14159265358979323846
-#define LEAST_NORMAL 2.2250738585072014e-308
-#define LARGEST_DOUBLE 1.7976931348623157e308
-
-INNER Wide wide(const double *at) {
-    const Wide w = {at[0], at[1], at[2]};
-    return w;
-}
-INNER Wide wide_minus(Wide a, Wide b) {
-    const Wide w = {a.x - b.x, a.y - b.y, a.z - b.z};
-    return w;
-}
-INNER Wide wide_times(double s, Wide a) {
-    const Wide w = {s * a.x, s * a.y, s * a.z};
-    return w;
-}
-INNER double wide_dot(Wide a, Wide b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-INNER Wide wide_cross(Wide a, Wide b) {
-    const Wide w = {a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y};
-    return w;
-}
-INNER void leave(double *to, Wide w) { to[0] = w.x, to[1] = w.y, to[2] = w.z; }
-INNER int is_normal(double x) { return x >= LEAST_NORMAL && x <= LARGEST_DOUBLE; }
-
-// from, to, left and right of a hinge.
-typedef struct { Wide from, to, left, right; } Corners;
-
-INNER Corners corners_at(const double *positions, const unsigned *hinge) {
-    const Corners c = {wide(positions + 3 * (size_t)hinge[0]), wide(positions + 3 * (size_t)hinge[1]),
-                       wide(positions + 3 * (size_t)hinge[2]), wide(positions + 3 * (size_t)hinge[3])};
-    return c;
-}
-
-INNER double wide_angle(Corners at) {
-    const Wide along = wide_minus(at.to, at.from), right = wide_minus(at.right, at.from);
-    const Wide normal = wide_cross(along, wide_minus(at.left, at.from));
-    const double sine = 0.0 - sqrt(wide_dot(along, along)) * wide_dot(normal, right);
-    return atan2(sine, wide_dot(normal, wide_cross(right, along)));
-}
-
-// The gradient of the angle with respect to from, to, left and right, times a number; 0 where it has none.
-INNER void angle_slopes(Corners at, double factor, double *slopes) {
-    const Wide along = wide_minus(at.to, at.from);
-    const Wide left = wide_minus(at.left, at.from), right = wide_minus(at.right, at.from);
-    const Wide normal_left = wide_cross(along, left), normal_right = wide_cross(right, along);
-    const double square_left = wide_dot(normal_left, normal_left);
-    const double square_right = wide_dot(normal_right, normal_right);
-    if (!is_normal(square_left) || !is_normal(square_right)) {
-        for (int i = 0; i < 12; ++i) slopes[i] = 0.0;
-        return;
-    }
-    const double square = wide_dot(along, along), size = sqrt(square) * factor;
-    const Wide by_left = wide_times(-size / square_left, normal_left);
-    const Wide by_right = wide_times(-size / square_right, normal_right);
-    const double foot_left = wide_dot(left, along) / square, foot_right = wide_dot(right, along) / square;
-    const Wide by_to = wide_minus(wide_times(-foot_left, by_left), wide_times(foot_right, by_right));
-    const Wide none = {0.0, 0.0, 0.0};
-    leave(slopes, wide_minus(wide_minus(wide_minus(none, by_left), by_right), by_to));
-    leave(slopes + 3, by_to);
-    leave(slopes + 6, by_left);
-    leave(slopes + 9, by_right);
-}
-
-// The shorter way round.
+// A difference of angles, the shorter way round.
 INNER double wrapped(double difference) {
     if (difference > HALF_TURN) return difference - 2.0 * HALF_TURN;
     if (difference <= -HALF_TURN) return difference + 2.0 * HALF_TURN;
     return difference;
 }
 
-// Where an acceleration leads: a + 2 p - p_previous; handles go to their target.
-KERNEL(predict_positions) {
+// Predicted positions a + 2 p - p_previous; handles go to their target.
+KERNEL(predict_positions, ELEMENT, JUDGED, OUT double *positions EACH(3)) {
     for (unsigned k = 0; k < 3; ++k) {
         const size_t at = 3 * (size_t)ELEMENT + k;
         const double acceleration = predicted[at] * numbers[DEVIATION + k] + numbers[MEAN + k];
@@ -97,10 +34,13 @@ KERNEL(predict_positions) {
     }
 }
 
-// What an edge and its hinge add to the terms, and the gradients with respect to the vector of the edge and
-// to the corners of the hinge.
-KERNEL(edge_losses) {
-    const double share = shares[2 * (ELEMENT / per_lane) + 1];
+// Terms of one edge and its hinge, and their gradients with respect to the vector of the edge and to the corners of
+// the hinge.
+KERNEL(edge_losses, ELEMENT,
+       const double *positions, const double *target, const unsigned *ends EACH(2), const unsigned *hinges EACH(4),
+       const double *shares, unsigned per_slot, const double *numbers ALL(19),
+       OUT double *by_edge EACH(3), OUT double *by_hinge EACH(12), OUT double *terms EACH(3)) {
+    const double share = shares[2 * (ELEMENT / per_slot) + 1];
     const unsigned *end = ends + 2 * (size_t)ELEMENT, *hinge = hinges + 4 * (size_t)ELEMENT;
     const size_t a = 3 * (size_t)end[0], b = 3 * (size_t)end[1];
     const Wide found = wide_minus(wide(positions + a), wide(positions + b));
@@ -130,8 +70,12 @@ KERNEL(edge_losses) {
     terms[3 * (size_t)ELEMENT + 2] = bent * bent;
 }
 
-// What a vertex adds to the terms, and the gradient of the whole with respect to its acceleration.
-KERNEL(vertex_losses) {
+// Terms of one vertex, and the gradient of the loss with respect to its acceleration.
+KERNEL(vertex_losses, ELEMENT,
+       JUDGED, const double *positions EACH(3), const float *mass EACH(1), const unsigned *first_arc,
+       const unsigned *arc_edges, const unsigned *ends, const double *by_edge, const unsigned *corner_ends EACH(2),
+       const unsigned *corners, const double *by_hinge, const double *shares, unsigned per_slot,
+       OUT float *gradient EACH(3), OUT double *terms EACH(2)) {
     double *term = terms + 2 * (size_t)ELEMENT;
     float *out = gradient + 3 * (size_t)ELEMENT;
     term[0] = term[1] = 0.0;
@@ -148,7 +92,7 @@ KERNEL(vertex_losses) {
         const double *slope = by_hinge + 3 * (size_t)corners[i];
         for (unsigned k = 0; k < 3; ++k) by_position[k] += slope[k];
     }
-    const double share = shares[2 * (ELEMENT / per_lane)];
+    const double share = shares[2 * (ELEMENT / per_slot)];
     const size_t at = 3 * (size_t)ELEMENT;
     double found = 0.0, wanted = 0.0, moved[3];
     for (unsigned k = 0; k < 3; ++k) {
@@ -172,19 +116,21 @@ KERNEL(vertex_losses) {
     }
 }
 
-// Sums over a part of a lane, of so many vertices and edges: acceleration, kinetic energy, edge vector, edge
-// length, bending angle.
-KERNEL(loss_parts) {
-    const size_t lane = ROW / parts, first = (size_t)(ROW % parts) * per_part;
+// Sums of the terms over one part of a rollout slot, of `per_part` vertices and edges: acceleration, kinetic energy,
+// edge vector, edge length, bending angle.
+KERNEL(loss_parts, ROW,
+       const double *of_vertices, const double *of_edges, unsigned vertices, unsigned edges, unsigned per_part,
+       unsigned parts, OUT double *sums EACH(5)) {
+    const size_t slot = ROW / parts, first = (size_t)(ROW % parts) * per_part;
     double sum[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
     for (unsigned i = LANE; i < per_part; i += LANES) {
         const size_t at = first + i;
         if (at < vertices) {
-            const double *term = of_vertices + 2 * (lane * vertices + at);
+            const double *term = of_vertices + 2 * (slot * vertices + at);
             for (unsigned k = 0; k < 2; ++k) sum[k] += term[k];
         }
         if (at < edges) {
-            const double *term = of_edges + 3 * (lane * edges + at);
+            const double *term = of_edges + 3 * (slot * edges + at);
             for (unsigned k = 0; k < 3; ++k) sum[2 + k] += term[k];
         }
     }
@@ -194,8 +140,9 @@ KERNEL(loss_parts) {
     }
 }
 
-// The terms of a lane: the sums of its parts, by what a vertex and an edge count.
-KERNEL(loss_terms) {
+// Terms of one rollout slot: the sums of its parts, times the shares of one vertex and of one edge in the means.
+KERNEL(loss_terms, ROW,
+       const double *sums, const double *shares EACH(2), unsigned parts, OUT double *terms EACH(5)) {
     const double *of_parts = sums + 5 * (size_t)ROW * parts;
     for (unsigned k = 0; k < 5; ++k) {
         double sum = 0.0;
@@ -205,13 +152,14 @@ KERNEL(loss_terms) {
     }
 }
 
-// What the gradients of a lane count.
-KERNEL(weigh) {
-    const float weight = weights[ELEMENT / per_lane];
+// Multiplies the gradient of one vertex by the weight of its rollout slot.
+KERNEL(weigh, ELEMENT, float *gradient EACH(3), const float *weights, unsigned per_slot) {
+    const float weight = weights[ELEMENT / per_slot];
     for (unsigned k = 0; k < 3; ++k) gradient[3 * (size_t)ELEMENT + k] *= weight;
 }
 
-// The gradient of the mean square error.
-KERNEL(square_error) {
+// Gradient of the mean square error.
+KERNEL(square_error, ELEMENT,
+       const float *found EACH(1), const float *target EACH(1), float share, OUT float *gradient EACH(1)) {
     gradient[ELEMENT] = 2.0f * share * (found[ELEMENT] - target[ELEMENT]);
 }

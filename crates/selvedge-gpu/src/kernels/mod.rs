@@ -1,21 +1,46 @@
-//! The source of the kernels for one network: sizes as definitions, a prelude for the compiler at
-//! hand, signatures from tables, and the bodies from `kernels/`.
+//! The kernels, each file of C beside the Rust file that names its kernels, and the source that a
+//! device compiles for one network: definitions of sizes, a prelude for the compiler, the kernels,
+//! and an entry for each.
 //!
-//! The bodies are C99 that is also CUDA C. A kernel does its work for one *element* (`ELEMENT`), one
-//! *row* (`ROW`: on a GPU a warp, whose `LANES` take the row's columns in turns from `LANE` on and
-//! join their sums by `SUM_OVER_LANES`), or one *block* (`BLOCK`, whose `THREADS` meet at `BARRIER`).
-//! On the host all of them have one lane and one thread. What a kernel is called with stands in a table
-//! here and not in its source, so that source, schedules and both launchers agree.
+//! The C is C99 that is also CUDA C. A kernel works on one *element* (`ELEMENT`), one *row* (`ROW`)
+//! or one *block* (`BLOCK`). On a GPU a row belongs to a warp: its `LANES` take the columns in turn
+//! from `LANE` on and join their sums by `SUM_OVER_LANES`. A block has `THREADS` that meet at
+//! `BARRIER`. The host has one lane and one thread. The signature in the C source is the only list of
+//! a kernel's parameters: `signature` reads it for schedules and launchers.
 
+pub mod adam;
 pub mod backward;
+pub mod features;
+pub mod features_backward;
+mod gates;
 pub mod layers;
+pub mod losses;
+pub mod motion;
 mod signature;
 
 use std::fmt::Write;
 
-pub use signature::{Access, Extent, Kernel, Parameter, Part, Shape, Sizes, Width};
+pub use signature::{Access, Extent, Factor, Kernel, Kind, Parameter, Shape, Sizes, Width};
 
-/// Who compiles.
+/// Declares the kernels of a file as statics, and the file itself as `PART`.
+macro_rules! part {
+    ($file:literal: $($kernel:ident = $name:literal),+ $(,)?) => {
+        /// The file and its kernels.
+        pub static PART: $crate::kernels::Part = $crate::kernels::Part {
+            name: $file,
+            text: TEXT,
+            kernels: &[$(&$kernel),+],
+        };
+        const TEXT: &str = include_str!($file);
+        $(
+            #[doc = concat!("The kernel `", $name, "` of `", $file, "`.")]
+            pub static $kernel: $crate::kernels::Kernel = $crate::kernels::Kernel::of(TEXT, $name);
+        )+
+    };
+}
+use part;
+
+/// A compiler of kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
     /// NVRTC.
@@ -27,11 +52,22 @@ pub enum Dialect {
 /// Threads of a block on a GPU, for elements and rows; 8 warps.
 pub const BLOCK_THREADS: u32 = 256;
 
-/// Threads of a block on a GPU where a block is what a kernel works on.
+/// Threads of a block on a GPU where a block is a kernel's unit of work.
 pub const WIDE_BLOCK_THREADS: u32 = 1024;
 
 /// Lanes of a warp.
 pub const WARP: u32 = 32;
+
+/// A file of kernels.
+#[derive(Debug)]
+pub struct Part {
+    /// The name of the file.
+    pub name: &'static str,
+    /// Its contents.
+    pub text: &'static str,
+    /// The kernels in it.
+    pub kernels: &'static [&'static Kernel],
+}
 
 /// All kernels for one network.
 #[derive(Clone, Debug)]
@@ -53,10 +89,13 @@ impl Program {
         program.define("LATENT", sizes.latent);
         program.define("NODE_WIDTH", sizes.node_width);
         program.define("EDGE_WIDTH", sizes.edge_width);
+        for (name, value) in gates::definitions() {
+            program.define(&name, value);
+        }
         program
     }
 
-    /// The sizes that it is for.
+    /// The sizes of its networks.
     #[must_use]
     pub fn sizes(&self) -> Sizes {
         self.sizes
@@ -70,7 +109,7 @@ impl Program {
         }
     }
 
-    /// Adds kernels, once.
+    /// Adds the kernels of a file, once.
     pub fn add(&mut self, part: &'static Part) {
         if !self.parts.iter().any(|known| known.name == part.name) {
             self.parts.push(part);
@@ -82,29 +121,18 @@ impl Program {
         self.parts.iter().flat_map(|part| part.kernels).copied()
     }
 
-    /// The source.
+    /// The source for a compiler.
     #[must_use]
     pub fn text(&self, dialect: Dialect) -> String {
-        let mut text = String::new();
-        for (name, value) in &self.definitions {
-            // Writing to a string does not fail.
-            let _ = writeln!(text, "#define {name} {value}");
-        }
+        let mut text = self.definitions();
         text.push_str(match dialect {
             Dialect::Cuda => include_str!("cuda.h"),
             Dialect::Host => include_str!("host.h"),
         });
         text.push_str(include_str!("common.h"));
-        for kernel in self.kernels() {
-            let _ = writeln!(
-                text,
-                "#define SIGNATURE_{} INNER void of_{}({})",
-                kernel.name,
-                kernel.name,
-                inner_parameters(kernel)
-            );
-        }
+        text.push_str(include_str!("wide.h"));
         for part in &self.parts {
+            // Writing to a string does not fail.
             let _ = writeln!(text, "#line 1 \"{}\"", part.name);
             text.push_str(part.text);
         }
@@ -119,36 +147,27 @@ impl Program {
         }
         text
     }
-}
 
-fn index_name(shape: Shape) -> &'static str {
-    match shape {
-        Shape::Element => "ELEMENT",
-        Shape::Row => "ROW",
-        Shape::Block => "BLOCK",
+    /// The definitions that the files of kernels are compiled with.
+    fn definitions(&self) -> String {
+        let lines = self.definitions.iter();
+        lines
+            .map(|(name, value)| format!("#define {name} {value}\n"))
+            .collect()
     }
 }
 
 fn declarations(kernel: &Kernel) -> impl Iterator<Item = String> {
-    let parameters = kernel.parameters.iter();
-    parameters.map(|p| format!("{}{}", p.access.c_type(), p.name))
-}
-
-fn inner_parameters(kernel: &Kernel) -> String {
-    let index = format!("const unsigned {}", index_name(kernel.shape));
-    let all: Vec<String> = std::iter::once(index).chain(declarations(kernel)).collect();
-    all.join(", ")
+    let parameters = kernel.parameters().iter();
+    parameters.map(|p| format!("{}{}", p.c_type(), p.name))
 }
 
 fn names(kernel: &Kernel) -> String {
-    kernel
-        .parameters
-        .iter()
-        .map(|p| format!(", {}", p.name))
-        .collect()
+    let parameters = kernel.parameters().iter();
+    parameters.map(|p| format!(", {}", p.name)).collect()
 }
 
-/// What the driver launches: which element, row or block a thread belongs to.
+/// Writes the function that the driver launches, which finds the element, row or block of a thread.
 fn cuda_entry(text: &mut String, kernel: &Kernel) {
     let index = match kernel.shape {
         Shape::Element => "blockIdx.x * blockDim.x + threadIdx.x",
@@ -171,14 +190,15 @@ fn cuda_entry(text: &mut String, kernel: &Kernel) {
     );
 }
 
-/// What the host calls: arguments behind pointers, as the driver of a GPU takes them.
+/// Writes the function that the host calls, with its arguments behind pointers as the driver of a
+/// GPU takes them.
 fn host_entry(text: &mut String, kernel: &Kernel) {
     let (name, names) = (kernel.name, names(kernel));
     let _ = writeln!(text, "void run_{name}(void **arguments, unsigned count) {{");
     for (number, (declaration, parameter)) in
-        declarations(kernel).zip(kernel.parameters).enumerate()
+        declarations(kernel).zip(kernel.parameters()).enumerate()
     {
-        let c_type = parameter.access.c_type();
+        let c_type = parameter.c_type();
         let _ = writeln!(text, "    {declaration} = *({c_type}*)arguments[{number}];");
     }
     let _ = writeln!(
@@ -188,31 +208,4 @@ fn host_entry(text: &mut String, kernel: &Kernel) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::kernels::layers;
-
-    #[test]
-    fn signatures_entries_and_bodies_agree() {
-        let mut program = Program::new(Sizes {
-            latent: 48,
-            node_width: 16,
-            edge_width: 10,
-        });
-        program.add(&layers::PART);
-        program.add(&layers::PART);
-        let cuda = program.text(Dialect::Cuda);
-        assert!(cuda.contains("#define LATENT 48\n"));
-        for kernel in program.kernels() {
-            let body = format!("KERNEL({})", kernel.name);
-            assert_eq!(cuda.matches(&body).count(), 1, "{body}");
-            let entry = format!("\nrun_{}(unsigned count, ", kernel.name);
-            assert_eq!(cuda.matches(&entry).count(), 1, "{entry}");
-        }
-        let bodies = cuda
-            .lines()
-            .filter(|line| line.starts_with("KERNEL("))
-            .count();
-        assert_eq!(bodies, program.kernels().count());
-    }
-}
+mod tests;

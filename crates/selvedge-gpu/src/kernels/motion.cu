@@ -1,8 +1,11 @@
-// From accelerations to the next positions, and the bounds of edges.
+// Integration of accelerations to the next positions, and the bounds of edge lengths.
 
-// p' = a + 2 p - reference for one vertex; a handle goes where it is to be. Writes the slot after the
-// newest of the ring.
-KERNEL(integrate) {
+// p' = a + 2 p - reference for one vertex; a handle goes to its target. Writes the slot after the newest of the ring.
+KERNEL(integrate, ELEMENT,
+       float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices,
+       const float *output EACH(3), const float *shift ALL(3), const float *spread ALL(3), const float *numbers,
+       const double *carries, const unsigned *cloth_of EACH(1), const float *rest EACH(3),
+       const unsigned *handle_of EACH(1), const float *targets) {
     const unsigned v = ELEMENT, cloth_number = cloth_of[v];
     const Ring ring = {positions, newest[0], slots, vertices};
     const float *yaw = numbers + CLOTH_NUMBERS * cloth_number;
@@ -22,9 +25,12 @@ KERNEL(integrate) {
 }
 
 #ifdef SWEEPS
-// One cloth: its edges brought back to their bounds, colour after colour, no two edges of a colour sharing
-// a vertex; until a sweep finds none, or the sweeps are used up.
-KERNEL(limit_edges) {
+// Brings the edges of one cloth back to their bounds, colour after colour; no two edges of a colour share a vertex.
+// Ends when a sweep finds no edge out of bounds, or after SWEEPS sweeps.
+KERNEL(limit_edges, BLOCK,
+       float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices,
+       const unsigned *edge_ends, const float *edge_rest, const float *inverse_mass ALL(vertices), const unsigned *colour_bounds,
+       unsigned colours, unsigned *changed EACH(1)) {
     float *at = positions + (size_t)((newest[0] + 1) % slots) * vertices * 3;
     const unsigned *bounds = colour_bounds + (size_t)BLOCK * (colours + 1);
     volatile unsigned *found = changed + BLOCK;

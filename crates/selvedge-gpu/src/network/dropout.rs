@@ -6,7 +6,7 @@ use selvedge_model::Dropout as CpuDropout;
 use crate::device::{DeviceError, Loaded};
 use crate::kernels::layers::DROPOUT;
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Schedule};
+use crate::schedule::{Schedule, args};
 
 /// Dropout of a union whose cloths have places of one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,25 +64,24 @@ impl Dropout {
 pub(super) fn drop_out(
     schedule: &mut Schedule,
     dropout: &Dropout,
-    (kind, step): (usize, usize),
+    kind: usize,
+    step: usize,
     rows: [Region; 2],
 ) {
     // As selvedge_model rounds them.
     let scale = (1.0 / (1.0 - dropout.rate)) as f32;
     let threshold = (dropout.rate * (1_u64 << 32) as f64) as u32;
-    let (seeds, place) = (dropout.seeds[kind], dropout.place[kind]);
-    schedule.launch(
-        &DROPOUT,
-        seeds.count() / 2 * place,
-        &[
-            rows[0].into(),
-            rows[1].into(),
-            seeds.into(),
-            Argument::Count(place as u32),
-            Argument::Count(dropout.steps[kind] as u32),
-            Argument::Count(step as u32),
-            Argument::Count(threshold),
-            Argument::Number(scale),
-        ],
-    );
+    let (seeds, slot_rows) = (dropout.seeds[kind], dropout.place[kind]);
+    let [before, after] = rows;
+    let arguments = args! {
+        before,
+        after,
+        seeds,
+        slot_rows,
+        steps: dropout.steps[kind],
+        step,
+        threshold,
+        scale,
+    };
+    schedule.launch(&DROPOUT, seeds.count() / 2 * slot_rows, arguments);
 }

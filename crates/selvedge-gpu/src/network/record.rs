@@ -1,5 +1,5 @@
-//! What a forward pass leaves in the arena. Without activations to keep, arrays of different layers are
-//! the same regions, and those that nobody reads later are not there.
+//! The arrays that a forward pass leaves in the arena. Where no activations are kept, arrays of
+//! different layers are the same regions, and arrays that nothing reads later are left out.
 
 use crate::schedule::plan::Region;
 
@@ -10,7 +10,7 @@ pub struct MlpRecord {
     pub hidden1: Region,
     /// After the second.
     pub hidden2: Region,
-    /// The normalised output, (x - mean) / deviation; where nothing is kept, room for the output. None
+    /// The normalised output, (x - mean) / deviation; room for the output where nothing is kept. None
     /// in a decoder.
     pub normal: Option<Region>,
     /// 1 / deviation, `[rows]`, where it is kept.
@@ -20,15 +20,15 @@ pub struct MlpRecord {
 /// Activations of a recurrent encoder.
 #[derive(Clone, Debug)]
 pub struct GruRecord {
-    /// States of both layers, the initial one first: `steps + 1` of `[rows, latent]`.
+    /// States of both layers, the initial one first: `steps + 1` arrays `[rows, latent]`.
     pub states: [Vec<Region>; 2],
-    /// Gates r, z, n and the recurrent part of n of both layers, where they are kept: `steps` of
+    /// Gates r, z, n and the recurrent part of n of both layers, where they are kept: `steps` arrays
     /// `[rows, 4 latent]`.
     pub kept: [Vec<Region>; 2],
-    /// What the second layer sees: the first one's states, or these after dropout; `steps` of
-    /// `[rows, latent]`.
+    /// Inputs of the second layer: the states of the first, after dropout if there is any; `steps`
+    /// arrays `[rows, latent]`.
     pub between: Vec<Region>,
-    /// The normalised output `[rows, latent]`; where nothing is kept, room for the output.
+    /// The normalised output `[rows, latent]`; room for the output where nothing is kept.
     pub normal: Region,
     /// 1 / deviation, `[rows]`, where it is kept.
     pub inverse: Option<Region>,
@@ -37,37 +37,37 @@ pub struct GruRecord {
 /// Activations of an encoder.
 #[derive(Clone, Debug)]
 pub enum EncoderRecord {
-    /// Of a perceptron.
+    /// Activations of a perceptron.
     Mlp(MlpRecord),
-    /// Of a recurrent network.
+    /// Activations of a recurrent network.
     Gru(GruRecord),
 }
 
 /// Activations of a block.
 #[derive(Clone, Debug)]
 pub struct BlockRecord {
-    /// Latent vertices `[vertices, latent]` and arcs `[arcs, latent]` before it.
+    /// Latent vertices `[vertices, latent]` and arcs `[arcs, latent]` before the block.
     pub before: [Region; 2],
-    /// The same after it.
+    /// Latent vertices and arcs after the block.
     pub after: [Region; 2],
-    /// Sum of the messages that arrive, `[vertices, latent]`.
+    /// Sums of the messages that arrive, `[vertices, latent]`.
     pub incoming: Region,
-    /// Of the arcs' perceptron.
-    pub edge: MlpRecord,
-    /// Of the vertices' perceptron.
+    /// Activations of the perceptron of arcs.
+    pub arc: MlpRecord,
+    /// Activations of the perceptron of vertices.
     pub node: MlpRecord,
 }
 
 /// Activations of the network.
 #[derive(Clone, Debug)]
 pub struct Record {
-    /// Of the vertices' encoder.
+    /// Activations of the encoder of vertices.
     pub node_encoder: EncoderRecord,
-    /// Of the arcs' encoder.
-    pub edge_encoder: EncoderRecord,
-    /// Of the blocks, in order.
+    /// Activations of the encoder of arcs.
+    pub arc_encoder: EncoderRecord,
+    /// Activations of the blocks, in order.
     pub blocks: Vec<BlockRecord>,
-    /// Of the decoder.
+    /// Activations of the decoder.
     pub decoder: MlpRecord,
     /// Latent vertices that go into the decoder, `[vertices, latent]`.
     pub nodes: Region,

@@ -1,5 +1,5 @@
-//! The weights of a network in the arena: the flat array of its weight file, found by name, and the
-//! first edge layers' parts for both ends of an arc, packed below each other.
+//! The weights of a network in the arena: the flat array of the weight file, addressed by name, and the
+//! packed parts of the first edge layers for the two endpoints of an arc.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,13 +8,13 @@ use selvedge_model::Network;
 
 use crate::kernels::layers::PACK_ENDS;
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Matrix, Schedule};
+use crate::schedule::{Matrix, Schedule, args};
 
-/// Where the weights lie.
+/// The arrays of the weights.
 #[derive(Clone, Debug)]
 pub struct WeightArrays {
     flat: Region,
-    /// `[blocks, 2 latent, latent]`.
+    /// The packed parts, `[blocks, 2 latent, latent]`.
     ends: Region,
     places: HashMap<String, (Range<usize>, usize)>,
     blocks: usize,
@@ -47,7 +47,7 @@ impl WeightArrays {
         self.flat
     }
 
-    /// Where a weight lies in an array laid out like the weights, and the width of its rows.
+    /// The place of a weight in an array laid out like the weights, and the width of its rows.
     ///
     /// # Panics
     /// When the network has no weight of this name.
@@ -77,7 +77,7 @@ impl WeightArrays {
         Matrix::new(self.flat.part(range), columns)
     }
 
-    /// The first edge layer of a block for sender and receiver, `[2 latent, latent]`.
+    /// The packed first edge layer of a block, for sender and receiver, `[2 latent, latent]`.
     #[must_use]
     pub fn ends(&self, block: usize) -> Matrix {
         let size = 2 * self.latent;
@@ -87,7 +87,7 @@ impl WeightArrays {
         Matrix::new(region, self.latent)
     }
 
-    /// Adds the packing of the weights to a schedule: it has to run after every change of them.
+    /// Adds the packing of the weights to a schedule. It must run after every change of the weights.
     pub fn pack(&self, schedule: &mut Schedule) {
         let first = |block: usize| {
             let name = format!("processor.{block}.edge.0.weight");
@@ -100,11 +100,12 @@ impl WeightArrays {
         };
         // The weights of a network are fewer than 2^32: a layer has 3 · 4096² of them at most, and 256
         // blocks would not fit into any memory at that size.
-        let counts = [first(0), apart].map(|count| Argument::Count(count as u32));
-        schedule.launch(
-            &PACK_ENDS,
-            self.ends.count(),
-            &[self.flat.into(), counts[0], counts[1], self.ends.into()],
-        );
+        let arguments = args! {
+            weights: self.flat,
+            first: first(0),
+            apart,
+            packed: self.ends,
+        };
+        schedule.launch(&PACK_ENDS, self.ends.count(), arguments);
     }
 }

@@ -4,11 +4,10 @@ use selvedge_model::{ClothGraph, Model, Network};
 
 use crate::cloths::features::{FeatureSources, NormalizerArrays, features};
 use crate::cloths::frames::FrameArrays;
+use crate::cloths::motion;
 use crate::cloths::{ClothArrays, UnionSizes};
-use crate::cloths::{features as feature_kernels, motion};
 use crate::device::{DeviceError, Loaded};
-use crate::kernels::layers;
-use crate::kernels::{Program, Sizes};
+use crate::kernels::{self, Program, Sizes};
 use crate::network::{ForwardPass, InputArrays, Keep, StateArrays, WeightArrays, forward};
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
@@ -44,9 +43,9 @@ impl RolloutPlan {
     pub fn new(network: &Network, sizes: UnionSizes) -> Self {
         let spec = network.spec();
         let mut program = Program::new(Sizes::of(spec));
-        program.add(&layers::PART);
-        feature_kernels::define(&mut program, spec);
-        motion::define(&mut program, spec);
+        program.add(&kernels::layers::PART);
+        kernels::features::define(&mut program, spec);
+        kernels::motion::define(&mut program, spec);
         let mut plan = Plan::new();
         let weights = WeightArrays::new(&mut plan, network);
         let cloths = ClothArrays::new(&mut plan, sizes);
@@ -71,12 +70,15 @@ impl RolloutPlan {
             let states =
                 [0, 1].map(|_| StateArrays::new(&mut built.plan, network, &built.cloths.graph));
             let [first, second] = [&states[0], &states[1]];
-            built.whole = built.frame(network, "a whole window", steps, [None, Some(first)]);
+            built.whole = built.frame(network, "a whole window", steps, None, Some(first));
             built.newest = [[first, second], [second, first]]
-                .map(|both| built.frame(network, "the newest frame", [1, 1], both.map(Some)))
+                .map(|[start, end]| {
+                    let name = "the newest frame";
+                    built.frame(network, name, [1, 1], Some(start), Some(end))
+                })
                 .into();
         } else {
-            built.whole = built.frame(network, "a frame", steps, [None, None]);
+            built.whole = built.frame(network, "a frame", steps, None, None);
         }
         built
     }
@@ -87,7 +89,8 @@ impl RolloutPlan {
         network: &Network,
         name: &'static str,
         steps: [usize; 2],
-        [start, end]: [Option<&StateArrays>; 2],
+        start: Option<&StateArrays>,
+        end: Option<&StateArrays>,
     ) -> Schedule {
         let mut schedule = Schedule::new(name);
         let mark = self.plan.mark();
@@ -109,14 +112,7 @@ impl RolloutPlan {
             keep: Keep::Output,
         };
         let record = forward(&mut self.plan, &mut schedule, pass);
-        let both = (&self.cloths, &self.frames);
-        motion::advance(
-            &mut schedule,
-            both,
-            &self.normalizers,
-            record.output,
-            self.changed,
-        );
+        motion::advance(&mut schedule, sources, record.output, self.changed);
         self.plan.release(mark);
         schedule
     }

@@ -1,9 +1,9 @@
-//! What a device does, as a list of commands: plain data, made once for a spec, the shapes of a graph
-//! and a purpose, and run as often as wanted.
+//! Schedules: lists of commands for a device, as plain data. A schedule is made once for a spec, the
+//! shapes of a graph and a purpose, and run as often as wanted.
 //!
-//! Nothing in a command changes from run to run: what does (positions, weights, a learning rate) lies
-//! in the arena. So a device may record a schedule once and replay it. [`Trace`] follows schedules
-//! without running them.
+//! No command changes from run to run. Positions, weights and a learning rate lie in the arena, so
+//! that a device may record a schedule once and replay it. [`Trace`] follows schedules without
+//! running them.
 
 pub mod plan;
 mod trace;
@@ -18,7 +18,7 @@ pub use trace::{ScheduleError, Trace};
 pub enum Argument {
     /// Part of an array.
     Region(Region),
-    /// A null pointer, where the kernel allows one: what it would write is not wanted.
+    /// A null pointer, where the kernel allows one.
     Nothing,
     /// A `u32`.
     Count(u32),
@@ -38,30 +38,90 @@ impl From<Option<Region>> for Argument {
     }
 }
 
-/// A kernel on so many elements, rows or blocks.
+impl From<u32> for Argument {
+    fn from(count: u32) -> Self {
+        Self::Count(count)
+    }
+}
+
+impl From<usize> for Argument {
+    /// Every count of a launch is below 2^32: it counts elements of an arena on a device.
+    fn from(count: usize) -> Self {
+        Self::Count(count as u32)
+    }
+}
+
+impl From<f32> for Argument {
+    fn from(number: f32) -> Self {
+        Self::Number(number)
+    }
+}
+
+/// An argument with the name of its parameter.
+pub type NamedArgument = (&'static str, Argument);
+
+/// Arguments of a launch by the names of their parameters, in any order: `args! { x, bias: region }`.
+/// Lists that several launches share come first: `args! { ..frames.ring(), steps: 4 }`.
+macro_rules! args {
+    ($(.. $list:expr,)* $($name:ident $(: $value:expr)?),* $(,)?) => {{
+        let mut all: Vec<$crate::schedule::NamedArgument> = Vec::new();
+        $(all.extend($list);)*
+        $(all.push((stringify!($name), $crate::schedule::args!(@ $name $($value)?)));)*
+        all
+    }};
+    (@ $name:ident) => { $crate::schedule::Argument::from($name) };
+    (@ $name:ident $value:expr) => { $crate::schedule::Argument::from($value) };
+}
+pub(crate) use args;
+
+/// A kernel on a number of elements, rows or blocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Launch {
-    /// Which.
+    /// The kernel.
     pub kernel: &'static Kernel,
     /// Elements, rows or blocks, as the kernel's shape says.
     pub count: usize,
-    /// In the order of the kernel's parameters.
-    pub arguments: Vec<Argument>,
+    arguments: Vec<NamedArgument>,
+}
+
+impl Launch {
+    /// A launch with its arguments in any order.
+    #[must_use]
+    pub fn new(kernel: &'static Kernel, count: usize, mut arguments: Vec<NamedArgument>) -> Self {
+        let place = |name: &str| {
+            let parameters = kernel.parameters().iter();
+            let mut names = parameters.map(|parameter| parameter.name);
+            names.position(|known| known == name).unwrap_or(usize::MAX)
+        };
+        arguments.sort_by_key(|(name, _)| place(name));
+        Self {
+            kernel,
+            count,
+            arguments,
+        }
+    }
+
+    /// The arguments in the order of the kernel's parameters. Arguments without a parameter come last;
+    /// no device takes a launch with one.
+    #[must_use]
+    pub fn arguments(&self) -> &[NamedArgument] {
+        &self.arguments
+    }
 }
 
 /// A matrix in the arena: row `i` begins `i * leading` elements after the region does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Matrix {
-    /// From its first element to at least its last.
+    /// The part of an array from its first element to its last or beyond.
     pub region: Region,
-    /// From the beginning of a row to that of the next.
+    /// Elements from the beginning of one row to that of the next.
     pub leading: usize,
-    /// Whether the operand of a product is its transpose.
+    /// True where the operand of a product is its transpose.
     pub transposed: bool,
 }
 
 impl Matrix {
-    /// Rows of `width` elements.
+    /// A matrix of rows of `width` elements.
     #[must_use]
     pub fn new(region: Region, width: usize) -> Self {
         Self {
@@ -71,14 +131,14 @@ impl Matrix {
         }
     }
 
-    /// Its columns from number `first` on.
+    /// The columns from number `first` on.
     #[must_use]
     pub fn from_column(self, first: usize) -> Self {
         let region = self.region.part(first..self.region.count());
         Self { region, ..self }
     }
 
-    /// Its transpose, as an operand of a product.
+    /// The transpose, as an operand of a product.
     #[must_use]
     pub fn transpose(self) -> Self {
         Self {
@@ -88,18 +148,18 @@ impl Matrix {
     }
 }
 
-/// What a product does to what lies in its place.
+/// The use of the old values of a product's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Onto {
-    /// It takes its place.
+    /// They are replaced.
     Set,
-    /// It is added.
+    /// The product is added to them.
     Add,
 }
 
-/// What happens to the sums of a product before they are left.
+/// The last operation on the sums of a product before they are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Finish {
+pub enum Epilogue {
     /// Nothing.
     Nothing,
     /// A bias per column is added.
@@ -108,10 +168,10 @@ pub enum Finish {
     BiasRelu(Region),
 }
 
-/// c = a b (or c += a b), with a `[m, k]`, b `[k, n]`, c `[m, n]`; then its finish.
+/// c = a b (or c += a b), with a `[m, k]`, b `[k, n]`, c `[m, n]`; then its epilogue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Product {
-    /// m, n, k.
+    /// The sizes m, n, k.
     pub size: [usize; 3],
     /// The left operand.
     pub a: Matrix,
@@ -119,13 +179,13 @@ pub struct Product {
     pub b: Matrix,
     /// The result, not transposed.
     pub c: Matrix,
-    /// Set or added.
+    /// The use of the old values of c.
     pub onto: Onto,
-    /// What follows.
-    pub finish: Finish,
+    /// The last operation.
+    pub epilogue: Epilogue,
 }
 
-/// One thing to do.
+/// One operation of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
     /// Runs a kernel.
@@ -138,17 +198,17 @@ pub enum Command {
     Copy(Region, Region),
 }
 
-/// Commands, done one after the other.
+/// Commands that run one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Schedule {
-    /// What it is, for messages.
+    /// A name for messages.
     pub name: &'static str,
-    /// In order.
+    /// The commands, in order.
     pub commands: Vec<Command>,
 }
 
 impl Schedule {
-    /// No commands yet.
+    /// A schedule without commands.
     #[must_use]
     pub fn new(name: &'static str) -> Self {
         Self {
@@ -157,13 +217,11 @@ impl Schedule {
         }
     }
 
-    /// Adds a launch of a kernel on `count` elements, rows or blocks.
-    pub fn launch(&mut self, kernel: &'static Kernel, count: usize, arguments: &[Argument]) {
-        self.commands.push(Command::Launch(Launch {
-            kernel,
-            count,
-            arguments: arguments.to_vec(),
-        }));
+    /// Adds a launch of a kernel on `count` elements, rows or blocks. Whether the arguments are those
+    /// of the kernel is found when the schedule is prepared or traced.
+    pub fn launch(&mut self, kernel: &'static Kernel, count: usize, arguments: Vec<NamedArgument>) {
+        self.commands
+            .push(Command::Launch(Launch::new(kernel, count, arguments)));
     }
 
     /// Adds a product.
@@ -181,13 +239,13 @@ impl Schedule {
         self.commands.push(Command::Copy(from, to));
     }
 
-    /// Kernels, products, clears and copies in it.
+    /// The number of commands.
     #[must_use]
     pub fn len(&self) -> usize {
         self.commands.len()
     }
 
-    /// Whether it does nothing.
+    /// True where there are no commands.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.commands.is_empty()

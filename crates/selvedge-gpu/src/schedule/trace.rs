@@ -1,43 +1,53 @@
-//! Schedules followed without running them: finds what a GPU would not say. A region that ends before a
-//! kernel does, a value that is read before it is written, an array that was overwritten by another.
+//! Schedules followed without running them, to find faults that a GPU would not report: arguments that
+//! are not those of a kernel, a region that ends before a kernel does, a value that is read before it
+//! is written, an array that was overwritten by another.
 
 use std::collections::BTreeMap;
 
 use thiserror::Error;
 
-use super::{Argument, Command, Finish, Launch, Matrix, Onto, Product, Schedule};
-use crate::kernels::{Access, BLOCK_THREADS, Extent, Shape, Sizes, WARP};
+use super::{Argument, Command, Epilogue, Launch, Matrix, Onto, Product, Schedule};
+use crate::kernels::{Access, BLOCK_THREADS, Extent, Kind, Parameter, Shape, Sizes, WARP};
 use crate::schedule::plan::{Element, Plan, Region};
 
 /// A schedule that would do wrong on a device.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("schedule {schedule}, command {number} ({command}): {what}")]
 pub struct ScheduleError {
-    /// Its name.
+    /// The name of the schedule.
     pub schedule: &'static str,
-    /// Which of its commands.
+    /// The number of the command.
     pub number: usize,
-    /// What the command is.
+    /// The command in short.
     pub command: String,
-    /// What is wrong with it.
+    /// The fault.
     pub what: String,
 }
 
-/// What lies in the arena while schedules are followed without running them.
+/// An arena whose contents are known by name, while schedules are followed without running them.
 pub struct Trace<'a> {
     plan: &'a Plan,
     sizes: Sizes,
-    /// Words from each key up to the value's first part were last written as part of the array of the
-    /// value's second part.
+    /// The writer of the words from each key on: where its words end, and the number of its array.
     owners: BTreeMap<usize, (usize, usize)>,
     values: Values,
 }
 
-/// What a trace knows of the values in an arena.
+/// The knowledge that a trace has of the values in an arena.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Values {
     Followed,
     Unknown,
+}
+
+/// The fault of a command, in words.
+struct Fault(String);
+
+/// The size of a matrix as it lies in the arena.
+#[derive(Clone, Copy)]
+struct Size {
+    rows: usize,
+    columns: usize,
 }
 
 impl<'a> Trace<'a> {
@@ -52,7 +62,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Checks arguments and sizes of a schedule, whatever lies in the arena.
+    /// Checks the arguments and sizes of a schedule, whatever the values in the arena are.
     ///
     /// # Errors
     /// The first command whose arguments are not those of its kernel, or whose regions are too short.
@@ -62,7 +72,7 @@ impl<'a> Trace<'a> {
         trace.follow(schedule)
     }
 
-    /// Something is written from outside.
+    /// Notes that a region is written from outside.
     pub fn give(&mut self, region: Region) {
         if self.values == Values::Unknown {
             return;
@@ -71,7 +81,7 @@ impl<'a> Trace<'a> {
         self.write(place.start, place.end, Plan::number_of(region));
     }
 
-    /// Whether all of a region has been written, and by no other array since.
+    /// True where all of a region has been written, and by no other array since.
     #[must_use]
     pub fn holds(&self, region: Region) -> bool {
         let place = self.plan.place(region);
@@ -85,7 +95,7 @@ impl<'a> Trace<'a> {
     /// those of its kernel, or whose regions are too short.
     pub fn follow(&mut self, schedule: &Schedule) -> Result<(), ScheduleError> {
         for (number, command) in schedule.commands.iter().enumerate() {
-            self.command(command).map_err(|what| ScheduleError {
+            self.command(command).map_err(|Fault(what)| ScheduleError {
                 schedule: schedule.name,
                 number,
                 command: describe(command),
@@ -95,7 +105,7 @@ impl<'a> Trace<'a> {
         Ok(())
     }
 
-    fn command(&mut self, command: &Command) -> Result<(), String> {
+    fn command(&mut self, command: &Command) -> Result<(), Fault> {
         match command {
             Command::Launch(launch) => self.launch(launch),
             Command::Product(product) => self.product(product),
@@ -107,7 +117,7 @@ impl<'a> Trace<'a> {
             Command::Copy(from, to) => {
                 let bytes = |region: &Region| region.count() * region.element().words();
                 if bytes(from) != bytes(to) {
-                    return Err(format!("{} words to {}", bytes(from), bytes(to)));
+                    return Err(Fault(format!("{} words to {}", bytes(from), bytes(to))));
                 }
                 self.read(*from)?;
                 self.give(*to);
@@ -116,113 +126,155 @@ impl<'a> Trace<'a> {
         }
     }
 
-    fn launch(&mut self, launch: &Launch) -> Result<(), String> {
-        let (kernel, found) = (launch.kernel, launch.arguments.len());
-        if kernel.parameters.len() != found {
-            let expected = kernel.parameters.len();
-            return Err(format!("{found} arguments, expected {expected}"));
-        }
+    fn launch(&mut self, launch: &Launch) -> Result<(), Fault> {
+        check_names(launch)?;
         // Kernels count their threads with 32 bits.
-        let threads = match kernel.shape {
+        let threads = match launch.kernel.shape {
             Shape::Element | Shape::Block => launch.count,
             Shape::Row => launch.count * WARP as usize,
         };
         if threads > (u32::MAX - BLOCK_THREADS) as usize {
-            return Err(format!("{} are too many for one launch", launch.count));
+            return Err(Fault(format!(
+                "{} are too many for one launch",
+                launch.count
+            )));
         }
         let (mut read, mut written) = (Vec::new(), Vec::new());
-        for (parameter, argument) in kernel.parameters.iter().zip(&launch.arguments) {
-            let wrong = |what: String| Err(format!("{}: {what}", parameter.name));
-            let region = match (parameter.access, argument) {
-                (Access::Count, Argument::Count(_)) | (Access::Number, Argument::Number(_)) => {
-                    continue;
-                }
-                (access, Argument::Nothing) if access.may_be_nothing() => continue,
-                (access, Argument::Region(region))
-                    if access.element() == Some(region.element()) =>
-                {
-                    *region
-                }
-                (access, argument) => return wrong(format!("{argument:?} for {access:?}")),
+        let parameters = launch.kernel.parameters().iter();
+        for (parameter, (_, argument)) in parameters.zip(launch.arguments()) {
+            let Some((region, access)) = self.array(launch, parameter, argument)? else {
+                continue;
             };
-            let expected = match parameter.extent {
-                Extent::PerCount(width) => Some(launch.count * width.of(self.sizes)),
-                Extent::Fixed(width) => Some(width.of(self.sizes)),
-                Extent::Any => None,
-            };
-            if let Some(expected) = expected.filter(|&expected| expected != region.count()) {
-                return wrong(format!("{} elements, expected {expected}", region.count()));
-            }
-            if parameter.access.reads() {
+            if access.reads() {
                 self.read(region)?;
             }
-            if parameter.access.writes() {
+            if access.writes() {
                 written.push(region);
             } else {
                 read.push(region);
             }
         }
-        for (number, &region) in written.iter().enumerate() {
-            let others = written[number + 1..].iter().map(|&other| (other, false));
-            let overlaps = |(other, may_be_same): (Region, bool)| {
-                let [a, b] = [region, other].map(|r| self.plan.place(r));
-                let same = may_be_same && a == b;
-                !same && a.start < b.end && b.start < a.end
-            };
-            if others
-                .chain(read.iter().map(|&other| (other, true)))
-                .any(overlaps)
-            {
-                return Err(format!("{} overlaps another argument", self.name(region)));
-            }
-        }
+        self.check_overlaps(&read, &written)?;
         written.into_iter().for_each(|region| self.give(region));
         Ok(())
     }
 
-    fn product(&mut self, product: &Product) -> Result<(), String> {
+    /// The region of an argument and the use that is made of it, if it is of the type and the size of
+    /// its parameter; none for a value.
+    fn array(
+        &self,
+        launch: &Launch,
+        parameter: &Parameter,
+        argument: &Argument,
+    ) -> Result<Option<(Region, Access)>, Fault> {
+        let wrong = |what: String| Err(Fault(format!("{}: {what}", parameter.name)));
+        let (region, access, extent) = match (parameter.kind, argument) {
+            (Kind::Count, Argument::Count(_))
+            | (Kind::Number, Argument::Number(_))
+            | (Kind::Array { optional: true, .. }, Argument::Nothing) => return Ok(None),
+            (
+                Kind::Array {
+                    element,
+                    access,
+                    extent,
+                    ..
+                },
+                Argument::Region(region),
+            ) if element == region.element() => (*region, access, extent),
+            (kind, argument) => return wrong(format!("{argument:?} for {kind:?}")),
+        };
+        let count = |name: &str| {
+            let found = launch.arguments().iter().find(|(known, _)| *known == name);
+            match found {
+                Some((_, Argument::Count(count))) => Some(*count as usize),
+                _ => None,
+            }
+        };
+        let (width, times) = match extent {
+            Extent::PerCount(width) => (width, launch.count),
+            Extent::Fixed(width) => (width, 1),
+            Extent::Any => return Ok(Some((region, access))),
+        };
+        match width.of(self.sizes, count).map(|width| width * times) {
+            Some(expected) if expected == region.count() => Ok(Some((region, access))),
+            Some(expected) => wrong(format!("{} elements, expected {expected}", region.count())),
+            None => wrong("a count of its size is missing".to_owned()),
+        }
+    }
+
+    /// Checks that no array is written in two ways, or written while another one is read in its place;
+    /// the very same region may be read and written.
+    fn check_overlaps(&self, read: &[Region], written: &[Region]) -> Result<(), Fault> {
+        for (number, &region) in written.iter().enumerate() {
+            let place = self.plan.place(region);
+            let overlaps = |other: &Region| {
+                let other = self.plan.place(*other);
+                place.start < other.end && other.start < place.end
+            };
+            let same = |other: &Region| self.plan.place(*other) == place;
+            if written[number + 1..].iter().any(overlaps)
+                || read.iter().any(|other| !same(other) && overlaps(other))
+            {
+                return Err(Fault(format!(
+                    "{} overlaps another argument",
+                    self.name(region)
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn product(&mut self, product: &Product) -> Result<(), Fault> {
         let [m, n, k] = product.size;
         let transposed = |matrix: Matrix, rows, columns| {
             if matrix.transposed {
-                [columns, rows]
+                Size {
+                    rows: columns,
+                    columns: rows,
+                }
             } else {
-                [rows, columns]
+                Size { rows, columns }
             }
+        };
+        let of_c = Size {
+            rows: m,
+            columns: n,
         };
         self.rows(product.a, transposed(product.a, m, k), Self::read)?;
         self.rows(product.b, transposed(product.b, k, n), Self::read)?;
         if product.c.transposed {
-            return Err("a transposed result".to_owned());
+            return Err(Fault("a transposed result".to_owned()));
         }
         if product.onto == Onto::Add {
-            self.rows(product.c, [m, n], Self::read)?;
+            self.rows(product.c, of_c, Self::read)?;
         }
-        if let Finish::Bias(bias) | Finish::BiasRelu(bias) = product.finish {
+        if let Epilogue::Bias(bias) | Epilogue::BiasRelu(bias) = product.epilogue {
             if bias.count() != n {
-                return Err(format!("a bias of {}, expected {n}", bias.count()));
+                return Err(Fault(format!("a bias of {}, expected {n}", bias.count())));
             }
             self.read(bias)?;
         }
-        self.rows(product.c, [m, n], |trace, region| {
+        self.rows(product.c, of_c, |trace, region| {
             trace.give(region);
             Ok(())
         })
     }
 
-    /// Does something with every row of a matrix, or with all at once where they lie side by side.
+    /// Calls `each` for every row of a matrix, or once for all rows where they lie side by side.
     fn rows(
         &mut self,
         matrix: Matrix,
-        [rows, columns]: [usize; 2],
-        mut each: impl FnMut(&mut Self, Region) -> Result<(), String>,
-    ) -> Result<(), String> {
+        size: Size,
+        mut each: impl FnMut(&mut Self, Region) -> Result<(), Fault>,
+    ) -> Result<(), Fault> {
         self.expect(matrix.region, Element::Float)?;
+        let Size { rows, columns } = size;
         let (leading, count) = (matrix.leading, matrix.region.count());
         let needed = rows.saturating_sub(1) * leading + columns;
         if columns > leading || needed > count {
-            return Err(format!(
+            return Err(Fault(format!(
                 "a matrix of {rows} by {columns}, {leading} apart, in {count} elements"
-            ));
+            )));
         }
         if leading == columns {
             return each(self, matrix.region.part(0..rows * columns));
@@ -233,22 +285,25 @@ impl<'a> Trace<'a> {
         })
     }
 
-    fn expect(&self, region: Region, element: Element) -> Result<(), String> {
+    fn expect(&self, region: Region, element: Element) -> Result<(), Fault> {
         if region.element() == element {
             Ok(())
         } else {
-            Err(format!("{} is not of {element:?}", self.name(region)))
+            Err(Fault(format!(
+                "{} is not of {element:?}",
+                self.name(region)
+            )))
         }
     }
 
-    fn read(&mut self, region: Region) -> Result<(), String> {
+    fn read(&mut self, region: Region) -> Result<(), Fault> {
         if self.values == Values::Unknown || self.holds(region) {
             Ok(())
         } else {
-            Err(format!(
+            Err(Fault(format!(
                 "reads {}, which was not written, or was overwritten",
                 self.name(region)
-            ))
+            )))
         }
     }
 
@@ -299,6 +354,24 @@ impl<'a> Trace<'a> {
         }
         let found = self.owners.range(..=start).next_back();
         found.is_some_and(|(_, &(stop, owner))| stop >= end && owner == array)
+    }
+}
+
+/// Checks that a launch has one argument for each parameter of its kernel, and no other.
+fn check_names(launch: &Launch) -> Result<(), Fault> {
+    let expected = launch.kernel.parameters();
+    let arguments = launch.arguments();
+    for Parameter { name, .. } in expected {
+        let given = arguments.iter().filter(|(found, _)| found == name).count();
+        match given {
+            0 => return Err(Fault(format!("there is no argument {name}"))),
+            1 => {}
+            _ => return Err(Fault(format!("there are {given} arguments {name}"))),
+        }
+    }
+    match arguments.get(expected.len()) {
+        Some((name, _)) => Err(Fault(format!("it has no parameter {name}"))),
+        None => Ok(()),
     }
 }
 

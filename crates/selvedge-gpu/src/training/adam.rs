@@ -1,85 +1,14 @@
-//! How weights follow their gradient on the device: the table of `kernels/adam.cu`, its arrays and the
-//! schedule of a step.
+//! The optimiser on the device: the arrays of Adam and the schedule of its step.
 
 use selvedge_train::AdamRates;
 
 use crate::device::{DeviceError, Loaded};
-use crate::kernels::{Access, Kernel, Parameter, Part, Program, Shape, Width};
+use crate::kernels::adam::{ADAM, GRADIENT_NORM, GRADIENT_SQUARES, RUNNING_MEAN, SQUARES_PER_ROW};
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Schedule};
-
-use Access::{Count, Doubles, DoublesOut, In, InOut};
-
-/// Numbers of the gradient whose squares a row of the launch sums.
-const SQUARES_PER_ROW: usize = 4096;
+use crate::schedule::{Schedule, args};
 
 /// Numbers of [`AdamRates`].
 const RATES: usize = 7;
-
-const ONE: Width = Width::Numbers(1);
-
-/// The file and its kernels.
-pub static PART: Part = Part {
-    name: "adam.cu",
-    text: include_str!("../kernels/adam.cu"),
-    kernels: &[&GRADIENT_SQUARES, &GRADIENT_NORM, &ADAM, &RUNNING_MEAN],
-};
-
-/// Sums of squares of parts of the gradient.
-pub static GRADIENT_SQUARES: Kernel = Kernel {
-    name: "gradient_squares",
-    shape: Shape::Row,
-    parameters: &[
-        Parameter::any("gradient", In),
-        Parameter::any("parameters", Count),
-        Parameter::per_count("squares", DoublesOut, ONE),
-    ],
-};
-
-/// The norm of the gradient, and what it is multiplied by.
-pub static GRADIENT_NORM: Kernel = Kernel {
-    name: "gradient_norm",
-    shape: Shape::Row,
-    parameters: &[
-        Parameter::any("squares", Doubles),
-        Parameter::any("parts", Count),
-        Parameter::per_count("limit", Doubles, ONE),
-        Parameter::per_count("norm", DoublesOut, Width::Numbers(2)),
-    ],
-};
-
-/// The step.
-pub static ADAM: Kernel = Kernel {
-    name: "adam",
-    shape: Shape::Element,
-    parameters: &[
-        Parameter::per_count("weights", InOut, ONE),
-        Parameter::per_count("first", InOut, ONE),
-        Parameter::per_count("second", InOut, ONE),
-        Parameter::per_count("gradient", In, ONE),
-        Parameter::fixed("norm", Doubles, Width::Numbers(2)),
-        Parameter::fixed("rates", In, Width::Numbers(RATES)),
-    ],
-};
-
-/// The running mean of the weights.
-pub static RUNNING_MEAN: Kernel = Kernel {
-    name: "running_mean",
-    shape: Shape::Element,
-    parameters: &[
-        Parameter::per_count("mean", InOut, ONE),
-        Parameter::per_count("weights", In, ONE),
-        Parameter::fixed("norm", Doubles, Width::Numbers(2)),
-        Parameter::fixed("part", In, ONE),
-    ],
-};
-
-/// Adds the kernels.
-pub fn define(program: &mut Program) {
-    program.define("SQUARES_PER_ROW", SQUARES_PER_ROW);
-    program.define("LARGEST_NORM", "1.7976931348623157e308");
-    program.add(&PART);
-}
 
 /// The optimiser in the arena.
 #[derive(Clone, Copy, Debug)]
@@ -99,12 +28,12 @@ pub struct AdamArrays {
 }
 
 impl AdamArrays {
-    /// Room for so many parameters, and for their running mean if there is one.
-    pub fn new(plan: &mut Plan, parameters: usize, averaged: Option<()>) -> Self {
+    /// Room for the moments of `parameters` weights.
+    pub fn new(plan: &mut Plan, parameters: usize) -> Self {
         Self {
             first: plan.floats("first moments", parameters),
             second: plan.floats("second moments", parameters),
-            averaged: averaged.map(|()| plan.floats("mean weights", parameters)),
+            averaged: None,
             norm: plan.doubles("norm of the gradient", 2),
             limit: plan.doubles("largest norm", 1),
             rates: plan.floats("rates", RATES),
@@ -112,7 +41,16 @@ impl AdamArrays {
         }
     }
 
-    /// All that is written from outside before the first step.
+    /// The same with room for the running mean of the weights.
+    #[must_use]
+    pub fn with_mean(self, plan: &mut Plan) -> Self {
+        Self {
+            averaged: Some(plan.floats("mean weights", self.first.count())),
+            ..self
+        }
+    }
+
+    /// The arrays that are written from outside before the first step.
     #[must_use]
     pub fn regions(&self) -> Vec<Region> {
         let mut regions = vec![self.first, self.second];
@@ -121,8 +59,8 @@ impl AdamArrays {
         regions
     }
 
-    /// Writes the constants of a step: the largest norm, Adam's, and the part of the way to the weights
-    /// that their mean goes.
+    /// Writes the constants of a step: the largest norm, the rates, and the part of the way to the
+    /// weights that their mean goes.
     ///
     /// # Errors
     /// When the device fails.
@@ -152,34 +90,30 @@ impl AdamArrays {
         &self,
         plan: &mut Plan,
         schedule: &mut Schedule,
-        (weights, gradient): (Region, Region),
+        weights: Region,
+        gradient: Region,
     ) {
         let parameters = weights.count();
-        let rows = parameters.div_ceil(SQUARES_PER_ROW);
+        let parts = parameters.div_ceil(SQUARES_PER_ROW);
         let mark = plan.mark();
-        let squares = plan.doubles("squares of the gradient", rows);
-        let count = |count: usize| Argument::Count(count as u32);
-        let arguments = [gradient.into(), count(parameters), squares.into()];
-        schedule.launch(&GRADIENT_SQUARES, rows, &arguments);
-        let arguments = [
-            squares.into(),
-            count(rows),
-            self.limit.into(),
-            self.norm.into(),
-        ];
-        schedule.launch(&GRADIENT_NORM, 1, &arguments);
-        let arguments = [
-            weights.into(),
-            self.first.into(),
-            self.second.into(),
-            gradient.into(),
-            self.norm.into(),
-            self.rates.into(),
-        ];
-        schedule.launch(&ADAM, parameters, &arguments);
+        let squares = plan.doubles("squares of the gradient", parts);
+        let arguments = args! { gradient, parameters, squares };
+        schedule.launch(&GRADIENT_SQUARES, parts, arguments);
+        let norm = self.norm;
+        let arguments = args! { squares, parts, limit: self.limit, norm };
+        schedule.launch(&GRADIENT_NORM, 1, arguments);
+        let arguments = args! {
+            weights,
+            first: self.first,
+            second: self.second,
+            gradient,
+            norm,
+            rates: self.rates,
+        };
+        schedule.launch(&ADAM, parameters, arguments);
         if let Some(mean) = self.averaged {
-            let arguments = [mean, weights, self.norm, self.part].map(Argument::from);
-            schedule.launch(&RUNNING_MEAN, parameters, &arguments);
+            let arguments = args! { mean, weights, norm, part: self.part };
+            schedule.launch(&RUNNING_MEAN, parameters, arguments);
         }
         plan.release(mark);
     }

@@ -5,20 +5,18 @@ use selvedge_train::TrainConfig;
 
 use super::slot_arrays::union_sizes;
 use crate::cloths::ClothArrays;
-use crate::cloths::features as feature_kernels;
 use crate::cloths::features::{FeatureSources, NormalizerArrays, features};
-use crate::cloths::features_backward::{self, FrameBack};
+use crate::cloths::features_backward::FrameBack;
 use crate::cloths::frames::FrameArrays;
 use crate::cloths::losses::{self, Judged, LossArrays, PlaceSizes, TERMS, TripletArrays};
-use crate::kernels::{Program, Sizes};
-use crate::kernels::{backward as backward_kernels, layers};
+use crate::kernels::{self, Program, Sizes, layers};
 use crate::network::{
     BackwardPass, Dropout, DropoutSizes, ForwardPass, InputArrays, Keep, OUTPUTS, Record,
     StateArrays, WeightArrays, backward, forward,
 };
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
-use crate::training::adam::{self, AdamArrays};
+use crate::training::adam::AdamArrays;
 
 /// One of the frames that a step goes through.
 pub struct FramePlan {
@@ -107,7 +105,7 @@ impl TrainingPlan {
             program: program(spec),
             gradient: plan.floats("gradient", parameters),
             ones: plan.floats("ones", sizes.vertices.max(sizes.arcs)),
-            adam: AdamArrays::new(&mut plan, parameters, cfg.weight_average.map(|_| ())),
+            adam: AdamArrays::new(&mut plan, parameters),
             cloths: ClothArrays::new(&mut plan, sizes),
             losses: LossArrays::new(&mut plan, lanes, place),
             normalizers: NormalizerArrays::new(&mut plan, spec),
@@ -119,6 +117,9 @@ impl TrainingPlan {
             update: Schedule::new("a step of the optimiser"),
             plan,
         };
+        if cfg.weight_average.is_some() {
+            built.adam = built.adam.with_mean(&mut built.plan);
+        }
         built.weights.pack(&mut built.pack);
         built.begin.clear(built.gradient);
         let by_position = (most > 1).then(|| {
@@ -134,8 +135,10 @@ impl TrainingPlan {
             by_position,
         };
         built.add_frames(&shared, most);
-        let both = (built.weights.flat(), built.gradient);
-        built.adam.step(&mut built.plan, &mut built.update, both);
+        let (weights, gradient) = (built.weights.flat(), built.gradient);
+        built
+            .adam
+            .step(&mut built.plan, &mut built.update, weights, gradient);
         built.weights.pack(&mut built.update);
         built
     }
@@ -192,7 +195,7 @@ impl TrainingPlan {
             Some(_) => [1, 1],
             None => [spec.node_window(), spec.edge_window()],
         };
-        let (place, slots) = (self.losses.place, spec.history() + most);
+        let place = self.losses.place;
         let dropout = DropoutSizes {
             cloths: sizes.cloths,
             place: [place.vertices, place.arcs],
@@ -200,7 +203,7 @@ impl TrainingPlan {
         };
         let frame = FramePlan {
             steps,
-            frames: FrameArrays::on(plan, spec, sizes, (self.positions, slots)),
+            frames: FrameArrays::on(plan, spec, sizes, self.positions),
             newest: spec.history() - 1 + number,
             triplet: TripletArrays::new(plan, sizes.vertices),
             dropout: Dropout::new(plan, shared.rate, dropout),
@@ -333,10 +336,10 @@ impl TrainingPlan {
 pub(crate) fn program(spec: &ModelSpec) -> Program {
     let mut program = Program::new(Sizes::of(spec));
     program.add(&layers::PART);
-    feature_kernels::define(&mut program, spec);
-    program.add(&losses::PART);
-    program.add(&backward_kernels::PART);
-    program.add(&features_backward::PART);
-    adam::define(&mut program);
+    kernels::features::define(&mut program, spec);
+    program.add(&kernels::losses::PART);
+    program.add(&kernels::backward::PART);
+    program.add(&kernels::features_backward::PART);
+    kernels::adam::define(&mut program);
     program
 }

@@ -207,7 +207,7 @@ impl SlotArrays<'_> {
         let all = [
             (graph.senders, arcs, ends(connectivity.senders())),
             (graph.receivers, arcs, ends(connectivity.receivers())),
-            (graph.twins, arcs, Words::Indices(twins, arcs)),
+            (graph.reverse_arcs, arcs, Words::Indices(twins, arcs)),
             (
                 graph.first_arc,
                 vertices,

@@ -8,7 +8,7 @@ use super::*;
 use crate::cloths::UnionSizes;
 use crate::cloths::frames::{FrameNumbers, HandleFrames};
 use crate::device::Precision;
-use crate::kernels::Sizes;
+use crate::kernels::{Program, Sizes};
 use crate::schedule::Trace;
 use crate::test_graphs::{cloth, device, full_specs, hanging, model, shaken};
 
@@ -71,7 +71,7 @@ fn of_device(
     let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
     let sizes = UnionSizes::of(&graphs);
     let (mut plan, mut program) = (Plan::new(), Program::new(Sizes::of(spec)));
-    define(&mut program, spec);
+    crate::kernels::features::define(&mut program, spec);
     let arrays = ClothArrays::new(&mut plan, sizes);
     let frames = FrameArrays::new(&mut plan, spec, sizes);
     let normalizers = NormalizerArrays::new(&mut plan, spec);
@@ -125,7 +125,7 @@ fn of_device(
         .expect("numbers");
     let prepared = loaded.prepare(&schedule).expect("a schedule");
     loaded.run(prepared).expect("a run");
-    Some([input.nodes, input.edges].map(|region| loaded.get(region).expect("features")))
+    Some([input.nodes, input.arcs].map(|region| loaded.get(region).expect("features")))
 }
 
 #[test]

@@ -16,7 +16,9 @@ use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
 use crate::kernels::layers::{ADD_BIAS, ADD_BIAS_RELU};
 use crate::kernels::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Argument, Command, Finish, Launch, Matrix, Product, Schedule, Trace};
+use crate::schedule::{
+    Argument, Command, Epilogue, Launch, Matrix, NamedArgument, Product, Schedule, Trace, args,
+};
 
 /// Most words that may be on their way up: more of them are waited for.
 const MOST_GOING_UP: usize = 1 << 20;
@@ -176,7 +178,7 @@ impl CudaLoaded {
         let kernel = launch.kernel;
         let function = self.functions.get(kernel.name);
         let function = function.ok_or_else(|| DeviceError::NoKernel(kernel.name.to_owned()))?;
-        let value = |argument: &Argument| match *argument {
+        let value = |(_, argument): &NamedArgument| match *argument {
             Argument::Region(region) => self.address(region),
             Argument::Nothing => 0,
             Argument::Count(count) => u64::from(count),
@@ -187,7 +189,7 @@ impl CudaLoaded {
             function: *function,
             grid: grid(kernel.shape, launch.count),
             values: std::iter::once(count)
-                .chain(launch.arguments.iter().map(value))
+                .chain(launch.arguments().iter().map(value))
                 .collect(),
         }))
     }
@@ -204,22 +206,14 @@ impl CudaLoaded {
             reason: format!("a product of {:?} is too large", product.size),
         })?;
         calls.push(Call::Product(gemm));
-        let (kernel, bias) = match product.finish {
-            Finish::Nothing => return Ok(()),
-            Finish::Bias(bias) => (&ADD_BIAS, bias),
-            Finish::BiasRelu(bias) => (&ADD_BIAS_RELU, bias),
+        let (kernel, bias) = match product.epilogue {
+            Epilogue::Nothing => return Ok(()),
+            Epilogue::Bias(bias) => (&ADD_BIAS, bias),
+            Epilogue::BiasRelu(bias) => (&ADD_BIAS_RELU, bias),
         };
-        let finish = Launch {
-            kernel,
-            count: rows,
-            arguments: vec![
-                product.c.region.into(),
-                Argument::Count(product.c.leading as u32),
-                bias.into(),
-                Argument::Count(columns as u32),
-            ],
-        };
-        calls.extend(self.launch(&finish)?);
+        let c = product.c;
+        let arguments = args! { rows: c.region, leading: c.leading, bias, width: columns };
+        calls.extend(self.launch(&Launch::new(kernel, rows, arguments))?);
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use super::product::Gemm;
 use super::*;
 use crate::kernels::{Shape, Sizes};
 use crate::schedule::plan::Region;
-use crate::schedule::{Finish, Matrix, Onto, Product};
+use crate::schedule::{Epilogue, Matrix, Onto, Product};
 use crate::test_graphs::{full_specs, numbers};
 
 #[test]
@@ -135,7 +135,7 @@ fn a_product_is_the_same_column_by_column() {
                 b: matrix(b, 8, b_transposed).from_column(2),
                 c: matrix(c, 6, false).from_column(1),
                 onto,
-                finish: Finish::Nothing,
+                epilogue: Epilogue::Nothing,
             };
             let gemm = Gemm::of(&product, |m| plan.place(m.region).start).expect("sizes");
             let mut arena = numbers(plan.words(), 1.0, 5);
@@ -182,8 +182,8 @@ fn the_kernels_of_every_spec_compile_where_nvrtc_is() {
         let mut program = Program::new(Sizes::of(&spec));
         program.add(&crate::kernels::layers::PART);
         program.add(&crate::kernels::backward::PART);
-        crate::cloths::features::define(&mut program, &spec);
-        crate::cloths::motion::define(&mut program, &spec);
+        crate::kernels::features::define(&mut program, &spec);
+        crate::kernels::motion::define(&mut program, &spec);
         let programs = [program, crate::training::program(&spec)];
         let cards = [(8, 6), (9, 0)].map(|(major, minor)| Architecture { major, minor });
         for (program, card) in programs

@@ -1,15 +1,19 @@
-//! The way back through the encoders, to the features and to the states that they went on from.
+//! The backward pass of the encoders, to the features and to the states that they started from.
 
-use super::{Back, Rows};
+use super::Back;
+use super::mlp::NormBack;
 use crate::kernels::backward::{GATE_BIASES, GATES_BACKWARD};
-use crate::network::{EncoderRecord, GruRecord, InputArrays, MlpRecord, StateArrays, drop_out};
+use crate::network::arrays::{InputArrays, StateArrays};
+use crate::network::dropout::drop_out;
+use crate::network::linear::Rows;
+use crate::network::record::{EncoderRecord, GruRecord, MlpRecord};
 use crate::schedule::plan::Region;
-use crate::schedule::{Matrix, Onto};
+use crate::schedule::{Matrix, Onto, args};
 
 /// Layers of a recurrent encoder.
 const LAYERS: [usize; 2] = [0, 1];
 
-/// One of the encoders.
+/// The rows of one encoder, vertices or arcs.
 struct Kind {
     number: usize,
     path: &'static str,
@@ -33,25 +37,34 @@ impl Kind {
 
 /// Gradients of a recurrent encoder on its way back.
 struct Buffers {
-    /// Of the states of both layers, `[rows, latent]`.
+    /// Gradients of the states of both layers, `[rows, latent]` each.
     states: [Region; 2],
-    /// Of the gates' sums, `[rows, 4 latent]`.
+    /// Pre-activation gradients of the gates in one step, `[rows, 4 latent]`.
     sums: Region,
-    /// The sums of those of both layers over rows and steps, `[4 latent]`.
+    /// Sums of the pre-activation gradients over rows and steps, for both layers, `[4 latent]` each.
     biases: [Region; 2],
 }
 
+/// One step of one layer on its way back.
+struct Step<'a> {
+    kind: &'a Kind,
+    layer: usize,
+    number: usize,
+    /// The input of the layer.
+    input: Rows,
+}
+
 impl Back<'_> {
-    /// From the gradients of the latent rows of vertices and arcs, which are overwritten.
+    /// Takes the gradients of the latent rows of vertices and arcs, which are overwritten.
     pub(super) fn encoders(&mut self, gradients: [Region; 2]) {
         let pass = self.pass;
         let spec = pass.network.spec();
-        let of_input = |arrays: &InputArrays| [arrays.nodes, arrays.edges];
-        let of_states = |arrays: &StateArrays| [arrays.nodes, arrays.edges];
+        let of_input = |arrays: &InputArrays| [arrays.nodes, arrays.arcs];
+        let of_states = |arrays: &StateArrays| [arrays.nodes, arrays.arcs];
         let paths = ["encoder.nodes", "encoder.edges"];
         let rows = [pass.graph.vertices, pass.graph.arcs];
         let widths = [spec.node_width(), spec.edge_width()];
-        let records = [&pass.record.node_encoder, &pass.record.edge_encoder];
+        let records = [&pass.record.node_encoder, &pass.record.arc_encoder];
         for (number, record) in records.into_iter().enumerate() {
             let kind = Kind {
                 number,
@@ -77,7 +90,7 @@ impl Back<'_> {
         let (latent, rows) = (self.latent, kind.rows);
         let name = format!("gradient of {}, other", kind.path);
         let other = self.plan.floats(name, rows * latent);
-        self.mlp(kind.path, rows, [gradient, other], record);
+        self.mlp(kind.path, rows, gradient, other, record);
         let name = format!("{}.0.weight", kind.path);
         let (to_weight, weight) = (self.matrix_of(&name), self.pass.weights.matrix(&name));
         let first = Rows::new(gradient, latent);
@@ -85,16 +98,16 @@ impl Back<'_> {
             let (x, column) = (kind.frame(kind.input, step), step * kind.width);
             self.add_to_weight(rows, first, x, to_weight.from_column(column));
             if let Some(to) = kind.to_input {
-                let to = (kind.frame(to, step), Onto::Set);
-                self.through(rows, first, weight.from_column(column), to);
+                let (weight, to) = (weight.from_column(column), kind.frame(to, step));
+                self.through(rows, first, weight, to, Onto::Set);
             }
         }
     }
 
-    fn gru_encoder(&mut self, kind: &Kind, record: &GruRecord, gradient: Region) {
-        let (latent, rows, path) = (self.latent, kind.rows, kind.path);
-        let size = rows * latent;
-        let buffers = Buffers {
+    fn gru_buffers(&mut self, kind: &Kind) -> Buffers {
+        let (latent, path) = (self.latent, kind.path);
+        let size = kind.rows * latent;
+        Buffers {
             states: LAYERS.map(|layer| {
                 let name = format!("gradient of states of {path}, layer {layer}");
                 self.plan.floats(name, size)
@@ -106,52 +119,46 @@ impl Back<'_> {
                 let name = format!("gradient of biases of {path}, layer {layer}");
                 self.plan.floats(name, 4 * latent)
             }),
-        };
+        }
+    }
+
+    fn gru_encoder(&mut self, kind: &Kind, record: &GruRecord, gradient: Region) {
+        let buffers = self.gru_buffers(kind);
         self.gru_output(kind, record, gradient, &buffers);
         for sums in buffers.biases {
             self.schedule.clear(sums);
         }
-        // The rows of the output are done with.
+        // The gradient of the output is not needed any more: its room takes that between the layers.
         let between = gradient;
-        for step in (0..kind.steps).rev() {
-            let seen = Rows::new(record.between[step], latent);
-            self.gru_step((kind, 1, step), seen, &buffers, record);
-            self.gates_through((path, 1), rows, &buffers, Rows::new(between, latent));
-            if let Some(dropout) = &self.pass.dropout {
-                drop_out(self.schedule, dropout, (kind.number, step), [between; 2]);
-            }
-            self.add(buffers.states[0], between);
-            self.gru_step(
-                (kind, 0, step),
-                kind.frame(kind.input, step),
-                &buffers,
-                record,
-            );
-            if let Some(to) = kind.to_input {
-                self.gates_through((path, 0), rows, &buffers, kind.frame(to, step));
-            }
+        for number in (0..kind.steps).rev() {
+            self.gru_step(kind, number, between, &buffers, record);
         }
         for layer in LAYERS {
-            self.gru_biases(path, layer, buffers.biases[layer]);
+            self.gru_biases(kind.path, layer, buffers.biases[layer]);
             if let Some(start) = kind.start {
                 self.schedule.copy(buffers.states[layer], start[layer]);
             }
         }
     }
 
-    /// From the gradient of the latent rows to those of the last states.
+    /// From the gradient of the latent rows to that of the last states.
     fn gru_output(&mut self, kind: &Kind, record: &GruRecord, gradient: Region, to: &Buffers) {
         let (latent, rows, path) = (self.latent, kind.rows, kind.path);
         let [first, second] = to.states;
-        // The second state's gradient comes into it only afterwards.
-        let norm = (record.normal, record.inverse);
-        self.norm(&format!("{path}.norm"), rows, [gradient, second], norm);
+        let norm = NormBack {
+            path: &format!("{path}.norm"),
+            rows,
+            normal: record.normal,
+            inverse: record.inverse,
+        };
+        // `second` is room for other rows until its own gradient is computed below.
+        self.norm(&norm, gradient, second);
         let g = Rows::new(gradient, latent);
         let last = Rows::new(record.states[1][kind.steps], latent);
         self.linear(rows, &format!("{path}.linear"), g, last);
         let weight = self.pass.weights.matrix(&format!("{path}.linear.weight"));
-        let to = (Rows::new(second, latent), Onto::Set);
-        self.through(rows, g, weight, to);
+        let to = Rows::new(second, latent);
+        self.through(rows, g, weight, to, Onto::Set);
         match kind.end {
             Some(end) => {
                 self.schedule.copy(end[0], first);
@@ -161,70 +168,90 @@ impl Back<'_> {
         }
     }
 
-    /// One step of one layer: from the gradient of the state after to that of the state before, leaving
-    /// those of the gates' sums.
+    /// One step of both layers; `between` is room for the gradient of the second layer's input.
     fn gru_step(
         &mut self,
-        (kind, layer, step): (&Kind, usize, usize),
-        input: Rows,
+        kind: &Kind,
+        number: usize,
+        between: Region,
         buffers: &Buffers,
         record: &GruRecord,
     ) {
-        let (latent, rows) = (self.latent, kind.rows);
-        let (state, before) = (buffers.states[layer], record.states[layer][step]);
-        self.schedule.launch(
-            &GATES_BACKWARD,
-            rows,
-            &[
-                record.kept[layer][step].into(),
-                before.into(),
-                state.into(),
-                buffers.sums.into(),
-            ],
-        );
-        let gates = Rows::new(buffers.sums, 4 * latent);
-        self.add_to_bias(rows, gates, buffers.biases[layer]);
-        let name = |suffix| format!("{}.gru.weight_{suffix}_l{layer}", kind.path);
-        let recurrent = gates.columns(latent, 3 * latent);
-        let to = self.matrix_of(&name("hh"));
-        self.add_to_weight(rows, recurrent, Rows::new(before, latent), to);
-        let weight = self.pass.weights.matrix(&name("hh"));
-        let to = (Rows::new(state, latent), Onto::Add);
-        self.through(rows, recurrent, weight, to);
-        let all = self.matrix_of(&name("ih"));
-        for (gates, part) in of_input(gates, latent, all) {
-            self.add_to_weight(rows, gates, input, part);
+        let step = |layer, input| Step {
+            kind,
+            layer,
+            number,
+            input,
+        };
+        let seen = Rows::new(record.between[number], self.latent);
+        let second = step(1, seen);
+        self.layer_step(&second, buffers, record);
+        self.gates_through(&second, buffers, Rows::new(between, self.latent));
+        if let Some(dropout) = &self.pass.dropout {
+            drop_out(self.schedule, dropout, kind.number, number, [between; 2]);
+        }
+        self.add(buffers.states[0], between);
+        let first = step(0, kind.frame(kind.input, number));
+        self.layer_step(&first, buffers, record);
+        if let Some(to) = kind.to_input {
+            self.gates_through(&first, buffers, kind.frame(to, number));
         }
     }
 
-    /// The gradient of a layer's input from those of the gates' sums.
-    fn gates_through(
-        &mut self,
-        (path, layer): (&str, usize),
-        rows: usize,
-        buffers: &Buffers,
-        to: Rows,
-    ) {
-        let name = format!("{path}.gru.weight_ih_l{layer}");
+    /// One step of one layer: from the gradient of the state after to that of the state before, with
+    /// the pre-activation gradients of the gates.
+    fn layer_step(&mut self, step: &Step<'_>, buffers: &Buffers, record: &GruRecord) {
+        let (latent, rows, layer) = (self.latent, step.kind.rows, step.layer);
+        let (state, before) = (buffers.states[layer], record.states[layer][step.number]);
+        let arguments = args! {
+            kept: record.kept[layer][step.number],
+            before,
+            state,
+            sums: buffers.sums,
+        };
+        self.schedule.launch(&GATES_BACKWARD, rows, arguments);
+        let gates = Rows::new(buffers.sums, 4 * latent);
+        self.add_to_bias(rows, gates, buffers.biases[layer]);
+        let name = |suffix| format!("{}.gru.weight_{suffix}_l{layer}", step.kind.path);
+        let recurrent = of_recurrent(gates, latent);
+        let to = self.matrix_of(&name("hh"));
+        self.add_to_weight(rows, recurrent, Rows::new(before, latent), to);
+        let weight = self.pass.weights.matrix(&name("hh"));
+        let to = Rows::new(state, latent);
+        self.through(rows, recurrent, weight, to, Onto::Add);
+        let all = self.matrix_of(&name("ih"));
+        for (gates, part) in of_input(gates, latent, all) {
+            self.add_to_weight(rows, gates, step.input, part);
+        }
+    }
+
+    /// The gradient of a layer's input, from the pre-activation gradients of the gates.
+    fn gates_through(&mut self, step: &Step<'_>, buffers: &Buffers, to: Rows) {
+        let name = format!("{}.gru.weight_ih_l{}", step.kind.path, step.layer);
         let weight = self.pass.weights.matrix(&name);
         let gates = Rows::new(buffers.sums, 4 * self.latent);
         let parts = of_input(gates, self.latent, weight);
         for ((gates, part), onto) in parts.into_iter().zip([Onto::Set, Onto::Add]) {
-            self.through(rows, gates, part, (to, onto));
+            self.through(step.kind.rows, gates, part, to, onto);
         }
     }
 
     fn gru_biases(&mut self, path: &str, layer: usize, sums: Region) {
         let [to_input, to_recurrent] = ["ih", "hh"]
             .map(|suffix| self.gradient_of(&format!("{path}.gru.bias_{suffix}_l{layer}")));
-        let arguments = [sums.into(), to_input.into(), to_recurrent.into()];
+        let arguments = args! { sums, to_input, to_recurrent };
         self.schedule
-            .launch(&GATE_BIASES, to_input.count(), &arguments);
+            .launch(&GATE_BIASES, to_input.count(), arguments);
     }
 }
 
-/// The parts of the gates' sums that the input goes into, with the rows of a matrix `[3 latent, inputs]`
-/// that belong to them: r and z, then n.
+/// The pre-activation gradients of r, z and the recurrent part of n, in the order of the weights.
+fn of_recurrent(gates: Rows, latent: usize) -> Rows {
+    gates.columns(latent, 3 * latent)
+}
+
+/// The pre-activation gradients of the gates that the input enters, with the rows of a matrix
+/// `[3 latent, inputs]` that belong to them: r and z, then n.
 fn of_input(gates: Rows, latent: usize, matrix: Matrix) -> [(Rows, Matrix); 2] {
     let rows = |range: std::ops::Range<usize>| Matrix {
         region: matrix.region.rows(range, matrix.leading),

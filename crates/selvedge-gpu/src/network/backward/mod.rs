@@ -1,8 +1,8 @@
-//! The way back through a network: from the gradient of its output to those of its weights and, where
-//! asked for, of its input and of the states that its encoders carry.
+//! The backward pass: from the gradient of the output to the gradients of the weights and, where they
+//! are wanted, of the features and of the states that the encoders carry.
 //!
-//! Gradients of weights are added to one flat array that is laid out like them. Those of a matrix are
-//! products over all rows, those of a bias products with ones: sums in an order that does not change.
+//! Gradients of weights are added to one flat array, laid out like the weights. The gradient of a
+//! matrix is a product over all rows, that of a bias a product with ones: sums in a fixed order.
 
 mod block;
 mod encoder;
@@ -10,10 +10,15 @@ mod mlp;
 
 use selvedge_model::Network;
 
-use super::{Dropout, GraphArrays, InputArrays, OUTPUTS, Record, StateArrays, WeightArrays};
+use super::OUTPUTS;
+use super::arrays::{GraphArrays, InputArrays, StateArrays};
+use super::dropout::Dropout;
+use super::linear::Rows;
+use super::record::Record;
+use super::weights::WeightArrays;
 use crate::kernels::backward::{ADD, MASK_RELU};
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Finish, Matrix, Onto, Product, Schedule};
+use crate::schedule::{Epilogue, Matrix, Onto, Product, Schedule, args};
 
 /// A backward pass, after a forward pass that kept its activations.
 #[derive(Clone, Copy, Debug)]
@@ -24,27 +29,27 @@ pub struct BackwardPass<'a> {
     pub weights: &'a WeightArrays,
     /// Their gradient, laid out like [`WeightArrays::flat`]; added to.
     pub gradient: Region,
-    /// Ones, as many as there are vertices or arcs, whatever is more.
+    /// Ones, as many as there are vertices or arcs, whichever is more.
     pub ones: Region,
     /// The arcs.
     pub graph: &'a GraphArrays,
     /// The features.
     pub input: &'a InputArrays,
-    /// What the forward pass left.
+    /// The arrays that the forward pass left.
     pub record: &'a Record,
-    /// What it dropped.
+    /// The dropout of the forward pass.
     pub dropout: Option<Dropout>,
     /// The gradient of the output, `[vertices, 3]`.
     pub output: Region,
-    /// Where that of the features goes, if wanted.
+    /// Room for the gradient of the features, if it is wanted.
     pub to_input: Option<&'a InputArrays>,
-    /// That of the encoders' last states, as later frames have it; zero without.
+    /// The gradient of the encoders' last states, from later frames; zero where not given.
     pub end: Option<&'a StateArrays>,
-    /// Where that of the states goes that the encoders went on from, if wanted.
+    /// Room for the gradient of the states that the encoders started from, if it is wanted.
     pub start: Option<&'a StateArrays>,
 }
 
-/// Adds a backward pass to a schedule, and what it needs to a plan.
+/// Adds a backward pass to a schedule, and its arrays to a plan.
 pub fn backward(plan: &mut Plan, schedule: &mut Schedule, pass: &BackwardPass<'_>) {
     let latent = pass.network.spec().latent;
     let (vertices, arcs) = (pass.graph.vertices, pass.graph.arcs);
@@ -58,13 +63,13 @@ pub fn backward(plan: &mut Plan, schedule: &mut Schedule, pass: &BackwardPass<'_
     let nodes = back
         .plan
         .floats("gradient of latent vertices", vertices * latent);
-    let edges = back.plan.floats("gradient of latent arcs", arcs * latent);
+    let of_arcs = back.plan.floats("gradient of latent arcs", arcs * latent);
     back.decoder(nodes);
-    back.schedule.clear(edges);
+    back.schedule.clear(of_arcs);
     for (number, record) in pass.record.blocks.iter().enumerate().rev() {
-        back.block(number, record, [nodes, edges]);
+        back.block(number, record, nodes, of_arcs);
     }
-    back.encoders([nodes, edges]);
+    back.encoders([nodes, of_arcs]);
     back.plan.release(mark);
 }
 
@@ -74,26 +79,6 @@ struct Back<'a> {
     schedule: &'a mut Schedule,
     pass: &'a BackwardPass<'a>,
     latent: usize,
-}
-
-/// Rows of a matrix, all of them or some of their columns.
-#[derive(Clone, Copy)]
-struct Rows {
-    matrix: Matrix,
-    width: usize,
-}
-
-impl Rows {
-    fn new(region: Region, width: usize) -> Self {
-        let matrix = Matrix::new(region, width);
-        Self { matrix, width }
-    }
-
-    /// `width` of its columns, from number `first` on.
-    fn columns(self, first: usize, width: usize) -> Self {
-        let matrix = self.matrix.from_column(first);
-        Self { matrix, width }
-    }
 }
 
 impl Back<'_> {
@@ -109,47 +94,53 @@ impl Back<'_> {
         Matrix::new(self.pass.gradient.part(range), columns)
     }
 
-    fn product(&mut self, size: [usize; 3], (a, b, c): (Matrix, Matrix, Matrix), onto: Onto) {
+    /// Adds gᵀ x, summed over `rows` rows, to the gradient of a matrix.
+    fn add_to_weight(&mut self, rows: usize, g: Rows, x: Rows, gradient: Matrix) {
         self.schedule.product(Product {
-            size,
-            a,
-            b,
-            c,
-            onto,
-            finish: Finish::Nothing,
+            size: [g.width, x.width, rows],
+            a: g.matrix.transpose(),
+            b: x.matrix,
+            c: gradient,
+            onto: Onto::Add,
+            epilogue: Epilogue::Nothing,
         });
     }
 
-    /// Adds to the gradient of a matrix: gᵀ x over `rows` rows.
-    fn add_to_weight(&mut self, rows: usize, g: Rows, x: Rows, gradient: Matrix) {
-        let operands = (g.matrix.transpose(), x.matrix, gradient);
-        self.product([g.width, x.width, rows], operands, Onto::Add);
-    }
-
-    /// Adds the sums of the columns of g.
+    /// Adds the sums of the columns of g to the gradient of a bias.
     fn add_to_bias(&mut self, rows: usize, g: Rows, gradient: Region) {
-        let ones = Matrix::new(self.pass.ones.part(0..rows), rows);
-        let operands = (ones, g.matrix, Matrix::new(gradient, g.width));
-        self.product([1, g.width, rows], operands, Onto::Add);
+        self.schedule.product(Product {
+            size: [1, g.width, rows],
+            a: Matrix::new(self.pass.ones.part(0..rows), rows),
+            b: g.matrix,
+            c: Matrix::new(gradient, g.width),
+            onto: Onto::Add,
+            epilogue: Epilogue::Nothing,
+        });
     }
 
-    /// The gradient of the input of a linear layer, from that of its output: g W.
-    fn through(&mut self, rows: usize, g: Rows, weight: Matrix, (to, onto): (Rows, Onto)) {
-        let operands = (g.matrix, weight, to.matrix);
-        self.product([rows, to.width, g.width], operands, onto);
+    /// Takes the gradient g of a linear layer's output to that of its input: g W.
+    fn through(&mut self, rows: usize, g: Rows, weight: Matrix, to: Rows, onto: Onto) {
+        self.schedule.product(Product {
+            size: [rows, to.width, g.width],
+            a: g.matrix,
+            b: weight,
+            c: to.matrix,
+            onto,
+            epilogue: Epilogue::Nothing,
+        });
     }
 
-    /// No gradient where a ReLU gave zero.
+    /// Sets the gradient to zero where a ReLU gave zero.
     fn mask(&mut self, gradient: Region, kept: Region) {
-        let arguments = [gradient.into(), kept.into()];
+        let arguments = args! { gradient, kept };
         self.schedule
-            .launch(&MASK_RELU, gradient.count(), &arguments);
+            .launch(&MASK_RELU, gradient.count(), arguments);
     }
 
     /// Adds one array to another.
     fn add(&mut self, to: Region, what: Region) {
-        let arguments = [to.into(), what.into()];
-        self.schedule.launch(&ADD, to.count(), &arguments);
+        let arguments = args! { to, what };
+        self.schedule.launch(&ADD, to.count(), arguments);
     }
 
     /// From the gradient of the output to that of the latent vertices before the decoder.
@@ -165,16 +156,16 @@ impl Back<'_> {
         let kept = Rows::new(record.hidden2, latent);
         self.linear(rows, "decoder.4", output, kept);
         let weight = self.pass.weights.matrix("decoder.4.weight");
-        let to = (Rows::new(hidden, latent), Onto::Set);
-        self.through(rows, output, weight, to);
+        let to = Rows::new(hidden, latent);
+        self.through(rows, output, weight, to, Onto::Set);
         self.mask(hidden, record.hidden2);
-        self.second_layer("decoder", rows, (hidden, first), record);
+        self.second_layer("decoder", rows, hidden, first, record);
         let before = Rows::new(self.pass.record.nodes, latent);
         let first = Rows::new(first, latent);
         self.add_to_weight(rows, first, before, self.matrix_of("decoder.0.weight"));
         let weight = self.pass.weights.matrix("decoder.0.weight");
-        let to = (Rows::new(nodes, latent), Onto::Set);
-        self.through(rows, first, weight, to);
+        let to = Rows::new(nodes, latent);
+        self.through(rows, first, weight, to, Onto::Set);
         self.plan.release(mark);
     }
 }

@@ -126,7 +126,7 @@ impl Lowered {
 
     fn follow(&self, start: Start) {
         let mut trace = Trace::new(&self.plan, self.program.sizes());
-        let mut given = vec![self.weights.flat(), self.input.nodes, self.input.edges];
+        let mut given = vec![self.weights.flat(), self.input.nodes, self.input.arcs];
         given.extend(self.graph.regions());
         given.extend([self.ones, self.output]);
         if start == Start::Carried {
@@ -158,7 +158,7 @@ impl Given {
         Self {
             weights: weights(network, 3),
             nodes: numbers(lowered.input.nodes.count(), 1.5, 1),
-            edges: numbers(lowered.input.edges.count(), 1.5, 2),
+            edges: numbers(lowered.input.arcs.count(), 1.5, 2),
             output: numbers(lowered.output.count(), 1.0, 4),
         }
     }
@@ -177,7 +177,7 @@ fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> Option<A
     let mut floats = vec![
         (lowered.weights.flat(), &given.weights),
         (lowered.input.nodes, &given.nodes),
-        (lowered.input.edges, &given.edges),
+        (lowered.input.arcs, &given.edges),
         (lowered.output, &given.output),
         (lowered.ones, &ones),
     ];
@@ -201,7 +201,7 @@ fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> Option<A
     let mut regions = vec![
         lowered.gradient,
         lowered.to_input.nodes,
-        lowered.to_input.edges,
+        lowered.to_input.arcs,
     ];
     regions.extend(lowered.states[2].regions());
     let got = regions

@@ -1,7 +1,9 @@
-//! What a trace finds.
+//! Faults that a trace finds.
 
 use super::*;
+use crate::kernels::adam::GRADIENT_SQUARES;
 use crate::kernels::layers::{ADD_BIAS, NORM};
+use crate::schedule::{NamedArgument, args};
 
 const SIZES: Sizes = Sizes {
     latent: 8,
@@ -28,7 +30,7 @@ fn product(a: Region, b: Region, c: Region, onto: Onto) -> Product {
         b: Matrix::new(b, 4).transpose(),
         c: Matrix::new(c, 2),
         onto,
-        finish: Finish::Nothing,
+        epilogue: Epilogue::Nothing,
     }
 }
 
@@ -105,52 +107,64 @@ fn a_launch_has_the_arguments_of_its_kernel() {
     let [x, y, inverse] = [16, 16, 2].map(|count| plan.floats("rows", count));
     let [bias, weight, shift] = [8; 3].map(|count| plan.floats("latent", count));
     let given = [x, bias, weight, shift];
-    let arguments = |after: Region, inverse: Argument| -> Vec<Argument> {
-        let first = [x, bias, weight, shift].map(Argument::from);
-        let rest = [Argument::Nothing, after.into(), Argument::Nothing, inverse];
-        [first, rest].concat()
+    let nothing = Argument::Nothing;
+    let arguments = |after: Region, inverse: Argument| {
+        // In another order than the kernel's.
+        args! { after, inverse, x, bias, weight, shift, before: nothing, normal: nothing }
     };
-    let of = |count, arguments: &[Argument]| {
+    let of = |count, arguments: &[NamedArgument]| {
         message(&plan, &given, |schedule| {
-            schedule.launch(&NORM, count, arguments)
+            schedule.launch(&NORM, count, arguments.to_vec())
         })
     };
     let good = arguments(y, inverse.into());
     assert_eq!(of(2, &good), "");
-    assert_eq!(of(2, &arguments(x, Argument::Nothing)), "", "in place");
+    assert_eq!(of(2, &arguments(x, nothing)), "", "in place");
     assert!(of(3, &good).contains("x: 16 elements, expected 24"));
-    assert!(of(2, &good[..7]).contains("7 arguments, expected 8"));
+    assert!(of(2, &good[..7]).contains("there is no argument normal"));
+    let twice = [&good[..], &good[..1]].concat();
+    assert!(of(2, &twice).contains("there are 2 arguments after"));
+    let extra = [&good[..], &args! { scale: 1.0_f32 }].concat();
+    assert!(of(2, &extra).contains("it has no parameter scale"));
     let found = of(2, &arguments(y, Argument::Count(1)));
-    assert!(
-        found.contains("inverse: Count(1) for OutOrNothing"),
-        "{found}"
-    );
-    let found = of(2, &[&[Argument::Nothing], &good[1..]].concat());
-    assert!(found.contains("x: Nothing for In"), "{found}");
+    assert!(found.contains("inverse: Count(1) for Array"), "{found}");
+    let found = of(2, &[&good[..2], &args! { x: nothing }, &good[3..]].concat());
+    assert!(found.contains("x: Nothing for Array"), "{found}");
     let mut overlapping = plan.clone();
     let both = overlapping.floats("both", 24);
     let found = message(&overlapping, &[both, bias, weight, shift], |schedule| {
-        let mut arguments = arguments(both.part(8..24), Argument::Nothing);
-        arguments[0] = both.part(0..16).into();
-        schedule.launch(&NORM, 2, &arguments);
+        let mut arguments = arguments(both.part(8..24), nothing);
+        arguments[2].1 = both.part(0..16).into();
+        schedule.launch(&NORM, 2, arguments);
     });
     assert!(found.contains("both overlaps another argument"), "{found}");
 }
 
 #[test]
-fn what_points_to_indices_is_not_taken_for_numbers() {
+fn an_array_has_the_size_that_the_counts_of_its_launch_say() {
+    let mut plan = Plan::new();
+    let gradient = plan.floats("gradient", 20);
+    let squares = plan.doubles("squares", 1);
+    let of = |parameters: usize| {
+        message(&plan, &[gradient], |schedule| {
+            let arguments = args! { gradient, parameters, squares };
+            schedule.launch(&GRADIENT_SQUARES, 1, arguments);
+        })
+    };
+    assert_eq!(of(20), "");
+    assert!(of(21).contains("gradient: 20 elements, expected 21"));
+}
+
+#[test]
+fn indices_are_not_taken_for_numbers() {
     let mut plan = Plan::new();
     let rows = plan.floats("rows", 8);
     let indices = plan.indices("indices", 8);
-    let found = message(&plan, &[indices], |schedule| {
-        let counts = [Argument::Count(8), Argument::Count(8)];
-        schedule.launch(
-            &ADD_BIAS,
-            1,
-            &[rows.into(), counts[0], indices.into(), counts[1]],
-        );
+    let found = message(&plan, &[rows, indices], |schedule| {
+        let arguments = args! { rows, leading: 8_usize, bias: indices, width: 8_usize };
+        schedule.launch(&ADD_BIAS, 1, arguments);
     });
-    assert!(found.contains("rows"), "{found}");
+    assert!(found.contains("bias: Region"), "{found}");
     let found = message(&plan, &[rows, indices], |schedule| schedule.clear(indices));
     assert!(found.contains("indices is not of Float"), "{found}");
 }

@@ -15,6 +15,7 @@ use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{HandleTargets, Stepper};
+use selvedge_gpu::bench::NetworkCase;
 use selvedge_gpu::bench::inference::Inference;
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::rollout::stepper::GpuStepper;
@@ -231,9 +232,13 @@ impl Conformance<'_> {
         let mut workspace = Workspace::new();
         let pass = Pass::Inference;
         let expected = network.forward(model.weights(), &arcs, input, pass, &mut workspace);
-        let both = (network, model.weights());
-        let mut inference =
-            Inference::new(self.device, both, &arcs, Extent::Whole, self.precision)?;
+        let case = NetworkCase {
+            network,
+            weights: model.weights(),
+            graph: &arcs,
+            extent: Extent::Whole,
+        };
+        let mut inference = Inference::new(self.device, case, self.precision)?;
         inference.put(input)?;
         // By plain calls, while it is recorded, and from the recording.
         let mut found = Vec::new();

@@ -9,6 +9,7 @@ use anyhow::ensure;
 use glam::Vec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_gpu::bench::NetworkCase;
 use selvedge_gpu::bench::inference::Inference;
 use selvedge_gpu::bench::learning::Learning;
 use selvedge_gpu::bench::limits::{Limits, limits};
@@ -249,8 +250,13 @@ impl Bench<'_> {
     ) -> anyhow::Result<(f64, usize, Work)> {
         let network = model.network();
         let (extent, [nodes, edges]) = drawn(network, graph);
-        let both = (network, model.weights());
-        let mut inference = Inference::new(self.device, both, graph, extent, self.precision)?;
+        let case = NetworkCase {
+            network,
+            weights: model.weights(),
+            graph,
+            extent,
+        };
+        let mut inference = Inference::new(self.device, case, self.precision)?;
         inference.put(Input {
             nodes: &nodes,
             edges: &edges,
@@ -281,8 +287,13 @@ impl Bench<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let weights = network.initialise(&mut || rng.random::<f64>());
         let (extent, [nodes, edges]) = drawn(&network, graph);
-        let both = (&network, &*weights);
-        let mut learning = Learning::new(self.device, both, graph, extent, self.precision)?;
+        let case = NetworkCase {
+            network: &network,
+            weights: &weights,
+            graph,
+            extent,
+        };
+        let mut learning = Learning::new(self.device, case, self.precision)?;
         let input = Input {
             nodes: &nodes,
             edges: &edges,

@@ -13,6 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_data::{
     Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
 };
+use selvedge_gpu::bench::NetworkCase;
 use selvedge_gpu::bench::conformance::training;
 use selvedge_gpu::bench::learning::Learning;
 use selvedge_gpu::device::{Device, Precision};
@@ -106,8 +107,13 @@ fn gradients(
         nodes: &nodes,
         edges: &edges,
     };
-    let both = (&network, &*weights);
-    let mut learning = Learning::new(device, both, graph, Extent::Whole, precision)?;
+    let case = NetworkCase {
+        network: &network,
+        weights: &weights,
+        graph,
+        extent: Extent::Whole,
+    };
+    let mut learning = Learning::new(device, case, precision)?;
     learning.put(input, &target)?;
     // By plain calls, while it is recorded, and from the recording.
     for _ in 0..3 {

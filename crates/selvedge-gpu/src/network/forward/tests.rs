@@ -63,7 +63,7 @@ impl Lowered {
         vec![
             self.weights.flat(),
             self.input.nodes,
-            self.input.edges,
+            self.input.arcs,
             a,
             b,
             c,
@@ -102,7 +102,7 @@ fn schedules_read_what_they_wrote_and_stay_within_their_regions() {
                 for block in &lowered.record.blocks {
                     let kept = [block.before, block.after].concat();
                     assert!(kept.into_iter().all(|region| trace.holds(region)));
-                    assert!(trace.holds(block.edge.hidden1) && trace.holds(block.node.hidden2));
+                    assert!(trace.holds(block.arc.hidden1) && trace.holds(block.node.hidden2));
                 }
             }
         }
@@ -153,7 +153,7 @@ fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
                 .put(lowered.weights.flat(), &weights)
                 .expect("weights");
             loaded.put(lowered.input.nodes, &nodes).expect("features");
-            loaded.put(lowered.input.edges, &edges).expect("features");
+            loaded.put(lowered.input.arcs, &edges).expect("features");
             for schedule in [&lowered.pack, &lowered.forward] {
                 let prepared = loaded.prepare(schedule).expect("a schedule");
                 loaded.run(prepared).expect("a run");

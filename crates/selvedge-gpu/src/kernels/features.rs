@@ -1,0 +1,61 @@
+//! Kernels of the features, with the definitions that say which columns a spec has.
+
+use selvedge_model::{EdgeFeature, Integration, ModelSpec, NodeFeature};
+
+use super::{Program, part};
+use crate::cloths::frames::CarryLayout;
+
+part!("features.cu":
+    NODE_FEATURES = "node_features",
+    EDGE_FEATURES = "edge_features",
+);
+
+/// Adds the kernels and the definitions of a spec.
+pub fn define(program: &mut Program, spec: &ModelSpec) {
+    let mut column = 0;
+    for feature in &spec.node_features {
+        program.define(node_name(*feature), column);
+        column += feature.width();
+    }
+    column = 0;
+    for feature in &spec.edge_features {
+        program.define(edge_name(*feature), column);
+        column += feature.width();
+    }
+    if let Integration::Carried { damping, stiffness } = spec.integration {
+        program.define("CARRIED", 1);
+        // The shortest decimal that reads as the same f64.
+        program.define("DAMPING", format!("{damping:e}"));
+        program.define("STIFFNESS", format!("{stiffness:e}"));
+    }
+    let layout = CarryLayout::of(spec);
+    program.define("CARRY_ACCELERATION", layout.acceleration);
+    program.define("CARRY_EXPECTED", layout.expected);
+    program.define("CARRY_REST", layout.rest);
+    program.define("CARRY_NUMBERS", layout.count);
+    program.add(&PART);
+}
+
+fn node_name(feature: NodeFeature) -> &'static str {
+    match feature {
+        NodeFeature::Velocity => "NODE_VELOCITY",
+        NodeFeature::ExternalForce => "NODE_EXTERNAL_FORCE",
+        NodeFeature::KineticEnergy => "NODE_KINETIC_ENERGY",
+        NodeFeature::NodeType => "NODE_TYPE",
+        NodeFeature::Acceleration => "NODE_ACCELERATION",
+        NodeFeature::ExpectedMove => "NODE_EXPECTED_MOVE",
+        NodeFeature::RestOffset => "NODE_REST_OFFSET",
+    }
+}
+
+fn edge_name(feature: EdgeFeature) -> &'static str {
+    match feature {
+        EdgeFeature::Vector => "EDGE_VECTOR",
+        EdgeFeature::RestVector => "EDGE_REST_VECTOR",
+        EdgeFeature::MaterialVector => "EDGE_MATERIAL_VECTOR",
+        EdgeFeature::Elongation => "EDGE_ELONGATION",
+        EdgeFeature::BendingAngle => "EDGE_BENDING_ANGLE",
+        EdgeFeature::CoarseVector => "EDGE_COARSE_VECTOR",
+        EdgeFeature::CoarseRestVector => "EDGE_COARSE_REST_VECTOR",
+    }
+}

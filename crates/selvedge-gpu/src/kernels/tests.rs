@@ -1,0 +1,93 @@
+//! Sources that devices compile, and files of kernels read by themselves.
+
+use selvedge_model::EdgeLimits;
+
+use super::*;
+use crate::test_graphs::full_specs;
+
+/// All files of kernels.
+const PARTS: [&Part; 7] = [
+    &adam::PART,
+    &backward::PART,
+    &features::PART,
+    &features_backward::PART,
+    &layers::PART,
+    &losses::PART,
+    &motion::LIMITED_PART,
+];
+
+/// A program of all kernels for a spec with all features.
+fn whole_program() -> Program {
+    let mut spec = full_specs().pop().expect("a spec");
+    spec.edge_limits = Some(EdgeLimits {
+        least: 0.8,
+        most: 1.25,
+        sweeps: 20,
+    });
+    let mut program = Program::new(Sizes::of(&spec));
+    program.add(&layers::PART);
+    features::define(&mut program, &spec);
+    program.add(&losses::PART);
+    program.add(&backward::PART);
+    program.add(&features_backward::PART);
+    adam::define(&mut program);
+    motion::define(&mut program, &spec);
+    program
+}
+
+#[test]
+fn every_kernel_of_a_file_is_declared_and_has_one_entry() {
+    let program = whole_program();
+    for part in PARTS {
+        let line = |name: &str| format!("KERNEL({name},");
+        let bodies = part.text.lines().filter(|l| l.starts_with("KERNEL("));
+        assert_eq!(bodies.count(), part.kernels.len(), "{}", part.name);
+        for kernel in part.kernels {
+            let count = part.text.matches(&line(kernel.name)).count();
+            assert_eq!(count, 1, "{}", kernel.name);
+        }
+    }
+    for (dialect, entry) in [
+        (Dialect::Cuda, "(unsigned count, "),
+        (Dialect::Host, "(void **arguments, unsigned count)"),
+    ] {
+        let text = program.text(dialect);
+        for kernel in PARTS.iter().flat_map(|part| part.kernels) {
+            let entry = format!("run_{}{entry}", kernel.name);
+            assert_eq!(text.matches(&entry).count(), 1, "{entry}");
+        }
+    }
+}
+
+#[test]
+fn the_example_for_editors_is_a_program_of_today() {
+    let expected = format!(
+        "// Definitions for one network, with which compile_flags.txt lets editors read a file of kernels by\n\
+         // itself. Devices get those of their own network from the program.\n{}",
+        whole_program().definitions()
+    );
+    assert_eq!(
+        include_str!("example.h"),
+        expected,
+        "example.h should be:\n{expected}"
+    );
+}
+
+#[test]
+fn every_file_is_read_by_itself() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/kernels");
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
+    for part in PARTS {
+        let answer = std::process::Command::new(&compiler)
+            .args(include_str!("compile_flags.txt").lines())
+            .args(["-fsyntax-only", part.name])
+            .current_dir(folder)
+            .output();
+        let Ok(answer) = answer else {
+            eprintln!("NOT TESTED: there is no C compiler {compiler}");
+            return;
+        };
+        let messages = String::from_utf8_lossy(&answer.stderr);
+        assert!(answer.status.success(), "{}:\n{messages}", part.name);
+    }
+}
