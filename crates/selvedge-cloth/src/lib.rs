@@ -7,6 +7,7 @@
 //! handed on ([`glam::Vec3`]). This crate reads no files and moves no cloth.
 
 mod cloth;
+pub mod conformance;
 mod environment;
 pub mod generate;
 pub mod geometry;
@@ -43,5 +44,5 @@ pub use physics::{
 };
 pub use scene::{Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};
-pub use stepper::{Correctable, StepError, Stepper};
+pub use stepper::{Correctable, StepError, Stepper, check_target_count, check_targets_hold};
 pub use topology::{Arc, Edge, Topology, TopologyError};

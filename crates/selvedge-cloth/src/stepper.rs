@@ -1,7 +1,9 @@
-//! The one seam: whatever moves a cloth forward by one frame, given its handles.
+//! The seam of the workspace: anything that moves a cloth forward by one frame, given targets for
+//! its handles.
 //!
 //! The physics, the learned model and a recording implement [`Stepper`]; the recorder, the
 //! evaluator, the viewer and the exporters consume it and never ask which one it is.
+//! [`crate::conformance`] checks an implementation.
 
 use glam::Vec3;
 use thiserror::Error;
@@ -9,46 +11,55 @@ use thiserror::Error;
 use crate::{HandleError, HandleTargets, Handles, Topology, VertexId};
 
 /// A cloth that moves one frame at a time.
+///
+/// Frame 0 is the start. A step leads from frame [`Self::frame`] to the frame after it. Every
+/// [`StepError`] names the frame that could not be reached: `frame() + 1`, 1 for the first step.
 pub trait Stepper {
-    /// The connectivity of the cloth.
+    /// The connectivity of the cloth. It stays the same.
     fn topology(&self) -> &Topology;
 
-    /// The handles, in the order in which [`Self::step`] expects their targets.
+    /// The handles, in the order in which [`Self::step`] expects their targets. They stay the same.
     fn handles(&self) -> &Handles;
 
-    /// Positions now `[m]`, `[vertices]`.
+    /// Positions now `[m]`, `[vertices]`, all finite.
     fn positions(&self) -> &[Vec3];
 
     /// Frames stepped since the start.
     fn frame(&self) -> usize;
 
-    /// Moves the cloth by one frame, its handles to `handles`.
+    /// Moves the cloth by one frame, its handles to `targets`.
     ///
     /// # Errors
-    /// [`StepError`]; the cloth is then left as it was before the step.
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError>;
+    /// [`StepError`], which names the frame that could not be reached. The cloth is left as it was
+    /// before the step: the frames that follow are those of a cloth whose step was never tried.
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError>;
 }
 
-/// A [`Stepper`] that goes on from frames that somebody else has made: a guard's.
+/// A [`Stepper`] that continues from frames made elsewhere. A guard corrects through it.
 pub trait Correctable: Stepper {
-    /// Puts `positions` `[m]`, `[vertices]`, in the place of the newest frame: what was stepped to
-    /// is forgotten, and the next step goes on from them. The frame count stays.
+    /// Replaces the newest frame by `positions` `[m]`, `[vertices]`. The next step starts from
+    /// them. The frame count stays.
     ///
     /// # Errors
-    /// [`StepError::NonFinite`]; the cloth is then left as it was.
+    /// [`StepError::NonFinite`] or [`StepError::Device`], with the number of the newest frame; the
+    /// cloth is left as it was.
     ///
     /// # Panics
     /// When there are not as many positions as vertices.
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError>;
 
-    /// Takes `positions` `[m]`, `[vertices]`, as the next frame, as if it had stepped there.
+    /// Takes `positions` `[m]`, `[vertices]`, as the next frame, in place of a step.
     ///
     /// # Errors
-    /// As for [`Self::replace_frame`].
+    /// As for [`Self::replace_frame`], with the number of the next frame.
     ///
     /// # Panics
     /// As for [`Self::replace_frame`].
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError>;
+
+    /// Undoes the last [`Stepper::step`], also if its frame was replaced since: the cloth is as it
+    /// was before that step. Does nothing unless that step came last and succeeded.
+    fn undo_step(&mut self);
 }
 
 impl<S: Stepper + ?Sized> Stepper for Box<S> {
@@ -68,8 +79,8 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
         (**self).frame()
     }
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        (**self).step(handles)
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        (**self).step(targets)
     }
 }
 
@@ -81,9 +92,13 @@ impl<S: Correctable + ?Sized> Correctable for Box<S> {
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         (**self).take_frame(positions)
     }
+
+    fn undo_step(&mut self) {
+        (**self).undo_step();
+    }
 }
 
-/// Why a step failed.
+/// Reason for a failed step; `frame` is the frame that could not be reached.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum StepError {
@@ -114,9 +129,72 @@ pub enum StepError {
     EndOfRecording { frame: usize, frames: usize },
 }
 
-/// For a [`Stepper`] around another one: all but [`Stepper::step`] is as in its field `inner`.
+impl StepError {
+    /// The frame that could not be reached.
+    #[must_use]
+    pub fn frame(&self) -> usize {
+        match *self {
+            Self::Handles { frame, .. }
+            | Self::NonFinite { frame, .. }
+            | Self::Solve { frame, .. }
+            | Self::Strain { frame, .. }
+            | Self::Device { frame, .. }
+            | Self::EndOfRecording { frame, .. } => frame,
+        }
+    }
+
+    /// The same error with another frame number.
+    #[must_use]
+    pub fn at_frame(mut self, number: usize) -> Self {
+        match &mut self {
+            Self::Handles { frame, .. }
+            | Self::NonFinite { frame, .. }
+            | Self::Solve { frame, .. }
+            | Self::Strain { frame, .. }
+            | Self::Device { frame, .. }
+            | Self::EndOfRecording { frame, .. } => *frame = number,
+        }
+        self
+    }
+}
+
+/// Checks that `targets` has one target per handle of `stepper`, which is about to step.
+///
+/// # Errors
+/// [`StepError::Handles`] with [`HandleError::Count`].
+pub fn check_target_count(
+    stepper: &(impl Stepper + ?Sized),
+    targets: &HandleTargets,
+) -> Result<(), StepError> {
+    let (expected, found) = (stepper.handles().len(), targets.handle_count());
+    if expected == found {
+        return Ok(());
+    }
+    Err(StepError::Handles {
+        frame: stepper.frame() + 1,
+        source: HandleError::Count { expected, found },
+    })
+}
+
+/// Checks `targets` for a `stepper` that cannot let handles go: one target per handle, and all
+/// handles hold.
+///
+/// # Errors
+/// [`StepError::Handles`] names the count or the handle that is let go.
+pub fn check_targets_hold(
+    stepper: &(impl Stepper + ?Sized),
+    targets: &HandleTargets,
+) -> Result<(), StepError> {
+    check_target_count(stepper, targets)?;
+    let frame = stepper.frame() + 1;
+    let hold = targets.require_all_hold();
+    hold.map_err(|source| StepError::Handles { frame, source })
+}
+
+/// Implements every method of [`Stepper`] but [`Stepper::step`] by the field of this name, which
+/// is a stepper itself.
 #[macro_export]
-macro_rules! looks_like {
+macro_rules! delegate_stepper {
     ($inner:ident) => {
         fn topology(&self) -> &$crate::Topology {
             self.$inner.topology()

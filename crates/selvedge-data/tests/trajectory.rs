@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 
 use glam::{Vec2, Vec3};
 use proptest::prelude::*;
+use selvedge_cloth::conformance::{HandlesEnd, check};
 use selvedge_cloth::{
     Cloth, ClothArrays, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
 };
@@ -167,6 +168,12 @@ fn positions_that_are_no_frames_are_an_error() {
 }
 
 #[test]
+fn a_playback_conforms() {
+    let make = || Playback::new(trajectory(6));
+    assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
+}
+
+#[test]
 fn recording_a_playback_gives_the_trajectory_back() {
     let original = trajectory(5);
     let mut playback = Playback::new(original.clone());
@@ -200,7 +207,7 @@ fn recording_a_playback_gives_the_trajectory_back() {
     assert!(matches!(
         failed.end,
         RecordingEnd::Failed(StepError::EndOfRecording {
-            frame: 4,
+            frame: 5,
             frames: 5
         })
     ));

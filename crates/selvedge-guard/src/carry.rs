@@ -1,11 +1,12 @@
-//! The last good frame carried rigidly by the handles, where no physics is at hand:
+//! Rigid motion of the last good frame with its handles, used without physics:
 //! p = c + R (p₋ - c₋), with c₋ and c the centroids of the handles before and after, and R the turn
 //! about the vertical that fits them best `[eq:guard-carry]`. Handles end at their targets exactly.
 
 use glam::{DQuat, DVec3, Vec3};
 use selvedge_cloth::Handles;
 
-/// Carries the frame `from` `[m]`, `[vertices]`, to where `targets` `[m]`, `[handles]`, lead its handles.
+/// Carries the frame `from` `[m]`, `[vertices]`, with its handles to `targets` `[m]`, `[handles]`,
+/// and puts the result into `to`.
 pub(crate) fn carry(handles: &Handles, from: &[Vec3], targets: &[DVec3], to: &mut Vec<Vec3>) {
     let count = handles.len().max(1) as f64;
     let before: Vec<DVec3> = handles.of(from).map(|p| p.as_dvec3()).collect();

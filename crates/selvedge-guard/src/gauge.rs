@@ -1,22 +1,21 @@
-//! What of two frames in a row tells whether they are those of a cloth: strains of the edges, and
-//! speeds. All of it is known without a material, in one pass over edges and one over vertices.
+//! Measures of two consecutive frames: strains of the edges and speeds of the vertices. They need
+//! no material, and take one pass over the edges and one over the vertices.
 
 use glam::Vec3;
 
-/// Two frames in a row of a cloth.
+/// Measures of two consecutive frames of a cloth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// The largest (l - l₀)/l₀ of an edge in the later frame, against the material.
+    /// Largest strain (l - l₀)/l₀ of an edge in the later frame, against the material.
     pub largest_strain: f64,
-    /// The smallest.
+    /// Smallest strain of an edge in the later frame.
     pub smallest_strain: f64,
-    /// ε = √(mean over edges of ((l - l₀)/l₀)²): its square is to the elastic energy of a cloth of
-    /// equal stiffness everywhere as one constant, so that it tells of cloth that is strained all
-    /// over where the largest strain tells of one edge.
+    /// ε = √(mean over edges of ((l - l₀)/l₀)²). In a cloth of uniform stiffness the elastic energy
+    /// is proportional to ε². The largest strain tells of one edge, ε of the whole cloth.
     pub strain_rms: f64,
     /// Kinetic energy over mass, Σ m |v|²/(2 Σ m) with v = (p - p₋) · frame rate `[J/kg]`.
     pub kinetic_energy: f64,
-    /// The largest speed of a vertex between the frames `[m/s]`.
+    /// Largest speed of a vertex between the frames `[m/s]`.
     pub largest_speed: f64,
 }
 
@@ -25,14 +24,14 @@ pub(crate) struct Gauge {
     edges: Vec<[u32; 2]>,
     /// Lengths in material space `[m]`, `[edges]`.
     lengths: Vec<f64>,
-    /// Parts of the whole mass, `[vertices]`.
+    /// Share of each vertex in the total mass, `[vertices]`.
     shares: Vec<f64>,
     frame_rate: f64,
 }
 
 impl Gauge {
-    /// A gauge of a cloth with these `edges`, their `lengths` in material space `[m]`, `[edges]`, all
-    /// positive, and vertices of `mass` `[kg]`, `[vertices]`.
+    /// A gauge of a cloth with these `edges`, their `lengths` in material space `[m]`, `[edges]`,
+    /// all positive, and vertices of `mass` `[kg]`, `[vertices]`.
     pub(crate) fn new(
         edges: Vec<[u32; 2]>,
         lengths: Vec<f64>,
@@ -48,13 +47,13 @@ impl Gauge {
         }
     }
 
-    /// The mean length of an edge in material space `[m]`.
+    /// Mean length of an edge in material space `[m]`.
     pub(crate) fn mean_length(&self) -> f64 {
         self.lengths.iter().sum::<f64>() / self.lengths.len().max(1) as f64
     }
 
-    /// The measures of the frame `now` after the frame `before` `[m]`, `[vertices]`. A value that is
-    /// not finite makes the measure so. `[eq:trust]`
+    /// Measures the frame `now` after the frame `before` `[m]`, `[vertices]`. A position that is
+    /// not finite makes the measures so. `[eq:trust]`
     pub(crate) fn measure(&self, before: &[Vec3], now: &[Vec3]) -> Measured {
         let mut measured = Measured {
             largest_strain: f64::NEG_INFINITY,
@@ -78,7 +77,7 @@ impl Gauge {
     }
 }
 
-/// The larger of two; not a number where one of them is not.
+/// The larger of two numbers; NaN if one of them is NaN.
 fn larger(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
 }
@@ -144,7 +143,7 @@ mod tests {
         // Only vertex 20 moves, by 0.1 m in 1/50 s.
         let share = gauge.shares[20];
         assert!((measured.kinetic_energy - 0.5 * share * 25.0).abs() < 1e-5);
-        // By the law of Pythagoras, since it moves across its plane: the shortest edge is strained most.
+        // It moves across its plane. By Pythagoras the shortest edge is strained most.
         let edges = gauge.edges.iter().zip(&gauge.lengths);
         let here = edges
             .filter(|(ends, _)| ends.contains(&20))

@@ -1,16 +1,22 @@
-//! The guard: a stepper around a stepper that measures every frame and corrects it where it must.
+//! The guard: a stepper around a stepper that measures every frame and corrects it if necessary.
 //!
-//! A frame within its bounds is passed on bit for bit. One beyond them is relaxed by the physics where
-//! that is asked for, and its edges are brought back; the inner stepper then goes on from that
-//! frame, not from its own. What cannot be brought back, or is no frame at all, is replaced by a
-//! frame of the physics from the last two good ones, or without a scene by the last one carried by
-//! the handles. So a step fails only for what its caller did: targets that do not fit, a recording
-//! that has ended; and where handles are farther apart than the cloth can reach, edges stay too long.
+//! A frame within its bounds is passed on bit for bit. A frame beyond them is relaxed by the physics
+//! ([`Correction::Physics`]), and its edges are brought back; the inner stepper continues from the
+//! corrected frame. A lost frame is replaced by a step of the physics from the last two frames, or
+//! without a scene by the last frame, carried by the handles. So a step fails only for its caller
+//! (targets that do not fit, a recording that has ended) or for a device. Edges stay too long where
+//! handles are farther apart than the cloth can reach.
+//!
+//! No failure of the physics is silent: it is in [`Trust::physics_failed`] and, with its reason, in
+//! [`Guard::physics_failure`].
 
 use std::sync::Arc;
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, Correctable, HandleTargets, Scene, StepError, Stepper, VertexId};
+use selvedge_cloth::{
+    Cloth, Correctable, HandleTargets, Scene, StepError, Stepper, VertexId, check_target_count,
+};
+use selvedge_sim::SimulatorError;
 use thiserror::Error;
 
 use crate::carry::carry;
@@ -18,9 +24,9 @@ use crate::gauge::Gauge;
 use crate::limiter::{EdgeLimiter, LimitedEdge};
 use crate::rescue::Physics;
 use crate::settings::{Correction, GuardSettings, SettingsError, When};
-use crate::trust::{Moved, Trust, Verdict};
+use crate::trust::{Moved, Replacement, Trust, Verdict};
 
-/// Why a cloth cannot be guarded.
+/// Reason why a cloth cannot be guarded.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GuardError {
@@ -42,29 +48,45 @@ pub enum GuardError {
     NoScene,
     #[error("the scene's {what} are not those of the cloth")]
     OtherScene { what: &'static str },
+    #[error("the physics that is to correct frames cannot be set up: {0}")]
+    Physics(#[source] SimulatorError),
 }
 
-/// A stepper that is watched over.
+/// Failure of the physics beside a guard.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum PhysicsFailure {
+    /// The physics of the scene cannot be set up; it is not tried again.
+    #[error("the physics cannot be set up: {0}")]
+    SetUp(#[source] SimulatorError),
+    /// A relaxation or a step failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+}
+
+/// A stepper under a guard.
 pub struct Guard<S> {
     inner: S,
     settings: GuardSettings,
     gauge: Gauge,
     limiter: EdgeLimiter,
     scene: Option<Arc<Scene>>,
-    /// Made when it is first needed.
-    physics: Option<Physics>,
-    /// The frame before the newest and the newest as they were given on `[m]`, `[vertices]`.
+    /// Physics of the scene; set up at the start if every correction needs it, else at the first lost
+    /// frame.
+    physics: Option<Result<Physics, SimulatorError>>,
+    physics_failure: Option<PhysicsFailure>,
+    /// The last two frames that were given on, the newest last `[m]`, `[vertices]`.
     last: [Vec<Vec3>; 2],
     next: Vec<Vec3>,
     trust: Trust,
 }
 
 impl<S: Correctable> Guard<S> {
-    /// Watches `inner`, which moves `cloth` by `frame_rate` frames per second and stands still so far.
-    /// With the `scene` of that cloth the physics is at hand.
+    /// Guards `inner`, which moves `cloth` by `frame_rate` frames per second and stands still so far.
+    /// With the `scene` of that cloth, lost frames are replaced by the physics.
     ///
     /// # Errors
-    /// [`GuardError`] names the setting or the part that does not fit.
+    /// [`GuardError`] names the setting or the part that does not fit; [`GuardError::Physics`] if
+    /// frames are to be corrected by a physics that cannot be set up.
     pub fn new(
         inner: S,
         cloth: &Cloth,
@@ -73,19 +95,28 @@ impl<S: Correctable> Guard<S> {
         settings: GuardSettings,
     ) -> Result<Self, GuardError> {
         settings.validate()?;
-        match &scene {
-            Some(scene) => check_scene(scene, &inner)?,
-            None if settings.correction == Correction::Physics => return Err(GuardError::NoScene),
-            None => {}
+        if let Some(scene) = &scene {
+            check_scene(scene, &inner)?;
         }
         let lengths = check_cloth(cloth, &inner)?;
+        let physics = match (settings.correction, &scene) {
+            (Correction::Physics, None) => return Err(GuardError::NoScene),
+            (Correction::Physics, Some(scene)) => {
+                Some(Ok(Physics::new(scene).map_err(GuardError::Physics)?))
+            }
+            (Correction::None | Correction::Limit, _) => None,
+        };
         let edges = inner.topology().edges().iter();
         let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
-        let mask = inner.handles().mask(cloth.vertex_count());
-        let limited = ends
-            .iter()
-            .zip(&lengths)
-            .filter_map(|(&ends, &length)| limited_edge(ends, length, cloth, (&mask, &settings)));
+        let is_handle = inner.handles().mask(cloth.vertex_count());
+        let limited = ends.iter().zip(&lengths).filter_map(|(&ends, &length)| {
+            let shares = shares(ends.map(|v| match is_handle[v as usize] {
+                true => 0.0,
+                false => 1.0 / cloth.vertex_mass()[v as usize],
+            }))?;
+            let [a, b] = ends.map(|v| cloth.rest_positions()[v as usize].as_dvec3());
+            Some(limited_edge(ends, shares, length, a.distance(b), &settings))
+        });
         let start = inner.positions().to_vec();
         let mut guard = Self {
             limiter: EdgeLimiter::new(limited.collect()),
@@ -95,7 +126,8 @@ impl<S: Correctable> Guard<S> {
             inner,
             settings,
             scene,
-            physics: None,
+            physics,
+            physics_failure: None,
             trust: Trust::default(),
         };
         guard.trust.frame = guard.inner.frame();
@@ -103,13 +135,19 @@ impl<S: Correctable> Guard<S> {
         Ok(guard)
     }
 
-    /// What is known of the newest frame.
+    /// Trust in the newest frame.
     #[must_use]
     pub fn trust(&self) -> &Trust {
         &self.trust
     }
 
-    /// What is guarded.
+    /// Reason of the newest failure of the physics; none so far if there was none.
+    #[must_use]
+    pub fn physics_failure(&self) -> Option<&PhysicsFailure> {
+        self.physics_failure.as_ref()
+    }
+
+    /// The stepper under guard.
     #[must_use]
     pub fn inner(&self) -> &S {
         &self.inner
@@ -123,13 +161,15 @@ impl<S: Correctable> Guard<S> {
         let predicted = is_finite.then_some(given);
         let holds = is_finite && self.limiter.holds(found);
         let is_lost = !is_finite || given.largest_strain > self.settings.lost_strain;
+        let replaced_by = Replacement::Nothing;
         self.trust = Trust {
             frame: self.inner.frame(),
             verdict: match (holds, is_lost) {
                 (true, _) => Verdict::Held,
-                (false, true) => Verdict::Lost,
+                (false, true) => Verdict::Lost { replaced_by },
                 (false, false) => Verdict::Corrected,
             },
+            physics_failed: false,
             predicted,
             given,
             correction: predicted.map(|_| Moved::default()),
@@ -141,8 +181,7 @@ impl<S: Correctable> Guard<S> {
         if self.settings.correction == Correction::None || (holds && !is_always) {
             return Ok(());
         }
-        if self.trust.verdict == Verdict::Lost || !self.correct(targets) {
-            self.trust.verdict = Verdict::Lost;
+        if self.trust.verdict.is_lost() || !self.correct(targets) {
             self.replace(targets);
         }
         let moved = moved(self.inner.positions(), &self.next);
@@ -151,7 +190,18 @@ impl<S: Correctable> Guard<S> {
         self.inner.replace_frame(&self.next)
     }
 
-    /// Corrects the next frame as the settings say; whether that came to a good end.
+    /// Makes and hands on the next frame after a failed step of the inner stepper.
+    fn take_over(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.trust = Trust {
+            frame: self.inner.frame() + 1,
+            ..Trust::default()
+        };
+        self.replace(targets);
+        self.trust.given = self.gauge.measure(&self.last[1], &self.next);
+        self.inner.take_frame(&self.next)
+    }
+
+    /// Corrects the next frame as the settings say. Returns false if it is lost after all.
     fn correct(&mut self, targets: &HandleTargets) -> bool {
         if self.settings.correction == Correction::Physics {
             self.relax(targets);
@@ -161,13 +211,16 @@ impl<S: Correctable> Guard<S> {
         within && moved(self.inner.positions(), &self.next).largest <= farthest
     }
 
-    /// Relaxes the next frame by the physics; what cannot be solved stays as it is, to be limited.
+    /// Relaxes the next frame by the physics. If that fails, the frame stays as it is.
     fn relax(&mut self, targets: &HandleTargets) {
         let (frame, solves) = (self.trust.frame, self.settings.solves);
         let mut relaxed = std::mem::take(&mut self.next);
-        if let Some(physics) = self.physics() {
-            // On an error positions stay as they were.
-            let _ = physics.relax(frame, solves, targets.end(), &mut relaxed);
+        let outcome = self.physics().map(|physics| {
+            let relaxed = physics?.relax(frame, solves, targets.end(), &mut relaxed);
+            relaxed.map_err(PhysicsFailure::Step)
+        });
+        if let Some(Err(failure)) = outcome {
+            self.note(failure);
         }
         for (vertex, target) in self.inner.handles().vertices().iter().zip(targets.end()) {
             relaxed[vertex.index()] = target.as_vec3();
@@ -180,34 +233,48 @@ impl<S: Correctable> Guard<S> {
         let last = std::mem::take(&mut self.last);
         let frame = self.trust.frame.saturating_sub(1);
         let mut next = std::mem::take(&mut self.next);
-        let found = match self.physics() {
-            Some(physics) => physics.step(frame, [&last[0], &last[1]], targets).ok(),
-            None => None,
-        };
-        match found.filter(|found| found.iter().all(|p| p.is_finite())) {
-            Some(found) => {
-                next.clear();
-                next.extend_from_slice(found);
-                // Where handles have been exact there is nothing to do.
-                for (vertex, target) in self.inner.handles().vertices().iter().zip(targets.end()) {
-                    next[vertex.index()] = target.as_vec3();
-                }
+        let outcome = self.physics().map(|physics| {
+            let found = physics?.step(frame, &last[0], &last[1], targets)?;
+            next.clear();
+            next.extend_from_slice(found);
+            Ok(())
+        });
+        let replaced_by = match outcome {
+            Some(Ok(())) => Replacement::Physics,
+            Some(Err(failure)) => {
+                self.note(failure);
+                Replacement::Carry
             }
-            None => carry(self.inner.handles(), &last[1], targets.end(), &mut next),
+            None => Replacement::Carry,
+        };
+        if replaced_by == Replacement::Carry {
+            carry(self.inner.handles(), &last[1], targets.end(), &mut next);
+        }
+        // The handles of a physics with springs end beside their targets.
+        for (vertex, target) in self.inner.handles().vertices().iter().zip(targets.end()) {
+            next[vertex.index()] = target.as_vec3();
         }
         self.limiter.apply(&mut next, self.settings.sweeps);
+        self.trust.verdict = Verdict::Lost { replaced_by };
         (self.last, self.next) = (last, next);
     }
 
-    /// The physics, where there is a scene; made when it is first needed.
-    fn physics(&mut self) -> Option<&mut Physics> {
+    /// The physics, set up if that was not tried before; none without a scene.
+    fn physics(&mut self) -> Option<Result<&mut Physics, PhysicsFailure>> {
         if let (None, Some(scene)) = (&self.physics, &self.scene) {
-            self.physics = Physics::new(scene).ok();
+            self.physics = Some(Physics::new(scene));
         }
-        self.physics.as_mut()
+        let physics = self.physics.as_mut()?.as_mut();
+        Some(physics.map_err(|error| PhysicsFailure::SetUp(error.clone())))
     }
 
-    /// The newest frame is the next one.
+    /// Records that the physics failed for the frame in hand.
+    fn note(&mut self, failure: PhysicsFailure) {
+        self.trust.physics_failed = true;
+        self.physics_failure = Some(failure);
+    }
+
+    /// Makes the next frame the newest one.
     fn advance(&mut self) {
         self.last.swap(0, 1);
         std::mem::swap(&mut self.last[1], &mut self.next);
@@ -215,31 +282,40 @@ impl<S: Correctable> Guard<S> {
 }
 
 impl<S: Correctable> Stepper for Guard<S> {
-    selvedge_cloth::looks_like!(inner);
+    selvedge_cloth::delegate_stepper!(inner);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        match self.inner.step(targets) {
-            Ok(()) => self.judge(targets)?,
+        check_target_count(self, targets)?;
+        check_within_f32(self, targets)?;
+        let before = self.trust;
+        let stepped = match self.inner.step(targets) {
+            Ok(()) => self.judge(targets).inspect_err(|_| self.inner.undo_step()),
             Err(error) if self.settings.correction == Correction::None || is_callers(&error) => {
-                return Err(error);
+                Err(error)
             }
-            Err(_) => {
-                self.trust = Trust {
-                    frame: self.inner.frame() + 1,
-                    verdict: Verdict::Lost,
-                    ..Trust::default()
-                };
-                self.replace(targets);
-                self.trust.given = self.gauge.measure(&self.last[1], &self.next);
-                self.inner.take_frame(&self.next)?;
-            }
+            Err(_) => self.take_over(targets),
+        };
+        match stepped {
+            Ok(()) => self.advance(),
+            Err(_) => self.trust = before,
         }
-        self.advance();
-        Ok(())
+        stepped
     }
 }
 
-/// Whether a step failed for what its caller did, or for the machine it ran on.
+/// Checks that `targets` are finite as f32, as the positions of handles are to be.
+fn check_within_f32(stepper: &impl Stepper, targets: &HandleTargets) -> Result<(), StepError> {
+    let mut pairs = stepper.handles().vertices().iter().zip(targets.end());
+    match pairs.find(|(_, target)| !target.as_vec3().is_finite()) {
+        Some((&vertex, _)) => Err(StepError::NonFinite {
+            frame: stepper.frame() + 1,
+            vertex,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Returns true if a step failed for its caller, or for the machine that it ran on.
 fn is_callers(error: &StepError) -> bool {
     match error {
         StepError::Handles { .. } | StepError::EndOfRecording { .. } | StepError::Device { .. } => {
@@ -249,7 +325,7 @@ fn is_callers(error: &StepError) -> bool {
     }
 }
 
-/// How far it is from `a` to `b` `[m]`, `[vertices]`.
+/// Distances from `a` to `b` `[m]`, `[vertices]`.
 fn moved(a: &[Vec3], b: &[Vec3]) -> Moved {
     let mut moved = Moved::default();
     for (p, q) in a.iter().zip(b) {
@@ -263,27 +339,29 @@ fn moved(a: &[Vec3], b: &[Vec3]) -> Moved {
     }
 }
 
-/// The bounds of an edge; none where both ends are handles.
+/// Shares of the ends in a move, by their inverse masses `[1/kg]`; none if neither end can move.
+fn shares(inverse: [f32; 2]) -> Option<[f32; 2]> {
+    let both: f32 = inverse.iter().sum();
+    (both > 0.0).then(|| inverse.map(|weight| weight / both))
+}
+
+/// The bounds of an edge of `length` in the material and `rest` in the rest pose `[m]`.
 fn limited_edge(
     ends: [u32; 2],
+    shares: [f32; 2],
     length: f64,
-    cloth: &Cloth,
-    (mask, settings): (&[bool], &GuardSettings),
-) -> Option<LimitedEdge> {
-    let inverse = ends.map(|v| match mask[v as usize] {
-        true => 0.0,
-        false => 1.0 / cloth.vertex_mass()[v as usize],
-    });
-    let both: f32 = inverse.iter().sum();
-    let [a, b] = ends.map(|v| cloth.rest_positions()[v as usize].as_dvec3());
-    let (rest, margin) = (a.distance(b), settings.rest_margin);
+    rest: f64,
+    settings: &GuardSettings,
+) -> LimitedEdge {
+    let margin = settings.rest_margin;
     let least = (settings.least_stretch * length).min((1.0 - margin) * rest);
     let most = (settings.most_stretch * length).max((1.0 + margin) * rest);
-    (both > 0.0).then(|| LimitedEdge {
+    LimitedEdge {
         ends,
-        bounds: [least as f32, most as f32],
-        shares: inverse.map(|weight| weight / both),
-    })
+        least: least as f32,
+        most: most as f32,
+        shares,
+    }
 }
 
 fn check_scene(scene: &Scene, inner: &impl Stepper) -> Result<(), GuardError> {
@@ -296,7 +374,8 @@ fn check_scene(scene: &Scene, inner: &impl Stepper) -> Result<(), GuardError> {
     Ok(())
 }
 
-/// The material length of each edge `[m]`, `[edges]`, of the cloth that `inner` moves.
+/// Checks that `cloth` is the one that `inner` moves. Gives the material length of each edge `[m]`,
+/// `[edges]`.
 fn check_cloth(cloth: &Cloth, inner: &impl Stepper) -> Result<Vec<f64>, GuardError> {
     if cloth.topology() != inner.topology() {
         return Err(GuardError::OtherCloth { what: "faces" });

@@ -15,6 +15,6 @@ mod settings;
 mod trust;
 
 pub use gauge::Measured;
-pub use guard::{Guard, GuardError};
+pub use guard::{Guard, GuardError, PhysicsFailure};
 pub use settings::{Correction, GuardSettings, SettingsError, When};
-pub use trust::{Moved, Tally, Trust, Verdict};
+pub use trust::{Moved, Replacement, Tally, Trust, Verdict};

@@ -1,33 +1,34 @@
-//! Keeping every edge within its bounds, the last word of a correction: each edge that is beyond them
-//! is brought back to them, its ends moving against each other in inverse proportion to their masses,
-//! edge by edge, in sweeps to and fro `[eq:guard-limits]`. Handles do not move.
+//! Bounds of edge lengths, the last part of a correction. Each edge beyond its bounds is brought back
+//! to them; its ends move in inverse proportion to their masses. Sweeps visit edge by edge, to and
+//! fro `[eq:guard-limits]`. Handles do not move.
 //!
-//! Positions in which no edge is too long form a convex set, and a move is the projection onto one
-//! edge's own (in the metric of the masses), so the sweeps converge wherever the handles leave such
-//! positions at all; they end when none is too long by more than [`SLACK`]. Shortest lengths have no
-//! such property: they are aimed at in the first sweeps only. An edge between two handles is no
-//! business of this file.
+//! Positions in which no edge is too long form a convex set, and each move is a projection onto the
+//! set of one edge (in the metric of the masses). So the sweeps converge whenever the handles leave
+//! such positions. They end when no edge is too long by more than [`SLACK`]. Shortest lengths form
+//! no convex set and are enforced in the first sweeps only. Edges between two handles are left out.
 
 use glam::Vec3;
 
-/// How much too long an edge may stay, in parts of the longest that it may be: far more than the
-/// rounding of f32 positions some metres from the origin, far less than what can be seen.
+/// Excess length that an edge may keep, relative to its longest length: far more than the rounding
+/// of f32 positions some metres from the origin, far less than can be seen.
 pub(crate) const SLACK: f32 = 1e-3;
-/// Sweeps in which edges that are too short are lengthened too.
+/// Sweeps that also lengthen edges that are too short.
 const BOTH: u32 = 20;
 
-/// The bounds of all edges of a cloth.
+/// Bounds of all edges of a cloth.
 pub(crate) struct EdgeLimiter {
     edges: Vec<LimitedEdge>,
 }
 
 /// An edge that has a free end.
 pub(crate) struct LimitedEdge {
-    /// Its ends.
+    /// Vertices of the edge.
     pub(crate) ends: [u32; 2],
-    /// The shortest and the longest that it may be `[m]`.
-    pub(crate) bounds: [f32; 2],
-    /// What of a move each end takes, 1 in all: by 1/m, none of it a handle.
+    /// Shortest length allowed `[m]`.
+    pub(crate) least: f32,
+    /// Longest length allowed `[m]`.
+    pub(crate) most: f32,
+    /// Share of a move that each end takes, by 1/m: 0 for a handle, 1 in all.
     pub(crate) shares: [f32; 2],
 }
 
@@ -37,24 +38,23 @@ impl EdgeLimiter {
         Self { edges }
     }
 
-    /// Whether no edge is beyond its bounds; not where a position is not finite.
+    /// Returns true if all edges are within their bounds, false if a position is not finite.
     pub(crate) fn holds(&self, positions: &[Vec3]) -> bool {
         self.edges.iter().all(|edge| {
             let length = edge.vector(positions).length();
-            (edge.bounds[0]..=edge.bounds[1]).contains(&length)
+            (edge.least..=edge.most).contains(&length)
         })
     }
 
-    /// Moves free vertices `[m]`, `[vertices]`, until no edge is too long by more than [`SLACK`], in so
-    /// many sweeps at most. Gives whether that is so.
+    /// Moves free vertices `[m]`, `[vertices]`, until no edge is too long by more than [`SLACK`], in
+    /// at most `sweeps` sweeps. Returns true if that was reached.
     pub(crate) fn apply(&self, positions: &mut [Vec3], sweeps: u32) -> bool {
         for sweep in 0..sweeps {
             let is_short = sweep < BOTH;
             let mut changed = false;
             let mut visit = |edge: &LimitedEdge| {
-                let [least, most] = edge.bounds;
-                let least = if is_short { least } else { 0.0 };
-                changed |= edge.limit([least, most], positions);
+                let least = if is_short { edge.least } else { 0.0 };
+                changed |= edge.limit(least, positions);
             };
             match sweep % 2 {
                 0 => self.edges.iter().for_each(&mut visit),
@@ -67,10 +67,10 @@ impl EdgeLimiter {
         self.within(positions)
     }
 
-    /// Whether no edge is too long by more than [`SLACK`].
+    /// Returns true if no edge is too long by more than [`SLACK`].
     fn within(&self, positions: &[Vec3]) -> bool {
         let mut edges = self.edges.iter();
-        edges.all(|edge| edge.vector(positions).length() <= edge.bounds[1] * (1.0 + SLACK))
+        edges.all(|edge| edge.vector(positions).length() <= edge.most * (1.0 + SLACK))
     }
 }
 
@@ -79,9 +79,10 @@ impl LimitedEdge {
         positions[self.ends[0] as usize] - positions[self.ends[1] as usize]
     }
 
-    /// Brings the edge within the bounds, where it is beyond them by more than half the slack (what it
-    /// would be by less is not worth a sweep), and says whether it was.
-    fn limit(&self, [least, most]: [f32; 2], positions: &mut [Vec3]) -> bool {
+    /// Brings the edge back between `least` `[m]` and its longest length, if it is beyond them by more
+    /// than half the slack; less is not worth a sweep. Returns true if it was.
+    fn limit(&self, least: f32, positions: &mut [Vec3]) -> bool {
+        let most = self.most;
         let apart = self.vector(positions);
         let length = apart.length();
         let allowed = least * (1.0 - SLACK)..=most * (1.0 + 0.5 * SLACK);
@@ -102,8 +103,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use selvedge_cloth::generate::{SheetSpec, named_sheets, sheet};
 
-    /// Bounds of 0.85 and 1.2 for every edge of a mesh that has a name, masses all the same; its
-    /// handles and its positions.
+    /// Bounds of 0.85 and 1.2 for every edge of a named mesh with uniform masses; also its handles
+    /// and its positions.
     fn of(number: usize, density: f64) -> (EdgeLimiter, Vec<usize>, Vec<Vec3>) {
         let named = named_sheets()[number];
         let spec = SheetSpec {
@@ -132,7 +133,8 @@ mod tests {
             let length = flat[ends[0] as usize].distance(flat[ends[1] as usize]);
             (both > 0.0).then(|| LimitedEdge {
                 ends,
-                bounds: [0.85 * length, 1.2 * length],
+                least: 0.85 * length,
+                most: 1.2 * length,
                 shares: weights.map(|weight| weight / both),
             })
         });
@@ -165,7 +167,7 @@ mod tests {
                 );
                 for edge in &limiter.edges {
                     let length = edge.vector(&positions).length();
-                    assert!(length <= edge.bounds[1] * (1.0 + SLACK), "{number}");
+                    assert!(length <= edge.most * (1.0 + SLACK), "{number}");
                 }
                 for &v in &handles {
                     assert_eq!(positions[v], flat[v]);
@@ -189,7 +191,8 @@ mod tests {
     fn an_edge_alone_ends_at_its_bound_by_its_shares() {
         let edge = LimitedEdge {
             ends: [0, 1],
-            bounds: [0.8, 1.2],
+            least: 0.8,
+            most: 1.2,
             shares: [0.25, 0.75],
         };
         let limiter = EdgeLimiter::new(vec![edge]);

@@ -1,15 +1,13 @@
-//! The physics at a guard's side: a frame of it from the last good ones, and a few solves that relax a
-//! prediction.
+//! The physics beside a guard: frames in place of lost ones, and solves that relax a prediction.
 //!
-//! It is the scene's own simulator, with the air taken implicitly (it then adds no energy, whatever
-//! the velocities) and as many substeps as the scene says, never more: what strains too much is
-//! limited afterwards.
+//! It is the scene's own simulator with two changes. The air is implicit, which adds no energy at
+//! any velocity. The number of substeps is fixed: edges that strain too much are limited afterwards.
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Substepping};
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 
-/// A simulator and room for its states.
+/// A simulator with buffers for its states.
 pub(crate) struct Physics {
     simulator: Simulator,
     frame_rate: f64,
@@ -20,13 +18,13 @@ pub(crate) struct Physics {
 }
 
 impl Physics {
-    /// The physics of `scene`.
+    /// Sets up the physics of `scene`.
     pub(crate) fn new(scene: &Scene) -> Result<Self, SimulatorError> {
         let mut scene = scene.clone();
         scene.physics.air = AirLaw::Implicit;
         scene.physics.substepping = Substepping::Fixed;
         let mut simulator = Simulator::new(&scene)?;
-        // Of the run that it is a part of.
+        // The pool of the run that the guard is part of.
         simulator.set_threads(Threads::Pool);
         Ok(Self {
             simulator,
@@ -37,12 +35,13 @@ impl Physics {
         })
     }
 
-    /// The frame after frame `frame`, from the positions of the one before and of that one `[m]`,
-    /// `[vertices]`, whose difference is the velocity, the handles going to `targets`.
+    /// Computes the frame after `frame`. `current` `[m]`, `[vertices]`, is that frame and `previous`
+    /// the one before it; their difference gives the velocity.
     pub(crate) fn step(
         &mut self,
         frame: usize,
-        [previous, current]: [&[Vec3]; 2],
+        previous: &[Vec3],
+        current: &[Vec3],
         targets: &HandleTargets,
     ) -> Result<&[Vec3], StepError> {
         self.put(current);
@@ -56,10 +55,10 @@ impl Physics {
         Ok(self.simulator.positions())
     }
 
-    /// Relaxes `positions` `[m]`, `[vertices]`, of frame `frame` in so many solves, each from rest:
+    /// Relaxes `positions` `[m]`, `[vertices]`, of frame `frame` in `solves` solves, each from rest:
     /// p ← argmin over x of Σ m |x - p|²/(2 dt²) + E(x), to first order, with E the energy of
-    /// strain, bending and weight `[eq:guard-relaxation]`. What is strained most goes back most, and
-    /// what is smooth hardly moves. Handles stay.
+    /// strain, bending and weight `[eq:guard-relaxation]`. Strong strains recede most; smooth cloth
+    /// hardly moves. Handles go to `handles` `[m]`. On an error `positions` stay.
     pub(crate) fn relax(
         &mut self,
         frame: usize,
@@ -69,15 +68,21 @@ impl Physics {
     ) -> Result<(), StepError> {
         self.put(positions);
         for _ in 0..solves {
-            self.velocities.clear();
-            self.velocities.resize(positions.len(), DVec3::ZERO);
-            self.resume(frame)?;
-            self.simulator.substep(self.dt, handles)?;
-            self.positions.clear();
-            self.positions
-                .extend_from_slice(self.simulator.positions_f64());
+            let relaxed = self.relax_once(frame, handles);
+            relaxed.map_err(|error| error.at_frame(frame))?;
         }
         positions.copy_from_slice(self.simulator.positions());
+        Ok(())
+    }
+
+    /// One solve from rest, from `self.positions` and back into them.
+    fn relax_once(&mut self, frame: usize, handles: &[DVec3]) -> Result<(), StepError> {
+        self.velocities.clear();
+        self.velocities.resize(self.positions.len(), DVec3::ZERO);
+        self.resume(frame)?;
+        self.simulator.substep(self.dt, handles)?;
+        self.positions
+            .copy_from_slice(self.simulator.positions_f64());
         Ok(())
     }
 
@@ -92,7 +97,7 @@ impl Physics {
             .simulator
             .resume(frame, &self.positions, &self.velocities);
         resumed.map_err(|error| StepError::Solve {
-            frame,
+            frame: frame + 1,
             cause: error.to_string(),
         })
     }

@@ -1,58 +1,58 @@
-//! How a guard decides, and what it does.
+//! Settings of a guard: bounds, and the correction of frames beyond them.
 
 use thiserror::Error;
 
-/// What is done to a frame that is beyond its bounds.
+/// Correction of a frame that is beyond its bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Correction {
-    /// Nothing: frames are measured, errors are passed on.
+    /// None: frames are measured, errors are passed on.
     None,
     /// Edges are brought back within their bounds.
     #[default]
     Limit,
-    /// A few implicit solves of the physics relax the frame; then edges are brought back within
-    /// their bounds.
+    /// A few implicit solves of the physics relax the frame, then edges are brought back within
+    /// their bounds. Needs the scene of the cloth.
     Physics,
 }
 
-/// Which frames are corrected.
+/// Selection of the frames that are corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum When {
-    /// Those with an edge beyond its bounds.
+    /// Frames with an edge beyond its bounds.
     #[default]
     Needed,
-    /// All: the physics relaxes those within their bounds too.
+    /// All frames: the physics relaxes those within their bounds too.
     Always,
 }
 
-/// How a guard decides. The defaults are where the physics itself goes: on the 31 motions of the paper's
-/// kind of the data set `first` edges have stretches of 0.853 to 1.282 (a thousandth of the 39,091
-/// frames has one over 1.263). They stay below the strain of 30 % over which a run diverges.
+/// Settings of a guard. The default bounds are the extremes of the physics itself: on the 31 motions of
+/// the paper's kind of the data set `first`, edges have stretches of 0.853 to 1.282 (one frame in a
+/// thousand of 39,091 has one over 1.263). A run counts as diverged above a strain of 30 %.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuardSettings {
-    /// What is done to a frame that is beyond its bounds.
+    /// Correction of a frame that is beyond its bounds.
     pub correction: Correction,
-    /// Which frames that is done to.
+    /// Selection of the frames that are corrected.
     pub when: When,
-    /// The shortest that an edge may be, l/l₀ against the material. It is aimed at, not promised: a
-    /// fold between vertices shortens edges.
+    /// Shortest stretch l/l₀ of an edge, against the material. A goal, not a promise: a fold between
+    /// vertices shortens edges.
     pub least_stretch: f64,
-    /// The longest that an edge may be, l/l₀ against the material.
+    /// Longest stretch l/l₀ of an edge, against the material.
     pub most_stretch: f64,
-    /// An edge may always be as long as in the rest pose and longer by this part of that (and as short,
-    /// and shorter), whatever its bounds: heavy cloth may hang stretched.
+    /// Margin around an edge's length in the rest pose, as a part of that length. Lengths within it
+    /// are always allowed, whatever the stretch: heavy cloth may hang stretched.
     pub rest_margin: f64,
-    /// A frame is lost in which an edge strains more, (l - l₀)/l₀: it is not corrected but replaced.
+    /// Strain (l - l₀)/l₀ of an edge above which a frame is lost: replaced, not corrected.
     pub lost_strain: f64,
-    /// A frame is lost if a vertex would have to be moved farther, in mean lengths of an edge.
+    /// Move of a vertex above which a frame is lost, in mean lengths of an edge.
     pub lost_correction: f64,
-    /// How often all edges are gone through, at most.
+    /// Largest number of sweeps over all edges.
     pub sweeps: u32,
     /// Implicit solves of [`Correction::Physics`], each over a substep of the scene.
     pub solves: u32,
 }
 
-/// A setting that cannot be used.
+/// A setting with an invalid value.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("guard.{field} must be {expected}, found {found}")]
 pub struct SettingsError {
@@ -78,7 +78,7 @@ impl Default for GuardSettings {
 }
 
 impl GuardSettings {
-    /// The defaults with this correction.
+    /// The defaults with `correction`.
     #[must_use]
     pub fn with(correction: Correction) -> Self {
         Self {

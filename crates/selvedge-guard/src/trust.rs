@@ -1,68 +1,113 @@
-//! How far a frame can be trusted: what was measured of it, what had to be done to it, and both in one
-//! word.
+//! Trust in a frame: its measures before and after the guard, and a verdict in one word.
 
 use crate::Measured;
 
-/// A frame in one word.
+/// Judgement of a frame in one word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// Within all bounds, as it was predicted.
     #[default]
     Held,
-    /// Beyond a bound, and brought back (or, where nothing is corrected, left so).
+    /// Beyond a bound and brought back; without correction, left as it was.
     Corrected,
-    /// Not to be corrected: it did not come, or not finite, or too far off. It was replaced by a frame
-    /// of the physics or by the frame before, carried by the handles (or, where nothing is corrected,
-    /// left so).
-    Lost,
+    /// Not correctable: the prediction failed, is not finite, or is too far off.
+    Lost {
+        /// Origin of the frame that was given on instead.
+        replaced_by: Replacement,
+    },
+}
+
+/// Origin of the frame that replaces a lost one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Replacement {
+    /// None: nothing is corrected, the prediction was given on.
+    Nothing,
+    /// A step of the physics from the last two frames.
+    Physics,
+    /// The last frame, carried rigidly by the handles: there is no scene, or the physics failed.
+    Carry,
 }
 
 impl Verdict {
-    /// As people read it.
+    /// Name for reports: `held`, `corrected` or `lost`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Held => "held",
             Self::Corrected => "corrected",
-            Self::Lost => "lost",
+            Self::Lost { .. } => "lost",
+        }
+    }
+
+    /// Returns true for a lost frame.
+    #[must_use]
+    pub fn is_lost(self) -> bool {
+        matches!(self, Self::Lost { .. })
+    }
+
+    /// Origin of the frame that replaced a lost one; none if the frame was not lost.
+    #[must_use]
+    pub fn replaced_by(self) -> Option<Replacement> {
+        match self {
+            Self::Lost { replaced_by } => Some(replaced_by),
+            Self::Held | Self::Corrected => None,
         }
     }
 }
 
-/// How far vertices were moved.
+impl Replacement {
+    /// Name for reports: `nothing`, `physics` or `carry`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Physics => "physics",
+            Self::Carry => "carry",
+        }
+    }
+}
+
+/// Distances by which vertices were moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moved {
     /// √(mean over vertices of the squared distance) `[m]`.
     pub rms: f64,
-    /// The farthest `[m]`.
+    /// Largest distance of a vertex `[m]`.
     pub largest: f64,
 }
 
-/// How far a frame can be trusted.
+/// Trust in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trust {
-    /// The frame, counted from the start.
+    /// Number of the frame, counted from the start.
     pub frame: usize,
-    /// In one word.
+    /// Judgement in one word.
     pub verdict: Verdict,
-    /// Of the frame as it was predicted; none where none came, or one that is not finite.
+    /// The physics was asked for this frame and failed. A correction then went without relaxation, a
+    /// lost frame was carried. [`crate::Guard::physics_failure`] has the reason.
+    pub physics_failed: bool,
+    /// Measures of the prediction; none if it failed or is not finite.
     pub predicted: Option<Measured>,
-    /// Of the frame as it was given on.
+    /// Measures of the frame that was given on.
     pub given: Measured,
-    /// From the one to the other; none where there is no prediction.
+    /// Moves from the prediction to the frame that was given on; none without a prediction.
     pub correction: Option<Moved>,
 }
 
-/// The frames of a run, or of several, summed up.
+/// Sums over the frames of one or several runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// How many frames.
+    /// Number of frames.
     pub frames: usize,
-    /// Those that were corrected.
+    /// Frames that were corrected.
     pub corrected: usize,
-    /// Those that were lost.
+    /// Frames that were lost.
     pub lost: usize,
-    /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
+    /// Lost frames that were replaced by the physics.
+    pub lost_to_physics: usize,
+    /// Frames for which the physics was asked and failed.
+    pub physics_failures: usize,
+    /// Largest move of a vertex in a frame that was not lost `[m]`.
     pub largest_correction: f64,
 }
 
@@ -70,23 +115,29 @@ impl Tally {
     /// Counts one more frame.
     pub fn add(&mut self, trust: &Trust) {
         self.frames += 1;
+        self.physics_failures += usize::from(trust.physics_failed);
         match trust.verdict {
-            Verdict::Lost => self.lost += 1,
-            Verdict::Corrected => self.corrected += 1,
             Verdict::Held => {}
+            Verdict::Corrected => self.corrected += 1,
+            Verdict::Lost { replaced_by } => {
+                self.lost += 1;
+                self.lost_to_physics += usize::from(replaced_by == Replacement::Physics);
+            }
         }
-        if let (true, Some(moved)) = (trust.verdict != Verdict::Lost, trust.correction) {
+        if let (false, Some(moved)) = (trust.verdict.is_lost(), trust.correction) {
             self.largest_correction = self.largest_correction.max(moved.largest);
         }
     }
 
-    /// Both together.
+    /// Sum of two tallies.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
             frames: self.frames + other.frames,
             corrected: self.corrected + other.corrected,
             lost: self.lost + other.lost,
+            lost_to_physics: self.lost_to_physics + other.lost_to_physics,
+            physics_failures: self.physics_failures + other.physics_failures,
             largest_correction: self.largest_correction.max(other.largest_correction),
         }
     }

@@ -6,7 +6,9 @@
 //! now, and R the turn about the vertical that fits the handles best (the yaw of the local frame).
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
+use selvedge_cloth::{
+    Cloth, HandleTargets, Handles, StepError, Stepper, Topology, VertexId, check_targets_hold,
+};
 use selvedge_model::{LocalFrame, Yaw};
 
 /// A rigid rest pose that follows its handles.
@@ -58,21 +60,18 @@ impl Stepper for RigidRest {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        let (expected, found) = (self.handles.len(), targets.handle_count());
-        if expected != found {
-            return Err(StepError::Handles {
-                frame: self.frames_done,
-                source: HandleError::Count { expected, found },
-            });
-        }
-        let frame = self.frames_done;
-        targets
-            .require_all_hold()
-            .map_err(|source| StepError::Handles { frame, source })?;
+        check_targets_hold(self, targets)?;
         let held: Vec<Vec3> = targets.end().iter().map(|p| p.as_vec3()).collect();
         let (yaw, center) = (self.frame.yaw(&held, self.yaw), centroid(&held));
+        let place = |local: &Vec3| center + yaw.to_world(*local);
+        if let Some(vertex) = self.local.iter().position(|p| !place(p).is_finite()) {
+            return Err(StepError::NonFinite {
+                frame: self.frames_done + 1,
+                vertex: VertexId(vertex as u32),
+            });
+        }
         for (position, local) in self.positions.iter_mut().zip(&self.local) {
-            *position = center + yaw.to_world(*local);
+            *position = place(local);
         }
         self.yaw = yaw;
         self.frames_done += 1;
@@ -90,6 +89,7 @@ mod tests {
     use super::*;
     use glam::{DVec3, Vec2};
     use selvedge_cloth::ClothArrays;
+    use selvedge_cloth::conformance::{HandlesEnd, check};
 
     /// Two triangles, held at vertices 0 and 1.
     fn cloth() -> Cloth {
@@ -107,6 +107,12 @@ mod tests {
         };
         let topology = Topology::new(4, &[[0, 2, 1], [0, 3, 2]]).unwrap();
         Cloth::new(topology, Handles::new(&[0, 1], 4).unwrap(), arrays).unwrap()
+    }
+
+    #[test]
+    fn a_rigid_rest_pose_conforms() {
+        let make = || RigidRest::new(&cloth());
+        assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
     }
 
     #[test]

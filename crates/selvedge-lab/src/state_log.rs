@@ -36,10 +36,10 @@ impl KeepingStates {
 }
 
 impl Stepper for KeepingStates {
-    selvedge_cloth::looks_like!(simulator);
+    selvedge_cloth::delegate_stepper!(simulator);
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        self.simulator.step(handles)?;
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.simulator.step(targets)?;
         self.keep();
         Ok(())
     }

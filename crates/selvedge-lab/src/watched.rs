@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::write_atomically;
-use selvedge_guard::{Guard, GuardSettings, Measured, Tally, Trust};
+use selvedge_guard::{Guard, GuardSettings, Measured, PhysicsFailure, Replacement, Tally, Trust};
 use serde::{Deserialize, Serialize};
 
 use crate::machine::Mover;
@@ -33,6 +33,12 @@ pub struct Guarded {
     pub corrected: usize,
     /// Those that were lost.
     pub lost: usize,
+    /// Lost frames that were replaced by the physics; the others were carried by the handles.
+    #[serde(default)]
+    pub lost_to_physics: usize,
+    /// Frames for which the physics was asked and failed.
+    #[serde(default)]
+    pub physics_failures: usize,
     /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
     pub largest_correction: f64,
 }
@@ -62,6 +68,11 @@ impl Watched {
         &self.log
     }
 
+    /// Reason of the newest failure of the physics beside the model; none if it never failed.
+    pub fn physics_failure(&self) -> Option<&PhysicsFailure> {
+        self.guard.physics_failure()
+    }
+
     /// The same summed up.
     pub fn summary(&self) -> Guarded {
         let mut tally = Tally::default();
@@ -70,6 +81,8 @@ impl Watched {
             frames: tally.frames,
             corrected: tally.corrected,
             lost: tally.lost,
+            lost_to_physics: tally.lost_to_physics,
+            physics_failures: tally.physics_failures,
             largest_correction: tally.largest_correction,
         }
     }
@@ -82,8 +95,28 @@ impl Guarded {
             frames: a.frames + b.frames,
             corrected: a.corrected + b.corrected,
             lost: a.lost + b.lost,
+            lost_to_physics: a.lost_to_physics + b.lost_to_physics,
+            physics_failures: a.physics_failures + b.physics_failures,
             largest_correction: a.largest_correction.max(b.largest_correction),
         })
+    }
+
+    /// Number of lost frames and, if the physics was needed, its part in them.
+    pub fn lost_in_words(&self) -> String {
+        let Self {
+            lost,
+            lost_to_physics,
+            physics_failures,
+            ..
+        } = self;
+        let mut text = lost.to_string();
+        if *lost_to_physics > 0 {
+            text += &format!(" ({lost_to_physics} by the physics)");
+        }
+        if *physics_failures > 0 {
+            text += &format!(", the physics failed in {physics_failures}");
+        }
+        text
     }
 
     /// Share of the frames that were corrected or replaced.
@@ -93,10 +126,10 @@ impl Guarded {
 }
 
 impl Stepper for Watched {
-    selvedge_cloth::looks_like!(guard);
+    selvedge_cloth::delegate_stepper!(guard);
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        self.guard.step(handles)?;
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.guard.step(targets)?;
         self.log.push(*self.guard.trust());
         Ok(())
     }
@@ -110,7 +143,7 @@ pub fn write_trust(path: &Path, log: &[Trust]) -> anyhow::Result<()> {
     write_atomically(path, |out| {
         writeln!(
             out,
-            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest"
+            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed"
         )?;
         for trust in log {
             let Measured {
@@ -125,9 +158,11 @@ pub fn write_trust(path: &Path, log: &[Trust]) -> anyhow::Result<()> {
             let rms = text(trust.correction.map(|m| m.rms));
             let largest = text(trust.correction.map(|m| m.largest));
             let verdict = trust.verdict.name();
+            let replaced_by = trust.verdict.replaced_by().map_or("", Replacement::name);
+            let failed = trust.physics_failed;
             writeln!(
                 out,
-                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest}",
+                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest},{replaced_by},{failed}",
                 trust.frame
             )?;
         }

@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
     Cloth, Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion, RecordedMotion,
-    StepError, Stepper, Topology,
+    StepError, Stepper, Topology, check_target_count,
 };
 use selvedge_data::Provenance;
 use serde_json::Value;
@@ -151,10 +151,16 @@ impl Stepper for Puppet {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        check_target_count(self, targets)?;
+        if let Some(lost) = targets.end().iter().position(|p| !p.as_vec3().is_finite()) {
+            let vertex = self.cloth.handles().vertices()[lost];
+            let frame = self.frame + 1;
+            return Err(StepError::NonFinite { frame, vertex });
+        }
         let is_far = targets.end().iter().any(|target| target.x > END_OF_MODEL);
         if self.kind == MoverKind::Model && is_far {
             return Err(StepError::Solve {
-                frame: self.frame,
+                frame: self.frame + 1,
                 cause: "too far".to_owned(),
             });
         }
@@ -182,5 +188,20 @@ impl LiveStepper for Puppet {
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
         let positions = self.positions.clone();
         Ok(Box::new(Self::new(self.kind, &self.cloth, hold, positions)))
+    }
+}
+
+#[test]
+fn puppets_conform() {
+    use selvedge_cloth::conformance::{HandlesEnd, check};
+
+    let cloth = cloth();
+    let hold = Hold {
+        handles: cloth.handles().clone(),
+        environment: Environment::default(),
+    };
+    for kind in [MoverKind::Physics, MoverKind::Model] {
+        let make = || Puppet::new(kind, &cloth, &hold, CORNERS.to_vec());
+        assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
     }
 }

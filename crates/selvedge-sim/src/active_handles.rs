@@ -14,7 +14,7 @@ use crate::solver::{SolveError, System};
 use crate::state::State;
 
 /// The handles that hold, and what solves for the rest.
-pub(crate) struct Grip {
+pub(crate) struct ActiveHandles {
     /// Whether each handle holds, `[handles]`.
     holds: Vec<bool>,
     /// What each handle's target is moved by `[m]`, `[handles]`.
@@ -27,7 +27,7 @@ pub(crate) struct Grip {
     newton: Option<Newton>,
 }
 
-impl Grip {
+impl ActiveHandles {
     /// All handles of `scene`, on their paths.
     pub(crate) fn all(scene: &Scene) -> Result<Self, FactorError> {
         let count = scene.handles.len();

@@ -8,11 +8,11 @@
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
     HandleError, HandleTargets, Handles, Scene, SceneError, StepError, Stepper, Substepping,
-    Topology, VertexId,
+    Topology, VertexId, check_target_count,
 };
 use thiserror::Error;
 
-use crate::active_handles::Grip;
+use crate::active_handles::ActiveHandles;
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::strain_watch::{Overstrained, StrainWatch};
@@ -21,7 +21,7 @@ use crate::threads::Threads;
 /// Cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
     scene: Scene,
-    grip: Grip,
+    active: ActiveHandles,
     state: State,
     saved: State,
     rounded: Vec<Vec3>,
@@ -48,7 +48,7 @@ pub enum SimulatorError {
         expected: usize,
         found: usize,
     },
-    #[error("the {what} of vertex {vertex} is not finite: {value}")]
+    #[error("the {what} of vertex {vertex} is not finite in f32: {value}")]
     NonFinite {
         what: &'static str,
         vertex: VertexId,
@@ -82,7 +82,7 @@ impl Simulator {
         let vertices = scene.mesh.topology().vertex_count();
         check_state("positions", "position", &positions, vertices)?;
         check_state("velocities", "velocity", &velocities, vertices)?;
-        let grip = Grip::all(scene).map_err(|cause| SimulatorError::Analysis {
+        let active = ActiveHandles::all(scene).map_err(|cause| SimulatorError::Analysis {
             vertices,
             cause: cause.to_string(),
         })?;
@@ -105,10 +105,10 @@ impl Simulator {
             },
             before: state.positions.clone(),
             scene: scene.clone(),
-            grip,
+            active,
             state,
         };
-        simulator.feel_the_wind();
+        simulator.update_wind();
         Ok(simulator)
     }
 
@@ -118,7 +118,7 @@ impl Simulator {
     #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
-        self.feel_the_wind();
+        self.update_wind();
         self
     }
 
@@ -148,13 +148,13 @@ impl Simulator {
             false => DVec3::ZERO,
         };
         let offsets = (0..holds.len()).map(offset).collect();
-        simulator.grip = Grip::new(scene, holds, offsets).map_err(|cause| {
+        simulator.active = ActiveHandles::new(scene, holds, offsets).map_err(|cause| {
             let vertices = simulator.rounded.len();
             let cause = cause.to_string();
             SimulatorError::Analysis { vertices, cause }
         })?;
         simulator.reached = places;
-        simulator.feel_the_wind();
+        simulator.update_wind();
         Ok(simulator)
     }
 
@@ -173,20 +173,21 @@ impl Simulator {
         let vertices = self.rounded.len();
         check_state("positions", "position", positions, vertices)?;
         check_state("velocities", "velocity", velocities, vertices)?;
-        if !self.grip.holds_all() {
-            self.grip = Grip::all(&self.scene).map_err(|cause| SimulatorError::Analysis {
-                vertices,
-                cause: cause.to_string(),
-            })?;
+        if !self.active.holds_all() {
+            self.active =
+                ActiveHandles::all(&self.scene).map_err(|cause| SimulatorError::Analysis {
+                    vertices,
+                    cause: cause.to_string(),
+                })?;
         }
         self.state.positions.copy_from_slice(positions);
         self.state.velocities.copy_from_slice(velocities);
         for (reached, vertex) in self.reached.iter_mut().zip(self.scene.handles.vertices()) {
             *reached = positions[vertex.index()];
         }
-        self.grip.system.forget_changes();
+        self.active.system.forget_changes();
         self.frame = frame;
-        self.feel_the_wind();
+        self.update_wind();
         self.round();
         Ok(())
     }
@@ -211,7 +212,7 @@ impl Simulator {
     /// Mass of each vertex `[kg]`, `[vertices]`.
     #[must_use]
     pub fn vertex_mass(&self) -> &[f64] {
-        self.grip.system.mass()
+        self.active.system.mass()
     }
 
     /// Kinetic energy Σ m |v|²/2 `[J]`.
@@ -227,7 +228,7 @@ impl Simulator {
     /// Iterations of the last linear solve; none where it was a complete factorisation.
     #[must_use]
     pub fn solver_iterations(&self) -> Option<u32> {
-        self.grip.system.iterations()
+        self.active.system.iterations()
     }
 
     /// One substep over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`, as far as they hold.
@@ -241,63 +242,73 @@ impl Simulator {
     /// # Errors
     /// As for [`Stepper::step`]; the cloth is then left as it was.
     pub fn substep(&mut self, dt: f64, targets: &[DVec3]) -> Result<(), StepError> {
-        check_targets(self.frame, self.scene.handles.len(), targets.len())?;
+        let (expected, found) = (self.scene.handles.len(), targets.len());
+        if expected != found {
+            return Err(StepError::Handles {
+                frame: self.frame + 1,
+                source: HandleError::Count { expected, found },
+            });
+        }
         self.save();
-        self.grip.put_targets(&mut self.targets, |h| targets[h]);
+        self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         if let Err(error) = threads.run(|| self.solve(dt)) {
             self.restore();
             return Err(self.step_error(error, 1));
         }
+        self.round_new()?;
         self.reached.copy_from_slice(targets);
-        self.round();
         Ok(())
     }
 
     fn save(&mut self) {
         self.saved.copy_from(&self.state);
-        self.grip.system.save();
+        self.active.system.save();
     }
 
     fn restore(&mut self) {
         self.state.copy_from(&self.saved);
-        self.grip.system.restore();
+        self.active.system.restore();
     }
 
     /// Who is to work on the step that begins.
     fn enter(&mut self) -> Threads {
         let threads = self.threads.for_cloth(self.rounded.len());
-        self.grip.system.set_threads(threads);
+        self.active.system.set_threads(threads);
         threads
     }
 
     /// The wind of the step from this frame to the next.
-    fn feel_the_wind(&mut self) {
+    fn update_wind(&mut self) {
         let environment = &self.scene.environment;
         let now = environment.during_step(self.frame, self.scene.frame_rate);
-        self.grip.system.set_environment(now);
+        self.active.system.set_environment(now);
     }
 
-    /// Lets go and takes hold as `handles` says; what was before, where that is something else.
-    fn regrip(&mut self, handles: &HandleTargets) -> Result<Option<Grip>, StepError> {
-        if self.grip.fits(handles) {
+    /// Lets handles go and takes hold as `targets` says. Gives the active handles of before, where
+    /// they were others.
+    fn change_active(
+        &mut self,
+        targets: &HandleTargets,
+    ) -> Result<Option<ActiveHandles>, StepError> {
+        if self.active.fits(targets) {
             return Ok(None);
         }
-        let grip = self
-            .grip
-            .changed(&self.scene, handles, &self.state, &self.reached)
+        let active = self
+            .active
+            .changed(&self.scene, targets, &self.state, &self.reached)
             .map_err(|cause| self.step_error(SolveError::from(cause).into(), 0))?;
-        Ok(Some(std::mem::replace(&mut self.grip, grip)))
+        Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 
     /// All of a frame, in so many substeps; when it fails the state is unusable.
-    fn advance(&mut self, handles: &HandleTargets, substeps: u32) -> Result<(), SubstepError> {
+    fn advance(&mut self, targets: &HandleTargets, substeps: u32) -> Result<(), SubstepError> {
         let dt = 1.0 / self.scene.frame_rate / f64::from(substeps);
         for substep in 1..=substeps {
             let fraction = f64::from(substep) / f64::from(substeps);
             let reached = &self.reached;
-            let path = |h: usize| handles.at(h, fraction, reached[h]);
-            self.grip.put_targets(&mut self.targets, path);
+            let path = |h: usize| targets.at(h, fraction, reached[h]);
+            self.active.put_targets(&mut self.targets, path);
             self.solve(dt)?;
         }
         Ok(())
@@ -306,19 +317,19 @@ impl Simulator {
     /// A substep over `dt` towards `self.targets`; when it fails the state is unusable.
     fn solve(&mut self, dt: f64) -> Result<(), SubstepError> {
         let Some(watch) = &self.watch else {
-            return Ok(self.grip.advance(dt, &mut self.state, &self.targets)?);
+            return Ok(self.active.advance(dt, &mut self.state, &self.targets)?);
         };
         self.before.copy_from_slice(&self.state.positions);
-        self.grip.advance(dt, &mut self.state, &self.targets)?;
+        self.active.advance(dt, &mut self.state, &self.targets)?;
         Ok(watch.check(&self.before, &self.state.positions)?)
     }
 
     /// A frame in as many substeps as it takes, from the scene's number on by doubling.
-    fn divided(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
+    fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let threads = self.enter();
         let most = self.watch.as_ref().map_or(0, StrainWatch::max_substeps);
         let mut substeps = self.scene.physics.substeps;
-        while let Err(error) = threads.run(|| self.advance(handles, substeps)) {
+        while let Err(error) = threads.run(|| self.advance(targets, substeps)) {
             self.restore();
             if 2 * substeps > most {
                 return Err(self.step_error(error, substeps));
@@ -329,7 +340,7 @@ impl Simulator {
     }
 
     fn step_error(&self, error: SubstepError, substeps: u32) -> StepError {
-        let frame = self.frame;
+        let frame = self.frame + 1;
         match error {
             SubstepError::Solve(SolveError::NonFinite { vertex }) => {
                 StepError::NonFinite { frame, vertex }
@@ -354,6 +365,19 @@ impl Simulator {
             *rounded = position.as_vec3();
         }
     }
+
+    /// Rounds the positions to f32. Where one is beyond f32, restores what [`Self::save`] saved.
+    fn round_new(&mut self) -> Result<(), StepError> {
+        self.round();
+        let Some(vertex) = self.rounded.iter().position(|p| !p.is_finite()) else {
+            return Ok(());
+        };
+        self.restore();
+        self.round();
+        let vertex = VertexId(vertex as u32);
+        let frame = self.frame + 1;
+        Err(StepError::NonFinite { frame, vertex })
+    }
 }
 
 impl Stepper for Simulator {
@@ -373,20 +397,19 @@ impl Stepper for Simulator {
         self.frame
     }
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        check_targets(self.frame, self.scene.handles.len(), handles.handle_count())?;
-        let before = self.regrip(handles)?;
-        self.feel_the_wind();
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        check_target_count(self, targets)?;
+        let before = self.change_active(targets)?;
+        self.update_wind();
         self.save();
-        if let Err(error) = self.divided(handles) {
+        if let Err(error) = self.divided(targets).and_then(|()| self.round_new()) {
             if let Some(before) = before {
-                self.grip = before;
+                self.active = before;
             }
             return Err(error);
         }
-        self.reached.copy_from_slice(handles.end());
+        self.reached.copy_from_slice(targets.end());
         self.frame += 1;
-        self.round();
         Ok(())
     }
 }
@@ -409,16 +432,6 @@ impl From<Overstrained> for SubstepError {
     }
 }
 
-fn check_targets(frame: usize, expected: usize, found: usize) -> Result<(), StepError> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(StepError::Handles {
-        frame,
-        source: HandleError::Count { expected, found },
-    })
-}
-
 fn check_state(
     what: &'static str,
     one: &'static str,
@@ -432,7 +445,7 @@ fn check_state(
             found: values.len(),
         });
     }
-    match values.iter().position(|value| !value.is_finite()) {
+    match values.iter().position(|value| !value.as_vec3().is_finite()) {
         Some(vertex) => Err(SimulatorError::NonFinite {
             what: one,
             vertex: VertexId(vertex as u32),

@@ -1,7 +1,7 @@
 //! A recording behind the [`Stepper`] seam: it plays what was recorded, whatever the targets are.
 
 use glam::Vec3;
-use selvedge_cloth::{HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
+use selvedge_cloth::{HandleTargets, Handles, StepError, Stepper, Topology, check_target_count};
 
 use crate::Trajectory;
 
@@ -52,22 +52,13 @@ impl Stepper for Playback {
         self.frame
     }
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        let (expected, found) = (self.handles().len(), handles.handle_count());
-        if found != expected {
-            return Err(StepError::Handles {
-                frame: self.frame,
-                source: HandleError::Count { expected, found },
-            });
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        check_target_count(self, targets)?;
+        let (frame, frames) = (self.frame + 1, self.trajectory.frame_count());
+        if frame >= frames {
+            return Err(StepError::EndOfRecording { frame, frames });
         }
-        let frames = self.trajectory.frame_count();
-        if self.frame + 1 >= frames {
-            return Err(StepError::EndOfRecording {
-                frame: self.frame,
-                frames,
-            });
-        }
-        self.frame += 1;
+        self.frame = frame;
         Ok(())
     }
 }

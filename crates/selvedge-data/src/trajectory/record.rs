@@ -71,6 +71,9 @@ fn step(stepper: &mut dyn Stepper, drive: Drive<'_>) -> Result<(), StepError> {
     let targets = drive
         .path
         .targets(frame, drive.samples_per_frame)
-        .map_err(|source| StepError::Handles { frame, source })?;
+        .map_err(|source| StepError::Handles {
+            frame: frame + 1,
+            source,
+        })?;
     stepper.step(&targets)
 }

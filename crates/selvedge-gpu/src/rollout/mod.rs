@@ -44,6 +44,15 @@ enum Next {
     FromState(usize),
 }
 
+/// What a step takes away from the cloths and [`Rollout::undo_step`] gives back.
+struct Undo {
+    next: Next,
+    slot: usize,
+    positions: Vec<Vec3>,
+    /// Handles that left the history, and the yaw, of each cloth, `[cloths]`.
+    cloths: Vec<(Vec<Vec3>, Yaw)>,
+}
+
 /// Cloths that one model moves on a device.
 pub struct Rollout {
     model: Arc<Model>,
@@ -58,6 +67,8 @@ pub struct Rollout {
     numbers: FrameNumbers,
     positions: Vec<Vec3>,
     downloaded: Vec<u32>,
+    /// State before the last step, while that step can be undone.
+    undo: Option<Undo>,
 }
 
 impl Rollout {
@@ -99,6 +110,7 @@ impl Rollout {
             downloaded: vec![0; 3 * sizes.vertices],
             numbers: FrameNumbers::default(),
             next: Next::Whole,
+            undo: None,
             model,
             cloths,
             plan,
@@ -151,8 +163,7 @@ impl Rollout {
             .map(|p| Vec3::from_array(p.map(f32::from_bits)))
             .collect();
         self.check(&found)?;
-        self.positions = found;
-        self.commit(targets, &yaws);
+        self.commit(found, targets, &yaws);
         Ok(())
     }
 
@@ -178,6 +189,7 @@ impl Rollout {
 
     /// Starts the computation of a frame; gives the yaws of the cloths.
     fn begin(&mut self, targets: &[&[Vec3]]) -> Result<Vec<Yaw>, DeviceError> {
+        self.undo = None;
         assert_eq!(targets.len(), self.cloths.len(), "targets of every cloth");
         let steps = match self.next {
             Next::Whole => self.model.spec().node_window(),
@@ -208,12 +220,20 @@ impl Rollout {
     }
 
     /// Takes the frame that was computed.
-    fn commit(&mut self, targets: &[&[Vec3]], yaws: &[Yaw]) {
+    fn commit(&mut self, found: Vec<Vec3>, targets: &[&[Vec3]], yaws: &[Yaw]) {
+        let before = Undo {
+            next: self.next,
+            slot: self.slot,
+            positions: std::mem::replace(&mut self.positions, found),
+            cloths: (self.cloths.iter_mut().zip(targets).zip(yaws))
+                .map(|((cloth, targets), &yaw)| {
+                    let oldest = cloth.push_handles(targets.to_vec());
+                    (oldest, std::mem::replace(&mut cloth.yaw, yaw))
+                })
+                .collect(),
+        };
         self.slot = self.next_slot();
-        for ((cloth, targets), &yaw) in self.cloths.iter_mut().zip(targets).zip(yaws) {
-            cloth.push_handles(targets.to_vec());
-            cloth.yaw = yaw;
-        }
+        self.undo = Some(before);
         self.next = match self.next {
             _ if self.newest.is_empty() => Next::Whole,
             Next::Whole => Next::FromState(0),
@@ -285,7 +305,26 @@ impl Rollout {
         }
         self.positions.copy_from_slice(positions);
         self.next = Next::Whole;
+        self.undo = None;
         Ok(())
+    }
+
+    /// Undoes the last step, also if its frame was replaced since. Gives whether there was a step to
+    /// undo: not unless a step came last and succeeded.
+    ///
+    /// The device needs no call: the slot that a step writes is none of its window, and its states
+    /// alternate between two arrays.
+    pub fn undo_step(&mut self) -> bool {
+        let Some(before) = self.undo.take() else {
+            return false;
+        };
+        (self.next, self.slot) = (before.next, before.slot);
+        self.positions = before.positions;
+        for (cloth, (oldest, yaw)) in self.cloths.iter_mut().zip(before.cloths) {
+            cloth.pop_handles(oldest);
+            cloth.yaw = yaw;
+        }
+        true
     }
 }
 

@@ -44,11 +44,21 @@ impl Cloth {
         self.graph.frame().yaw(newest, self.yaw)
     }
 
-    pub(super) fn push_handles(&mut self, handles: Vec<Vec3>) {
+    /// Appends the newest handles and gives the oldest, which leave the history.
+    pub(super) fn push_handles(&mut self, handles: Vec<Vec3>) -> Vec<Vec3> {
         self.handles.rotate_left(1);
-        if let Some(newest) = self.handles.last_mut() {
-            *newest = handles;
+        match self.handles.last_mut() {
+            Some(newest) => std::mem::replace(newest, handles),
+            None => Vec::new(),
         }
+    }
+
+    /// Reverses [`Self::push_handles`], which gave `oldest`.
+    pub(super) fn pop_handles(&mut self, oldest: Vec<Vec3>) {
+        if let Some(newest) = self.handles.last_mut() {
+            *newest = oldest;
+        }
+        self.handles.rotate_right(1);
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Topology,
+    Correctable, HandleTargets, Handles, StepError, Stepper, Topology, check_targets_hold,
 };
 use selvedge_model::{ClothGraph, Model};
 
@@ -75,15 +75,8 @@ impl Stepper for GpuStepper {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        check_targets_hold(self, targets)?;
         let frame = self.frame + 1;
-        let (expected, found) = (self.handles().len(), targets.handle_count());
-        if expected != found {
-            let source = HandleError::Count { expected, found };
-            return Err(StepError::Handles { frame, source });
-        }
-        targets
-            .require_all_hold()
-            .map_err(|source| StepError::Handles { frame, source })?;
         self.next.clear();
         self.next.extend(targets.end().iter().map(|p| p.as_vec3()));
         self.rollout.step(&[&self.next]).map_err(of_frame(frame))?;
@@ -103,5 +96,9 @@ impl Correctable for GpuStepper {
         taken.map_err(of_frame(self.frame + 1))?;
         self.frame += 1;
         Ok(())
+    }
+
+    fn undo_step(&mut self) {
+        self.frame -= usize::from(self.rollout.undo_step());
     }
 }

@@ -1,6 +1,7 @@
 //! Rollouts on a device against those of the CPU engine.
 
 use glam::DVec3;
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
 use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
 use selvedge_model::{EdgeLimits, Encoder, LearnedStepper, ModelSpec};
 
@@ -125,6 +126,22 @@ fn several_cloths_move_as_each_alone() {
             // To the last bit; on a card as far as from the CPU.
             assert!(off <= side_by_side(2e-5), "frame {frame}: {off} m");
         }
+    }
+}
+
+#[test]
+fn a_stepper_on_a_device_conforms() {
+    for encoder in [
+        Encoder::Gru { window: 3 },
+        Encoder::StreamingGru { window: 2 },
+    ] {
+        let spec = ModelSpec::physical(encoder, 12, 1);
+        let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
+        if device().is_none() {
+            return;
+        }
+        let make = || gpu(&model, graph.clone(), &[graph.rest_positions()]).expect("a device");
+        assert_eq!(check_correctable(make, HandlesEnd::AtTargets), Ok(()));
     }
 }
 

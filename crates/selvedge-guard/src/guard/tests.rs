@@ -3,10 +3,11 @@
 use glam::{DVec3, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    Cloth, ClothArrays, Environment, HandleError, HandleSchedule, Handles, Material, Motion,
-    PhysicsSettings, SagSettings, Topology,
+    Cloth, ClothArrays, Environment, HandleSchedule, Handles, Material, Motion, PhysicsSettings,
+    SagSettings, Topology, check_targets_hold,
 };
 use selvedge_sim::Simulator;
 
@@ -39,7 +40,7 @@ fn scene() -> Scene {
     }
 }
 
-/// Where the handles are after `frame` frames: they swing by 0.2 m and turn a little, at most 0.8 m/s.
+/// Handle targets of frame `frame`: they swing by 0.2 m and turn a little, at most 0.8 m/s.
 fn targets(scene: &Scene, frame: usize) -> HandleTargets {
     let phase = 0.05 * frame as f64;
     let turn = glam::DQuat::from_rotation_y(0.3 * phase.sin());
@@ -49,10 +50,10 @@ fn targets(scene: &Scene, frame: usize) -> HandleTargets {
     HandleTargets::at_frame_end(held.into_iter().map(at).collect()).unwrap()
 }
 
-/// How a stepper errs.
+/// Errors of a [`Double`].
 #[derive(Clone, Copy, Debug)]
 enum Error {
-    /// Not at all.
+    /// None.
     Never,
     /// Every difference of two frames comes back larger, and noise is added.
     Grows,
@@ -64,6 +65,8 @@ enum Error {
     Jumps,
     /// Noise of 3 cm in every frame.
     Trembles,
+    /// Noise, and no frame can be replaced or taken: a device fails.
+    Refuses,
 }
 
 /// Carries its frame with the handles, and errs.
@@ -71,6 +74,8 @@ struct Double {
     scene: Scene,
     errs: Error,
     last: [Vec<Vec3>; 2],
+    /// The two frames before the last step, while that can be undone.
+    undo: Option<([Vec<Vec3>; 2], ChaCha8Rng)>,
     frame: usize,
     rng: ChaCha8Rng,
     /// Frames that were given to it.
@@ -85,9 +90,25 @@ impl Double {
             scene,
             errs,
             last: [start.clone(), start],
+            undo: None,
             frame: 0,
             rng: ChaCha8Rng::seed_from_u64(5),
             given: 0,
+        }
+    }
+
+    /// Checks a frame that is not the double's own.
+    fn check(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
+        if matches!(self.errs, Error::Refuses) {
+            let reason = "it is gone".to_owned();
+            return Err(StepError::Device { frame, reason });
+        }
+        match positions.iter().position(|p| !p.is_finite()) {
+            Some(vertex) => Err(StepError::NonFinite {
+                frame,
+                vertex: VertexId(vertex as u32),
+            }),
+            None => Ok(()),
         }
     }
 
@@ -109,7 +130,7 @@ impl Double {
             Error::Jumps if self.frame % 10 == 9 => {
                 next.iter_mut().for_each(|p| *p += noise(1e20));
             }
-            Error::Trembles => next.iter_mut().for_each(|p| *p += noise(0.03)),
+            Error::Trembles | Error::Refuses => next.iter_mut().for_each(|p| *p += noise(0.03)),
             Error::NotANumber | Error::Jumps => {}
         }
     }
@@ -134,21 +155,23 @@ impl Stepper for Double {
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let frame = self.frame + 1;
-        if targets.handle_count() != 2 {
-            let (expected, found) = (2, targets.handle_count());
-            let source = HandleError::Count { expected, found };
-            return Err(StepError::Handles { frame, source });
-        }
+        check_targets_hold(self, targets)?;
+        self.undo = None;
         if matches!(self.errs, Error::Fails) && frame >= 20 && frame.is_multiple_of(2) {
             let vertex = VertexId(3);
             return Err(StepError::NonFinite { frame, vertex });
         }
+        let before = (self.last.clone(), self.rng.clone());
         let mut next = Vec::new();
         carry(&self.scene.handles, &self.last[1], targets.end(), &mut next);
         self.err(&mut next);
         for (vertex, target) in self.scene.handles.vertices().iter().zip(targets.end()) {
             next[vertex.index()] = target.as_vec3();
         }
+        if matches!(self.errs, Error::Never) {
+            self.check(frame, &next)?;
+        }
+        self.undo = Some(before);
         self.last.swap(0, 1);
         self.last[1] = next;
         self.frame = frame;
@@ -158,17 +181,27 @@ impl Stepper for Double {
 
 impl Correctable for Double {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
-        assert!(positions.iter().all(|p| p.is_finite()));
+        self.check(self.frame, positions)?;
         self.last[1].copy_from_slice(positions);
         self.given += 1;
         Ok(())
     }
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.check(self.frame + 1, positions)?;
+        self.undo = None;
         self.last.swap(0, 1);
-        self.replace_frame(positions)?;
+        self.last[1].copy_from_slice(positions);
+        self.given += 1;
         self.frame += 1;
         Ok(())
+    }
+
+    fn undo_step(&mut self) {
+        if let Some((last, rng)) = self.undo.take() {
+            (self.last, self.rng) = (last, rng);
+            self.frame -= 1;
+        }
     }
 }
 
@@ -250,7 +283,7 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
                 Error::NotANumber => assert_eq!(tally.lost, FRAMES - 20),
                 Error::Fails => assert!(tally.lost >= (FRAMES - 18) / 2),
                 Error::Jumps => assert!(tally.lost >= FRAMES / 10),
-                Error::Never | Error::Grows | Error::Trembles => {}
+                Error::Never | Error::Grows | Error::Trembles | Error::Refuses => {}
             }
         }
     }
@@ -269,7 +302,8 @@ fn a_guard_that_only_watches_changes_nothing_and_passes_errors_on() {
         assert_eq!(guard.positions(), alone.positions());
         worst = worst.max(guard.trust().verdict);
     }
-    assert_eq!(worst, Verdict::Lost);
+    let replaced_by = Replacement::Nothing;
+    assert_eq!(worst, Verdict::Lost { replaced_by });
     assert!(
         largest_stretch(&guard) > 100.0,
         "it explodes when it is let"
@@ -327,7 +361,12 @@ fn verdicts_turn_at_their_thresholds() {
         (0.27, Verdict::Held),
         (0.29, Verdict::Corrected),
         (0.99, Verdict::Corrected),
-        (1.01, Verdict::Lost),
+        (
+            1.01,
+            Verdict::Lost {
+                replaced_by: Replacement::Nothing,
+            },
+        ),
     ] {
         let double = Double::new(Error::Never);
         let mut guard = Guard::new(double, &cloth, 60.0, None, settings).unwrap();
@@ -351,7 +390,9 @@ fn a_lost_frame_is_the_physics_from_the_last_good_ones() {
     }
     let [before, now] = guard.last.clone();
     guard.step(&targets(&implicit, 20)).unwrap();
-    assert_eq!(guard.trust().verdict, Verdict::Lost);
+    let replaced_by = Replacement::Physics;
+    assert_eq!(guard.trust().verdict, Verdict::Lost { replaced_by });
+    assert!(!guard.trust().physics_failed);
     assert_eq!(
         (guard.trust().predicted, guard.trust().correction),
         (None, None)
@@ -369,6 +410,102 @@ fn a_lost_frame_is_the_physics_from_the_last_good_ones() {
         "it goes on from there"
     );
     assert_eq!(guard.inner().given, 1);
+}
+
+/// A scene whose physics cannot be solved: one iteration of Newton's method, to the last bit.
+fn unsolvable() -> Scene {
+    let mut scene = scene();
+    scene.physics.integrator = selvedge_cloth::Integrator::Newton(selvedge_cloth::Newton {
+        tolerance: 1e-300,
+        max_iterations: 1,
+    });
+    scene
+}
+
+#[test]
+fn a_failure_of_the_physics_is_told() {
+    let mut guard = watched(Error::Fails, GuardSettings::default(), Some(unsolvable()));
+    let mut tally = crate::Tally::default();
+    for frame in 1..=20 {
+        guard.step(&targets(&scene(), frame)).unwrap();
+        tally.add(guard.trust());
+        assert_eq!(guard.trust().physics_failed, frame == 20);
+        assert_eq!(guard.physics_failure().is_some(), frame == 20);
+    }
+    let replaced_by = Replacement::Carry;
+    assert_eq!(guard.trust().verdict, Verdict::Lost { replaced_by });
+    let failure = guard.physics_failure().unwrap().to_string();
+    assert!(failure.starts_with("frame 20: "), "{failure}");
+    let counts = (tally.lost, tally.lost_to_physics, tally.physics_failures);
+    assert_eq!(counts, (1, 0, 1));
+    // A relaxation that fails leaves the limits to correct the frame.
+    let physics = GuardSettings::with(Correction::Physics);
+    let mut guard = watched(Error::Trembles, physics, Some(unsolvable()));
+    guard.step(&targets(&scene(), 1)).unwrap();
+    assert!(guard.trust().physics_failed && guard.trust().verdict != Verdict::Held);
+    let failure = guard.physics_failure().unwrap().to_string();
+    assert!(failure.starts_with("frame 1: "), "{failure}");
+}
+
+#[test]
+fn a_physics_that_cannot_be_set_up_is_an_error_if_it_is_to_correct() {
+    let mut broken = scene();
+    broken.frame_rate = -1.0;
+    let make = |correction| {
+        let double = Double::new(Error::Fails);
+        let cloth = cloth(&double.scene);
+        let settings = GuardSettings::with(correction);
+        Guard::new(
+            double,
+            &cloth,
+            60.0,
+            Some(Arc::new(broken.clone())),
+            settings,
+        )
+    };
+    let refused = make(Correction::Physics).err();
+    assert!(
+        matches!(refused, Some(GuardError::Physics(_))),
+        "{refused:?}"
+    );
+    // Where it is needed for lost frames only, the first of them tells.
+    let mut guard = make(Correction::Limit).unwrap();
+    for frame in 1..=22 {
+        guard.step(&targets(&scene(), frame)).unwrap();
+        let is_lost = frame == 20 || frame == 22;
+        assert_eq!(guard.trust().physics_failed, is_lost);
+    }
+    assert!(matches!(
+        guard.physics_failure(),
+        Some(PhysicsFailure::SetUp(_))
+    ));
+}
+
+#[test]
+fn a_correction_that_is_not_taken_leaves_the_cloth_as_it_was() {
+    let mut guard = watched(Error::Refuses, GuardSettings::default(), None);
+    let (start, trust) = (guard.positions().to_vec(), *guard.trust());
+    for _ in 0..3 {
+        let error = guard.step(&targets(&scene(), 1)).unwrap_err();
+        let reason = "it is gone".to_owned();
+        assert_eq!(error, StepError::Device { frame: 1, reason });
+        assert_eq!((guard.positions(), guard.frame()), (&*start, 0));
+        assert_eq!(*guard.trust(), trust);
+        assert_eq!(guard.inner().last, [start.clone(), start.clone()]);
+    }
+}
+
+#[test]
+fn guards_and_what_they_guard_conform() {
+    let never = || Double::new(Error::Never);
+    assert_eq!(check_correctable(never, HandlesEnd::AtTargets), Ok(()));
+    for errs in [Error::Never, Error::Trembles, Error::Grows] {
+        for correction in [Correction::Limit, Correction::Physics] {
+            let make = || watched(errs, GuardSettings::with(correction), Some(scene()));
+            let found = check(make, HandlesEnd::AtTargets);
+            assert_eq!(found, Ok(()), "{errs:?} {correction:?}");
+        }
+    }
 }
 
 #[test]

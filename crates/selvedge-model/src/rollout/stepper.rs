@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId,
+    Correctable, HandleTargets, Handles, StepError, Stepper, Topology, VertexId, check_targets_hold,
 };
 use thiserror::Error;
 
@@ -34,6 +34,9 @@ pub struct LearnedStepper {
     next_handles: Vec<Vec3>,
     reference: Vec<Vec3>,
     yaw: Yaw,
+    /// Yaw before the last step, while that step can be undone: `next` then holds the frame that
+    /// left the history.
+    yaw_before: Option<Yaw>,
     frame: usize,
     features: Window,
     weights: PackedWeights<f32>,
@@ -105,6 +108,7 @@ impl LearnedStepper {
             next_handles: Vec::new(),
             reference: Vec::new(),
             yaw: graph.frame().rest_yaw(),
+            yaw_before: None,
             frame: 0,
             features: Window::default(),
             weights: PackedWeights::new(
@@ -179,15 +183,9 @@ impl Stepper for LearnedStepper {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        check_targets_hold(self, targets)?;
         let frame = self.frame + 1;
-        let (expected, found) = (self.handles().len(), targets.handle_count());
-        if expected != found {
-            let source = HandleError::Count { expected, found };
-            return Err(StepError::Handles { frame, source });
-        }
-        targets
-            .require_all_hold()
-            .map_err(|source| StepError::Handles { frame, source })?;
+        self.yaw_before = None;
         let handles_now = self.handles().of(self.positions());
         let yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
         let mut next_handles = std::mem::take(&mut self.next_handles);
@@ -223,7 +221,7 @@ impl Stepper for LearnedStepper {
         if self.model.network().streams() {
             self.workspace.swap_end_state(&mut self.state);
         }
-        self.yaw = yaw;
+        self.yaw_before = Some(std::mem::replace(&mut self.yaw, yaw));
         self.frame = frame;
         Ok(())
     }
@@ -250,8 +248,23 @@ impl Correctable for LearnedStepper {
         let newest = self.history.len() - 1;
         self.history[newest].copy_from_slice(positions);
         self.state.clear();
+        self.yaw_before = None;
         self.frame += 1;
         Ok(())
+    }
+
+    fn undo_step(&mut self) {
+        let Some(yaw) = self.yaw_before.take() else {
+            return;
+        };
+        let newest = self.history.len() - 1;
+        std::mem::swap(&mut self.history[newest], &mut self.next);
+        self.history.rotate_right(1);
+        if self.model.network().streams() {
+            self.workspace.swap_end_state(&mut self.state);
+        }
+        self.yaw = yaw;
+        self.frame -= 1;
     }
 }
 

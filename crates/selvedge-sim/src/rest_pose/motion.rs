@@ -7,7 +7,7 @@
 use glam::DVec3;
 use selvedge_cloth::Scene;
 
-use crate::active_handles::Grip;
+use crate::active_handles::ActiveHandles;
 use crate::rest_pose::{Listener, SagError, SagProgress, tell};
 use crate::state::State;
 
@@ -26,7 +26,7 @@ pub(crate) fn fall(
     progress: Listener<'_>,
 ) -> Result<(Vec<DVec3>, u32), SagError> {
     let failed = |solves: u32, cause: String| SagError::Solve { solves, cause };
-    let mut grip = Grip::all(scene).map_err(|cause| failed(0, cause.to_string()))?;
+    let mut active = ActiveHandles::all(scene).map_err(|cause| failed(0, cause.to_string()))?;
     let dt = 1.0 / scene.frame_rate / f64::from(scene.physics.substeps);
     let targets = scene.handles.select(scene.mesh.positions());
     let mut state = State {
@@ -37,7 +37,8 @@ pub(crate) fn fall(
     let mut before = state.velocities.clone();
     for solves in 1..=last.min(scene.sag.max_steps) {
         before.copy_from_slice(&state.velocities);
-        grip.advance(dt, &mut state, &targets)
+        active
+            .advance(dt, &mut state, &targets)
             .map_err(|cause| failed(solves, cause.to_string()))?;
         let change = largest(state.velocities.iter().zip(&before).map(|(a, b)| *a - *b));
         let now = SagProgress {

@@ -9,7 +9,7 @@
 use glam::DVec3;
 use selvedge_cloth::Scene;
 
-use crate::active_handles::Grip;
+use crate::active_handles::ActiveHandles;
 use crate::rest_pose::{Listener, SagError, SagProgress, SaggedRest, tell};
 use crate::state::State;
 
@@ -24,7 +24,8 @@ pub(crate) fn settle(
     progress: Listener<'_>,
 ) -> Result<SaggedRest, SagError> {
     let failed = |solves: u32, cause: String| SagError::Solve { solves, cause };
-    let mut grip = Grip::all(scene).map_err(|cause| failed(rest.solves, cause.to_string()))?;
+    let mut active =
+        ActiveHandles::all(scene).map_err(|cause| failed(rest.solves, cause.to_string()))?;
     let dt = 1.0 / scene.frame_rate / f64::from(scene.physics.substeps);
     let targets = scene.handles.select(scene.mesh.positions());
     let still = vec![DVec3::ZERO; rest.positions.len()];
@@ -32,7 +33,7 @@ pub(crate) fn settle(
         positions: rest.positions.clone(),
         velocities: still.clone(),
     };
-    if !grip.limit(dt, &mut state) {
+    if !active.limit(dt, &mut state) {
         return Ok(rest);
     }
     state.velocities.copy_from_slice(&still);
@@ -40,7 +41,8 @@ pub(crate) fn settle(
     let (mut solves, mut energy) = (rest.solves, 0.0);
     loop {
         let stands = energy == 0.0;
-        grip.advance(dt, &mut state, &targets)
+        active
+            .advance(dt, &mut state, &targets)
             .map_err(|cause| failed(solves, cause.to_string()))?;
         solves += 1;
         if stands {
@@ -67,7 +69,7 @@ pub(crate) fn settle(
                 });
             }
         }
-        let mass = grip.system.mass().iter();
+        let mass = active.system.mass().iter();
         let now: f64 = mass
             .zip(&state.velocities)
             .map(|(mass, velocity)| mass * velocity.length_squared())

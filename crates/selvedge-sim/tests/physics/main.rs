@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod allocation;
+mod conformance;
 mod dynamics;
 mod golden;
 mod limits;

@@ -117,7 +117,7 @@ fn after_taking_hold_a_handle_moves_by_as_much_as_its_path() {
 }
 
 #[test]
-fn a_step_that_fails_gives_the_grip_back() {
+fn a_step_that_fails_gives_the_active_handles_back() {
     let iterative = LinearSolver::ConjugateGradients(selvedge_cloth::ConjugateGradients::default());
     // The larger fits f64 no more, the smaller only f32.
     for (solver, far) in [(LinearSolver::Cholesky, 1e300), (iterative, 1e100)] {
@@ -133,8 +133,8 @@ fn a_step_that_fails_gives_the_grip_back() {
         let absurd = absurd.releasing(vec![false, true]).unwrap();
         let error = simulator.step(&absurd).unwrap_err();
         match &error {
-            StepError::NonFinite { frame: 1, .. } => (),
-            StepError::Solve { frame: 1, cause } => {
+            StepError::NonFinite { frame: 2, .. } => (),
+            StepError::Solve { frame: 2, cause } => {
                 assert!(cause.contains("not finite"), "{cause}")
             }
             other => panic!("{other}"),

@@ -207,7 +207,7 @@ fn a_failed_step_changes_nothing_and_says_where() {
     let absurd = HandleTargets::at_frame_end(vec![DVec3::splat(1e300), start(&scene)[1]]).unwrap();
     let error = simulator.step(&absurd).unwrap_err();
     assert!(
-        matches!(error, StepError::NonFinite { frame: 1, .. }),
+        matches!(error, StepError::NonFinite { frame: 2, .. }),
         "{error}"
     );
     let one = HandleTargets::at_frame_end(vec![DVec3::ZERO]).unwrap();
@@ -217,7 +217,7 @@ fn a_failed_step_changes_nothing_and_says_where() {
     };
     assert_eq!(
         simulator.step(&one),
-        Err(StepError::Handles { frame: 1, source })
+        Err(StepError::Handles { frame: 2, source })
     );
 
     assert_eq!(simulator.positions_f64(), positions);

@@ -137,7 +137,7 @@ fn a_frame_that_strains_too_much_gets_more_substeps() {
         matches!(
             result,
             Err(StepError::Strain {
-                frame: 0,
+                frame: 1,
                 substeps: 4,
                 ..
             })

@@ -387,7 +387,7 @@ fn stability_table(means: &[Mean]) -> Table {
         match &of.guarded {
             Some(guarded) => cells.extend([
                 percent(guarded.share()),
-                guarded.lost.to_string(),
+                guarded.lost_in_words(),
                 length(guarded.largest_correction),
             ]),
             None => cells.extend(["-", "-", "-"].map(str::to_owned)),

@@ -202,6 +202,9 @@ fn predict(
         interrupt::flow()
     })
     .with_context(|| format!("the rollout of model {}", model.name))?;
+    if let Some(failure) = watched.physics_failure() {
+        tracing::warn!("the guard did without its physics: {failure}");
+    }
     let summary = watched.summary();
     Ok((timed(stage, run)?, watched.log().to_vec(), summary))
 }
@@ -257,10 +260,13 @@ fn guard_line(report: &Report) -> String {
         largest_correction,
         ..
     } = report.guarded;
+    let lost_in_words = report.guarded.lost_in_words();
     let farthest = length(largest_correction);
     match report.guard {
         "none" => format!("none ({} frames beyond bounds)", corrected + lost),
-        name => format!("{name}: {corrected} frames corrected, by {farthest} at most; {lost} lost"),
+        name => format!(
+            "{name}: {corrected} frames corrected, by {farthest} at most; {lost_in_words} lost"
+        ),
     }
 }
 

@@ -310,6 +310,7 @@ fn write_runs(path: &Path, runs: &[Run]) -> anyhow::Result<()> {
                 corrected,
                 lost,
                 largest_correction,
+                ..
             } = run.guarded;
             let text = |value: Option<String>| value.unwrap_or_default();
             let diverged = text(run.diverged_frame.map(|frame| frame.to_string()));
@@ -344,7 +345,7 @@ fn text(report: &Report) -> String {
         "stable",
         format!("{} ({})", all.stable, percent(all.stable_share)),
     );
-    facts.add("lost frames", all.guarded.lost);
+    facts.add("lost frames", all.guarded.lost_in_words());
     facts.add("frames corrected", percent(all.guarded.share()));
     facts.add("largest correction", length(all.guarded.largest_correction));
     facts.add(
@@ -378,7 +379,7 @@ fn text(report: &Report) -> String {
             summary.vertices.to_string(),
             summary.runs.to_string(),
             percent(summary.stable_share),
-            guarded.lost.to_string(),
+            guarded.lost_in_words(),
             percent(guarded.share()),
         ];
         let strain = |strain: &Option<f64>| strain.map_or_else(|| "failed".to_owned(), percent);
@@ -402,6 +403,8 @@ mod tests {
                 frames: 10,
                 corrected: 2,
                 lost: 1,
+                lost_to_physics: 1,
+                physics_failures: 0,
                 largest_correction: 0.001 * number as f64,
             },
             failure: None,

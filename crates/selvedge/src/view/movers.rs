@@ -43,10 +43,10 @@ impl LivePhysics {
 }
 
 impl Stepper for LivePhysics {
-    selvedge_cloth::looks_like!(simulator);
+    selvedge_cloth::delegate_stepper!(simulator);
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        self.simulator.step(handles)
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.simulator.step(targets)
     }
 }
 
@@ -109,10 +109,10 @@ impl LiveModel {
 }
 
 impl Stepper for LiveModel {
-    selvedge_cloth::looks_like!(stepper);
+    selvedge_cloth::delegate_stepper!(stepper);
 
-    fn step(&mut self, handles: &HandleTargets) -> Result<(), StepError> {
-        self.stepper.step(handles)?;
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.stepper.step(targets)?;
         if self.recent.len() >= self.model.spec().history() {
             self.recent.pop_front();
         }
@@ -133,6 +133,7 @@ impl LiveStepper for LiveModel {
 mod tests {
     use super::*;
     use crate::view::ViewWorkshop;
+    use selvedge_cloth::conformance::{HandlesEnd, check};
     use selvedge_live::{MoverKind, Start, Workshop};
     use std::ops::ControlFlow;
 
@@ -168,6 +169,28 @@ mod tests {
         }
         let pairs = one.positions().iter().zip(other.positions());
         pairs.map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn movers_conform() {
+        let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
+        let order = workshop.first_order();
+        let bench = workshop
+            .prepare(&order, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
+        let hold = Hold {
+            handles: bench.cloth().handles().clone(),
+            environment: bench.environment(),
+        };
+        for kind in [MoverKind::Model, MoverKind::Physics] {
+            let make = || bench.start(kind, Start::Beginning, &hold).unwrap();
+            // The physics of the viewer holds by springs.
+            let end = match kind {
+                MoverKind::Physics => HandlesEnd::Elsewhere,
+                _ => HandlesEnd::AtTargets,
+            };
+            assert_eq!(check(make, end), Ok(()), "{kind:?}");
+        }
     }
 
     #[test]

@@ -4,6 +4,8 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::HandleError;
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
 
 use super::*;
 use crate::features::normalizer::Normalizer;
@@ -240,6 +242,22 @@ fn a_short_start_stood_still_and_a_long_one_forgets() {
         assert_eq!(run(&short), run(&padded));
         let longer = [vec![shaken(&short[0], 1.0, 9); 3], padded.clone()].concat();
         assert_eq!(run(&longer), run(&padded));
+    }
+}
+
+#[test]
+fn a_learned_stepper_conforms() {
+    let parts = parts(3, 3);
+    let mut specs = specs().to_vec();
+    specs.push(ModelSpec::physical(
+        Encoder::StreamingGru { window: 3 },
+        8,
+        2,
+    ));
+    for spec in specs {
+        let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+        let make = || stepper(&model, parts.clone(), &start(&parts));
+        assert_eq!(check_correctable(make, HandlesEnd::AtTargets), Ok(()));
     }
 }
 

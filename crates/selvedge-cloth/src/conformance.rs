@@ -1,0 +1,535 @@
+//! Conformance of a [`Stepper`] or a [`Correctable`]: one check of the trait's contract, for the
+//! tests of every crate that implements it.
+//!
+//! Two steppers made alike take the same good steps. One of them is also given steps that must
+//! fail; from then on the two must still agree to the last bit.
+
+use glam::{DVec3, Vec3};
+use thiserror::Error;
+
+use crate::{
+    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId,
+};
+
+/// Position of the handles after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HandlesEnd {
+    /// At their targets, rounded to f32.
+    AtTargets,
+    /// Elsewhere: the stepper is a recording or a rigid body, or its handles are springs.
+    Elsewhere,
+}
+
+/// A breach of the contract of [`Stepper`]. `trial` is the step that showed it.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum Breach {
+    #[error("{trial}: the step failed: {source}")]
+    Failed {
+        trial: &'static str,
+        source: StepError,
+    },
+    #[error("{trial}: the step was accepted")]
+    Accepted { trial: &'static str },
+    #[error("{trial}: the step failed for another reason: {source}")]
+    OtherReason {
+        trial: &'static str,
+        source: StepError,
+    },
+    #[error("{trial}: the error names frame {found}, the step was to frame {expected}")]
+    ErrorFrame {
+        trial: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("{trial}: the failed step changed positions or the frame count")]
+    Changed { trial: &'static str },
+    #[error("{trial}: after steps that failed, the motion is another one from vertex {vertex} on")]
+    Disturbed {
+        trial: &'static str,
+        vertex: VertexId,
+    },
+    #[error("{trial}: the frame count is {found}, expected {expected}")]
+    FrameCount {
+        trial: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("{trial}: there are {found} positions of {expected} vertices")]
+    PositionCount {
+        trial: &'static str,
+        expected: usize,
+        found: usize,
+    },
+    #[error("{trial}: the position of vertex {vertex} is not finite")]
+    NonFinite {
+        trial: &'static str,
+        vertex: VertexId,
+    },
+    #[error("{trial}: handle {handle} is at {found}, its target is {target}")]
+    HandlePlace {
+        trial: &'static str,
+        handle: usize,
+        target: Vec3,
+        found: Vec3,
+    },
+    #[error("{trial}: the cloth is not as it was before the step that was undone")]
+    NotUndone { trial: &'static str },
+    #[error("{trial}: the topology or the handles are no longer those of the start")]
+    Connectivity { trial: &'static str },
+}
+
+/// Distance that a handle moves per good step `[m]`.
+const STEP: DVec3 = DVec3::new(0.001, 0.0005, -0.0008);
+/// A coordinate that is finite in f64, but not in f32 `[m]`.
+const FAR: f64 = 1e39;
+
+/// Checks the steppers that `make` makes, all alike and at their start.
+///
+/// Five steps follow small moves of the handles, so a recording needs at least six frames. Between
+/// them come steps with too few and too many targets, with targets too far away for f32, and
+/// with a handle let go (which a stepper may refuse).
+///
+/// # Errors
+/// The first [`Breach`].
+///
+/// # Examples
+/// ```no_run
+/// # fn make() -> Box<dyn selvedge_cloth::Stepper> { unimplemented!() }
+/// use selvedge_cloth::conformance::{HandlesEnd, check};
+///
+/// check(|| make(), HandlesEnd::AtTargets)?;
+/// # Ok::<(), selvedge_cloth::conformance::Breach>(())
+/// ```
+pub fn check<S: Stepper>(make: impl Fn() -> S, handles_end: HandlesEnd) -> Result<(), Breach> {
+    let mut pair = Pair::new(&make, handles_end);
+    pair.look("start")?;
+    pair.good("first step")?;
+    pair.good("second step")?;
+    pair.wrong_count("one target too many", pair.start.len() + 1)?;
+    if let Some(fewer) = pair.start.len().checked_sub(1) {
+        pair.wrong_count("one target too few", fewer)?;
+        pair.far("target beyond f32")?;
+    }
+    pair.good("step after failures")?;
+    if let Some(last) = pair.start.len().checked_sub(1) {
+        pair.release("step that lets the last handle go", last)?;
+    }
+    Ok(())
+}
+
+/// Checks correctable steppers as [`check`] does; also steps that are undone and frames that are
+/// not finite, which must be refused.
+///
+/// # Errors
+/// The first [`Breach`].
+pub fn check_correctable<S: Correctable>(
+    make: impl Fn() -> S,
+    handles_end: HandlesEnd,
+) -> Result<(), Breach> {
+    check(&make, handles_end)?;
+    let mut pair = Pair::new(&make, handles_end);
+    pair.good("first step")?;
+    pair.undone("step that is undone", false)?;
+    pair.good("step after an undone one")?;
+    pair.undone("replaced step that is undone", true)?;
+    pair.good("step after an undone replacement")?;
+    let lost = vec![Vec3::NAN; pair.topology.vertex_count()];
+    let frame = pair.tried.frame();
+    let replaced = pair.tried.replace_frame(&lost);
+    pair.refuses("replacement that is not finite", replaced, frame)?;
+    let taken = pair.tried.take_frame(&lost);
+    pair.refuses("taken frame that is not finite", taken, frame + 1)?;
+    pair.good("step after refused frames")
+}
+
+/// Two steppers made alike.
+struct Pair<S> {
+    /// Also takes the steps that fail.
+    tried: S,
+    /// Takes only the steps that succeed.
+    spared: S,
+    topology: Topology,
+    handles: Handles,
+    /// Handles at the start `[m]`, `[handles]`.
+    start: Vec<DVec3>,
+    handles_end: HandlesEnd,
+}
+
+impl<S: Stepper> Pair<S> {
+    fn new(make: &impl Fn() -> S, handles_end: HandlesEnd) -> Self {
+        let tried = make();
+        let places = tried.handles().of(tried.positions());
+        Self {
+            topology: tried.topology().clone(),
+            handles: tried.handles().clone(),
+            start: places.map(|p| p.as_dvec3()).collect(),
+            tried,
+            spared: make(),
+            handles_end,
+        }
+    }
+
+    /// Targets of the next good step `[m]`, `[handles]`.
+    fn next(&self) -> Vec<DVec3> {
+        let moved = STEP * (self.tried.frame() + 1) as f64;
+        self.start.iter().map(|p| *p + moved).collect()
+    }
+
+    /// A step that must succeed.
+    fn good(&mut self, trial: &'static str) -> Result<(), Breach> {
+        let expected = self.tried.frame() + 1;
+        let targets = targets(self.next(), None).map_err(failed(trial, expected))?;
+        let stepped = self.tried.step(&targets);
+        stepped.map_err(|source| Breach::Failed { trial, source })?;
+        self.follow(trial, &targets, expected)
+    }
+
+    /// The spared stepper takes the step that the other one has taken; both must agree.
+    fn follow(
+        &mut self,
+        trial: &'static str,
+        targets: &HandleTargets,
+        expected: usize,
+    ) -> Result<(), Breach> {
+        let stepped = self.spared.step(targets);
+        stepped.map_err(|source| Breach::Failed { trial, source })?;
+        let found = self.tried.frame();
+        if found != expected {
+            return Err(Breach::FrameCount {
+                trial,
+                expected,
+                found,
+            });
+        }
+        self.look(trial)?;
+        self.compare(trial)?;
+        match self.handles_end {
+            HandlesEnd::AtTargets => self.at_targets(trial, targets),
+            HandlesEnd::Elsewhere => Ok(()),
+        }
+    }
+
+    fn at_targets(&self, trial: &'static str, targets: &HandleTargets) -> Result<(), Breach> {
+        let places = self.handles.of(self.tried.positions());
+        for (handle, (found, target)) in places.zip(targets.end()).enumerate() {
+            let target = target.as_vec3();
+            if targets.holds(handle) && found != target {
+                return Err(Breach::HandlePlace {
+                    trial,
+                    handle,
+                    target,
+                    found,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// A step with `count` targets, which must be refused for it.
+    fn wrong_count(&mut self, trial: &'static str, count: usize) -> Result<(), Breach> {
+        let mut places = self.next();
+        places.resize(count, DVec3::ZERO);
+        let (expected, found) = (self.start.len(), count);
+        let reason = HandleError::Count { expected, found };
+        match self.refused(trial, places, None)? {
+            Some(StepError::Handles { source, .. }) if source == reason => Ok(()),
+            Some(source) => Err(Breach::OtherReason { trial, source }),
+            None => Err(Breach::Accepted { trial }),
+        }
+    }
+
+    /// A step to places that f32 does not reach.
+    fn far(&mut self, trial: &'static str) -> Result<(), Breach> {
+        let places = vec![DVec3::splat(FAR); self.start.len()];
+        match self.refused(trial, places, None)? {
+            None if self.handles_end == HandlesEnd::AtTargets => Err(Breach::Accepted { trial }),
+            _ => Ok(()),
+        }
+    }
+
+    /// A step that lets a handle go, which may be refused.
+    fn release(&mut self, trial: &'static str, handle: usize) -> Result<(), Breach> {
+        match self.refused(trial, self.next(), Some(handle))? {
+            None => Ok(()),
+            Some(StepError::Handles { .. }) => self.good("step after a refused release"),
+            Some(source) => Err(Breach::OtherReason { trial, source }),
+        }
+    }
+
+    /// A step that may fail. If so, gives the error, which must name the right frame and leave the
+    /// cloth as it was; if not, the spared stepper follows.
+    fn refused(
+        &mut self,
+        trial: &'static str,
+        places: Vec<DVec3>,
+        free: Option<usize>,
+    ) -> Result<Option<StepError>, Breach> {
+        let expected = self.tried.frame() + 1;
+        let before = self.tried.positions().to_vec();
+        let targets = targets(places, free).map_err(failed(trial, expected))?;
+        match self.tried.step(&targets) {
+            Ok(()) => self.follow(trial, &targets, expected).map(|()| None),
+            Err(error) => {
+                self.unchanged(trial, &error, expected, &before)?;
+                Ok(Some(error))
+            }
+        }
+    }
+
+    /// Checks the cloth after `error`, which must name frame `expected`: it is as it was `before`.
+    fn unchanged(
+        &self,
+        trial: &'static str,
+        error: &StepError,
+        expected: usize,
+        before: &[Vec3],
+    ) -> Result<(), Breach> {
+        let found = error.frame();
+        if found != expected {
+            return Err(Breach::ErrorFrame {
+                trial,
+                expected,
+                found,
+            });
+        }
+        let is_same = self.tried.positions() == before;
+        if self.tried.frame() != self.spared.frame() || !is_same {
+            return Err(Breach::Changed { trial });
+        }
+        self.look(trial)
+    }
+
+    /// Positions are as many as vertices and finite; topology and handles are as at the start.
+    fn look(&self, trial: &'static str) -> Result<(), Breach> {
+        let positions = self.tried.positions();
+        let (expected, found) = (self.topology.vertex_count(), positions.len());
+        if expected != found {
+            return Err(Breach::PositionCount {
+                trial,
+                expected,
+                found,
+            });
+        }
+        if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
+            let vertex = VertexId(vertex as u32);
+            return Err(Breach::NonFinite { trial, vertex });
+        }
+        if *self.tried.topology() != self.topology || *self.tried.handles() != self.handles {
+            return Err(Breach::Connectivity { trial });
+        }
+        Ok(())
+    }
+
+    fn compare(&self, trial: &'static str) -> Result<(), Breach> {
+        let mut pairs = self.tried.positions().iter().zip(self.spared.positions());
+        match pairs.position(|(a, b)| a != b) {
+            Some(vertex) => Err(Breach::Disturbed {
+                trial,
+                vertex: VertexId(vertex as u32),
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<S: Correctable> Pair<S> {
+    /// A step that is undone, twice: the second time there is nothing to undo.
+    fn undone(&mut self, trial: &'static str, is_replaced: bool) -> Result<(), Breach> {
+        let failed_step = |source| Breach::Failed { trial, source };
+        let (before, frame) = (self.tried.positions().to_vec(), self.tried.frame());
+        let targets = targets(self.next(), None).map_err(failed(trial, frame + 1))?;
+        self.tried.step(&targets).map_err(failed_step)?;
+        if is_replaced {
+            let raised = self.tried.positions().iter().map(|p| *p + 0.001 * Vec3::Y);
+            let raised: Vec<Vec3> = raised.collect();
+            self.tried.replace_frame(&raised).map_err(failed_step)?;
+        }
+        self.tried.undo_step();
+        self.tried.undo_step();
+        if self.tried.frame() != frame || self.tried.positions() != before {
+            return Err(Breach::NotUndone { trial });
+        }
+        Ok(())
+    }
+
+    /// Checks that a frame was refused with an error of frame `expected`.
+    fn refuses(
+        &self,
+        trial: &'static str,
+        outcome: Result<(), StepError>,
+        expected: usize,
+    ) -> Result<(), Breach> {
+        match outcome {
+            Ok(()) => Err(Breach::Accepted { trial }),
+            Err(error) => self.unchanged(trial, &error, expected, self.spared.positions()),
+        }
+    }
+}
+
+fn targets(places: Vec<DVec3>, free: Option<usize>) -> Result<HandleTargets, HandleError> {
+    let released = (0..places.len()).map(|handle| Some(handle) == free);
+    let released: Vec<bool> = released.collect();
+    let targets = HandleTargets::at_frame_end(places)?;
+    match free {
+        Some(_) => targets.releasing(released),
+        None => Ok(targets),
+    }
+}
+
+/// The breach of a stepper whose own handle positions make no targets.
+fn failed(trial: &'static str, frame: usize) -> impl Fn(HandleError) -> Breach {
+    move |source| Breach::Failed {
+        trial,
+        source: StepError::Handles { frame, source },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{check_target_count, check_targets_hold};
+
+    /// A defect of a [`Carrier`].
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    enum Defect {
+        None,
+        NoCount,
+        NoRange,
+        NamesFrameLeft,
+        MovesOnFailure,
+        RemembersFailure,
+        MissesTargets,
+        KeepsFrame,
+        LosesVertex,
+        LosesFiniteness,
+    }
+
+    /// A square whose vertices all follow the first handle.
+    struct Carrier {
+        topology: Topology,
+        handles: Handles,
+        positions: Vec<Vec3>,
+        frame: usize,
+        failures: usize,
+        defect: Defect,
+    }
+
+    fn carrier(defect: Defect) -> Carrier {
+        Carrier {
+            topology: Topology::new(4, &[[0, 2, 1], [0, 3, 2]]).unwrap(),
+            handles: Handles::new(&[0, 1], 4).unwrap(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y],
+            frame: 0,
+            failures: 0,
+            defect,
+        }
+    }
+
+    impl Carrier {
+        fn check(&self, targets: &HandleTargets) -> Result<(), StepError> {
+            if self.defect != Defect::NoCount {
+                check_target_count(self, targets)?;
+                check_targets_hold(self, targets)?;
+            }
+            let is_far = targets.end().iter().any(|p| !p.as_vec3().is_finite());
+            if is_far && self.defect != Defect::NoRange {
+                return Err(StepError::NonFinite {
+                    frame: self.frame + usize::from(self.defect != Defect::NamesFrameLeft),
+                    vertex: VertexId(0),
+                });
+            }
+            Ok(())
+        }
+    }
+
+    impl Stepper for Carrier {
+        fn topology(&self) -> &Topology {
+            &self.topology
+        }
+
+        fn handles(&self) -> &Handles {
+            &self.handles
+        }
+
+        fn positions(&self) -> &[Vec3] {
+            &self.positions
+        }
+
+        fn frame(&self) -> usize {
+            self.frame
+        }
+
+        fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+            if let Err(error) = self.check(targets) {
+                self.failures += usize::from(self.defect == Defect::RemembersFailure);
+                if self.defect == Defect::MovesOnFailure {
+                    self.positions[3] += Vec3::X;
+                }
+                return Err(error);
+            }
+            self.positions[2].y += 0.001 * (self.failures + 1) as f32;
+            let places = targets.end().iter().map(|p| p.as_vec3());
+            for (vertex, place) in self.handles.vertices().iter().zip(places) {
+                self.positions[vertex.index()] = place;
+            }
+            match self.defect {
+                Defect::MissesTargets => self.positions[1].z += 1e-6,
+                Defect::LosesVertex => self.positions.truncate(3),
+                Defect::LosesFiniteness => self.positions[3].x = f32::INFINITY,
+                _ => (),
+            }
+            self.frame += usize::from(self.defect != Defect::KeepsFrame);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn every_defect_is_found_and_named() {
+        let found = |defect| check(|| carrier(defect), HandlesEnd::AtTargets);
+        assert_eq!(found(Defect::None), Ok(()));
+        let is_named = |defect: Defect, breach: &Breach| match defect {
+            Defect::None => false,
+            Defect::NoCount => matches!(breach, Breach::Accepted { .. }),
+            Defect::NoRange => matches!(breach, Breach::NonFinite { .. }),
+            Defect::NamesFrameLeft => matches!(
+                breach,
+                Breach::ErrorFrame {
+                    expected: 3,
+                    found: 2,
+                    ..
+                }
+            ),
+            Defect::MovesOnFailure => matches!(breach, Breach::Changed { .. }),
+            Defect::RemembersFailure => {
+                matches!(breach, Breach::Disturbed { vertex, .. } if vertex.0 == 2)
+            }
+            Defect::MissesTargets => matches!(breach, Breach::HandlePlace { handle: 1, .. }),
+            Defect::KeepsFrame => matches!(breach, Breach::FrameCount { found: 0, .. }),
+            Defect::LosesVertex => matches!(breach, Breach::PositionCount { found: 3, .. }),
+            Defect::LosesFiniteness => {
+                matches!(breach, Breach::NonFinite { vertex, .. } if vertex.0 == 3)
+            }
+        };
+        for defect in [
+            Defect::NoCount,
+            Defect::NoRange,
+            Defect::NamesFrameLeft,
+            Defect::MovesOnFailure,
+            Defect::RemembersFailure,
+            Defect::MissesTargets,
+            Defect::KeepsFrame,
+            Defect::LosesVertex,
+            Defect::LosesFiniteness,
+        ] {
+            let breach = found(defect).unwrap_err();
+            assert!(is_named(defect, &breach), "{defect:?}: {breach}");
+        }
+    }
+
+    #[test]
+    fn a_stepper_that_misses_its_targets_passes_where_that_is_known() {
+        let make = || carrier(Defect::MissesTargets);
+        assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
+    }
+}

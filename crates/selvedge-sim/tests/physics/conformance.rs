@@ -1,0 +1,38 @@
+//! The simulator keeps the contract of a stepper, whatever its physics settings.
+
+use selvedge_cloth::conformance::{HandlesEnd, check};
+use selvedge_cloth::{
+    AdaptiveSubsteps, ConjugateGradients, HandleConstraint, Integrator, LinearSolver, Newton,
+    PhysicsSettings, Substepping,
+};
+use selvedge_sim::Simulator;
+
+use crate::scenes::{floating, hanging};
+
+#[test]
+fn the_simulator_conforms() {
+    let usual = hanging(5);
+    let with = |edit: fn(&mut PhysicsSettings)| {
+        let mut scene = usual.clone();
+        edit(&mut scene.physics);
+        scene
+    };
+    let scenes = [
+        usual.clone(),
+        floating(4),
+        with(|physics| {
+            physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
+        }),
+        with(|physics| physics.integrator = Integrator::Newton(Newton::default())),
+        with(|physics| {
+            physics.substepping = Substepping::Adaptive(AdaptiveSubsteps::default());
+        }),
+    ];
+    for (number, scene) in scenes.iter().enumerate() {
+        let make = || Simulator::new(scene).unwrap();
+        assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()), "scene {number}");
+    }
+    let springs = with(|physics| physics.handles = HandleConstraint::Spring);
+    let make = || Simulator::new(&springs).unwrap();
+    assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
+}
