@@ -29,10 +29,11 @@ pub use network::workspace::{EncoderState, Workspace};
 pub use network::{Gradients, Input, InputGradient, Network, Pass, StateGradients};
 pub use network::{reference, roofline};
 pub use rollout::{
-    LearnedStepper, MODEL_FORMAT, Model, ModelError, ModelFileError, Normalizers, RolloutError,
-    WeightType, integrate, opening_frames,
+    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
+    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
+    target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, ModelSpec, NodeFeature,
-    ReferenceSlope, SpecError,
+    Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, ModelSpec,
+    NodeFeature, ReferenceSlope, SpecError,
 };

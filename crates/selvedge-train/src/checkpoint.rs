@@ -15,10 +15,11 @@ use serde_json::Value;
 use thiserror::Error;
 
 use crate::config::TrainConfig;
-use crate::engine::Learned;
+use crate::engine::{EngineMaker, Learned};
+use crate::fit_normalizers::Statistics;
 use crate::losses::RunningLossStatistics;
-use crate::memory::Arithmetic;
 use crate::optimizer::Adam;
+use crate::origin::Origin;
 use crate::slot::Slot;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
 use crate::training_set::TrainingSet;
@@ -91,18 +92,6 @@ struct State {
     slots: Vec<SlotEntry>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     origins: Vec<Origin>,
-}
-
-/// A training whose weights another one began with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Origin {
-    /// The name of its configuration.
-    pub name: String,
-    /// How far it had come.
-    pub steps_done: u64,
-    /// The name of its data set.
-    pub dataset: String,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -191,7 +180,7 @@ impl Trainer {
         cfg: TrainConfig,
         dataset: &Dataset,
         path: &Path,
-        on: Arithmetic,
+        engine: &dyn EngineMaker,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
         let bytes = Bytes::read(path)?;
@@ -199,7 +188,7 @@ impl Trainer {
         file.check(&cfg, dataset)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let (set, network) = prepare(&cfg, dataset, on)?;
+        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
         let count = network.parameter_count();
         let moments = [
             file.numbers("first_moment", count)?,
@@ -223,12 +212,14 @@ impl Trainer {
             },
             slots: slots.collect::<Result<_, _>>()?,
             network,
-            inputs: state.inputs,
-            targets: state.targets,
+            statistics: Statistics {
+                inputs: state.inputs,
+                targets: state.targets,
+            },
             step: state.step,
             origins: state.origins,
         };
-        Ok(Self::assemble(cfg, (set, on), parts))
+        Ok(Self::assemble(cfg, set, engine, parts)?)
     }
 }
 
@@ -243,7 +234,7 @@ impl Trainer {
         cfg: TrainConfig,
         dataset: &Dataset,
         path: &Path,
-        on: Arithmetic,
+        engine: &dyn EngineMaker,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
         let bytes = Bytes::read(path)?;
@@ -252,7 +243,7 @@ impl Trainer {
         file.check_network(&made, &cfg)?;
         let state: State = file.json("state")?;
         file.check_widths(&state, &cfg)?;
-        let (set, network) = prepare(&cfg, dataset, on)?;
+        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
         let mut origins = state.origins;
         origins.push(Origin {
             name: made.name,
@@ -268,12 +259,14 @@ impl Trainer {
             },
             slots: vec![Slot::new(); cfg.batch.samples],
             network,
-            inputs: state.inputs,
-            targets: state.targets,
+            statistics: Statistics {
+                inputs: state.inputs,
+                targets: state.targets,
+            },
             step: 0,
             origins,
         };
-        Ok(Self::assemble(cfg, (set, on), parts))
+        Ok(Self::assemble(cfg, set, engine, parts)?)
     }
 }
 

@@ -5,12 +5,12 @@ mod setting;
 use std::path::{Path, PathBuf};
 
 use selvedge_model::{Encoder, ModelSpec, SpecError};
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::losses::{LossWeights, LossWeightsError};
 use crate::optimizer::{AdamError, AdamSettings};
-use crate::rollout_target::OffsetRule;
 use crate::schedule::{LearningRate, MOST_STEPS, ScheduleError, TruthProbability, UnrollFrames};
 pub use setting::{Setting, SettingError};
 
@@ -81,13 +81,30 @@ pub struct TrainConfig {
 
 /// How samples are put together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(from = "BatchTable")]
 pub struct BatchConfig {
     /// Samples per optimiser step.
     pub samples: usize,
-    /// Samples that go through the network together, as one disjoint union. CpuEngine are what
-    /// threads share, so this and not the number of threads decides the order of sums.
-    pub shard: usize,
+}
+
+/// The table `[batch]` as files have it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BatchTable {
+    samples: usize,
+    /// A key of earlier versions: how many samples went through the network together. That is a setting
+    /// of the engine now ([`crate::OnProcessor`]) and changes results by rounding only, so files with the
+    /// key stay readable.
+    #[serde(default, rename = "shard")]
+    _shard: Option<IgnoredAny>,
+}
+
+impl From<BatchTable> for BatchConfig {
+    fn from(table: BatchTable) -> Self {
+        Self {
+            samples: table.samples,
+        }
+    }
 }
 
 /// Noise on ground truth (GNS, Sanchez-Gonzalez et al. 2020): n is added to the newest positions
@@ -130,6 +147,29 @@ pub struct ScheduledSampling {
     pub correction: f64,
     /// What the targets of several frames in a row take for granted about that distance.
     pub offset: OffsetRule,
+}
+
+/// The course of an offset from the truth in the targets of a rollout.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum OffsetRule {
+    /// A part of its smooth part is taken back every frame (`correction`).
+    Decaying {},
+    /// It swings about the truth.
+    Swinging {
+        /// Part of its velocity that is lost per frame, d.
+        damping: f64,
+        /// Part of the way back that is gone per frame squared, s.
+        stiffness: f64,
+        /// Part of its wrinkles that is lost per frame, w.
+        wrinkles: f64,
+    },
+}
+
+impl Default for OffsetRule {
+    fn default() -> Self {
+        Self::Decaying {}
+    }
 }
 
 impl Default for NoiseConfig {
@@ -335,10 +375,7 @@ impl TrainConfig {
 
 impl BatchConfig {
     fn validate(&self) -> Result<(), InvalidConfig> {
-        count("batch.samples", self.samples as u64, MOST_SAMPLES as u64)?;
-        let fits = (1..=self.samples).contains(&self.shard);
-        let expected = "between 1 and batch.samples";
-        require(fits, "batch.shard", expected, self.shard as f64)
+        count("batch.samples", self.samples as u64, MOST_SAMPLES as u64)
     }
 }
 

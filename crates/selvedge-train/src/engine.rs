@@ -1,25 +1,27 @@
-//! Who does the arithmetic of a training step: takes what the slots show through the network and back,
-//! and the weights after the gradient.
+//! The seam between a training and the machine that does its arithmetic: forward and backward over
+//! the batch, then the optimiser's update.
 //!
-//! The slots and all that is drawn by chance stay with the trainer, so that a step is the same whoever
-//! computes it, but for rounding. `shards` is the one on this machine's processor.
+//! Slots and all that is drawn by chance stay with the trainer. A step is therefore the same on every
+//! engine but for rounding. The engine of this machine's processor is in `cpu`; it uses what any
+//! other one gets.
 
-pub(crate) mod cpu;
-pub(crate) mod micro_batch;
-pub(crate) mod unroll;
+mod cpu;
+mod micro_batch;
+mod slot_run;
 
 use std::error::Error;
 use std::sync::Arc;
 
-use rand_chacha::ChaCha8Rng;
-use selvedge_model::{ClothGraph, Connectivity, Network, Normalizers};
+use selvedge_model::{ClothGraph, Network, Normalizers};
 use thiserror::Error;
 
+pub use self::cpu::OnProcessor;
+pub use self::slot_run::{FramePasses, SlotRun, run_slots};
 use crate::config::TrainConfig;
 use crate::losses::{LossStatistics, LossTerms};
+use crate::memory::Arithmetic;
 use crate::optimizer::Adam;
-use crate::rollout_target::RolloutTarget;
-use crate::slot::{ShownSample, Slot, rng_of};
+use crate::slot::{Slot, SlotRandom};
 use crate::training_set::TrainingSet;
 
 /// What a training has learned so far.
@@ -27,15 +29,15 @@ use crate::training_set::TrainingSet;
 pub struct Learned {
     /// The weights, as [`Network::parameters`] lays them out.
     pub weights: Vec<f32>,
-    /// Their running mean, where the configuration wants one.
+    /// Their running mean, where the configuration asks for one.
     pub averaged: Option<Vec<f32>>,
     /// The optimiser.
     pub adam: Adam,
 }
 
 impl Learned {
-    /// The part of the way to the weights that their running mean goes after so many steps of the
-    /// optimiser; `part` is `weight_average`.
+    /// The part of the way to the weights that their running mean goes after `steps` steps of the
+    /// optimiser; `part` is `weight_average` of the configuration.
     #[must_use]
     pub fn averaging(steps: u64, part: f64) -> f32 {
         let steps = steps as f64;
@@ -43,17 +45,17 @@ impl Learned {
     }
 }
 
-/// Something that learns.
+/// The arithmetic of a training.
 pub trait Engine: Send {
     /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the slots'
-    /// losses; gives the terms of each slot.
+    /// losses. Returns the terms of each slot.
     ///
     /// # Errors
     /// When the machine that computes fails.
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError>;
 
-    /// Takes the weights a step of the optimiser against that gradient; gives its norm before clipping.
-    /// Where that is not finite nothing changes.
+    /// Takes the weights a step of the optimiser against that gradient. Returns its norm before
+    /// clipping; where that is not finite nothing changes.
     ///
     /// # Errors
     /// As [`Self::learn`].
@@ -65,48 +67,32 @@ pub trait Engine: Send {
     /// As [`Self::learn`].
     fn gradient(&mut self) -> Result<Vec<f32>, EngineError>;
 
-    /// Brings `learned` up to what the engine has.
+    /// Copies weights and optimiser from the engine to `learned`.
     ///
     /// # Errors
     /// As [`Self::learn`].
     fn collect(&mut self, learned: &mut Learned) -> Result<(), EngineError>;
 }
 
-/// An engine that cannot go on.
+/// A failure of an engine.
 #[derive(Debug, Error)]
 #[error(transparent)]
 pub struct EngineError(pub Box<dyn Error + Send + Sync>);
 
-/// The engine of a training whose device is still to be put in: it refuses to learn.
-pub(crate) struct Nobody;
+/// Settings of an engine, from which a training makes it. They decide speed and memory; results differ
+/// only by rounding.
+pub trait EngineMaker {
+    /// The machine whose memory a training takes.
+    fn arithmetic(&self) -> Arithmetic;
 
-impl Nobody {
-    fn refusal<T>() -> Result<T, EngineError> {
-        Err(EngineError(
-            "the device that is to do the arithmetic was not put in".into(),
-        ))
-    }
+    /// Makes the engine of a training.
+    ///
+    /// # Errors
+    /// When the machine fails or lacks memory.
+    fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError>;
 }
 
-impl Engine for Nobody {
-    fn learn(&mut self, _: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
-        Self::refusal()
-    }
-
-    fn update(&mut self, _: &mut Learned, _: Update) -> Result<f64, EngineError> {
-        Self::refusal()
-    }
-
-    fn gradient(&mut self) -> Result<Vec<f32>, EngineError> {
-        Self::refusal()
-    }
-
-    fn collect(&mut self, _: &mut Learned) -> Result<(), EngineError> {
-        Ok(())
-    }
-}
-
-/// How weights follow a gradient.
+/// One step of the optimiser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
     /// The learning rate.
@@ -117,137 +103,74 @@ pub struct Update {
     pub average: Option<f64>,
 }
 
-/// What an engine is made for.
+/// The parts of a training that its engine needs.
 #[derive(Clone, Copy)]
 pub struct Setup<'a> {
     /// The configuration.
     pub cfg: &'a TrainConfig,
     /// The network.
     pub network: &'a Network,
-    /// Statistics of what the network sees and says.
+    /// Statistics of the network's inputs and outputs.
     pub normalizers: &'a Normalizers,
-    /// Statistics of what the losses compare.
+    /// Statistics of the quantities that the losses compare.
     pub statistics: &'a LossStatistics,
-    /// Where it starts.
+    /// Weights and optimiser as they are now.
     pub learned: &'a Learned,
     pub(crate) set: &'a TrainingSet,
 }
 
-impl Setup<'_> {
+impl<'a> Setup<'a> {
     /// The cloths of all trajectories; those of one cloth share it.
-    pub fn graphs(&self) -> impl Iterator<Item = &Arc<ClothGraph>> {
+    pub fn graphs(&self) -> impl Iterator<Item = &'a Arc<ClothGraph>> {
         self.set.motions().map(|motion| &motion.graph)
     }
 }
 
-/// The slots of a step.
+/// A batch: the slots of one step.
 pub struct Batch<'a> {
-    pub(crate) setup: Setup<'a>,
-    pub(crate) slots: &'a mut [Slot],
-    pub(crate) step: u64,
-    pub(crate) frames: usize,
+    setup: Setup<'a>,
+    slots: &'a mut [Slot],
+    step: u64,
+    frames: usize,
 }
 
 impl<'a> Batch<'a> {
+    /// The batch of step `step`, from 0, through up to `frames` frames.
+    pub(crate) fn new(setup: Setup<'a>, slots: &'a mut [Slot], step: u64, frames: usize) -> Self {
+        Self {
+            setup,
+            slots,
+            step,
+            frames,
+        }
+    }
+
+    /// The setup of the training.
+    #[must_use]
+    pub fn setup(&self) -> Setup<'a> {
+        self.setup
+    }
+
     /// Frames that every slot goes through, unless it ends before.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// The slots, each on its way.
+    /// The slots, each before its first frame.
     #[must_use]
     pub fn runs(self) -> Vec<SlotRun<'a>> {
-        let (setup, step, frames) = (self.setup, self.step, self.frames);
+        let (setup, frames) = (self.setup, self.frames);
         let (seed, count) = (setup.cfg.seed, setup.cfg.batch.samples);
         let slots = self.slots.iter_mut().enumerate();
         slots
-            .map(|(number, slot)| SlotRun {
-                setup,
-                step,
-                frames,
-                slot,
-                rng: rng_of(seed, step, number, count),
-                shown: ShownSample::default(),
-                aim: None,
-                done: 0,
+            .map(|(number, slot)| {
+                let random = SlotRandom::new(seed, self.step, number, count);
+                SlotRun::new(setup, frames, slot, random)
             })
             .collect()
     }
 }
 
-/// A slot on its way through the frames of a step: show, take through the network, go on.
-pub struct SlotRun<'a> {
-    setup: Setup<'a>,
-    step: u64,
-    frames: usize,
-    slot: &'a mut Slot,
-    rng: ChaCha8Rng,
-    shown: ShownSample,
-    aim: Option<RolloutTarget>,
-    done: usize,
-}
-
-impl SlotRun<'_> {
-    /// Makes the next frame ready.
-    pub fn show(&mut self) -> &ShownSample {
-        let (cfg, set) = (self.setup.cfg, self.setup.set);
-        self.slot.show(cfg, set, &mut self.rng, &mut self.shown);
-        if self.frames > 1 {
-            let (slot, shown) = (&*self.slot, &mut self.shown);
-            let aim = self.aim.get_or_insert_with(|| {
-                let (correction, given) = (slot.correction(cfg), (set, shown.yaw));
-                RolloutTarget::new(cfg.scheduled_sampling.offset, correction, slot, given)
-            });
-            slot.aim(set, aim.next(), shown);
-        }
-        &self.shown
-    }
-
-    /// What was shown last.
-    #[must_use]
-    pub fn shown(&self) -> &ShownSample {
-        &self.shown
-    }
-
-    /// The cloth of what is shown, and its arcs.
-    #[must_use]
-    pub fn cloth(&self) -> (&Arc<ClothGraph>, &Arc<Connectivity>) {
-        let motion = self.setup.set.motion(self.shown.trajectory);
-        (&motion.graph, &motion.connectivity)
-    }
-
-    /// Goes on after the network gave `output` (normalised, `[vertices, 3]`) for what was shown; whether
-    /// there is another frame in this step.
-    pub fn go_on(&mut self, output: &[f32]) -> bool {
-        let (cfg, set) = (self.setup.cfg, self.setup.set);
-        let mut acceleration = output.to_vec();
-        self.setup
-            .normalizers
-            .acceleration
-            .denormalize(&mut acceleration);
-        let yaw = self.shown.yaw;
-        let chance = (self.step, &mut self.rng);
-        if self.frames == 1 {
-            self.slot.advance(cfg, set, chance, yaw, &acceleration);
-            return false;
-        }
-        self.done += 1;
-        let goes_on = self.slot.follow(cfg, set, yaw, &acceleration);
-        if goes_on && self.done < self.frames {
-            return true;
-        }
-        self.slot.break_off(cfg, chance);
-        false
-    }
-
-    /// The mean of the terms of the slot's frames, and what the gradient of each frame counts in that of
-    /// the mean over the batch.
-    #[must_use]
-    pub fn weigh(&self, terms: &[LossTerms]) -> (LossTerms, Vec<f64>) {
-        let (mean, mut weights) = unroll::weigh(self.setup.cfg, terms);
-        let share = 1.0 / self.setup.cfg.batch.samples as f64;
-        weights.iter_mut().for_each(|weight| *weight *= share);
-        (mean, weights)
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,5 @@
-//! Statistics of inputs and targets over samples drawn as in training, before the first step: sample by
-//! sample, so that whoever waits hears of each and may stop.
+//! Fits the normalisers: statistics of inputs and targets over samples drawn as in training, before the
+//! first step. The fit goes sample by sample, so that a caller can report each and stop.
 
 use selvedge_model::{Place, RunningStatistics, Window, edge_groups, node_groups};
 
@@ -8,7 +8,7 @@ use crate::losses::RunningLossStatistics;
 use crate::slot::{ShownSample, Slot, rng_of};
 use crate::training_set::TrainingSet;
 
-/// How far the statistics are.
+/// Progress of the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FitProgress {
     /// Samples so far.
@@ -17,7 +17,7 @@ pub struct FitProgress {
     pub samples: usize,
 }
 
-/// Statistics on their way.
+/// A fit in progress.
 pub(crate) struct NormalizerFit<'a> {
     cfg: &'a TrainConfig,
     set: &'a TrainingSet,
@@ -29,8 +29,12 @@ pub(crate) struct NormalizerFit<'a> {
     window: Window,
 }
 
-/// Those of vertices and of arcs, and of the targets.
-pub(crate) type Statistics = ([RunningStatistics; 2], RunningLossStatistics);
+/// Statistics of inputs and targets.
+pub(crate) struct Statistics {
+    /// Features of vertices and of arcs.
+    pub(crate) inputs: [RunningStatistics; 2],
+    pub(crate) targets: RunningLossStatistics,
+}
 
 impl<'a> NormalizerFit<'a> {
     /// Statistics of no sample yet.
@@ -47,7 +51,7 @@ impl<'a> NormalizerFit<'a> {
         }
     }
 
-    /// Takes the next sample; none when there are as many as the configuration wants.
+    /// Takes the next sample. Returns nothing when the samples of the configuration are done.
     pub(crate) fn advance(&mut self) -> Option<FitProgress> {
         let (cfg, spec) = (self.cfg, &self.cfg.model);
         if self.done >= cfg.statistics_samples {
@@ -72,8 +76,11 @@ impl<'a> NormalizerFit<'a> {
         })
     }
 
-    /// What was gathered.
+    /// The statistics so far.
     pub(crate) fn finish(self) -> Statistics {
-        ([self.nodes, self.edges], self.targets)
+        Statistics {
+            inputs: [self.nodes, self.edges],
+            targets: self.targets,
+        }
     }
 }

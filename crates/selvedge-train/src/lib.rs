@@ -8,6 +8,7 @@ mod fit_normalizers;
 mod losses;
 mod memory;
 mod optimizer;
+mod origin;
 mod rollout_target;
 mod run;
 mod schedule;
@@ -17,12 +18,15 @@ mod test_data;
 mod trainer;
 mod training_set;
 
-pub use checkpoint::{CHECKPOINT_FORMAT, Origin, ResumeError};
+pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,
-    SettingError, TrainConfig,
+    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling,
+    Setting, SettingError, TrainConfig,
 };
-pub use engine::{Batch, Engine, EngineError, Learned, Setup, SlotRun, Update};
+pub use engine::{
+    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, Setup, SlotRun,
+    Update, run_slots,
+};
 pub use fit_normalizers::FitProgress;
 pub use losses::{
     LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError, Report,
@@ -30,7 +34,7 @@ pub use losses::{
 };
 pub use memory::{Arithmetic, MemoryError, available_memory};
 pub use optimizer::{Adam, AdamError, AdamRates, AdamSettings, clip_norm};
-pub use rollout_target::OffsetRule;
+pub use origin::Origin;
 pub use run::{Kept, Limits, RunEnd, RunError, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use slot::ShownSample;

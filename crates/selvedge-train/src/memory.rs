@@ -1,12 +1,13 @@
 //! How much memory a training needs, reckoned before it is taken: what does not fit is an error that
 //! names its causes, not a program that the system ends.
 //!
-//! Reckoned are the trajectories, the weights with their moments and the gradient of every shard, and
-//! what every sample of a batch keeps on its way through the network; the rest is small. Where a device with
-//! memory of its own does the arithmetic, that has the gradients of the shards and what is kept on the way, and
-//! reckons for itself; here are the positions that go up, and copies of them for the transfer. What there
-//! is, is what the system says: the machine's memory, that of the control group and the limit of the
-//! address space (Linux), the least of them; [`FALLBACK`] where it says nothing.
+//! Reckoned are the trajectories, the weights with their moments, the gradient of every micro-batch, and
+//! the activations that every sample of a batch keeps; the rest is small. A device with memory of its own
+//! holds gradients and activations and reckons for itself; here are the positions that go up, and
+//! copies of them for the transfer.
+//!
+//! The memory that is there is the least of the machine's memory, that of the control group and the limit
+//! of the address space (Linux), or [`FALLBACK`] where the system names none.
 
 use selvedge_data::{Dataset, Split};
 use selvedge_model::{ClothGraph, Network, activations};
@@ -23,20 +24,22 @@ const NUMBER: f64 = 4.0;
 const POSITION: f64 = 12.0;
 const EXACT_POSITION: f64 = 24.0;
 
-/// Where the arithmetic of a training is done, and with that whose memory it takes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// The machine that does the arithmetic of a training and whose memory that takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arithmetic {
-    /// By this machine's processor.
-    #[default]
-    OnProcessor,
-    /// By a device with memory of its own, which [`crate::Trainer::run_on`] puts in before the first step.
+    /// This machine's processor.
+    OnProcessor {
+        /// Slots that go through the network together.
+        micro_batch: usize,
+    },
+    /// A device with memory of its own.
     OnDevice,
 }
 
 /// A training that does not fit into memory.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
-    "the training needs about {} of memory ({} for {samples} samples per step, {} for the weights and what goes with them, {} for the trajectories), but there are {}: lower batch.samples, unroll.frames, model.latent, model.blocks or the window, raise batch.shard, or take a smaller data set",
+    "the training needs about {} of memory ({} for {samples} samples per step, {} for the weights and what goes with them, {} for the trajectories), but there are {}: lower batch.samples, unroll.frames, model.latent, model.blocks or the window, raise the micro-batch, or take a smaller data set",
     gib(needed.sum()), gib(needed.slots), gib(needed.weights), gib(needed.trajectories), gib(*available)
 )]
 pub struct MemoryError {
@@ -45,7 +48,7 @@ pub struct MemoryError {
     samples: usize,
 }
 
-/// What a training needs, by what it is for [bytes].
+/// Bytes that a training needs, by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Need {
     trajectories: f64,
@@ -54,7 +57,7 @@ pub(crate) struct Need {
 }
 
 impl Need {
-    /// What can be said before the data are read.
+    /// The need as far as it is known before the data are read.
     pub(crate) fn before_reading(
         cfg: &TrainConfig,
         network: &Network,
@@ -65,9 +68,11 @@ impl Need {
         let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
         let images = if cfg.mirror_images { 2.0 } else { 1.0 };
         // Weights, their mean, their gradient and two moments, and three where a checkpoint is written; on the
-        // processor three packed for the engine, and the gradients of the shards.
+        // processor three packed for the engine, and the gradients of the micro-batches.
         let copies = match on {
-            Arithmetic::OnProcessor => 5.0 + 3.0 + 3.0 + shard_count(cfg) as f64,
+            Arithmetic::OnProcessor { micro_batch } => {
+                5.0 + 3.0 + 3.0 + cfg.batch.samples.div_ceil(micro_batch) as f64
+            }
             Arithmetic::OnDevice => 5.0 + 3.0,
         };
         Self {
@@ -78,11 +83,13 @@ impl Need {
     }
 
     /// The same with what the slots need, each of them the most that a cloth of `set` takes.
-    pub(crate) fn with_lanes(self, cfg: &TrainConfig, set: &TrainingSet, on: Arithmetic) -> Self {
+    pub(crate) fn with_slots(self, cfg: &TrainConfig, set: &TrainingSet, on: Arithmetic) -> Self {
         let of = |graph: &ClothGraph| {
             let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
             match on {
-                Arithmetic::OnProcessor => of_slots(cfg, vertices, arcs),
+                Arithmetic::OnProcessor { micro_batch } => {
+                    of_slots(cfg, micro_batch, vertices, arcs)
+                }
                 Arithmetic::OnDevice => of_sent_slots(cfg, vertices),
             }
         };
@@ -96,7 +103,7 @@ impl Need {
         self.trajectories + self.weights + self.slots
     }
 
-    /// That so much is there.
+    /// Checks that so much is there.
     pub(crate) fn check(self, cfg: &TrainConfig) -> Result<(), MemoryError> {
         self.check_against(cfg, available_memory())
     }
@@ -113,12 +120,8 @@ impl Need {
     }
 }
 
-fn shard_count(cfg: &TrainConfig) -> usize {
-    cfg.batch.samples.div_ceil(cfg.batch.shard)
-}
-
-/// What all slots need for a cloth of `vertices` and `arcs` [bytes].
-fn of_slots(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
+/// Bytes that all slots need for a cloth of `vertices` and `arcs`.
+fn of_slots(cfg: &TrainConfig, micro_batch: usize, vertices: usize, arcs: usize) -> f64 {
     let (spec, unrolled) = (&cfg.model, cfg.unroll.most());
     let rows = |of_vertex: usize, of_arc: usize| {
         of_vertex as f64 * vertices as f64 + of_arc as f64 * arcs as f64
@@ -128,23 +131,28 @@ fn of_slots(cfg: &TrainConfig, vertices: usize, arcs: usize) -> f64 {
     let features = spec.window() as f64 * rows(spec.node_width(), spec.edge_width());
     let outputs = 2.0 * 3.0 * vertices as f64;
     let history = POSITION * (spec.history() * vertices) as f64;
-    let targets = 3.0 * EXACT_POSITION * vertices as f64;
-    let shown = NUMBER * (activations + features + outputs) + history + targets;
-    let samples = cfg.batch.samples as f64 * (shown + history);
+    let sample = history + of_targets(vertices);
+    let shown = NUMBER * (activations + features + outputs) + sample;
+    let samples = cfg.batch.samples as f64 * (shown + sample + history);
     if unrolled == 1 {
         return samples;
     }
-    // Every shard takes one slot at a time through its frames.
-    let shards = shard_count(cfg) as f64;
+    // Every micro-batch takes one slot at a time through its frames.
+    let micro_batches = cfg.batch.samples.div_ceil(micro_batch) as f64;
     let by_position = history + POSITION * (unrolled * vertices) as f64;
-    samples + shards * (unrolled as f64 * shown + NUMBER * features + by_position)
+    samples + micro_batches * (unrolled as f64 * shown + NUMBER * features + by_position)
 }
 
-/// The same where a device takes them through the network: what they show, the predictions that come down, and
-/// two copies of what goes up.
+/// Bytes of a sample's reference, in `f32`, and of its three local frames.
+fn of_targets(vertices: usize) -> f64 {
+    (POSITION + 3.0 * EXACT_POSITION) * vertices as f64
+}
+
+/// The same where a device takes them through the network: their samples, the predictions that come down,
+/// and two copies of what goes up.
 fn of_sent_slots(cfg: &TrainConfig, vertices: usize) -> f64 {
     let history = POSITION * (cfg.model.history() * vertices) as f64;
-    let targets = 3.0 * EXACT_POSITION * vertices as f64;
+    let targets = of_targets(vertices);
     let sent = history.max(EXACT_POSITION * vertices as f64);
     let predicted = 2.0 * POSITION * vertices as f64;
     cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * sent)

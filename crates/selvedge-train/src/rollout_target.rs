@@ -19,29 +19,6 @@ use crate::training_set::TrainingSet;
 /// Means over neighbours that take the wrinkles out of an offset.
 const SMOOTHINGS: usize = 16;
 
-/// What becomes of an offset from the truth.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum OffsetRule {
-    /// A part of what is smooth of it is taken back every frame (`correction`).
-    Decaying {},
-    /// It swings about the truth.
-    Swinging {
-        /// Part of its velocity that is lost per frame, d.
-        damping: f64,
-        /// Part of the way back that is gone per frame squared, s.
-        stiffness: f64,
-        /// Part of its wrinkles that is lost per frame, w.
-        wrinkles: f64,
-    },
-}
-
-impl Default for OffsetRule {
-    fn default() -> Self {
-        Self::Decaying {}
-    }
-}
-
 /// The offset of one rollout, frame by frame, in local axes `[m]`, `[vertices]`.
 pub(crate) struct RolloutTarget {
     rule: Rule,
@@ -66,18 +43,14 @@ enum Rule {
 }
 
 impl RolloutTarget {
-    /// From where `slot` stands; `correction` is γ.
-    pub(crate) fn new(
-        what: OffsetRule,
-        correction: f64,
-        slot: &Slot,
-        (set, yaw): (&TrainingSet, Yaw),
-    ) -> Self {
+    /// The targets of a rollout that starts at the sample of `slot`, in the local frame `yaw`.
+    pub(crate) fn of_slot(cfg: &TrainConfig, set: &TrainingSet, slot: &Slot, yaw: Yaw) -> Self {
+        let correction = slot.correction(cfg);
         let graph = &*set.motion(slot.section.trajectory).graph;
         let offset = slot.offset(set, yaw);
         let mut smooth = offset.clone();
         smoothen(graph, &mut smooth);
-        let rule = match what {
+        let rule = match cfg.scheduled_sampling.offset {
             OffsetRule::Decaying {} => Rule::Decaying {
                 start: smooth,
                 kept: 1.0 - correction,
@@ -104,8 +77,8 @@ impl RolloutTarget {
         Self { rule, now: offset }
     }
 
-    /// What is left of the offset one frame later.
-    pub(crate) fn next(&mut self) -> &[DVec3] {
+    /// The rest of the offset one frame later.
+    pub(crate) fn next_offset(&mut self) -> &[DVec3] {
         match &mut self.rule {
             Rule::Decaying {
                 start,

@@ -1,10 +1,10 @@
-//! A slot: one place of the batch, which shows the network one sample per step.
+//! A rollout slot: one place of the batch, which shows the network one sample per frame of a step.
 //!
-//! A slot starts a run at a random sample of ground truth. After each step, with probability
-//! 1 - p, the model's own prediction becomes the current position of the next sample and the frames
-//! before it shift along (scheduled sampling); else, and at the latest after `longest` predictions
-//! or at the end of the section, the next sample is ground truth again, drawn afresh. With
-//! p = 1 this is a plain shuffle of all samples with replacement.
+//! A slot starts a run at a random sample of ground truth. After each step, with probability 1 - p, the
+//! model's own prediction becomes the current position of the next sample and the frames before it shift
+//! along (scheduled sampling). Otherwise the next sample is ground truth again, drawn afresh; so it is
+//! after `longest` predictions, at the end of the section, and too far from the truth. With p = 1 this is
+//! a plain shuffle of all samples with replacement.
 //!
 //! Every random number follows from (seed, step, slot) alone.
 
@@ -13,17 +13,17 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use selvedge_data::Section;
-use selvedge_model::{ClothGraph, Frames, Yaw, integrate};
+use selvedge_model::{ClothGraph, Frames, LastFrames, LocalAcceleration, TwoFrames, Yaw, advance};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
 use crate::losses::Triplet;
 use crate::training_set::TrainingSet;
 
-/// Where a slot stands between two steps; all that a checkpoint keeps of it.
+/// The state of a slot between two steps; a checkpoint keeps all of it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Slot {
     pub(crate) section: Section,
-    /// The current frame of the sample to come, if the run goes on.
+    /// The current frame of the next sample, if the run goes on.
     pub(crate) current: usize,
     /// Predictions in a row so far; 0: the next sample is drawn afresh.
     pub(crate) run: u32,
@@ -32,19 +32,37 @@ pub(crate) struct Slot {
     pub(crate) history: Vec<Vec<Vec3>>,
 }
 
-/// What the network is shown in one step.
+/// A sample as the network and the losses see it.
+#[derive(Clone, Debug)]
 pub struct ShownSample {
     pub(crate) trajectory: usize,
     /// The local frame of the current positions.
     pub yaw: Yaw,
     /// World positions of the frame before the window and of the window, noise included `[m]`.
     pub frames: Vec<Vec<Vec3>>,
-    /// Where the handles go `[m]`, `[handles]`.
+    /// Positions of the handles one frame later `[m]`, `[handles]`.
     pub next_handles: Vec<Vec3>,
-    /// Previous, current and target positions in the local frame of the current ones `[m]`.
+    /// Positions from which uniform motion leads where the cloth goes by itself
+    /// ([`selvedge_model::Integration::reference`]), in the world `[m]`, `[vertices]`.
+    pub(crate) reference: Vec<Vec3>,
+    /// Reference, current and target positions in the local frame of the current ones `[m]`.
     pub local: [Vec<DVec3>; 3],
-    /// Decides what is dropped of this sample.
+    /// Seed of the sample's dropout.
     pub dropout_seed: u64,
+}
+
+/// The random numbers of a slot in one step.
+pub(crate) struct SlotRandom {
+    step: u64,
+    pub(crate) rng: ChaCha8Rng,
+}
+
+impl SlotRandom {
+    /// Those of slot `slot` of `slots` in step `step`.
+    pub(crate) fn new(seed: u64, step: u64, slot: usize, slots: usize) -> Self {
+        let rng = rng_of(seed, step, slot, slots);
+        Self { step, rng }
+    }
 }
 
 impl Slot {
@@ -62,7 +80,7 @@ impl Slot {
         }
     }
 
-    /// Prepares the sample of this step.
+    /// Prepares the next sample.
     pub(crate) fn show(
         &mut self,
         cfg: &TrainConfig,
@@ -85,7 +103,7 @@ impl Slot {
             .collect();
         if self.run == 0 {
             let newest = self.history.len() - 1;
-            add_noise(cfg, graph, rng, (&mut self.history[newest], &mut target));
+            add_noise(cfg, graph, rng, &mut self.history[newest], &mut target);
         } else {
             let shift = 1.0 - cfg.scheduled_sampling.correction;
             let newest = &self.history[self.history.len() - 1];
@@ -96,10 +114,10 @@ impl Slot {
         shown.frames.clone_from(&self.history);
         let next = motion.frame(self.current as i64 + 1);
         shown.next_handles = graph.handles().select(next);
-        self.to_local(cfg, set, &target, shown);
+        self.to_local(cfg, graph, &target, shown);
     }
 
-    /// Any sample of ground truth.
+    /// Draws a sample of ground truth.
     fn draw(&mut self, cfg: &TrainConfig, set: &TrainingSet, rng: &mut ChaCha8Rng) {
         let number = rng.random_range(0..set.sample_count());
         let (sample, section) = set.sample(number);
@@ -111,24 +129,31 @@ impl Slot {
         self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
     }
 
-    /// Previous, current and target positions in the local frame of the current ones.
+    /// Sets reference, current and target positions, and the local frame of the current ones.
     fn to_local(
         &self,
         cfg: &TrainConfig,
-        set: &TrainingSet,
+        graph: &ClothGraph,
         target: &[DVec3],
         shown: &mut ShownSample,
     ) {
-        let graph = &*set.motion(self.section.trajectory).graph;
-        let current = &self.history[self.history.len() - 1];
+        let count = self.history.len();
+        let current = &self.history[count - 1];
         let handles = graph.handles().select(current);
         let yaw = graph.frame().yaw(&handles, graph.frame().rest_yaw());
-        let previous = self.reference(cfg, set, yaw);
+        let last = LastFrames {
+            graph,
+            previous: &self.history[count - 2],
+            current,
+            next_handles: &shown.next_handles,
+            yaw,
+        };
+        cfg.model.integration.reference(&last, &mut shown.reference);
         let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
         let local = |p: DVec3| yaw.to_local_f64(p - origin);
-        let [to_previous, to_current, to_target] = &mut shown.local;
-        to_previous.clear();
-        to_previous.extend(previous.iter().map(|p| local(p.as_dvec3())));
+        let [to_reference, to_current, to_target] = &mut shown.local;
+        to_reference.clear();
+        to_reference.extend(shown.reference.iter().map(|p| local(p.as_dvec3())));
         to_current.clear();
         to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
         to_target.clear();
@@ -136,21 +161,7 @@ impl Slot {
         shown.yaw = yaw;
     }
 
-    /// The previous positions that the acceleration is added to uniform motion from: the true ones,
-    /// or those of another [`selvedge_model::Integration`].
-    fn reference(&self, cfg: &TrainConfig, set: &TrainingSet, yaw: Yaw) -> Vec<Vec3> {
-        let motion = set.motion(self.section.trajectory);
-        let count = self.history.len();
-        let frames = [&*self.history[count - 2], &*self.history[count - 1]];
-        let next = motion.frame(self.current as i64 + 1);
-        let next_handles = motion.graph.handles().select(next);
-        let mut reference = Vec::new();
-        let integration = cfg.model.integration;
-        integration.reference(&motion.graph, frames, &next_handles, yaw, &mut reference);
-        reference
-    }
-
-    /// How far the current positions are from the truth, in local axes `[m]`, `[vertices]`.
+    /// Offset of the current positions from the truth, in local axes `[m]`, `[vertices]`.
     pub(crate) fn offset(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
         let motion = set.motion(self.section.trajectory);
         let truth = motion.frame(self.current as i64);
@@ -159,8 +170,8 @@ impl Slot {
             .collect()
     }
 
-    /// How much farther from the truth than a frame before, in local axes `[m/frame]`, `[vertices]`; 0
-    /// where it is the truth, with or without noise.
+    /// Change of the offset since the frame before, in local axes `[m/frame]`, `[vertices]`; 0 for a
+    /// sample of ground truth, with or without noise.
     pub(crate) fn offset_velocity(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
         let motion = set.motion(self.section.trajectory);
         if self.run == 0 {
@@ -178,8 +189,8 @@ impl Slot {
             .collect()
     }
 
-    /// Makes the truth plus `offset` (local `[m]`) the target of what is shown.
-    pub(crate) fn aim(&self, set: &TrainingSet, offset: &[DVec3], shown: &mut ShownSample) {
+    /// Makes the truth plus `offset` (local `[m]`) the target of the sample.
+    pub(crate) fn set_target(&self, set: &TrainingSet, offset: &[DVec3], shown: &mut ShownSample) {
         let motion = set.motion(self.section.trajectory);
         let current = &self.history[self.history.len() - 1];
         let handles = motion.graph.handles().select(current);
@@ -191,7 +202,7 @@ impl Slot {
         target.extend(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + *e));
     }
 
-    /// The part of the distance to the truth that the target of the sample to come takes back.
+    /// The part of the distance to the truth that the target of the sample takes back.
     pub(crate) fn correction(&self, cfg: &TrainConfig) -> f64 {
         match self.run {
             0 => cfg.noise.correction,
@@ -199,45 +210,28 @@ impl Slot {
         }
     }
 
-    /// Starts afresh with the probability of `step`, or when the run is long enough.
-    pub(crate) fn break_off(&mut self, cfg: &TrainConfig, (step, rng): (u64, &mut ChaCha8Rng)) {
+    /// Draws whether the next sample is ground truth again: with the probability of the step, and
+    /// always when the run is long enough.
+    pub(crate) fn returns_to_truth(&self, cfg: &TrainConfig, random: &mut SlotRandom) -> bool {
         let sampling = &cfg.scheduled_sampling;
-        let uses_truth = rng.random::<f64>() < sampling.truth.at(step);
-        if uses_truth || self.run >= sampling.longest {
-            self.start_afresh();
-        }
+        let is_drawn = random.rng.random::<f64>() < sampling.truth.at(random.step);
+        is_drawn || self.run >= sampling.longest
     }
 
-    fn start_afresh(&mut self) {
+    /// Makes the next sample ground truth, drawn afresh.
+    pub(crate) fn start_afresh(&mut self) {
         self.run = 0;
         self.history.clear();
     }
 
-    /// Decides how the slot goes on after the network predicted `acceleration` (local, `[m/frame²]`,
-    /// `[vertices, 3]`).
-    pub(crate) fn advance(
-        &mut self,
-        cfg: &TrainConfig,
-        set: &TrainingSet,
-        (step, rng): (u64, &mut ChaCha8Rng),
-        yaw: Yaw,
-        acceleration: &[f32],
-    ) {
-        let uses_truth = rng.random::<f64>() < cfg.scheduled_sampling.truth.at(step);
-        if uses_truth || self.run >= cfg.scheduled_sampling.longest {
-            self.start_afresh();
-        } else {
-            self.follow(cfg, set, yaw, acceleration);
-        }
-    }
-
-    /// Goes on with the prediction `acceleration` (local, `[m/frame²]`, `[vertices, 3]`); at the end
-    /// of the section or too far from the truth it starts afresh instead. Whether it went on.
+    /// Goes on from `sample` with the prediction `acceleration` (local, `[m/frame²]`,
+    /// `[vertices, 3]`). At the end of the section or too far from the truth the slot starts afresh
+    /// instead. Returns whether it went on.
     pub(crate) fn follow(
         &mut self,
         cfg: &TrainConfig,
         set: &TrainingSet,
-        yaw: Yaw,
+        sample: &ShownSample,
         acceleration: &[f32],
     ) -> bool {
         let next = self.current + 1;
@@ -246,34 +240,35 @@ impl Slot {
             return false;
         }
         let motion = set.motion(self.section.trajectory);
-        let truth = motion.frame(next as i64);
-        let count = self.history.len();
-        let reference = self.reference(cfg, set, yaw);
+        let newest = self.history.len() - 1;
         let mut predicted = std::mem::take(&mut self.history[0]);
-        let last = [&*reference, &*self.history[count - 1]];
-        integrate(acceleration, yaw, last, &mut predicted);
-        for vertex in motion.graph.handles().vertices() {
-            predicted[vertex.index()] = truth[vertex.index()];
-        }
-        if let Some(limits) = cfg.model.edge_limits {
-            limits.apply(&motion.graph, &mut predicted);
-        }
+        let frames = TwoFrames {
+            graph: &motion.graph,
+            reference: &sample.reference,
+            current: &self.history[newest],
+        };
+        let acceleration = LocalAcceleration {
+            yaw: sample.yaw,
+            rows: acceleration,
+        };
+        let (spec, handles) = (&cfg.model, &sample.next_handles);
+        let is_finite = advance(spec, &frames, handles, acceleration, &mut predicted).is_ok();
         let farthest = cfg.scheduled_sampling.farthest as f32;
-        // Also no limit is none for a position that is not finite.
-        let close = |(p, q): (&Vec3, &Vec3)| p.is_finite() && p.distance(*q) <= farthest;
-        if !predicted.iter().zip(truth).all(close) {
+        let truth = motion.frame(next as i64);
+        let mut distances = predicted.iter().zip(truth).map(|(p, q)| p.distance(*q));
+        if !is_finite || !distances.all(|distance| distance <= farthest) {
             self.start_afresh();
             return false;
         }
         self.history.rotate_left(1);
-        self.history[count - 1] = predicted;
+        self.history[newest] = predicted;
         self.current = next;
         self.run += 1;
         true
     }
 }
 
-/// The numbers of slot `slot` in step `step`.
+/// The random stream of slot `slot` of `slots` in step `step`.
 pub(crate) fn rng_of(seed: u64, step: u64, slot: usize, slots: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Stream 0 is for the weights.
@@ -288,12 +283,13 @@ fn mean_edge(graph: &ClothGraph) -> f64 {
     sum / lengths.len().max(1) as f64
 }
 
-/// n on the newest positions of free vertices, (1 - γ) n on their targets.
+/// Adds noise n to the newest positions of free vertices and (1 - γ) n to their targets.
 fn add_noise(
     cfg: &TrainConfig,
     graph: &ClothGraph,
     rng: &mut impl Rng,
-    (newest, target): (&mut [Vec3], &mut [DVec3]),
+    newest: &mut [Vec3],
+    target: &mut [DVec3],
 ) {
     let NoiseConfig {
         deviation,
@@ -323,6 +319,7 @@ impl Default for ShownSample {
             yaw: Yaw::WORLD,
             frames: Vec::new(),
             next_handles: Vec::new(),
+            reference: Vec::new(),
             local: Default::default(),
             dropout_seed: 0,
         }
@@ -341,10 +338,10 @@ impl ShownSample {
 
     /// The sample for the losses.
     pub(crate) fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
-        let [previous, current, target] = &self.local;
+        let [reference, current, target] = &self.local;
         Triplet {
             graph,
-            previous,
+            reference,
             current,
             target,
         }

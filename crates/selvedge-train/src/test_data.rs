@@ -13,7 +13,11 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::config::TrainConfig;
+use crate::engine::OnProcessor;
 use crate::schedule::TruthProbability;
+
+/// An engine whose micro-batches are unions.
+pub(crate) const ENGINE: OnProcessor = OnProcessor { micro_batch: 2 };
 
 /// A data set in a folder that goes with it.
 pub(crate) struct Swinging {
@@ -148,7 +152,6 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
 
         [batch]
         samples = 3
-        shard = 2
 
         [noise]
         deviation = 0.0

@@ -1,7 +1,5 @@
 //! The training step, read from top to bottom: every slot shows a sample and is taken forward and
 //! backward by the engine, the slots advance, the optimiser steps.
-//!
-//! The engine is that of this machine's processor unless another one is put in its place, or waited for.
 
 use std::ops::ControlFlow;
 
@@ -11,14 +9,13 @@ use selvedge_data::Dataset;
 use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
 use thiserror::Error;
 
-use crate::checkpoint::Origin;
 use crate::config::{InvalidConfig, TrainConfig};
-use crate::engine::cpu::CpuEngine;
-use crate::engine::{Batch, Engine, EngineError, Learned, Nobody, Setup, Update};
+use crate::engine::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, Need};
 use crate::optimizer::{Adam, AdamError};
+use crate::origin::Origin;
 use crate::slot::Slot;
 use crate::training_set::{TrainingSet, TrainingSetError};
 
@@ -38,7 +35,7 @@ pub struct Trainer {
     engine: Box<dyn Engine>,
 }
 
-/// What a step did.
+/// Report of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
     /// Number of the step, from 1.
@@ -55,7 +52,7 @@ pub struct StepReport {
     pub frames: usize,
 }
 
-/// Why a training cannot start or go on.
+/// A training that cannot start or go on.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TrainError {
@@ -78,47 +75,52 @@ pub enum TrainError {
 }
 
 impl Trainer {
-    /// A training at its first step: fresh weights, statistics from `statistics_samples` samples.
+    /// A training at its first step on the engine that `engine` makes: fresh weights, statistics from
+    /// `statistics_samples` samples.
     ///
     /// # Errors
-    /// [`TrainError`] when the configuration or the data set cannot be used, or there is not enough
-    /// memory for both.
-    pub fn new(cfg: TrainConfig, dataset: &Dataset) -> Result<Self, TrainError> {
-        let on = Arithmetic::OnProcessor;
-        let (set, network) = prepare(&cfg, dataset, on)?;
-        let mut gathering = NormalizerFit::new(&cfg, &set);
-        while gathering.advance().is_some() {}
-        let statistics = gathering.finish();
-        Self::begin(cfg, (set, on), network, statistics)
+    /// [`TrainError`] when the configuration or the data set cannot be used, there is not enough memory
+    /// for both, or the engine cannot be made.
+    pub fn new(
+        cfg: TrainConfig,
+        dataset: &Dataset,
+        engine: &dyn EngineMaker,
+    ) -> Result<Self, TrainError> {
+        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
+        let mut fit = NormalizerFit::new(&cfg, &set);
+        while fit.advance().is_some() {}
+        let statistics = fit.finish();
+        Self::begin(cfg, set, engine, network, statistics)
     }
 
-    /// The same wherever the arithmetic is done; `observe` hears of every sample of the statistics and may
-    /// stop, which gives none.
+    /// The same with an observer: `observe` hears of every sample of the statistics and may stop the
+    /// fit, which gives no training.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn new_observed(
         cfg: TrainConfig,
         dataset: &Dataset,
-        on: Arithmetic,
+        engine: &dyn EngineMaker,
         observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
-        let (set, network) = prepare(&cfg, dataset, on)?;
-        let mut gathering = NormalizerFit::new(&cfg, &set);
-        while let Some(gathered) = gathering.advance() {
-            if observe(gathered).is_break() {
+        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
+        let mut fit = NormalizerFit::new(&cfg, &set);
+        while let Some(progress) = fit.advance() {
+            if observe(progress).is_break() {
                 return Ok(None);
             }
         }
-        let statistics = gathering.finish();
-        Self::begin(cfg, (set, on), network, statistics).map(Some)
+        let statistics = fit.finish();
+        Self::begin(cfg, set, engine, network, statistics).map(Some)
     }
 
     fn begin(
         cfg: TrainConfig,
-        given: (TrainingSet, Arithmetic),
+        set: TrainingSet,
+        engine: &dyn EngineMaker,
         network: Network,
-        (inputs, targets): Statistics,
+        statistics: Statistics,
     ) -> Result<Self, TrainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
         let weights = network.initialise(&mut || rng.random::<f64>());
@@ -130,37 +132,41 @@ impl Trainer {
             },
             slots: vec![Slot::new(); cfg.batch.samples],
             network,
-            inputs,
-            targets,
+            statistics,
             step: 0,
             origins: Vec::new(),
         };
-        Ok(Self::assemble(cfg, given, parts))
+        Self::assemble(cfg, set, engine, parts)
     }
 
     pub(crate) fn assemble(
         cfg: TrainConfig,
-        (set, on): (TrainingSet, Arithmetic),
+        set: TrainingSet,
+        engine: &dyn EngineMaker,
         parts: Parts,
-    ) -> Self {
-        let statistics = parts.targets.freeze();
-        let [nodes, edges] = &parts.inputs;
+    ) -> Result<Self, TrainError> {
+        let Statistics { inputs, targets } = parts.statistics;
+        let statistics = targets.freeze();
+        let [nodes, edges] = &inputs;
         let normalizers = Normalizers {
             nodes: nodes.freeze(),
             edges: edges.freeze(),
             acceleration: statistics.acceleration.clone(),
         };
-        let engine: Box<dyn Engine> = match on {
-            Arithmetic::OnProcessor => {
-                Box::new(CpuEngine::new(&cfg, &parts.network, &parts.learned.weights))
-            }
-            Arithmetic::OnDevice => Box::new(Nobody),
+        let setup = Setup {
+            cfg: &cfg,
+            network: &parts.network,
+            normalizers: &normalizers,
+            statistics: &statistics,
+            learned: &parts.learned,
+            set: &set,
         };
-        Self {
+        let engine = engine.make(setup)?;
+        Ok(Self {
             network: parts.network,
             learned: parts.learned,
-            inputs: parts.inputs,
-            targets: parts.targets,
+            inputs,
+            targets,
             slots: parts.slots,
             step: parts.step,
             origins: parts.origins,
@@ -169,35 +175,11 @@ impl Trainer {
             normalizers,
             engine,
             cfg,
-        }
+        })
     }
 
-    /// Lets another engine do the arithmetic from the next step on.
-    ///
-    /// # Errors
-    /// What `make` says, and what the engine before it does.
-    pub fn run_on(
-        &mut self,
-        make: impl FnOnce(Setup<'_>) -> Result<Box<dyn Engine>, EngineError>,
-    ) -> Result<(), TrainError> {
-        self.collect()?;
-        self.engine = make(self.setup())?;
-        Ok(())
-    }
-
-    fn setup(&self) -> Setup<'_> {
-        Setup {
-            cfg: &self.cfg,
-            network: &self.network,
-            normalizers: &self.normalizers,
-            statistics: &self.statistics,
-            learned: &self.learned,
-            set: &self.set,
-        }
-    }
-
-    /// Brings weights and optimiser to where the engine has them; [`Self::save`] and [`Self::model`] are
-    /// of then. On this machine's processor they always are there.
+    /// Copies weights and optimiser from the engine, for [`Self::save`] and [`Self::model`]. The engine of
+    /// this machine's processor always has them here.
     ///
     /// # Errors
     /// When the engine fails.
@@ -208,24 +190,20 @@ impl Trainer {
     /// Learns from one batch.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`]; the weights are then those before the step, but the slots have
-    /// moved on: a checkpoint is what to go on from. So it is when the engine fails.
+    /// [`TrainError::NotFinite`], or a failure of the engine. The weights are then those before the step, but
+    /// the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
         let frames = self.cfg.unroll.at(step);
-        let batch = Batch {
-            setup: Setup {
-                cfg: &self.cfg,
-                network: &self.network,
-                normalizers: &self.normalizers,
-                statistics: &self.statistics,
-                learned: &self.learned,
-                set: &self.set,
-            },
-            slots: &mut self.slots,
-            step,
-            frames,
+        let setup = Setup {
+            cfg: &self.cfg,
+            network: &self.network,
+            normalizers: &self.normalizers,
+            statistics: &self.statistics,
+            learned: &self.learned,
+            set: &self.set,
         };
+        let batch = Batch::new(setup, &mut self.slots, step, frames);
         let terms = LossTerms::mean(&self.engine.learn(batch)?);
         let not_finite = TrainError::NotFinite { step: step + 1 };
         if !terms.total.is_finite() {
@@ -251,7 +229,7 @@ impl Trainer {
         })
     }
 
-    /// What was learned when it was last collected.
+    /// Weights and optimiser as they were last collected.
     #[must_use]
     pub fn learned(&self) -> &Learned {
         &self.learned
@@ -317,8 +295,7 @@ impl Trainer {
     }
 }
 
-/// The data and the network of a training whose configuration is good and for which there is room on this
-/// machine.
+/// Reads the data and builds the network, after checking the configuration and the memory of this machine.
 pub(crate) fn prepare(
     cfg: &TrainConfig,
     dataset: &Dataset,
@@ -333,12 +310,11 @@ pub(crate) fn prepare(
     Ok((set, network))
 }
 
-/// What a training consists of besides configuration and data.
+/// The parts of a training besides configuration and data.
 pub(crate) struct Parts {
     pub(crate) network: Network,
     pub(crate) learned: Learned,
-    pub(crate) inputs: [RunningStatistics; 2],
-    pub(crate) targets: RunningLossStatistics,
+    pub(crate) statistics: Statistics,
     pub(crate) slots: Vec<Slot>,
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,

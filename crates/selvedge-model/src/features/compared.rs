@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::window::Frames;
 use crate::features::Pose;
 use crate::graph::ClothGraph;
-use crate::spec::integration::{ReferenceSlope, carried_rest};
+use crate::spec::integration::{LastFrames, ReferenceSlope, carried_rest};
 use crate::spec::{ModelSpec, NodeFeature};
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,9 +40,15 @@ impl Compared {
         handles.extend(graph.handles().of(now));
         self.slopes = [None, None];
         if has(NodeFeature::Acceleration) {
-            let pair = [frames.at(current - 2), previous];
-            integration.reference(graph, pair, handles, yaw, &mut self.before);
-            self.slopes[0] = Some(integration.reference_slope(graph, pair, handles, yaw));
+            let last = LastFrames {
+                graph,
+                previous: frames.at(current - 2),
+                current: previous,
+                next_handles: handles,
+                yaw,
+            };
+            integration.reference(&last, &mut self.before);
+            self.slopes[0] = Some(integration.reference_slope(&last));
         }
         if has(NodeFeature::ExpectedMove) {
             next.clear();
@@ -50,9 +56,15 @@ impl Compared {
                 Some(positions) => next.extend(graph.handles().of(positions.as_ref())),
                 None => next.extend_from_slice(frames.next_handles),
             }
-            let pair = [previous, now];
-            integration.reference(graph, pair, next, yaw, &mut self.reference);
-            self.slopes[1] = Some(integration.reference_slope(graph, pair, next, yaw));
+            let last = LastFrames {
+                graph,
+                previous,
+                current: now,
+                next_handles: next,
+                yaw,
+            };
+            integration.reference(&last, &mut self.reference);
+            self.slopes[1] = Some(integration.reference_slope(&last));
         }
         if has(NodeFeature::RestOffset) {
             let yaw = graph.frame().yaw(handles, yaw);

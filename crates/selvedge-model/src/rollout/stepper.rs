@@ -1,7 +1,7 @@
 //! The learned simulator as a [`Stepper`]: features of the last frames, one pass of the network,
-//! and the integration p^{t+1} = a + 2 p^t - p^{t-1} `[eq:integration]`.
+//! and the integration of its acceleration ([`advance`]).
 //!
-//! Where the spec has edge limits they come last. Handle vertices never follow the network: after the step they are where their targets are.
+//! Handle vertices never follow the network: after the step they are at their targets.
 
 use std::sync::Arc;
 
@@ -19,7 +19,11 @@ use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::{EncoderState, Workspace};
 use crate::network::{Input, Pass};
+use crate::rollout::advance::{
+    LocalAcceleration, NonFinite, TwoFrames, advance, require_finite,
+};
 use crate::rollout::model::Model;
+use crate::spec::integration::LastFrames;
 use crate::spec::ModelSpec;
 
 /// A cloth that a trained model moves.
@@ -193,29 +197,27 @@ impl Stepper for LearnedStepper {
         next_handles.extend(targets.end().iter().map(|p| p.as_vec3()));
         self.predict(&next_handles, yaw);
         let newest = self.history.len() - 1;
-        let [previous, current] = [&*self.history[newest - 1], &*self.history[newest]];
-        let (integration, reference) = (self.model.spec().integration, &mut self.reference);
-        integration.reference(
-            &self.graph,
-            [previous, current],
-            &next_handles,
+        let spec = self.model.spec();
+        let last = LastFrames {
+            graph: &self.graph,
+            previous: &self.history[newest - 1],
+            current: &self.history[newest],
+            next_handles: &next_handles,
             yaw,
-            reference,
-        );
+        };
+        spec.integration.reference(&last, &mut self.reference);
+        let frames = TwoFrames {
+            graph: &self.graph,
+            reference: &self.reference,
+            current: &self.history[newest],
+        };
+        let acceleration = LocalAcceleration {
+            yaw,
+            rows: &self.acceleration,
+        };
+        let advanced = advance(spec, &frames, &next_handles, acceleration, &mut self.next);
         self.next_handles = next_handles;
-        integrate(
-            &self.acceleration,
-            yaw,
-            [reference, current],
-            &mut self.next,
-        );
-        for (vertex, target) in self.graph.handles().vertices().iter().zip(targets.end()) {
-            self.next[vertex.index()] = target.as_vec3();
-        }
-        if let Some(limits) = self.model.spec().edge_limits {
-            limits.apply(&self.graph, &mut self.next);
-        }
-        check_frame(frame, &self.next, self.graph.vertex_count())?;
+        advanced.map_err(|NonFinite { vertex }| StepError::NonFinite { frame, vertex })?;
         self.history.rotate_left(1);
         std::mem::swap(&mut self.history[newest], &mut self.next);
         if self.model.network().streams() {
@@ -268,30 +270,10 @@ impl Correctable for LearnedStepper {
     }
 }
 
-/// That every one of so many positions is finite.
+/// Checks that there are so many positions, all of them finite.
 fn check_frame(frame: usize, positions: &[Vec3], vertices: usize) -> Result<(), StepError> {
     assert_eq!(positions.len(), vertices, "positions");
-    match positions.iter().position(|p| !p.is_finite()) {
-        Some(vertex) => Err(StepError::NonFinite {
-            frame,
-            vertex: VertexId(vertex as u32),
-        }),
-        None => Ok(()),
-    }
-}
-
-/// p^{t+1} = a + 2 p^t - p^{t-1}, with `acceleration` `[m/frame²]` in the local frame of `yaw`,
-/// `[vertices, 3]`, and the rest in the world, `[vertices]` `[m]`.
-pub fn integrate(
-    acceleration: &[f32],
-    yaw: Yaw,
-    [previous, current]: [&[Vec3]; 2],
-    next: &mut [Vec3],
-) {
-    let rows = acceleration.as_chunks::<3>().0;
-    for ((next, a), (p, q)) in next.iter_mut().zip(rows).zip(current.iter().zip(previous)) {
-        *next = yaw.to_world(Vec3::from_array(*a)) + (2.0 * *p - *q);
-    }
+    require_finite(positions).map_err(|NonFinite { vertex }| StepError::NonFinite { frame, vertex })
 }
 
 #[cfg(test)]

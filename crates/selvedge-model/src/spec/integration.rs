@@ -34,6 +34,28 @@ impl Default for Integration {
     }
 }
 
+/// The last two frames of a cloth and the way of its handles, all in the world `[m]`.
+#[derive(Clone, Copy, Debug)]
+pub struct LastFrames<'a> {
+    /// The cloth.
+    pub graph: &'a ClothGraph,
+    /// Positions one frame before the current ones, `[vertices]`.
+    pub previous: &'a [Vec3],
+    /// Current positions, `[vertices]`.
+    pub current: &'a [Vec3],
+    /// Positions of the handles one frame later, `[handles]`.
+    pub next_handles: &'a [Vec3],
+    /// The local frame of the current positions.
+    pub yaw: Yaw,
+}
+
+impl LastFrames<'_> {
+    fn carries(&self) -> Carries {
+        let handles = [self.previous, self.current].map(|frame| self.graph.handles().of(frame));
+        Carries::new(self.graph, handles, self.next_handles, self.yaw)
+    }
+}
+
 /// A rigid motion of the handles: a turn about the vertical through `from`, then to `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carry {
@@ -105,29 +127,25 @@ fn rest(graph: &ClothGraph) -> (DVec3, Yaw) {
 }
 
 impl Integration {
-    /// The positions one frame earlier from which uniform motion would lead where the cloth goes by
-    /// itself: for [`Self::Inertial`] the previous ones themselves. `frames` are the previous and the
-    /// current positions, `next_handles` where the handles go (`[handles]`), `yaw` that of the
-    /// current frame; all in the world `[m]`.
-    pub fn reference(
-        self,
-        graph: &ClothGraph,
-        [previous, current]: [&[Vec3]; 2],
-        next_handles: &[Vec3],
-        yaw: Yaw,
-        reference: &mut Vec<Vec3>,
-    ) {
+    /// Sets `reference` to the positions one frame earlier from which uniform motion leads where the
+    /// cloth goes by itself `[m]`, `[vertices]`. For [`Self::Inertial`] these are the previous ones.
+    pub fn reference(self, frames: &LastFrames<'_>, reference: &mut Vec<Vec3>) {
+        let LastFrames {
+            graph,
+            previous,
+            current,
+            ..
+        } = *frames;
         reference.clear();
         let Self::Carried { damping, stiffness } = self else {
             reference.extend_from_slice(previous);
             return;
         };
-        let handles = [previous, current].map(|positions| graph.handles().of(positions));
         let Carries {
             to_next,
             from_before,
             from_rest,
-        } = Carries::new(graph, handles, next_handles, yaw);
+        } = frames.carries();
         let rows = previous.iter().zip(current).zip(graph.rest_positions());
         reference.extend(rows.map(|((&q, &p), &r)| {
             let here = to_next.point(p);
@@ -184,21 +202,14 @@ impl Integration {
     /// ∂reference/∂p^t = 2 - (2 - d - s) M and ∂reference/∂p^{t-1} = (1 - d) M'
     /// `[eq:carried-slope]`.
     #[must_use]
-    pub fn reference_slope(
-        self,
-        graph: &ClothGraph,
-        frames: [&[Vec3]; 2],
-        next_handles: &[Vec3],
-        yaw: Yaw,
-    ) -> ReferenceSlope {
+    pub fn reference_slope(self, frames: &LastFrames<'_>) -> ReferenceSlope {
         let Self::Carried { damping, stiffness } = self else {
             return ReferenceSlope {
                 previous: (1.0, Yaw::WORLD),
                 current: (0.0, 0.0, Yaw::WORLD),
             };
         };
-        let handles = frames.map(|positions| graph.handles().of(positions));
-        let carries = Carries::new(graph, handles, next_handles, yaw);
+        let carries = frames.carries();
         ReferenceSlope {
             previous: (1.0 - damping, carries.from_before.turn),
             current: (2.0, -(2.0 - damping - stiffness), carries.to_next.turn),
@@ -232,7 +243,14 @@ mod tests {
             .frame()
             .yaw(&graph.handles().select(frames[1]), Yaw::WORLD);
         let mut reference = Vec::new();
-        integration.reference(graph, frames, handles, yaw, &mut reference);
+        let last = LastFrames {
+            graph,
+            previous: frames[0],
+            current: frames[1],
+            next_handles: handles,
+            yaw,
+        };
+        integration.reference(&last, &mut reference);
         let rows = reference.iter().zip(frames[1]);
         rows.map(|(q, p)| 2.0 * *p - *q).collect()
     }
@@ -247,7 +265,14 @@ mod tests {
         let mut reference = Vec::new();
         let handles = graph.handles().select(b);
         let yaw = graph.frame().rest_yaw();
-        Integration::default().reference(&graph, [&a, b], &handles, yaw, &mut reference);
+        let last = LastFrames {
+            graph: &graph,
+            previous: &a,
+            current: b,
+            next_handles: &handles,
+            yaw,
+        };
+        Integration::default().reference(&last, &mut reference);
         assert_eq!(reference, a);
     }
 

@@ -5,6 +5,6 @@ pub(crate) mod integration;
 pub(crate) mod limits;
 mod model_spec;
 
-pub use integration::{Carries, Carry, Integration, ReferenceSlope};
+pub use integration::{Carries, Carry, Integration, LastFrames, ReferenceSlope};
 pub use limits::EdgeLimits;
 pub use model_spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};

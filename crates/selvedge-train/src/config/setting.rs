@@ -26,6 +26,10 @@ pub enum SettingError {
         "\"{text}\" is no setting: write the dotted path of a key, an equals sign and a value as in TOML, such as model.latent=32"
     )]
     Text { text: String },
+    #[error(
+        "batch.shard is no longer a key: how many samples go through the network together is a setting of the engine (--micro-batch)"
+    )]
+    Shard,
     #[error("{path} is no table, so that it has no key {key}")]
     NoTable { path: String, key: String },
     #[error(transparent)]
@@ -88,6 +92,9 @@ pub(super) fn changed(
     let wrong = |source| SettingError::Value(Box::new(source));
     let mut table: Table = text.parse().map_err(wrong)?;
     for setting in settings {
+        if setting.path == ["batch", "shard"] {
+            return Err(SettingError::Shard);
+        }
         put(&mut table, setting)?;
     }
     TrainConfig::deserialize(table).map_err(wrong)

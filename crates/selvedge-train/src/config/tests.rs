@@ -146,14 +146,6 @@ fn values_out_of_range_are_named() {
             "batch.samples must be between 1 and 65536, found 0",
         ),
         (
-            |c| c.batch.shard = 4,
-            "batch.shard must be between 1 and batch.samples, found 4",
-        ),
-        (
-            |c| c.batch.shard = 0,
-            "batch.shard must be between 1 and batch.samples, found 0",
-        ),
-        (
             |c| c.noise.deviation = f64::NAN,
             "noise.deviation must be at least 0 and below 1 (noise.unit: metre or edge), found NaN",
         ),

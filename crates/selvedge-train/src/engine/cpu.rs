@@ -1,52 +1,75 @@
-//! The engine on this machine's processor: threads share shards of slots, and the shards' gradients are
-//! added in order. What a shard computes and the order of the sums do not depend on the number of threads,
-//! so that the same seed gives the same bytes with any number of them.
+//! The engine of this machine's processor. Threads share micro-batches of slots, and the gradients of
+//! micro-batches are added in order. Neither a micro-batch nor the order of the sums depends on the number
+//! of threads, so the same seed gives the same bytes with any number of them.
 
 use rayon::prelude::*;
-use selvedge_model::{Instructions, Network, PackedWeights, Purpose};
+use selvedge_model::{Instructions, PackedWeights, Purpose};
 
-use crate::config::TrainConfig;
-use crate::engine::micro_batch::{Context, MicroBatch};
-use crate::engine::{Batch, Engine, EngineError, Learned, Setup, Update};
+use super::micro_batch::{MicroBatch, Shared};
+use super::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
 use crate::losses::LossTerms;
+use crate::memory::Arithmetic;
 use crate::optimizer::clip_norm;
 
-/// CpuEngine and what they share.
-pub(crate) struct CpuEngine {
-    packed: PackedWeights<f32>,
-    shards: Vec<MicroBatch>,
-    /// The mean over the batch, `[parameters]`.
-    gradient: Vec<f32>,
-    samples: usize,
+/// Settings of the engine of this machine's processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OnProcessor {
+    /// Slots that go through the network together, as one disjoint union, at least 1. Threads share
+    /// micro-batches; a larger one saves memory for gradients and leaves less to share.
+    pub micro_batch: usize,
 }
 
-impl CpuEngine {
-    pub(crate) fn new(cfg: &TrainConfig, network: &Network, weights: &[f32]) -> Self {
-        let (samples, shard) = (cfg.batch.samples, cfg.batch.shard);
-        let shards = (0..samples.div_ceil(shard))
-            .map(|k| MicroBatch::new(cfg, weights.len(), samples - k * shard))
-            .collect();
-        let (purpose, using) = (Purpose::Training, Instructions::Detected);
-        Self {
-            packed: PackedWeights::new(network, weights, purpose, using),
-            shards,
-            gradient: vec![0.0; weights.len()],
-            samples,
+impl Default for OnProcessor {
+    fn default() -> Self {
+        Self { micro_batch: 1 }
+    }
+}
+
+impl EngineMaker for OnProcessor {
+    fn arithmetic(&self) -> Arithmetic {
+        Arithmetic::OnProcessor {
+            micro_batch: self.micro_batch.max(1),
         }
     }
 
-    /// The mean over the batch of the shards' gradients, added in their order whatever the number
-    /// of threads.
+    fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
+        Ok(Box::new(CpuEngine::new(setup, self.micro_batch.max(1))))
+    }
+}
+
+/// The engine: its micro-batches and what they share.
+struct CpuEngine {
+    packed: PackedWeights<f32>,
+    micro_batch: usize,
+    batches: Vec<MicroBatch>,
+    /// Gradient of the mean over the batch, `[parameters]`.
+    gradient: Vec<f32>,
+}
+
+impl CpuEngine {
+    fn new(setup: Setup<'_>, micro_batch: usize) -> Self {
+        let weights = &setup.learned.weights;
+        let count = setup.cfg.batch.samples.div_ceil(micro_batch);
+        let batch = || MicroBatch::new(setup.cfg.losses, weights.len());
+        let (purpose, using) = (Purpose::Training, Instructions::Detected);
+        Self {
+            packed: PackedWeights::new(setup.network, weights, purpose, using),
+            micro_batch,
+            batches: (0..count).map(|_| batch()).collect(),
+            gradient: vec![0.0; weights.len()],
+        }
+    }
+
+    /// Adds the gradients of the micro-batches in their order, whatever the number of threads.
     fn sum_gradients(&mut self) {
         const CHUNK: usize = 16 * 1024;
-        let share = 1.0 / self.samples as f32;
-        let shards = &self.shards;
+        let batches = &self.batches;
         let chunks = self.gradient.par_chunks_mut(CHUNK).enumerate();
         chunks.for_each(|(chunk, sum)| {
             sum.fill(0.0);
-            for shard in shards {
-                let part = &shard.gradient[chunk * CHUNK..][..sum.len()];
-                sum.iter_mut().zip(part).for_each(|(s, g)| *s += share * g);
+            for batch in batches {
+                let part = &batch.gradient()[chunk * CHUNK..][..sum.len()];
+                sum.iter_mut().zip(part).for_each(|(s, g)| *s += g);
             }
         });
     }
@@ -54,35 +77,20 @@ impl CpuEngine {
 
 impl Engine for CpuEngine {
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
-        let Setup {
-            cfg,
-            network,
-            normalizers,
-            statistics,
-            learned,
-            set,
-        } = batch.setup;
-        self.packed.update(network, &learned.weights);
-        let context = Context {
-            cfg,
-            set,
-            network,
+        let setup = batch.setup();
+        self.packed.update(setup.network, &setup.learned.weights);
+        let shared = Shared {
+            setup,
+            frames: batch.frames(),
             weights: &self.packed,
-            normalizers,
-            statistics,
-            step: batch.step,
         };
-        batch
-            .slots
-            .par_chunks_mut(cfg.batch.shard)
-            .zip(&mut self.shards)
-            .enumerate()
-            .for_each(|(number, (slots, shard))| match batch.frames {
-                1 => shard.learn(&context, number, slots),
-                frames => shard.learn_unrolled(&context, (number, frames), slots),
-            });
+        let mut slots = batch.runs();
+        slots
+            .par_chunks_mut(self.micro_batch)
+            .zip(&mut self.batches)
+            .for_each(|(slots, batch)| batch.learn(&shared, slots));
         self.sum_gradients();
-        let terms = self.shards.iter().flat_map(|shard| &shard.terms);
+        let terms = self.batches.iter().flat_map(MicroBatch::terms);
         Ok(terms.copied().collect())
     }
 

@@ -1,159 +1,295 @@
-//! A shard: the samples that go through the network together as one disjoint union, on one thread
-//! or on several; its gradient does not depend on which.
+//! A micro-batch of the processor's engine: slots that go through the network as one disjoint union, on
+//! one thread or on several. Its gradient does not depend on which.
+//!
+//! In a step of several frames (back-propagation through time) the slots of a micro-batch go one after the
+//! other, so that activations of one slot's frames are kept at a time. A prediction becomes the next
+//! frame's positions; the gradient of every frame's loss goes back through the features and the integration
+//! into all predictions before it.
 
+use std::convert::Infallible;
+use std::ops::Range;
 use std::sync::Arc;
 
-use rand_chacha::ChaCha8Rng;
+use glam::{DVec3, Vec3};
 use selvedge_model::{
-    ClothGraph, Connectivity, Dropout, Gradients, Input, Network, Normalizers, PackedWeights, Pass,
-    Place, Window, Workspace,
+    ClothGraph, Connectivity, Dropout, EncoderState, Extent, Gradients, Input, InputGradient,
+    LastFrames, PackedWeights, Pass, Place, StateGradients, Window, Workspace, advance_backward,
 };
 
-use crate::config::TrainConfig;
-use crate::engine::unroll::Unroll;
-use crate::losses::{LossEvaluator, LossStatistics, LossTerms, Report};
-use crate::slot::{ShownSample, Slot, rng_of};
-use crate::training_set::TrainingSet;
+use super::{FramePasses, Setup, SlotRun, run_slots};
+use crate::losses::{LossEvaluator, LossTerms, LossWeights, Report};
+use crate::slot::ShownSample;
 
-/// The buffers of the samples that go through the network together.
-pub(crate) struct MicroBatch {
-    shown: Vec<ShownSample>,
-    seeds: Vec<u64>,
-    trajectories: Vec<usize>,
-    connectivity: Connectivity,
-    places: Vec<Place>,
-    window: Window,
-    workspace: Workspace<f32>,
+/// A micro-batch: its buffers, its gradient and its losses.
+pub(super) struct MicroBatch {
+    frames: Vec<FrameBuffers>,
+    union: Union,
     losses: LossEvaluator,
-    output: Vec<f32>,
-    output_gradient: Vec<f32>,
-    /// Of the sum of the samples' losses, laid out like the weights.
-    pub(crate) gradient: Vec<f32>,
-    /// Of each sample.
-    pub(crate) terms: Vec<LossTerms>,
-    unroll: Unroll,
+    input: InputBuffers,
+    /// Gradients of the positions of all frames, the history of the first one included, in the world,
+    /// `[frames][vertices]`.
+    by_position: Vec<Vec<Vec3>>,
+    /// Gradients of the states that a streaming network carries into a frame, and out of it.
+    by_state: [EncoderState<f32>; 2],
+    /// Gradient of the sum of the slots' losses, each times its share of the batch, laid out like the
+    /// weights.
+    gradient: Vec<f32>,
+    /// Terms of each slot.
+    terms: Vec<LossTerms>,
 }
 
-/// What all shards share in a step.
-pub(crate) struct Context<'a> {
-    pub(crate) cfg: &'a TrainConfig,
-    pub(crate) set: &'a TrainingSet,
-    pub(crate) network: &'a Network,
-    pub(crate) weights: &'a PackedWeights<f32>,
-    pub(crate) normalizers: &'a Normalizers,
-    pub(crate) statistics: &'a LossStatistics,
-    pub(crate) step: u64,
+/// The parts that all micro-batches share in a step.
+pub(super) struct Shared<'a> {
+    pub(super) setup: Setup<'a>,
+    /// Frames of the step, at most.
+    pub(super) frames: usize,
+    pub(super) weights: &'a PackedWeights<f32>,
+}
+
+/// Cloths side by side.
+struct Union {
+    graphs: Vec<Arc<ClothGraph>>,
+    connectivity: Arc<Connectivity>,
+    places: Vec<Place>,
+}
+
+/// Buffers of one frame, kept for the way back.
+#[derive(Default)]
+struct FrameBuffers {
+    samples: Vec<ShownSample>,
+    window: Window,
+    workspace: Workspace<f32>,
+    /// The state that a streaming network carries into this frame: none into the first one, which
+    /// begins with a whole window.
+    state: EncoderState<f32>,
+    /// Normalised predictions, `[vertices, 3]`.
+    output: Vec<f32>,
+    /// Gradients of this frame's own losses with respect to them, `[vertices, 3]`.
+    by_output: Vec<f32>,
+}
+
+/// Gradients with respect to features.
+#[derive(Default)]
+struct InputBuffers {
+    nodes: Vec<f32>,
+    edges: Vec<f32>,
+}
+
+/// Gradients on the way back through one frame of a rollout.
+struct FrameGradients<'a> {
+    weights: &'a mut [f32],
+    /// Room for those of the features, where the positions before are predictions.
+    input: Option<&'a mut InputBuffers>,
+    /// Those of the history and, last, of the predicted positions.
+    positions: &'a mut [Vec<Vec3>],
+    states: StateGradients<'a, f32>,
+}
+
+/// A micro-batch at work.
+struct Passes<'a, 'b> {
+    batch: &'a mut MicroBatch,
+    shared: &'a Shared<'b>,
 }
 
 impl MicroBatch {
-    pub(crate) fn new(cfg: &TrainConfig, weights: usize, remaining: usize) -> Self {
-        let samples = cfg.batch.shard.min(remaining);
+    /// A micro-batch for a network of so many weights.
+    pub(super) fn new(losses: LossWeights, weights: usize) -> Self {
         Self {
-            shown: (0..samples).map(|_| ShownSample::default()).collect(),
-            seeds: Vec::with_capacity(samples),
-            trajectories: Vec::new(),
-            connectivity: Connectivity::union([]),
-            places: Vec::new(),
-            window: Window::default(),
-            workspace: Workspace::new(),
-            losses: LossEvaluator::new(cfg.losses, Report::Weighted),
-            output: Vec::new(),
-            output_gradient: Vec::new(),
+            frames: Vec::new(),
+            union: Union::empty(),
+            losses: LossEvaluator::new(losses, Report::Weighted),
+            input: InputBuffers::default(),
+            by_position: Vec::new(),
+            by_state: Default::default(),
             gradient: vec![0.0; weights],
-            terms: Vec::with_capacity(samples),
-            unroll: Unroll::default(),
+            terms: Vec::new(),
         }
     }
 
-    /// Shows the slots' samples to the network, leaves the gradient of the sum of their losses,
-    /// advances the slots.
-    pub(crate) fn learn(&mut self, context: &Context<'_>, number: usize, slots: &mut [Slot]) {
-        let Context { cfg, set, .. } = *context;
-        let first = number * cfg.batch.shard;
-        let mut rngs: Vec<ChaCha8Rng> = (first..first + slots.len())
-            .map(|slot| rng_of(cfg.seed, context.step, slot, cfg.batch.samples))
-            .collect();
-        for ((slot, rng), shown) in slots.iter_mut().zip(&mut rngs).zip(&mut self.shown) {
-            slot.show(cfg, set, rng, shown);
-        }
-        self.join(set);
-        self.write_window(context);
-        self.forward(context);
-        self.judge(context);
-        self.backward(context);
-        let normalizer = &context.normalizers.acceleration;
-        normalizer.denormalize(&mut self.output);
-        for (k, (slot, rng)) in slots.iter_mut().zip(&mut rngs).enumerate() {
-            let rows = self.rows(set, k);
-            let yaw = self.shown[k].yaw;
-            slot.advance(cfg, set, (context.step, rng), yaw, &self.output[rows]);
-        }
+    /// The gradient of the latest step.
+    pub(super) fn gradient(&self) -> &[f32] {
+        &self.gradient
     }
 
-    /// Takes the slots through `count` frames each and leaves the gradient of the sum of their losses.
-    pub(crate) fn learn_unrolled(
-        &mut self,
-        context: &Context<'_>,
-        (number, count): (usize, usize),
-        slots: &mut [Slot],
-    ) {
-        let cfg = context.cfg;
+    /// The terms of each slot in the latest step.
+    pub(super) fn terms(&self) -> &[LossTerms] {
+        &self.terms
+    }
+
+    /// Takes the slots through the frames of a step and back.
+    pub(super) fn learn(&mut self, shared: &Shared<'_>, slots: &mut [SlotRun<'_>]) {
         self.gradient.fill(0.0);
         self.terms.clear();
-        for (k, slot) in slots.iter_mut().enumerate() {
-            let place = number * cfg.batch.shard + k;
-            let mut rng = rng_of(cfg.seed, context.step, place, cfg.batch.samples);
-            let driver = (&mut *slot, &mut rng);
-            let (losses, gradient) = (&mut self.losses, &mut self.gradient);
-            let terms = self.unroll.learn(context, driver, count, losses, gradient);
-            self.terms.push(terms);
-            slot.break_off(cfg, (context.step, &mut rng));
+        let together = if shared.frames == 1 { slots.len() } else { 1 };
+        for slots in slots.chunks_mut(together.max(1)) {
+            let batch = &mut *self;
+            let Ok(terms) = run_slots(&mut Passes { batch, shared }, slots);
+            self.terms.extend(terms);
+        }
+    }
+}
+
+impl FramePasses for Passes<'_, '_> {
+    type Error = Infallible;
+
+    fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), Infallible> {
+        let Self { batch, shared } = self;
+        if frame == 0 {
+            batch.union.join(slots);
+        }
+        if batch.frames.len() <= frame {
+            batch.frames.resize_with(frame + 1, FrameBuffers::default);
+        }
+        let (before, buffers) = batch.frames[..=frame].split_at_mut(frame);
+        let buffers = &mut buffers[0];
+        buffers.state.clear();
+        if let Some(before) = before.last().filter(|_| shared.setup.network.streams()) {
+            buffers.state.clone_from(before.workspace.end_state());
+        }
+        buffers.keep_samples(slots);
+        buffers.write_window(shared, &batch.union);
+        buffers.forward(shared, &batch.union);
+        buffers.judge(shared, &batch.union, &mut batch.losses, slots);
+        Ok(())
+    }
+
+    fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), Infallible> {
+        match self.shared.frames {
+            1 => self.back_through_one(weights),
+            _ => weights
+                .iter()
+                .for_each(|weights| self.back_through_all(weights)),
+        }
+        Ok(())
+    }
+}
+
+impl Passes<'_, '_> {
+    /// The way back through single predictions.
+    fn back_through_one(&mut self, weights: &[Vec<f64>]) {
+        let Self { batch, shared } = self;
+        let frame = &mut batch.frames[0];
+        for (slot, weights) in weights.iter().enumerate() {
+            let weight = weights.iter().sum::<f64>() as f32;
+            let rows = batch.union.rows(slot);
+            frame.by_output[rows].iter_mut().for_each(|g| *g *= weight);
+        }
+        let gradients = Gradients {
+            weights: &mut batch.gradient,
+            input: None,
+        };
+        frame.network_backward(shared, &batch.union, gradients, StateGradients::default());
+    }
+
+    /// The way back through the frames of one slot, which have these weights, latest frame first.
+    fn back_through_all(&mut self, weights: &[f64]) {
+        let Self { batch, shared } = self;
+        let network = shared.setup.network;
+        let history = network.spec().history();
+        let vertices = batch.union.connectivity.vertex_count();
+        let count = history + weights.len();
+        batch.by_position.resize_with(count, Vec::new);
+        for row in &mut batch.by_position {
+            row.clear();
+            row.resize(vertices, Vec3::ZERO);
+        }
+        for (number, &weight) in weights.iter().enumerate().rev() {
+            let frame = &mut batch.frames[number];
+            let positions = &mut batch.by_position[number..=number + history];
+            let by_next = &mut positions[history];
+            frame.join_position_gradient(shared, &batch.union.graphs[0], weight as f32, by_next);
+            let [before, after] = &mut batch.by_state;
+            let carries = network.streams();
+            let gradients = FrameGradients {
+                weights: &mut batch.gradient,
+                // The first frame starts from given positions.
+                input: (number > 0).then_some(&mut batch.input),
+                positions,
+                states: StateGradients {
+                    end: (carries && number + 1 < weights.len()).then_some(&*after),
+                    start: (carries && number > 0).then_some(before),
+                },
+            };
+            frame.backward(shared, &batch.union, gradients);
+            batch.by_state.swap(0, 1);
+        }
+    }
+}
+
+impl Union {
+    fn empty() -> Self {
+        Self {
+            graphs: Vec::new(),
+            connectivity: Arc::new(Connectivity::union([])),
+            places: Vec::new(),
         }
     }
 
-    /// The disjoint union of the samples' graphs, made anew when they are other cloths.
-    fn join(&mut self, set: &TrainingSet) {
-        let trajectories = self.shown.iter().map(|shown| shown.trajectory);
-        let graph = |t: usize| &set.motion(t).graph;
-        let same = self.trajectories.len() == self.shown.len()
-            && trajectories
-                .clone()
-                .zip(&self.trajectories)
-                .all(|(a, &b)| Arc::ptr_eq(graph(a), graph(b)));
+    /// Makes this the union of the slots' cloths, unless it is that already.
+    fn join(&mut self, slots: &[SlotRun<'_>]) {
+        let same = self.graphs.len() == slots.len()
+            && slots
+                .iter()
+                .zip(&self.graphs)
+                .all(|(slot, graph)| Arc::ptr_eq(slot.graph(), graph));
         if same {
             return;
         }
-        self.trajectories = trajectories.collect();
-        let motions: Vec<_> = self.trajectories.iter().map(|&t| set.motion(t)).collect();
-        self.connectivity = Connectivity::union(motions.iter().map(|m| &*m.connectivity));
-        let graphs: Vec<&ClothGraph> = motions.iter().map(|m| &*m.graph).collect();
+        self.graphs = slots.iter().map(|slot| Arc::clone(slot.graph())).collect();
+        self.connectivity = match slots {
+            [slot] => Arc::clone(slot.connectivity()),
+            _ => Arc::new(Connectivity::union(
+                slots.iter().map(|slot| &**slot.connectivity()),
+            )),
+        };
+        let graphs: Vec<&ClothGraph> = self.graphs.iter().map(|graph| &**graph).collect();
         self.places = Place::side_by_side(&graphs);
     }
 
-    fn write_window(&mut self, context: &Context<'_>) {
-        let spec = context.network.spec();
-        for (shown, place) in self.shown.iter().zip(&self.places) {
-            let graph = &context.set.motion(shown.trajectory).graph;
-            self.window.fit(spec, place);
-            self.window.write(spec, graph, shown.window(), place);
+    /// Rows of cloth `number` in an array `[vertices, 3]` of the union.
+    fn rows(&self, number: usize) -> Range<usize> {
+        let first = self.places[number].first_vertex;
+        3 * first..3 * (first + self.graphs[number].vertex_count())
+    }
+}
+
+impl FrameBuffers {
+    /// Keeps the samples of this frame, in buffers of the step before.
+    fn keep_samples(&mut self, slots: &[SlotRun<'_>]) {
+        self.samples.resize_with(slots.len(), ShownSample::default);
+        for (kept, slot) in self.samples.iter_mut().zip(slots) {
+            kept.clone_from(slot.sample());
         }
-        let normalizers = context.normalizers;
+    }
+
+    fn write_window(&mut self, shared: &Shared<'_>, union: &Union) {
+        let spec = shared.setup.network.spec();
+        let extent = if self.state.is_zero() {
+            Extent::Whole
+        } else {
+            Extent::Newest
+        };
+        let cloths = union.graphs.iter().zip(&union.places);
+        for (sample, (graph, place)) in self.samples.iter().zip(cloths) {
+            self.window.fit_extent(spec, place, extent);
+            self.window.write(spec, graph, sample.window(), place);
+        }
+        let normalizers = shared.setup.normalizers;
         self.window
             .normalize(&normalizers.nodes, &normalizers.edges);
     }
 
-    fn forward(&mut self, context: &Context<'_>) {
-        self.seeds.clear();
-        let seeds = self.shown.iter().map(|shown| shown.dropout_seed);
-        self.seeds.extend(seeds);
+    fn forward(&mut self, shared: &Shared<'_>, union: &Union) {
+        let samples = self.samples.iter();
+        let seeds: Vec<u64> = samples.map(|sample| sample.dropout_seed).collect();
         let dropout = Dropout {
-            rate: context.cfg.dropout,
-            seeds: &self.seeds,
+            rate: shared.setup.cfg.dropout,
+            seeds: &seeds,
         };
-        let out = context.network.forward_packed(
-            context.weights,
-            &self.connectivity,
-            input_of(&self.window),
+        let out = shared.setup.network.forward_carried(
+            shared.weights,
+            &union.connectivity,
+            (input_of(&self.window), &self.state),
             Pass::Training(Some(dropout)),
             &mut self.workspace,
         );
@@ -161,48 +297,118 @@ impl MicroBatch {
         self.output.extend_from_slice(out);
     }
 
-    fn backward(&mut self, context: &Context<'_>) {
-        self.gradient.fill(0.0);
-        let gradients = Gradients {
-            weights: &mut self.gradient,
-            input: None,
-        };
-        context.network.backward_packed(
-            (context.weights, gradients),
-            &self.connectivity,
-            input_of(&self.window),
-            &self.output_gradient,
-            &mut self.workspace,
-        );
-    }
-
-    /// The losses of the output, and their gradient with respect to it.
-    fn judge(&mut self, context: &Context<'_>) {
-        self.output_gradient.resize(self.output.len(), 0.0);
-        self.terms.clear();
-        for k in 0..self.shown.len() {
-            let rows = self.rows(context.set, k);
-            let shown = &self.shown[k];
-            let triplet = shown.triplet(&context.set.motion(shown.trajectory).graph);
-            let gradient = &mut self.output_gradient[rows.clone()];
+    /// Computes the losses of the predictions and their gradients, and hands both to the slots.
+    fn judge(
+        &mut self,
+        shared: &Shared<'_>,
+        union: &Union,
+        losses: &mut LossEvaluator,
+        slots: &mut [SlotRun<'_>],
+    ) {
+        self.by_output.resize(self.output.len(), 0.0);
+        let statistics = shared.setup.statistics;
+        for (number, slot) in slots.iter_mut().enumerate() {
+            let rows = union.rows(number);
+            let triplet = self.samples[number].triplet(&union.graphs[number]);
+            let gradient = &mut self.by_output[rows.clone()];
             let predicted = &self.output[rows];
-            let statistics = context.statistics;
-            let terms = self
-                .losses
-                .evaluate(&triplet, statistics, predicted, gradient);
-            if let Some(cap) = context.cfg.loss_cap.filter(|&cap| terms.total > cap) {
-                let weight = (cap / terms.total) as f32;
-                gradient.iter_mut().for_each(|g| *g *= weight);
-            }
-            self.terms.push(terms);
+            let terms = losses.evaluate(&triplet, statistics, predicted, gradient);
+            slot.receive(predicted, terms);
         }
     }
 
-    /// Where sample `k` stands in an array `[vertices, 3]` of the union.
-    fn rows(&self, set: &TrainingSet, k: usize) -> std::ops::Range<usize> {
-        let graph = &set.motion(self.shown[k].trajectory).graph;
-        let first = self.places[k].first_vertex;
-        3 * first..3 * (first + graph.vertex_count())
+    /// Joins this frame's own loss, times `weight`, with the gradient `by_next` of the predicted
+    /// positions in later frames. Afterwards `by_output` is the whole gradient of the prediction, and
+    /// `by_next` that of the predicted positions.
+    fn join_position_gradient(
+        &mut self,
+        shared: &Shared<'_>,
+        graph: &ClothGraph,
+        weight: f32,
+        by_next: &mut [Vec3],
+    ) {
+        let normalizers = shared.setup.normalizers;
+        let deviation = DVec3::from_slice(normalizers.acceleration.deviation()).as_vec3();
+        let inverse = deviation.map(|d| if d > 0.0 { 1.0 / d } else { 0.0 });
+        let sample = &self.samples[0];
+        let rows = self.by_output.as_chunks_mut::<3>().0.iter_mut();
+        for ((row, by_next), &handle) in rows.zip(by_next).zip(graph.handle_mask()) {
+            if handle {
+                *by_next = Vec3::ZERO;
+            }
+            let own = weight * Vec3::from_array(*row);
+            *row = (own + deviation * sample.yaw.to_local(*by_next)).to_array();
+            *by_next += sample.yaw.to_world(own * inverse);
+        }
+    }
+
+    /// From `by_output` to the weights and, where the positions before are predictions, to those.
+    fn backward(&mut self, shared: &Shared<'_>, union: &Union, to: FrameGradients<'_>) {
+        let FrameGradients {
+            weights,
+            input,
+            positions,
+            states,
+        } = to;
+        let Some(input) = input else {
+            let gradients = Gradients {
+                weights,
+                input: None,
+            };
+            self.network_backward(shared, union, gradients, states);
+            return;
+        };
+        input.nodes.resize(self.window.nodes.len(), 0.0);
+        input.edges.resize(self.window.edges.len(), 0.0);
+        let gradients = Gradients {
+            weights,
+            input: Some(input.gradient()),
+        };
+        self.network_backward(shared, union, gradients, states);
+        let normalizers = shared.setup.normalizers;
+        normalizers.nodes.scale_gradient(&mut input.nodes);
+        normalizers.edges.scale_gradient(&mut input.edges);
+        let spec = shared.setup.network.spec();
+        let (graph, sample) = (&union.graphs[0], &self.samples[0]);
+        let (by_history, by_next) = positions.split_at_mut(spec.history());
+        self.window
+            .backward(spec, graph, sample.window(), &input.gradient(), by_history);
+        let newest = by_history.len() - 1;
+        let (earlier, current) = by_history.split_at_mut(newest);
+        let frames = LastFrames {
+            graph,
+            previous: &sample.frames[newest - 1],
+            current: &sample.frames[newest],
+            next_handles: &sample.next_handles,
+            yaw: sample.yaw,
+        };
+        let (previous, current) = (&mut earlier[newest - 1], &mut current[0]);
+        advance_backward(spec.integration, &frames, &by_next[0], previous, current);
+    }
+
+    fn network_backward(
+        &mut self,
+        shared: &Shared<'_>,
+        union: &Union,
+        gradients: Gradients<'_, f32>,
+        states: StateGradients<'_, f32>,
+    ) {
+        shared.setup.network.backward_carried(
+            (shared.weights, gradients),
+            &union.connectivity,
+            (input_of(&self.window), &self.state, states),
+            &self.by_output,
+            &mut self.workspace,
+        );
+    }
+}
+
+impl InputBuffers {
+    fn gradient(&mut self) -> InputGradient<'_, f32> {
+        InputGradient {
+            nodes: &mut self.nodes,
+            edges: &mut self.edges,
+        }
     }
 }
 
@@ -212,6 +418,3 @@ fn input_of(window: &Window) -> Input<'_, f32> {
         edges: &window.edges,
     }
 }
-
-#[cfg(test)]
-mod tests;

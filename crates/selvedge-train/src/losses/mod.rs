@@ -3,8 +3,8 @@
 //!
 //! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`
 //!
-//! The prediction is a normalised acceleration. It gives positions p̄ = a + 2 p - p_previous;
-//! handles take their target instead. Kinetic energy, edge vector, edge length and bending angle
+//! The prediction is a normalised acceleration. It gives positions p̄ as in a rollout
+//! ([`selvedge_model::TwoFrames::moved`]); handles take their target instead. Kinetic energy, edge vector, edge length and bending angle
 //! of p̄ and of the target are compared in deviations of the *target* quantity; the means cancel.
 //! All positions of a sample stand in one frame of reference: the local frame of its current
 //! positions. Everything inside is f64; a component that never varied is not compared.
@@ -17,7 +17,7 @@ use glam::DVec3;
 use selvedge_model::geometry::{
     bending_angle, bending_angle_with_gradient, length_with_gradient, wrapped,
 };
-use selvedge_model::{ClothGraph, Hinge, Normalizer, Real};
+use selvedge_model::{ClothGraph, Hinge, Normalizer, Real, TwoFrames};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -90,8 +90,8 @@ impl LossWeights {
 pub struct Triplet<'a> {
     /// The cloth.
     pub graph: &'a ClothGraph,
-    /// Positions one frame before the current ones.
-    pub previous: &'a [DVec3],
+    /// Positions one frame before the current ones, or another reference of the integration.
+    pub reference: &'a [DVec3],
     /// Positions that the prediction starts from.
     pub current: &'a [DVec3],
     /// Positions that it should lead to.
@@ -99,9 +99,17 @@ pub struct Triplet<'a> {
 }
 
 impl Triplet<'_> {
+    fn frames(&self) -> TwoFrames<'_, DVec3> {
+        TwoFrames {
+            graph: self.graph,
+            reference: self.reference,
+            current: self.current,
+        }
+    }
+
     /// The target's acceleration of vertex `v` `[m/frame²]`.
     fn acceleration(&self, v: usize) -> DVec3 {
-        (self.target[v] - self.current[v]) - (self.current[v] - self.previous[v])
+        self.frames().acceleration_to(self.target[v], v)
     }
 
     /// Kinetic energy of vertex `v` on its way to `next` `[kg m²/frame²]`.
@@ -236,7 +244,7 @@ impl LossEvaluator {
         gradient: &mut [T],
     ) -> LossTerms {
         let vertices = triplet.graph.vertex_count();
-        for positions in [triplet.previous, triplet.current, triplet.target] {
+        for positions in [triplet.reference, triplet.current, triplet.target] {
             assert_eq!(positions.len(), vertices, "one position per vertex");
         }
         assert_eq!(predicted.len(), 3 * vertices, "predicted acceleration");
@@ -278,7 +286,8 @@ impl LossEvaluator {
         (weight > 0.0 || self.report == Report::Every).then(|| compute(self, weight))
     }
 
-    /// p̄ = a + 2 p - p_previous for free vertices, the target for handles.
+    /// Sets p̄ to the positions that the prediction leads to ([`TwoFrames::moved`]); handles take their
+    /// target.
     fn predict_positions<T: Real>(
         &mut self,
         triplet: &Triplet<'_>,
@@ -289,15 +298,16 @@ impl LossEvaluator {
             vector(acceleration.mean()),
             vector(acceleration.deviation()),
         );
-        self.positions.clear();
-        self.positions.extend_from_slice(triplet.target);
+        let vertices = triplet.target.len();
         self.by_position.clear();
-        self.by_position.resize(triplet.target.len(), DVec3::ZERO);
-        for v in triplet.free_vertices() {
-            let a = row(predicted, v) * deviation + mean;
-            let velocity = triplet.current[v] - triplet.previous[v];
-            self.positions[v] = triplet.current[v] + (velocity + a);
-        }
+        self.by_position.resize(vertices, DVec3::ZERO);
+        self.positions.resize(vertices, DVec3::ZERO);
+        let accelerations = (0..vertices).map(|v| row(predicted, v) * deviation + mean);
+        let handles = triplet.graph.handles().vertices().iter();
+        let handles = handles.map(|v| triplet.target[v.index()]);
+        triplet
+            .frames()
+            .moved(accelerations, handles, &mut self.positions);
     }
 
     /// L_acc = mean over free vertices of |a - ā|², normalised `[eq:acceleration-loss]`; also

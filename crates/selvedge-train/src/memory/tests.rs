@@ -5,33 +5,36 @@ use selvedge_model::{Encoder, ModelSpec};
 
 use super::*;
 use crate::schedule::UnrollFrames;
-use crate::test_data::{config, swinging, two_cloths};
+use crate::test_data::{ENGINE, config, swinging, two_cloths};
 use crate::trainer::{TrainError, Trainer};
 
-fn slots(change: impl Fn(&mut TrainConfig)) -> f64 {
+const ON_PROCESSOR: Arithmetic = Arithmetic::OnProcessor { micro_batch: 1 };
+
+fn slots(micro_batch: usize, change: impl Fn(&mut TrainConfig)) -> f64 {
     let mut cfg = config(Encoder::Gru { window: 3 });
     change(&mut cfg);
     let data = two_cloths();
     let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
     Need::default()
-        .with_lanes(&cfg, &set, Arithmetic::OnProcessor)
+        .with_slots(&cfg, &set, Arithmetic::OnProcessor { micro_batch })
         .slots
 }
 
 #[test]
-fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
-    let with = |samples: usize, shard: usize| {
-        slots(move |cfg| {
-            cfg.batch.samples = samples;
-            cfg.batch.shard = shard;
-        })
+fn slots_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
+    let with = |samples: usize, micro_batch: usize| {
+        slots(micro_batch, move |cfg| cfg.batch.samples = samples)
     };
     assert_eq!(with(6, 1), 6.0 * with(1, 1));
-    assert_eq!(with(6, 2), with(6, 6), "shards share, they do not multiply");
+    assert_eq!(
+        with(6, 2),
+        with(6, 6),
+        "micro-batches share, they do not multiply"
+    );
     let of = |plans: &[crate::test_data::Plan<'_>]| {
         let data = swinging(plans, SectionRule::Whole);
         let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
-        let need = Need::default().with_lanes(&config(Encoder::MLP), &set, Arithmetic::OnProcessor);
+        let need = Need::default().with_slots(&config(Encoder::MLP), &set, ON_PROCESSOR);
         need.slots
     };
     let (small, large) = (("a", 9, 14), ("b", 12, 11));
@@ -40,16 +43,15 @@ fn lanes_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
 }
 
 #[test]
-fn frames_that_are_learned_through_are_kept_for_every_shard() {
-    let with = |frames: usize, shard: usize| {
-        slots(move |cfg| {
+fn frames_that_are_learned_through_are_kept_for_every_micro_batch() {
+    let with = |frames: usize, micro_batch: usize| {
+        slots(micro_batch, move |cfg| {
             cfg.batch.samples = 4;
-            cfg.batch.shard = shard;
             cfg.unroll = UnrollFrames::Constant { frames };
         })
     };
-    // Linear in the frames from two on, with a slope for each shard.
-    let slope = |shard: usize| with(3, shard) - with(2, shard);
+    // Linear in the frames from two on, with a slope for each micro-batch.
+    let slope = |micro_batch| with(3, micro_batch) - with(2, micro_batch);
     assert_eq!(with(12, 1) - with(2, 1), 10.0 * slope(1));
     assert_eq!(slope(1), 4.0 * slope(4));
 }
@@ -59,21 +61,21 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     let mut cfg = config(Encoder::MLP);
     cfg.model = ModelSpec::mesh_graph_nets(4, 2);
     cfg.batch.samples = 5;
-    cfg.batch.shard = 2;
+    let on = Arithmetic::OnProcessor { micro_batch: 2 };
     // 12 columns of a vertex and 7 of an arc. Of a vertex: encoder 13, two blocks of 8 + 13, decoder 8,
     // 4 and twice 8, output 3; of an arc: 13, two blocks of 4 + 13, twice 4.
     let (vertex, arc) = (13 + 42 + 8 + 20 + 3, 13 + 34 + 8);
     let numbers = (vertex + 12 + 6) * 10 + (arc + 7) * 30;
-    // Two frames of history shown and kept; three positions in f64.
-    let positions = 2 * 2 * 12 * 10 + 3 * 24 * 10;
+    // Two frames of history, a reference and three positions in f64, twice; the history of the slot.
+    let positions = 2 * (2 * 12 * 10 + 12 * 10 + 3 * 24 * 10) + 2 * 12 * 10;
     assert_eq!(
-        of_slots(&cfg, 10, 30),
+        of_slots(&cfg, 2, 10, 30),
         f64::from(5 * (4 * numbers + positions))
     );
     let network = Network::new(&cfg.model).expect("a network");
     let data = two_cloths();
-    let need = Need::before_reading(&cfg, &network, &data.dataset, Arithmetic::OnProcessor);
-    // Three shards; 14 frames of 9 vertices and 11 of 12.
+    let need = Need::before_reading(&cfg, &network, &data.dataset, on);
+    // Three micro-batches; 14 frames of 9 vertices and 11 of 12.
     let weights = (8 + 3 + 3) * 4 * network.parameter_count();
     assert_eq!(need.weights, weights as f64);
     assert_eq!(need.trajectories, f64::from(12 * (14 * 9 + 11 * 12)));
@@ -85,18 +87,18 @@ fn what_a_device_keeps_is_not_reckoned_here() {
     let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
     let needed = |change: fn(&mut TrainConfig)| {
         let mut cfg = config(Encoder::Gru { window: 3 });
-        (cfg.batch.samples, cfg.batch.shard) = (4, 1);
+        cfg.batch.samples = 4;
         change(&mut cfg);
         let network = Network::new(&cfg.model).expect("a network");
         let need = |on| {
             let need = Need::before_reading(&cfg, &network, &data.dataset, on);
-            need.with_lanes(&cfg, &set, on)
+            need.with_slots(&cfg, &set, on)
         };
-        [Arithmetic::OnProcessor, Arithmetic::OnDevice].map(need)
+        [ON_PROCESSOR, Arithmetic::OnDevice].map(need)
     };
     let [processor, device] = needed(|_| ());
     assert_eq!(device.trajectories, processor.trajectories);
-    // Without those packed and the gradients of four shards: 8 of 15 copies.
+    // Without those packed and the gradients of four micro-batches: 8 of 15 copies.
     assert_eq!(15.0 * device.weights, 8.0 * processor.weights);
     // Neither blocks nor frames that are learned through are kept, but samples show what they show.
     let [_, larger] = needed(|cfg| {
@@ -106,18 +108,6 @@ fn what_a_device_keeps_is_not_reckoned_here() {
     assert_eq!(larger.slots, device.slots);
     let [_, more] = needed(|cfg| cfg.batch.samples = 8);
     assert_eq!(more.slots, 2.0 * device.slots);
-}
-
-#[test]
-fn a_training_that_waits_for_its_device_does_not_begin_without_it() {
-    let data = two_cloths();
-    let mut go_on = |_| std::ops::ControlFlow::Continue(());
-    let on = Arithmetic::OnDevice;
-    let trainer = Trainer::new_observed(config(Encoder::MLP), &data.dataset, on, &mut go_on);
-    let mut trainer = trainer.expect("a training").expect("statistics");
-    let refused = trainer.step().expect_err("nobody learns").to_string();
-    assert!(refused.contains("was not put in"), "{refused}");
-    assert_eq!(trainer.steps_done(), 0);
 }
 
 #[test]
@@ -145,13 +135,11 @@ fn a_training_that_no_machine_has_room_for_is_an_error() {
             cfg.model.latent = 4096;
             cfg.model.blocks = 256;
             cfg.batch.samples = 65_536;
-            cfg.batch.shard = 1;
         },
         |cfg| {
             cfg.model.latent = 1024;
             cfg.model.blocks = 100;
             cfg.batch.samples = 65_536;
-            cfg.batch.shard = 65_536;
             cfg.unroll = UnrollFrames::Constant { frames: 1000 };
             cfg.losses.kinetic_energy = 0.0;
         },
@@ -159,7 +147,9 @@ fn a_training_that_no_machine_has_room_for_is_an_error() {
     for edit in edits {
         let mut cfg = config(Encoder::MLP);
         edit(&mut cfg);
-        let error = Trainer::new(cfg, &data.dataset).err().expect("too much");
+        let error = Trainer::new(cfg, &data.dataset, &ENGINE)
+            .err()
+            .expect("too much");
         assert!(matches!(error, TrainError::Memory(_)), "{error}");
     }
 }

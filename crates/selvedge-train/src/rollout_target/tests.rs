@@ -19,7 +19,7 @@ fn a_swinging_offset_is_a_damped_oscillation() {
         DVec3::X * 1e-3,
         DVec3::Y * 0.005,
     );
-    let mut aim = RolloutTarget {
+    let mut target = RolloutTarget {
         rule: Rule::Swinging {
             damping,
             stiffness,
@@ -39,14 +39,14 @@ fn a_swinging_offset_is_a_damped_oscillation() {
         let turn = f64::from(k) * angle;
         let swing = radius.powi(k) * (e * turn.cos() + b * turn.sin());
         let expected = swing + kept.powi(k) * w;
-        assert!(aim.next()[0].distance(expected) < 1e-14, "{k}");
+        assert!(target.next_offset()[0].distance(expected) < 1e-14, "{k}");
     }
 }
 
 #[test]
 fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
     let start = vec![DVec3::new(0.01, 0.0, -0.03)];
-    let mut aim = RolloutTarget {
+    let mut target = RolloutTarget {
         now: start.clone(),
         rule: Rule::Decaying {
             start: start.clone(),
@@ -55,7 +55,7 @@ fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
         },
     };
     for k in 1..=20 {
-        assert!(aim.next()[0].distance(0.9_f64.powi(k) * start[0]) < 1e-17);
+        assert!(target.next_offset()[0].distance(0.9_f64.powi(k) * start[0]) < 1e-17);
     }
 }
 
@@ -63,7 +63,7 @@ fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
 #[test]
 fn an_offset_and_its_velocity_are_seen_from_the_truth() {
     let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
-    let cfg = config(Encoder::MLP);
+    let mut cfg = config(Encoder::MLP);
     let set = TrainingSet::load(&data.dataset, 0, false).expect("a set");
     let (_, section) = set.sample(0);
     let motion = set.motion(section.trajectory);
@@ -84,17 +84,17 @@ fn an_offset_and_its_velocity_are_seen_from_the_truth() {
     assert!(is_close(&slot.offset(&set, yaw), now));
     assert!(is_close(&slot.offset_velocity(&set, yaw), now - before));
     // Wrinkles and what is smooth are all of it.
-    let what = OffsetRule::Swinging {
+    cfg.scheduled_sampling.offset = OffsetRule::Swinging {
         damping: 0.0,
         stiffness: 0.0,
         wrinkles: 0.0,
     };
-    let mut aim = RolloutTarget::new(what, 0.5, &slot, (&set, yaw));
-    let Rule::Swinging { velocity, .. } = &aim.rule else {
+    let mut target = RolloutTarget::of_slot(&cfg, &set, &slot, yaw);
+    let Rule::Swinging { velocity, .. } = &target.rule else {
         unreachable!("it swings")
     };
     let moved: Vec<DVec3> = velocity.clone();
-    let next = aim.next();
+    let next = target.next_offset();
     for ((e, u), offset) in next.iter().zip(moved).zip(slot.offset(&set, yaw)) {
         assert!(e.distance(offset + u) < 1e-15);
     }

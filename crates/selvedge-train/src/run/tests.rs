@@ -6,9 +6,8 @@ use selvedge_model::{Encoder, Model};
 
 use super::*;
 use crate::config::TrainConfig;
-use crate::memory::Arithmetic;
 use crate::schedule::LearningRate;
-use crate::test_data::{Swinging, config, two_cloths};
+use crate::test_data::{ENGINE, Swinging, config, two_cloths};
 
 const NO_LIMITS: Limits = Limits {
     time: None,
@@ -38,13 +37,7 @@ impl Case {
 
     fn resumed(&self) -> Trainer {
         let path = self.path(files::CHECKPOINT);
-        Trainer::resume(
-            self.cfg.clone(),
-            &self.data.dataset,
-            &path,
-            Arithmetic::OnProcessor,
-        )
-        .expect("resumed")
+        Trainer::resume(self.cfg.clone(), &self.data.dataset, &path, &ENGINE).expect("resumed")
     }
 
     fn path(&self, file: &str) -> PathBuf {

@@ -50,9 +50,20 @@ impl Case {
 
     /// After `acceleration`, `[vertices, 3]`.
     fn advance(&self, slot: &mut Slot, shown: &ShownSample, acceleration: &[f32]) {
-        let mut rng = self.rng(7);
-        let (cfg, set) = (&self.cfg, &self.set);
-        slot.advance(cfg, set, (10, &mut rng), shown.yaw, acceleration);
+        self.advance_in(slot, shown, acceleration, 7);
+    }
+
+    /// The same with the random numbers of step `step`.
+    fn advance_in(&self, slot: &mut Slot, shown: &ShownSample, acceleration: &[f32], step: u64) {
+        let mut random = SlotRandom {
+            step: 10,
+            rng: self.rng(step),
+        };
+        if slot.returns_to_truth(&self.cfg, &mut random) {
+            slot.start_afresh();
+        } else {
+            slot.follow(&self.cfg, &self.set, shown, acceleration);
+        }
     }
 
     fn truth(&self, slot: &Slot, frame: usize) -> &[Vec3] {
@@ -305,9 +316,7 @@ fn the_probability_decides_how_often_a_run_goes_on() {
     let acceleration = vec![0.0; 3 * case.graph(&slot).vertex_count()];
     let went_on = (0..2000).filter(|&step| {
         let mut slot = slot.clone();
-        let mut rng = case.rng(step);
-        let (cfg, set) = (&case.cfg, &case.set);
-        slot.advance(cfg, set, (10, &mut rng), shown.yaw, &acceleration);
+        case.advance_in(&mut slot, &shown, &acceleration, step);
         slot.run > 0
     });
     // 2000 draws with probability 3/4: 1500 give or take 19; five times that.
@@ -315,7 +324,7 @@ fn the_probability_decides_how_often_a_run_goes_on() {
 }
 
 #[test]
-fn numbers_follow_from_seed_step_and_lane() {
+fn numbers_follow_from_seed_step_and_slot() {
     let first = |seed, step, slot| rng_of(seed, step, slot, 3).next_u64();
     assert_eq!(first(1, 2, 0), first(1, 2, 0));
     let all: std::collections::BTreeSet<u64> = (0..5)

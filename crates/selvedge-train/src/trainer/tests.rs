@@ -10,7 +10,7 @@ use selvedge_model::{Encoder, Integration, LearnedStepper, NodeFeature};
 
 use super::*;
 use crate::schedule::{LearningRate, TruthProbability};
-use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
+use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
@@ -29,7 +29,7 @@ fn encoders() -> [Encoder; 5] {
 
 /// The bytes of checkpoint and model after `steps` steps.
 fn bytes(cfg: TrainConfig, data: &Swinging, steps: usize) -> [Vec<u8>; 2] {
-    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
     for _ in 0..steps {
         trainer.step().expect("a step");
     }
@@ -50,8 +50,7 @@ fn the_loss_of_one_sample_goes_down() {
         let mut cfg = config(encoder);
         cfg.learning_rate = LearningRate::Constant { rate: 1e-2 };
         cfg.batch.samples = 1;
-        cfg.batch.shard = 1;
-        let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+        let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
         assert_eq!(trainer.sample_count(), 1);
         let mut step = || trainer.step().expect("a step").terms.total;
         let first = step();
@@ -80,7 +79,7 @@ fn the_model_is_made_of_the_mean_of_the_weights() {
     let data = two_cloths();
     let mut cfg = config(Encoder::MLP);
     cfg.weight_average = Some(0.3);
-    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
     let mut mean: Vec<f64> = trainer
         .learned
         .weights
@@ -105,7 +104,7 @@ fn the_model_is_made_of_the_mean_of_the_weights() {
 fn lanes_are_in_runs_by_then() {
     // Without this the test above would say less than it seems to.
     let data = two_cloths();
-    let trainer = Trainer::new(busy(Encoder::MLP), &data.dataset);
+    let trainer = Trainer::new(busy(Encoder::MLP), &data.dataset, &ENGINE);
     let mut trainer = trainer.expect("a training");
     let mut longest = 0;
     for _ in 0..8 {
@@ -121,7 +120,7 @@ fn a_step_that_is_not_finite_leaves_the_weights() {
     let data = two_cloths();
     let mut cfg = config(Encoder::MLP);
     cfg.learning_rate = LearningRate::Constant { rate: 1e30 };
-    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
     trainer.step().expect("the first gradient is finite");
     let weights = trainer.learned.weights.clone();
     let adam = trainer.learned.adam.clone();
@@ -141,7 +140,7 @@ fn a_clipped_gradient_has_the_length_of_the_limit() {
     let run = |limit: Option<f64>| {
         let mut cfg = config(Encoder::MLP);
         cfg.gradient_clip = limit;
-        let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+        let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
         let report = trainer.step().expect("a step");
         let gradient = trainer.gradient().expect("a gradient");
         let squares = gradient.iter().map(|&g| f64::from(g) * f64::from(g));
@@ -159,7 +158,7 @@ fn a_clipped_gradient_has_the_length_of_the_limit() {
 fn statistics_come_from_the_samples_and_are_those_of_the_model() {
     let data = two_cloths();
     let cfg = config(Encoder::Gru { window: 3 });
-    let trainer = Trainer::new(cfg.clone(), &data.dataset).expect("a training");
+    let trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
     let [nodes, edges] = &trainer.inputs;
     // 12 samples of 3 frames of 9 or of 12 vertices.
     let samples = (nodes.count() / 3.0 - 12.0 * 9.0) / 3.0;
@@ -169,7 +168,7 @@ fn statistics_come_from_the_samples_and_are_those_of_the_model() {
     assert_eq!(model.normalizers().edges, edges.freeze());
     let targets = trainer.targets.freeze();
     assert_eq!(model.normalizers().acceleration, targets.acceleration);
-    let again = Trainer::new(cfg, &data.dataset).expect("a training");
+    let again = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
     assert_eq!(again.inputs, trainer.inputs);
 }
 
@@ -182,12 +181,11 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
         heard.push(gathered);
         ControlFlow::Continue(())
     };
-    let observed =
-        Trainer::new_observed(cfg(), &data.dataset, Arithmetic::OnProcessor, &mut listen);
+    let observed = Trainer::new_observed(cfg(), &data.dataset, &ENGINE, &mut listen);
     let observed = observed.expect("a training").expect("nobody stopped it");
     let expected = (1..=12).map(|done| FitProgress { done, samples: 12 });
     assert!(heard.into_iter().eq(expected));
-    let plain = Trainer::new(cfg(), &data.dataset).expect("a training");
+    let plain = Trainer::new(cfg(), &data.dataset, &ENGINE).expect("a training");
     assert_eq!(observed.inputs, plain.inputs);
     assert_eq!(observed.learned.weights, plain.learned.weights);
     let mut count = 0;
@@ -198,8 +196,7 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
             _ => ControlFlow::Continue(()),
         }
     };
-    let stopped = Trainer::new_observed(cfg(), &data.dataset, Arithmetic::OnProcessor, &mut stop)
-        .expect("good");
+    let stopped = Trainer::new_observed(cfg(), &data.dataset, &ENGINE, &mut stop).expect("good");
     assert!(stopped.is_none());
     assert_eq!(count, 5);
 }
@@ -211,10 +208,9 @@ fn statistics_have_streams_of_their_own_within_all_bounds() {
     let mut cfg = config(Encoder::MLP);
     cfg.statistics_samples = 1_000_000;
     cfg.batch.samples = 65_536;
-    cfg.batch.shard = 65_536;
     cfg.validate().expect("within its bounds");
     let mut stop = |_| ControlFlow::Break(());
-    let stopped = Trainer::new_observed(cfg, &data.dataset, Arithmetic::OnProcessor, &mut stop);
+    let stopped = Trainer::new_observed(cfg, &data.dataset, &ENGINE, &mut stop);
     assert!(stopped.expect("room").is_none());
 }
 
@@ -232,13 +228,12 @@ fn a_lane_in_a_run_goes_where_the_rollout_goes() {
     };
     for mut cfg in [carried, config(Encoder::Gru { window: 3 })] {
         cfg.batch.samples = 1;
-        cfg.batch.shard = 1;
         cfg.scheduled_sampling.truth = TruthProbability::Linear {
             start: 0,
             end: 1,
             probability: 0.0,
         };
-        let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+        let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
         let mut compared = 0;
         for _ in 0..30 {
             let model = Arc::new(trainer.model(String::new()).expect("a model"));

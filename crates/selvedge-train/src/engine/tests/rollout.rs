@@ -6,10 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder, Integration, NodeFeature};
 
+use crate::config::OffsetRule;
 use crate::config::TrainConfig;
-use crate::rollout_target::OffsetRule;
 use crate::schedule::UnrollFrames;
-use crate::test_data::{Swinging, busy, config, swinging, two_cloths};
+use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 use crate::trainer::Trainer;
 
 fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
@@ -30,7 +30,7 @@ fn swinging_back() -> OffsetRule {
 
 /// Loss and mean gradient of the first step with `weights`, or with the first ones.
 fn first_step(cfg: &TrainConfig, data: &Swinging, weights: Option<&[f32]>) -> (f64, Vec<f32>) {
-    let mut trainer = Trainer::new(cfg.clone(), &data.dataset).expect("a training");
+    let mut trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
     if let Some(weights) = weights {
         trainer.learned.weights.copy_from_slice(weights);
     }
@@ -39,7 +39,7 @@ fn first_step(cfg: &TrainConfig, data: &Swinging, weights: Option<&[f32]>) -> (f
 }
 
 fn first_weights(cfg: &TrainConfig, data: &Swinging) -> Vec<f32> {
-    let trainer = Trainer::new(cfg.clone(), &data.dataset);
+    let trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE);
     trainer.expect("a training").learned.weights.clone()
 }
 
@@ -139,11 +139,10 @@ fn runs_go_on_over_steps_and_threads_do_not_show() {
             frames: 3,
         };
         cfg.losses.kinetic_energy = 0.0;
-        cfg.batch.shard = 1;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let pool = pool.build().expect("threads");
         pool.install(|| {
-            let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
+            let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
             let reports = (0..14).map(|_| trainer.step().expect("a step"));
             let frames_and_loss: Vec<(usize, u64)> = reports
                 .map(|report| (report.frames, report.terms.total.to_bits()))

@@ -1,0 +1,208 @@
+//! The frames of a training step: one loop for every engine ([`run_slots`]).
+//!
+//! Each slot shows a sample, the engine takes it through the network and judges the prediction, and the
+//! slot goes on from its prediction to the next frame. Then the losses of its frames are weighed and
+//! the engine goes back through all of them.
+//!
+//! Frame k of a rollout, from 1, is judged by the truth plus what is left of the offset that the start
+//! had from it ([`RolloutTarget`]). A constant error of the acceleration moves the k-th positions by k²/2
+//! of it, so the loss of frame k counts 1/k² in a weighted mean `[eq:unrolled-loss]`.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use selvedge_model::{ClothGraph, Connectivity};
+
+use super::Setup;
+use crate::config::TrainConfig;
+use crate::losses::LossTerms;
+use crate::rollout_target::RolloutTarget;
+use crate::slot::{ShownSample, Slot, SlotRandom};
+
+/// The passes of an engine through the network, frame by frame.
+pub trait FramePasses {
+    /// A failure of the machine that computes.
+    type Error;
+
+    /// Takes what the slots show in frame `frame`, from 0, through the network, and hands prediction and
+    /// loss terms to each slot ([`SlotRun::receive`]). Slots that are not going may be left out.
+    ///
+    /// # Errors
+    /// When the machine fails.
+    fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), Self::Error>;
+
+    /// Computes the gradient of the sum of all frames' losses, each times its weight. `weights` has a
+    /// row per slot with a weight for each of its frames.
+    ///
+    /// # Errors
+    /// When the machine fails.
+    fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), Self::Error>;
+}
+
+/// Takes `slots` through the frames of a step and back. Returns the mean terms of each slot's frames.
+///
+/// # Errors
+/// The first failure of the engine.
+pub fn run_slots<P: FramePasses>(
+    passes: &mut P,
+    slots: &mut [SlotRun<'_>],
+) -> Result<Vec<LossTerms>, P::Error> {
+    let frames = slots.first().map_or(0, |slot| slot.frames);
+    for frame in 0..frames {
+        each_going(slots, SlotRun::show);
+        passes.forward(frame, slots)?;
+        if frame + 1 == frames {
+            break;
+        }
+        each_going(slots, SlotRun::go_on);
+        if !slots.iter().any(SlotRun::is_going) {
+            break;
+        }
+    }
+    let (means, weights): (Vec<LossTerms>, Vec<Vec<f64>>) =
+        slots.iter().map(SlotRun::weigh).unzip();
+    passes.backward(&weights)?;
+    // The last move is made while a device goes back.
+    each_going(slots, SlotRun::go_on);
+    Ok(means)
+}
+
+fn each_going<'a>(slots: &mut [SlotRun<'a>], act: fn(&mut SlotRun<'a>)) {
+    slots
+        .par_iter_mut()
+        .filter(|slot| slot.is_going)
+        .for_each(act);
+}
+
+/// A slot on its way through the frames of a step.
+pub struct SlotRun<'a> {
+    setup: Setup<'a>,
+    frames: usize,
+    slot: &'a mut Slot,
+    random: SlotRandom,
+    sample: ShownSample,
+    target: Option<RolloutTarget>,
+    /// The latest prediction, normalised, `[vertices, 3]`.
+    output: Vec<f32>,
+    /// Terms of each frame so far.
+    terms: Vec<LossTerms>,
+    is_going: bool,
+}
+
+impl<'a> SlotRun<'a> {
+    /// A slot before the first of up to `frames` frames.
+    pub(super) fn new(
+        setup: Setup<'a>,
+        frames: usize,
+        slot: &'a mut Slot,
+        random: SlotRandom,
+    ) -> Self {
+        Self {
+            setup,
+            frames,
+            slot,
+            random,
+            sample: ShownSample::default(),
+            target: None,
+            output: Vec::new(),
+            terms: Vec::with_capacity(frames),
+            is_going: true,
+        }
+    }
+
+    /// The sample that is shown now, or was shown last.
+    #[must_use]
+    pub fn sample(&self) -> &ShownSample {
+        &self.sample
+    }
+
+    /// The cloth of the sample.
+    #[must_use]
+    pub fn graph(&self) -> &'a Arc<ClothGraph> {
+        &self.setup.set.motion(self.sample.trajectory).graph
+    }
+
+    /// The arcs of that cloth.
+    #[must_use]
+    pub fn connectivity(&self) -> &'a Arc<Connectivity> {
+        &self.setup.set.motion(self.sample.trajectory).connectivity
+    }
+
+    /// Whether the slot shows a sample in this frame.
+    #[must_use]
+    pub fn is_going(&self) -> bool {
+        self.is_going
+    }
+
+    /// Takes the prediction for the sample (normalised, `[vertices, 3]`) and the terms of its loss. A
+    /// slot that is not going ignores them.
+    pub fn receive(&mut self, output: &[f32], terms: LossTerms) {
+        if self.is_going {
+            self.output.clear();
+            self.output.extend_from_slice(output);
+            self.terms.push(terms);
+        }
+    }
+
+    /// Prepares the sample of the next frame.
+    fn show(&mut self) {
+        let (cfg, set) = (self.setup.cfg, self.setup.set);
+        self.slot
+            .show(cfg, set, &mut self.random.rng, &mut self.sample);
+        if self.frames > 1 {
+            let (slot, sample) = (&*self.slot, &mut self.sample);
+            let target = self
+                .target
+                .get_or_insert_with(|| RolloutTarget::of_slot(cfg, set, slot, sample.yaw));
+            slot.set_target(set, target.next_offset(), sample);
+        }
+    }
+
+    /// Moves the slot on after a prediction.
+    fn go_on(&mut self) {
+        let (cfg, set) = (self.setup.cfg, self.setup.set);
+        let normalizer = &self.setup.normalizers.acceleration;
+        normalizer.denormalize(&mut self.output);
+        let (sample, acceleration) = (&self.sample, &self.output[..]);
+        if self.frames == 1 {
+            if self.slot.returns_to_truth(cfg, &mut self.random) {
+                self.slot.start_afresh();
+            } else {
+                self.slot.follow(cfg, set, sample, acceleration);
+            }
+            self.is_going = false;
+            return;
+        }
+        let went_on = self.slot.follow(cfg, set, sample, acceleration);
+        self.is_going = went_on && self.terms.len() < self.frames;
+        if !self.is_going && self.slot.returns_to_truth(cfg, &mut self.random) {
+            self.slot.start_afresh();
+        }
+    }
+
+    /// The mean of the terms of the frames, and the weight of each frame in the mean over the batch.
+    fn weigh(&self) -> (LossTerms, Vec<f64>) {
+        let cfg = self.setup.cfg;
+        let (mean, mut weights) = weigh(cfg, &self.terms);
+        let share = 1.0 / cfg.batch.samples as f64;
+        weights.iter_mut().for_each(|weight| *weight *= share);
+        (mean, weights)
+    }
+}
+
+/// The mean of the terms of a rollout's frames, and the weight of each frame in it; a mean above the
+/// cap of the configuration counts as the cap.
+fn weigh(cfg: &TrainConfig, terms: &[LossTerms]) -> (LossTerms, Vec<f64>) {
+    let number = |frame: usize| frame as f64 + 1.0;
+    let terms: Vec<(f64, LossTerms)> = terms
+        .iter()
+        .enumerate()
+        .map(|(frame, terms)| (number(frame).powi(-2), *terms))
+        .collect();
+    let mean = LossTerms::weighted_mean(&terms);
+    let cap = cfg.loss_cap.filter(|&cap| mean.total > cap);
+    let weight = cap.map_or(1.0, |cap| cap / mean.total);
+    let sum: f64 = terms.iter().map(|(weight, _)| weight).sum();
+    let weights = terms.iter().map(|(w, _)| w * weight / sum).collect();
+    (mean, weights)
+}
