@@ -1,10 +1,10 @@
 //! A training on a device, held against the same one on the CPU: the gradient of its first step, and the
 //! losses of all steps from one seed.
 
-use selvedge_train::{StepReport, TrainError, Trainer};
+use selvedge_train::{EngineMaker, OnProcessor, StepReport, TrainError, Trainer};
 
 use crate::device::{Device, Precision};
-use crate::training::engine;
+use crate::training::OnDevice;
 
 /// How far a training on a device is from the one on the CPU, in parts of the latter's numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,11 +26,11 @@ pub struct TrainingCheck {
 pub fn training(
     device: &dyn Device,
     precision: Precision,
-    make: &mut dyn FnMut() -> Result<Trainer, TrainError>,
+    make: &mut dyn FnMut(&dyn EngineMaker) -> Result<Trainer, TrainError>,
     steps: usize,
 ) -> Result<TrainingCheck, TrainError> {
-    let (mut cpu, mut other) = (make()?, make()?);
-    other.run_on(|setup| engine(device, precision, setup))?;
+    let on_device = OnDevice { device, precision };
+    let (mut cpu, mut other) = (make(&OnProcessor::default())?, make(&on_device)?);
     let start = cpu.learned().weights.clone();
     let mut check = TrainingCheck::default();
     for step in 0..steps {

@@ -1,10 +1,10 @@
 //! Training on a device: an engine of `selvedge-train` whose features, network, losses, gradients and
 //! optimiser are on the device.
 //!
-//! What the lanes draw stays with the trainer, so that a step is the same as on the CPU but for rounding.
-//! Up go the positions that the lanes show, and a few numbers per cloth; down come predictions, so that
-//! lanes can go on from them, and the terms of their losses. Weights come down for a checkpoint. Cloths go
-//! up when a lane shows another one.
+//! What the rollout slots draw stays with the trainer, so that a step is the same as on the CPU but for
+//! rounding. Up go the positions of the slots' samples, and a few numbers per cloth; down come
+//! predictions and the terms of their losses, so that slots can go on. Weights come down for a checkpoint.
+//! A cloth goes up when a slot shows another one than before.
 
 pub mod adam;
 mod plan;
@@ -15,11 +15,10 @@ mod tests;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use selvedge_model::{ClothGraph, ModelSpec};
 use selvedge_train::{
-    Batch, Engine, EngineError, Learned, LossTerms, LossWeights, Setup, SlotRun, TrainConfig,
-    Update,
+    Arithmetic, Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, LossTerms,
+    LossWeights, Setup, SlotRun, TrainConfig, Update, run_slots,
 };
 
 use crate::cloths::frames::{FrameNumbers, HandleFrames};
@@ -42,7 +41,7 @@ pub struct Training {
     update: Prepared,
     spec: ModelSpec,
     losses: LossWeights,
-    /// What lies in the place of each lane.
+    /// The cloth in the place of each slot.
     cloths: Vec<Option<Arc<ClothGraph>>>,
 }
 
@@ -87,66 +86,63 @@ impl Training {
         })
     }
 
-    /// Writes the cloths that the lanes show where others lie.
-    fn place_cloths(&mut self, runs: &[SlotRun<'_>]) -> Result<(), DeviceError> {
-        let places = slot_arrays::SlotArrays {
+    /// Writes the cloths of samples whose places hold another one.
+    fn place_cloths(&mut self, slots: &[SlotRun<'_>]) -> Result<(), DeviceError> {
+        let arrays = slot_arrays::SlotArrays {
             cloths: &self.plan.cloths,
             losses: &self.plan.losses,
         };
-        for (lane, (run, there)) in runs.iter().zip(&mut self.cloths).enumerate() {
-            let (graph, connectivity) = run.cloth();
-            if there
+        for (number, (slot, placed)) in slots.iter().zip(&mut self.cloths).enumerate() {
+            let graph = slot.graph();
+            let is_placed = placed
                 .as_ref()
-                .is_some_and(|there| Arc::ptr_eq(there, graph))
-            {
-                continue;
+                .is_some_and(|placed| Arc::ptr_eq(placed, graph));
+            if !is_placed {
+                arrays.upload(&mut *self.loaded, number, graph, slot.connectivity())?;
+                *placed = Some(Arc::clone(graph));
             }
-            places.upload(&mut *self.loaded, lane, (graph, connectivity))?;
-            *there = Some(Arc::clone(graph));
         }
         Ok(())
     }
 
-    /// Writes what the lanes show in frame `number` of a step.
-    fn upload_frame(&mut self, runs: &[SlotRun<'_>], number: usize) -> Result<(), DeviceError> {
+    /// Writes the samples of frame `number` of a step.
+    fn upload_frame(&mut self, slots: &[SlotRun<'_>], number: usize) -> Result<(), DeviceError> {
         let (frame, loaded) = (&self.plan.frames[number], &mut *self.loaded);
         let place = self.plan.losses.place.vertices;
-        let size = OUTPUTS * place * runs.len();
-        // The first frame brings its whole history, later ones what was predicted.
-        let slots = if number == 0 {
+        let size = OUTPUTS * place * slots.len();
+        // The first frame brings its whole history, later ones the predicted positions.
+        let rows = if number == 0 {
             0..frame.newest + 1
         } else {
             frame.newest..frame.newest + 1
         };
-        let shown = |slot: usize| {
-            runs.iter().flat_map(move |run| {
-                in_place(&run.shown().frames[slot - number], place, Vec3::to_array)
+        let positions_in = |row: usize| {
+            slots.iter().flat_map(move |slot| {
+                let frames = &slot.sample().frames;
+                in_place(&frames[row - number], place, Vec3::to_array)
             })
         };
-        let positions: Vec<f32> = slots.clone().flat_map(shown).flatten().collect();
-        let region = self
-            .plan
-            .positions
-            .part(slots.start * size..slots.end * size);
-        loaded.put(region, &positions)?;
+        let positions: Vec<f32> = rows.clone().flat_map(positions_in).flatten().collect();
+        let region = self.plan.positions;
+        loaded.put(region.part(rows.start * size..rows.end * size), &positions)?;
         for (part, region) in frame.triplet.regions().into_iter().enumerate() {
-            let rows = runs
+            let rows = slots
                 .iter()
-                .flat_map(|run| in_place(&run.shown().local[part], place, DVec3::to_array));
+                .flat_map(|slot| in_place(&slot.sample().local[part], place, DVec3::to_array));
             loaded.put_doubles(region, &rows.flatten().collect::<Vec<f64>>())?;
         }
         let mut numbers = FrameNumbers::default();
-        for run in runs {
-            let (graph, shown) = (run.cloth().0, run.shown());
-            let past: Vec<Vec<Vec3>> = shown
+        for slot in slots {
+            let (graph, sample) = (slot.graph(), slot.sample());
+            let past: Vec<Vec<Vec3>> = sample
                 .frames
                 .iter()
-                .map(|f| graph.handles().select(f))
+                .map(|frame| graph.handles().select(frame))
                 .collect();
             let handles = HandleFrames {
                 past: &past,
-                next: &shown.next_handles,
-                yaw: shown.yaw,
+                next: &sample.next_handles,
+                yaw: sample.yaw,
             };
             numbers.add(&self.spec, graph, handles, frame.steps[0]);
         }
@@ -161,88 +157,6 @@ impl Training {
         let rows = terms.as_chunks::<TERMS>().0.iter();
         let terms = rows.map(|row| LossTerms::weighted(&self.losses, *row));
         Ok((terms.collect(), output))
-    }
-
-    /// Takes the lanes through their frames and back.
-    fn run_lanes(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, DeviceError> {
-        let frames = batch.frames();
-        let mut runs = batch.runs();
-        let mut terms: Vec<Vec<LossTerms>> = vec![Vec::new(); runs.len()];
-        let mut going = vec![true; runs.len()];
-        let mut output = Vec::new();
-        let mut done = 0;
-        while done < frames && going.contains(&true) {
-            if done > 0 {
-                self.go_on(&mut runs, &mut going, &output);
-                if !going.contains(&true) {
-                    break;
-                }
-            }
-            let lanes = runs.par_iter_mut().zip(&going);
-            lanes.filter(|(_, going)| **going).for_each(|(run, _)| {
-                run.show();
-            });
-            if done == 0 {
-                self.place_cloths(&runs)?;
-            }
-            self.upload_frame(&runs, done)?;
-            if let Some(dropout) = &self.plan.frames[done].dropout {
-                let seeds: Vec<u64> = runs.iter().map(|run| run.shown().dropout_seed).collect();
-                dropout.upload(&mut *self.loaded, &seeds)?;
-            }
-            self.loaded.run(self.forward[done])?;
-            let found;
-            (found, output) = self.judged(done)?;
-            let lanes = terms.iter_mut().zip(&going).zip(found);
-            for ((terms, _), found) in lanes.filter(|((_, going), _)| **going) {
-                terms.push(found);
-            }
-            done += 1;
-        }
-        let means = self.back(&runs, &terms, done)?;
-        // While the device goes back.
-        if going.contains(&true) {
-            self.go_on(&mut runs, &mut going, &output);
-        }
-        Ok(means)
-    }
-
-    /// Lets the lanes that are on their way go on from their predictions.
-    fn go_on(&self, runs: &mut [SlotRun<'_>], going: &mut [bool], output: &[f32]) {
-        let place = OUTPUTS * self.plan.losses.place.vertices;
-        let lanes = runs
-            .par_iter_mut()
-            .zip(going)
-            .zip(output.par_chunks_exact(place));
-        lanes
-            .filter(|((_, going), _)| **going)
-            .for_each(|((run, going), rows)| {
-                let count = OUTPUTS * run.cloth().0.vertex_count();
-                *going = run.go_on(&rows[..count]);
-            });
-    }
-
-    /// From the terms of the frames of every lane to their means; the way back is begun.
-    fn back(
-        &mut self,
-        runs: &[SlotRun<'_>],
-        terms: &[Vec<LossTerms>],
-        frames: usize,
-    ) -> Result<Vec<LossTerms>, DeviceError> {
-        let weighed = runs.iter().zip(terms).map(|(run, terms)| run.weigh(terms));
-        let (means, weights): (Vec<LossTerms>, Vec<Vec<f64>>) = weighed.unzip();
-        for (number, frame) in self.plan.frames[..frames].iter().enumerate() {
-            let of_frame = weights
-                .iter()
-                .map(|w| w.get(number).copied().unwrap_or(0.0) as f32);
-            self.loaded
-                .put(frame.weights, &of_frame.collect::<Vec<f32>>())?;
-        }
-        self.loaded.run(self.begin)?;
-        for &schedule in self.backward[..frames].iter().rev() {
-            self.loaded.run(schedule)?;
-        }
-        Ok(means)
     }
 
     fn take_step(&mut self, learned: &mut Learned, update: Update) -> Result<f64, DeviceError> {
@@ -284,9 +198,50 @@ impl Training {
     }
 }
 
+impl FramePasses for Training {
+    type Error = DeviceError;
+
+    fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), DeviceError> {
+        if frame == 0 {
+            self.place_cloths(slots)?;
+        }
+        self.upload_frame(slots, frame)?;
+        if let Some(dropout) = &self.plan.frames[frame].dropout {
+            let samples = slots.iter().map(SlotRun::sample);
+            let seeds: Vec<u64> = samples.map(|sample| sample.dropout_seed).collect();
+            dropout.upload(&mut *self.loaded, &seeds)?;
+        }
+        self.loaded.run(self.forward[frame])?;
+        let (terms, output) = self.judged(frame)?;
+        let place = OUTPUTS * self.plan.losses.place.vertices;
+        for ((slot, rows), terms) in slots.iter_mut().zip(output.chunks_exact(place)).zip(terms) {
+            let count = OUTPUTS * slot.graph().vertex_count();
+            slot.receive(&rows[..count], terms);
+        }
+        Ok(())
+    }
+
+    /// Begins the way back; the device is still on it afterwards.
+    fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), DeviceError> {
+        let frames = weights.iter().map(Vec::len).max().unwrap_or(0);
+        for (number, frame) in self.plan.frames[..frames].iter().enumerate() {
+            let of_frame = weights
+                .iter()
+                .map(|w| w.get(number).copied().unwrap_or(0.0) as f32);
+            self.loaded
+                .put(frame.weights, &of_frame.collect::<Vec<f32>>())?;
+        }
+        self.loaded.run(self.begin)?;
+        for &schedule in self.backward[..frames].iter().rev() {
+            self.loaded.run(schedule)?;
+        }
+        Ok(())
+    }
+}
+
 impl Engine for Training {
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
-        self.run_lanes(batch).map_err(failed)
+        run_slots(self, &mut batch.runs()).map_err(failed)
     }
 
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError> {
@@ -302,17 +257,24 @@ impl Engine for Training {
     }
 }
 
-/// An engine for [`selvedge_train::Trainer::run_on`].
-///
-/// # Errors
-/// As [`Training::new`].
-pub fn engine(
-    device: &dyn Device,
-    precision: Precision,
-    setup: Setup<'_>,
-) -> Result<Box<dyn Engine>, EngineError> {
-    let training = Training::new(device, precision, setup).map_err(failed)?;
-    Ok(Box::new(training))
+/// Settings of the engine of a device.
+#[derive(Clone, Copy)]
+pub struct OnDevice<'a> {
+    /// The device.
+    pub device: &'a dyn Device,
+    /// Rounding of factors before they are multiplied.
+    pub precision: Precision,
+}
+
+impl EngineMaker for OnDevice<'_> {
+    fn arithmetic(&self) -> Arithmetic {
+        Arithmetic::OnDevice
+    }
+
+    fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
+        let training = Training::new(self.device, self.precision, setup).map_err(failed)?;
+        Ok(Box::new(training))
+    }
 }
 
 fn failed(error: DeviceError) -> EngineError {

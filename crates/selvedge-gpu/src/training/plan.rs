@@ -22,17 +22,17 @@ use crate::training::adam::AdamArrays;
 pub struct FramePlan {
     /// Frames of the window of vertices and of arcs.
     pub steps: [usize; 2],
-    /// What its features are made from.
+    /// Sources of its features.
     pub frames: FrameArrays,
     /// Slot of its newest positions.
     pub newest: usize,
-    /// What it is judged by.
+    /// Positions that it is judged by.
     pub triplet: TripletArrays,
-    /// What it drops, where the configuration wants that.
+    /// Its dropout, where the configuration asks for one.
     pub dropout: Option<Dropout>,
-    /// What each lane counts in the loss, `[lanes]`.
+    /// Weight of each slot in the loss, `[slots]`.
     pub weights: Region,
-    /// The terms of each lane, `[lanes, 5]`.
+    /// Loss terms of each slot, `[slots, 5]`.
     pub terms: Region,
     /// Its prediction, normalised, `[vertices, 3]`.
     pub output: Region,
@@ -42,7 +42,7 @@ pub struct FramePlan {
     pub backward: Schedule,
 }
 
-/// What a training takes and does.
+/// Memory and schedules of a training.
 pub struct TrainingPlan {
     /// The memory.
     pub plan: Plan,
@@ -56,9 +56,9 @@ pub struct TrainingPlan {
     pub ones: Region,
     /// The optimiser.
     pub adam: AdamArrays,
-    /// The cloths of the lanes.
+    /// The cloths of the slots.
     pub cloths: ClothArrays,
-    /// What the losses know of them.
+    /// The same for the losses.
     pub losses: LossArrays,
     /// The statistics.
     pub normalizers: NormalizerArrays,
@@ -74,14 +74,14 @@ pub struct TrainingPlan {
     pub update: Schedule,
 }
 
-/// What the frames of a step share while they are planned.
+/// Parts that the frames of a step share while they are planned.
 struct Shared<'a> {
     network: &'a Network,
     rate: f64,
     by_position: Option<Region>,
 }
 
-/// What a frame has room for beside what is written from outside.
+/// Room of a frame beside the arrays that are written from outside.
 struct Room {
     input: InputArrays,
     output_gradient: Region,
@@ -93,9 +93,9 @@ impl TrainingPlan {
     /// That of a configuration, for cloths that fit into places of these sizes.
     #[must_use]
     pub fn new(cfg: &TrainConfig, network: &Network, place: PlaceSizes) -> Self {
-        let (spec, lanes) = (network.spec(), cfg.batch.samples);
+        let (spec, slots) = (network.spec(), cfg.batch.samples);
         let most = cfg.unroll.most();
-        let sizes = union_sizes(lanes, place);
+        let sizes = union_sizes(slots, place);
         let mut plan = Plan::new();
         let slots = spec.history() + most;
         let positions = plan.floats("positions", slots * sizes.vertices * 3);
@@ -107,7 +107,7 @@ impl TrainingPlan {
             ones: plan.floats("ones", sizes.vertices.max(sizes.arcs)),
             adam: AdamArrays::new(&mut plan, parameters),
             cloths: ClothArrays::new(&mut plan, sizes),
-            losses: LossArrays::new(&mut plan, lanes, place),
+            losses: LossArrays::new(&mut plan, slots, place),
             normalizers: NormalizerArrays::new(&mut plan, spec),
             weights,
             positions,
@@ -207,7 +207,7 @@ impl TrainingPlan {
             newest: spec.history() - 1 + number,
             triplet: TripletArrays::new(plan, sizes.vertices),
             dropout: Dropout::new(plan, shared.rate, dropout),
-            weights: plan.floats("weights of lanes", sizes.cloths),
+            weights: plan.floats("weights of slots", sizes.cloths),
             terms: plan.doubles("terms of losses", sizes.cloths * TERMS),
             output: self.positions.part(0..0),
             forward: Schedule::new("a frame forward"),

@@ -1,9 +1,9 @@
-//! The places of lanes in a union: all of the same sizes, so that schedules stay the same whatever cloths
-//! the lanes show. A cloth that changes is written to its lane's place alone.
+//! The places of rollout slots in a union, all of the same sizes: schedules stay the same whatever cloths the
+//! slots show. A cloth that changes is written to its slot's place alone.
 //!
-//! Where cloths differ, every place has at least one vertex more than its cloth. What is left over of a place
-//! belongs to such vertices: arcs and edges from one to itself, faces without area. They are handles, and
-//! nothing of them reaches a loss or the gradient of a weight.
+//! Where cloths differ, every place has at least one vertex more than its cloth. The rest of a place belongs
+//! to such vertices: arcs and edges from one to itself, faces without area. They are handles, and none of
+//! them reaches a loss or the gradient of a weight.
 
 use std::sync::Arc;
 
@@ -41,12 +41,12 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
 }
 
 /// The sizes of a union of so many places; edges are known to the losses alone, and handles to nobody.
-pub(super) fn union_sizes(lanes: usize, place: PlaceSizes) -> UnionSizes {
+pub(super) fn union_sizes(slots: usize, place: PlaceSizes) -> UnionSizes {
     UnionSizes {
-        cloths: lanes,
-        vertices: lanes * place.vertices,
-        arcs: lanes * place.arcs,
-        faces: lanes * place.faces,
+        cloths: slots,
+        vertices: slots * place.vertices,
+        arcs: slots * place.arcs,
+        faces: slots * place.faces,
         ..UnionSizes::default()
     }
 }
@@ -73,18 +73,19 @@ pub(super) struct SlotArrays<'a> {
 }
 
 impl SlotArrays<'_> {
-    /// Writes a cloth to the place of a lane.
+    /// Writes a cloth to the place of a slot.
     pub(super) fn upload(
         &self,
         loaded: &mut dyn Loaded,
-        lane: usize,
-        (graph, connectivity): (&ClothGraph, &Connectivity),
+        slot: usize,
+        graph: &ClothGraph,
+        connectivity: &Connectivity,
     ) -> Result<(), DeviceError> {
         let mut parts = self.of_cloth(graph);
         parts.extend(self.of_arcs(connectivity));
         parts.extend(self.of_losses(graph));
         for part in parts {
-            let first = lane * part.apart;
+            let first = slot * part.apart;
             let region = |count: usize| part.region.part(first..first + count);
             match part.words {
                 Words::Floats(values) => loaded.put(region(values.len()), &values)?,
@@ -92,7 +93,7 @@ impl SlotArrays<'_> {
                 Words::Indices(mut words, step) => {
                     words
                         .iter_mut()
-                        .for_each(|word| *word += (lane * step) as u32);
+                        .for_each(|word| *word += (slot * step) as u32);
                     loaded.upload(region(words.len()), &words)?;
                 }
             }

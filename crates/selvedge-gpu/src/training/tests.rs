@@ -3,11 +3,16 @@
 
 mod swinging;
 
+use std::cell::Cell;
+
 use selvedge_model::{EdgeFeature, Encoder, Integration, ModelSpec, Network, NodeFeature};
-use selvedge_train::{Arithmetic, TrainConfig, Trainer, TruthProbability, UnrollFrames};
+use selvedge_train::{
+    Arithmetic, Engine, EngineError, EngineMaker, OnProcessor, Setup, TrainConfig, Trainer,
+    TruthProbability, UnrollFrames,
+};
 
 use super::slot_arrays::{sizes_of, union_sizes};
-use super::{TrainingPlan, engine};
+use super::{OnDevice, TrainingPlan};
 use crate::bench::conformance::{TrainingCheck, training};
 use crate::cloths::losses::PlaceSizes;
 use crate::device::Precision;
@@ -73,7 +78,7 @@ fn busy(model: ModelSpec, frames: usize) -> TrainConfig {
 
 fn check(data: &Swinging, cfg: &TrainConfig, steps: usize) -> Option<TrainingCheck> {
     let device = device()?;
-    let mut make = || Trainer::new(cfg.clone(), &data.dataset);
+    let mut make = |engine: &dyn EngineMaker| Trainer::new(cfg.clone(), &data.dataset, engine);
     let checked = training(device, Precision::Full, &mut make, steps);
     Some(checked.expect("both trainings"))
 }
@@ -111,17 +116,22 @@ fn plans_read_what_they_wrote_whatever_the_encoder_and_the_frames() {
 #[test]
 fn places_hold_the_largest_cloth_and_one_vertex_more_where_cloths_differ() {
     let data = two_cloths();
-    let trainer = Trainer::new(config(everything(Encoder::MLP)), &data.dataset);
-    let setup_sizes = std::cell::Cell::new(PlaceSizes::default());
-    let refused = trainer.expect("a training").run_on(|setup| {
-        setup_sizes.set(sizes_of(setup.graphs()));
-        Err(selvedge_train::EngineError("looked at".into()))
-    });
-    assert_eq!(
-        refused.expect_err("nothing was made").to_string(),
-        "looked at"
-    );
-    let place = setup_sizes.get();
+    /// Makes nothing, but looks at the cloths.
+    struct Look(Cell<PlaceSizes>);
+    impl EngineMaker for Look {
+        fn arithmetic(&self) -> Arithmetic {
+            Arithmetic::OnDevice
+        }
+        fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
+            self.0.set(sizes_of(setup.graphs()));
+            Err(EngineError("looked at".into()))
+        }
+    }
+    let look = Look(Cell::new(PlaceSizes::default()));
+    let refused = Trainer::new(config(everything(Encoder::MLP)), &data.dataset, &look);
+    let message = refused.err().map(|error| error.to_string());
+    assert_eq!(message.as_deref(), Some("looked at"));
+    let place = look.0.get();
     assert_eq!(place.vertices, 12 + 1);
     let union = union_sizes(3, place);
     assert_eq!(
@@ -184,32 +194,26 @@ fn a_checkpoint_goes_on_from_one_device_on_the_other() {
             .map(|_| trainer.step().expect("a step").terms.total)
             .sum::<f64>()
     };
-    let fresh = || Trainer::new(cfg.clone(), &data.dataset).expect("a training");
-    let on_device = |trainer: &mut Trainer| {
-        let made = trainer.run_on(|setup| engine(device, Precision::Full, setup));
-        made.expect("an engine");
+    let cpu = OnProcessor::default();
+    let on_device = OnDevice {
+        device,
+        precision: Precision::Full,
     };
-    let mut whole = fresh();
+    let engines: [&dyn EngineMaker; 2] = [&cpu, &on_device];
+    let fresh = |engine: &dyn EngineMaker| {
+        Trainer::new(cfg.clone(), &data.dataset, engine).expect("a training")
+    };
+    let mut whole = fresh(&cpu);
     take(&mut whole);
     let expected = take(&mut whole);
-    for first in ["cpu", "device"] {
-        let mut trainer = fresh();
-        if first == "device" {
-            on_device(&mut trainer);
-        }
+    for first in [0, 1] {
+        let mut trainer = fresh(engines[first]);
         take(&mut trainer);
         trainer.collect().expect("weights");
         trainer.save(&checkpoint, &data.dataset).expect("room");
-        let resumed = Trainer::resume(
-            cfg.clone(),
-            &data.dataset,
-            &checkpoint,
-            Arithmetic::OnProcessor,
-        );
+        let other = engines[1 - first];
+        let resumed = Trainer::resume(cfg.clone(), &data.dataset, &checkpoint, other);
         let mut resumed = resumed.expect("a checkpoint");
-        if first == "cpu" {
-            on_device(&mut resumed);
-        }
         let found = take(&mut resumed);
         assert!(
             (found - expected).abs() < 1e-3 * expected,
@@ -256,10 +260,13 @@ fn too_little_memory_says_how_many_samples_fit() {
     let data = two_cloths();
     let mut cfg = config(everything(Encoder::MLP));
     cfg.batch.samples = 40;
-    let mut trainer = Trainer::new(cfg, &data.dataset).expect("a training");
-    let mut refusal = |bytes: usize| {
-        let refused = trainer.run_on(|setup| engine(&Small(bytes), Precision::Full, setup));
-        refused.expect_err("no room").to_string()
+    let refusal = |bytes: usize| {
+        let engine = OnDevice {
+            device: &Small(bytes),
+            precision: Precision::Full,
+        };
+        let refused = Trainer::new(cfg.clone(), &data.dataset, &engine);
+        refused.err().expect("no room").to_string()
     };
     let message = refusal(1_000_000);
     assert!(

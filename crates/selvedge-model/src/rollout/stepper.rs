@@ -19,12 +19,10 @@ use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::{EncoderState, Workspace};
 use crate::network::{Input, Pass};
-use crate::rollout::advance::{
-    LocalAcceleration, NonFinite, TwoFrames, advance, require_finite,
-};
+use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
 use crate::rollout::model::Model;
-use crate::spec::integration::LastFrames;
 use crate::spec::ModelSpec;
+use crate::spec::integration::LastFrames;
 
 /// A cloth that a trained model moves.
 pub struct LearnedStepper {

@@ -32,7 +32,7 @@ fn case(steps: u64) -> Case {
 
 impl Case {
     fn trainer(&self) -> Trainer {
-        Trainer::new(self.cfg.clone(), &self.data.dataset).expect("a training")
+        Trainer::new(self.cfg.clone(), &self.data.dataset, &ENGINE).expect("a training")
     }
 
     fn resumed(&self) -> Trainer {

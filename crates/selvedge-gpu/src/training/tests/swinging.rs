@@ -108,7 +108,6 @@ pub(super) fn config(model: ModelSpec) -> TrainConfig {
 
         [batch]
         samples = 3
-        shard = 2
     "#;
     let cfg = TrainConfig::parse(text, Path::new("tiny.toml")).expect("a configuration");
     TrainConfig { model, ..cfg }
