@@ -12,7 +12,7 @@ use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
-use selvedge_train::{Arithmetic, TrainError, Trainer};
+use selvedge_train::{EngineMaker, OnProcessor};
 
 use thiserror::Error;
 
@@ -143,26 +143,16 @@ impl Machine {
         }
     }
 
-    /// Lets a training's arithmetic be done there.
-    ///
-    /// # Errors
-    /// What of a GPU is not there, such as memory, with what would fit.
-    #[cfg_attr(not(feature = "gpu"), allow(unused_variables))]
-    pub fn train(&self, trainer: &mut Trainer) -> Result<(), TrainError> {
+    /// The maker of a training's engine; on the processor `micro_batch` samples go through the network
+    /// together.
+    pub fn engine(&self, micro_batch: usize) -> Box<dyn EngineMaker + '_> {
         match self {
-            Self::Cpu => Ok(()),
+            Self::Cpu => Box::new(OnProcessor { micro_batch }),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, precision) => trainer
-                .run_on(|setup| selvedge_gpu::training::engine(device.as_ref(), *precision, setup)),
-        }
-    }
-
-    /// Whose memory a training takes on it.
-    pub fn arithmetic(&self) -> Arithmetic {
-        match self {
-            Self::Cpu => Arithmetic::OnProcessor,
-            #[cfg(feature = "gpu")]
-            Self::Gpu(..) => Arithmetic::OnDevice,
+            Self::Gpu(device, precision) => Box::new(selvedge_gpu::training::OnDevice {
+                device: device.as_ref(),
+                precision: *precision,
+            }),
         }
     }
 

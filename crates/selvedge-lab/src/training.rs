@@ -1,7 +1,7 @@
 //! The beginning of a training, which may be stopped.
 
 use selvedge_data::Dataset;
-use selvedge_train::{Arithmetic, TrainConfig, Trainer};
+use selvedge_train::{EngineMaker, TrainConfig, Trainer};
 
 use crate::event::{OnEvent, Reporter};
 
@@ -23,20 +23,20 @@ pub fn warn_of_images(trainer: &Trainer) {
 pub fn fresh(
     cfg: TrainConfig,
     data: &Dataset,
-    on: Arithmetic,
+    engine: &dyn EngineMaker,
     on_event: &mut OnEvent<'_>,
 ) -> anyhow::Result<Option<Trainer>> {
-    begin(cfg, data, on, &Reporter::new(on_event))
+    begin(cfg, data, engine, &Reporter::new(on_event))
 }
 
 /// As [`fresh`], within a longer operation.
 pub(crate) fn begin(
     cfg: TrainConfig,
     data: &Dataset,
-    on: Arithmetic,
+    engine: &dyn EngineMaker,
     reporter: &Reporter<'_>,
 ) -> anyhow::Result<Option<Trainer>> {
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::new_observed(cfg, data, on, &mut |_| task.advance())?;
+    let trainer = Trainer::new_observed(cfg, data, engine, &mut |_| task.advance())?;
     Ok(trainer)
 }

@@ -8,6 +8,7 @@ mod guard;
 mod import;
 mod view;
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -377,6 +378,11 @@ pub(crate) struct TrainArgs {
     /// Stop after this long, as 90s, 30m or 2h.
     #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
     pub(crate) span: Option<Duration>,
+    /// Samples that go through the network together on the processor [default: 1]. Threads share such
+    /// micro-batches: a larger number takes less memory and leaves less to share. Results differ only by
+    /// rounding.
+    #[arg(long, value_name = "N")]
+    pub(crate) micro_batch: Option<NonZeroUsize>,
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
 }

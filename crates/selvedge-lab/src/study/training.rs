@@ -17,6 +17,9 @@ use crate::{folder, training};
 /// Between two checkpoints; a training that is limited in time also notes its time so often.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
 
+/// Samples that go through the network together on the processor.
+const MICRO_BATCH: usize = 1;
+
 /// How far a training is, and what it was made from.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -148,7 +151,6 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
         return Ok(None);
     };
-    desk.machine.train(&mut trainer)?;
     training::warn_of_images(&trainer);
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
@@ -262,19 +264,19 @@ fn trainer(
     cfg: TrainConfig,
     data: &StudyData,
 ) -> anyhow::Result<Option<Trainer>> {
-    let on = desk.machine.arithmetic();
+    let engine = desk.machine.engine(MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
     if own.is_file() {
-        return Ok(Some(Trainer::resume(cfg, &data.set, &own, on)?));
+        return Ok(Some(Trainer::resume(cfg, &data.set, &own, &*engine)?));
     }
     match &entry.after {
         Some(before) => {
             let checkpoint = folder(desk, before).join(files::CHECKPOINT);
-            let trainer = Trainer::resume(cfg, &data.set, &checkpoint, on)
+            let trainer = Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
                 .with_context(|| format!("going on after training {before:?}"))?;
             Ok(Some(trainer))
         }
-        None => training::begin(cfg, &data.set, on, desk.reporter),
+        None => training::begin(cfg, &data.set, &*engine, desk.reporter),
     }
 }
 

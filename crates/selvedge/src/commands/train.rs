@@ -1,12 +1,13 @@
 //! `selvedge train`: the loop of `selvedge-train`, with a bar, Ctrl-C and a summary.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::{assets, folder, generation, training};
-use selvedge_train::{Arithmetic, Limits, RunEnd, TrainConfig, Trainer, files};
+use selvedge_train::{EngineMaker, Limits, RunEnd, TrainConfig, Trainer, files};
 use serde::Serialize;
 
 use crate::cli::TrainArgs;
@@ -64,7 +65,9 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let data = generation::open(&args.data)?;
     let _claimed = folder::claim_folder(&args.out)?;
     let steps = cfg.steps;
-    let Some(mut trainer) = trainer(cfg, &data, (args, machine.arithmetic()))? else {
+    let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
+    let engine = machine.engine(micro_batch);
+    let Some(mut trainer) = trainer(cfg, &data, args, &*engine)? else {
         let report = Stopped {
             out: args.out.clone(),
             steps_done: 0,
@@ -73,7 +76,6 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         };
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
-    machine.train(&mut trainer)?;
     training::warn_of_images(&trainer);
     let limits = Limits {
         time: args.span,
@@ -119,11 +121,12 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
 fn trainer(
     cfg: TrainConfig,
     data: &Dataset,
-    (args, on): (&TrainArgs, Arithmetic),
+    args: &TrainArgs,
+    engine: &dyn EngineMaker,
 ) -> anyhow::Result<Option<Trainer>> {
     let checkpoint = args.out.join(files::CHECKPOINT);
     if args.resume {
-        return Ok(Some(Trainer::resume(cfg, data, &checkpoint, on)?));
+        return Ok(Some(Trainer::resume(cfg, data, &checkpoint, engine)?));
     }
     // A log alone is of a training that ended before there was anything to go on from.
     let kept = [files::CHECKPOINT, files::MODEL];
@@ -134,10 +137,10 @@ fn trainer(
         );
     }
     if let Some(folder) = &args.from {
-        let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), on)?;
+        let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
         return Ok(Some(trainer));
     }
-    training::fresh(cfg, data, on, &mut progress::listener())
+    training::fresh(cfg, data, engine, &mut progress::listener())
 }
 
 fn stopped(steps: u64) -> Facts {

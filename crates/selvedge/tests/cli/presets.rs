@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::common::{Desk, names_in, number};
 use selvedge_data::Dataset;
-use selvedge_train::{Setting, TrainConfig, Trainer};
+use selvedge_train::{OnProcessor, Setting, TrainConfig, Trainer};
 
 /// The paper's models with the parameters of their networks: those of the paper, counted by hand from
 /// its layers, less or more 128 weights (384 of a recurrent layer) for each column less or more.
@@ -90,7 +90,7 @@ fn every_preset_takes_two_steps_with_a_finite_loss() {
     let data = Dataset::open(&desk.path("tiny")).unwrap();
     for name in names() {
         let cfg = preset(name, &["statistics_samples=10"]);
-        let mut trainer = Trainer::new(cfg, &data).unwrap();
+        let mut trainer = Trainer::new(cfg, &data, &OnProcessor::default()).unwrap();
         let expected = PAPERS.iter().find(|row| row.0 == name);
         if let Some((_, parameters)) = expected {
             assert_eq!(trainer.parameter_count(), *parameters, "{name}");
@@ -160,7 +160,7 @@ const SMALL: [&str; 5] = [
     "model.latent=16",
     "model.blocks=3",
     "statistics_samples=100",
-    "batch={samples=2,shard=1}",
+    "batch={samples=2}",
     "learning_rate={kind=\"constant\",rate=2e-3}",
 ];
 
@@ -175,7 +175,7 @@ const BY_HEART: [&str; 5] = [
 
 /// Mean losses of the first ten and of the last fifty steps.
 fn losses(cfg: TrainConfig, data: &Dataset, steps: usize) -> [f64; 2] {
-    let mut trainer = Trainer::new(cfg, data).unwrap();
+    let mut trainer = Trainer::new(cfg, data, &OnProcessor::default()).unwrap();
     let all: Vec<f64> = (0..steps)
         .map(|_| trainer.step().unwrap().terms.total)
         .collect();

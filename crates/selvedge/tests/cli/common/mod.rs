@@ -33,7 +33,7 @@ steps = 6
 statistics_samples = 20
 log_every = 2
 learning_rate = { kind = "constant", rate = 1e-3 }
-batch = { samples = 2, shard = 1 }
+batch = { samples = 2 }
 
 [model]
 node_features = ["velocity", "external-force", "kinetic-energy", "node-type"]

@@ -21,7 +21,7 @@ use selvedge_model::{
     ClothGraph, Connectivity, EdgeFeature, Encoder, Extent, Gradients, Input, Integration,
     ModelSpec, Network, NodeFeature, Pass, Workspace,
 };
-use selvedge_train::{TrainConfig, Trainer, TruthProbability, UnrollFrames};
+use selvedge_train::{EngineMaker, TrainConfig, Trainer, TruthProbability, UnrollFrames};
 use serde_json::json;
 
 use super::super::cloths::hanging;
@@ -67,7 +67,7 @@ pub(super) fn check(
         if interrupt::requested() {
             return Ok(());
         }
-        let mut make = || Trainer::new(cfg.clone(), &data);
+        let mut make = |engine: &dyn EngineMaker| Trainer::new(cfg.clone(), &data, engine);
         let mut steps = usize::from(args.steps);
         if cfg.model.coarse_levels > 0 {
             steps = steps.min(COARSE_STEPS);
@@ -227,7 +227,6 @@ rate = 1e-4
 
 [batch]
 samples = 4
-shard = 2
 
 [noise]
 deviation = 0.003
