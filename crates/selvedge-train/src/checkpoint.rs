@@ -1,5 +1,5 @@
-//! Checkpoints: all that decides how a training goes on, in one `.safetensors` file, or in several small
-//! ones where that would be large, so that a resumed training continues bit for bit.
+//! Checkpoints: all that decides how a training goes on, in one `.safetensors` file, or in several
+//! small ones where that would be large, so that a resumed training continues bit for bit.
 
 mod parts;
 
@@ -171,8 +171,8 @@ impl Trainer {
             .collect()
     }
 
-    /// Goes on from the checkpoint at `path`, wherever that was made. Only `name`, `steps` and `log_every`
-    /// may differ from the configuration it was made with.
+    /// Goes on from the checkpoint at `path`, wherever that was made. Only `name`, `steps` and
+    /// `log_every` may differ from the configuration it was made with.
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.
@@ -224,9 +224,9 @@ impl Trainer {
 }
 
 impl Trainer {
-    /// A new training from its first step, but with the weights and the statistics of the checkpoint
-    /// at `path`, which may be of another configuration and other data; only `model` must be the same,
-    /// but for its edge limits.
+    /// A new training from its first step, but with the weights and the statistics of the
+    /// checkpoint at `path`, which may be of another configuration and other data; only `model`
+    /// must be the same, but for its edge limits.
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.

@@ -48,12 +48,13 @@ pub struct TrainConfig {
     #[serde(default)]
     pub gradient_clip: Option<f64>,
     /// A sample whose loss L is above this counts with the weight `loss_cap`/L, so that one
-    /// prediction gone astray does not drown the rest of its batch. Without this key all count alike.
+    /// prediction gone astray does not drown the rest of its batch. Without this key all count
+    /// alike.
     #[serde(default)]
     pub loss_cap: Option<f64>,
-    /// The part that a step leaves of the running mean of the weights (an exponential moving average);
-    /// the model is then made of this mean. Less while there are few steps: (1 + n)/(10 + n) after n of
-    /// them. Without this key the model is made of the weights.
+    /// The part that a step leaves of the running mean of the weights (an exponential moving
+    /// average); the model is then made of this mean. Less while there are few steps: (1 + n)/(10 +
+    /// n) after n of them. Without this key the model is made of the weights.
     #[serde(default)]
     pub weight_average: Option<f64>,
     /// Probability that a value between the recurrent layers is dropped; 0 where there are none.
@@ -92,9 +93,9 @@ pub struct BatchConfig {
 #[serde(deny_unknown_fields)]
 struct BatchTable {
     samples: usize,
-    /// A key of earlier versions: how many samples went through the network together. That is a setting
-    /// of the engine now ([`crate::OnProcessor`]) and changes results by rounding only, so files with the
-    /// key stay readable.
+    /// A key of earlier versions: how many samples went through the network together. That is a
+    /// setting of the engine now ([`crate::OnProcessor`]) and changes results by rounding only, so
+    /// files with the key stay readable.
     #[serde(default, rename = "shard")]
     _shard: Option<IgnoredAny>,
 }
@@ -138,7 +139,8 @@ pub enum NoiseUnit {
 pub struct ScheduledSampling {
     /// p by step.
     pub truth: TruthProbability,
-    /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its end.
+    /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its
+    /// end.
     pub longest: u32,
     /// A run ends when a vertex is farther from the truth than this `[m]`.
     pub farthest: f64,
@@ -310,12 +312,12 @@ impl TrainConfig {
         }
     }
 
-    /// The whole course of this training in `steps` steps: its schedules shrunk or stretched in proportion,
-    /// to the nearest step.
+    /// The whole course of this training in `steps` steps: its schedules shrunk or stretched in
+    /// proportion, to the nearest step.
     ///
     /// # Errors
-    /// [`InvalidConfig`] where so few steps leave no room between two that have to follow each other, or
-    /// so many are too many.
+    /// [`InvalidConfig`] where so few steps leave no room between two that have to follow each
+    /// other, or so many are too many.
     pub fn scaled_to(&self, steps: u64) -> Result<Self, InvalidConfig> {
         let mut cfg = self.clone();
         let mut changes = cfg.learning_rate.steps();

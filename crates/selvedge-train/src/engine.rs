@@ -1,9 +1,9 @@
 //! The seam between a training and the machine that does its arithmetic: forward and backward over
 //! the batch, then the optimiser's update.
 //!
-//! Slots and all that is drawn by chance stay with the trainer. A step is therefore the same on every
-//! engine but for rounding. The engine of this machine's processor is in `cpu`; it uses what any
-//! other one gets.
+//! Slots and all that is drawn by chance stay with the trainer. A step is therefore the same on
+//! every engine but for rounding. The engine of this machine's processor is in `cpu`; it uses what
+//! any other one gets.
 
 mod cpu;
 mod micro_batch;
@@ -47,8 +47,8 @@ impl Learned {
 
 /// The arithmetic of a training.
 pub trait Engine: Send {
-    /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the slots'
-    /// losses. Returns the terms of each slot.
+    /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the
+    /// slots' losses. Returns the terms of each slot.
     ///
     /// # Errors
     /// When the machine that computes fails.
@@ -79,8 +79,8 @@ pub trait Engine: Send {
 #[error(transparent)]
 pub struct EngineError(pub Box<dyn Error + Send + Sync>);
 
-/// Settings of an engine, from which a training makes it. They decide speed and memory; results differ
-/// only by rounding.
+/// Settings of an engine, from which a training makes it. They decide speed and memory; results
+/// differ only by rounding.
 pub trait EngineMaker {
     /// The machine whose memory a training takes.
     fn arithmetic(&self) -> Arithmetic;

@@ -1,5 +1,5 @@
-//! Fits the normalisers: statistics of inputs and targets over samples drawn as in training, before the
-//! first step. The fit goes sample by sample, so that a caller can report each and stop.
+//! Fits the normalisers: statistics of inputs and targets over samples drawn as in training, before
+//! the first step. The fit goes sample by sample, so that a caller can report each and stop.
 
 use selvedge_model::{Place, RunningStatistics, Window, edge_groups, node_groups};
 

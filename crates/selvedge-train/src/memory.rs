@@ -1,13 +1,13 @@
-//! How much memory a training needs, reckoned before it is taken: what does not fit is an error that
-//! names its causes, not a program that the system ends.
+//! How much memory a training needs, reckoned before it is taken: what does not fit is an error
+//! that names its causes, not a program that the system ends.
 //!
-//! Reckoned are the trajectories, the weights with their moments, the gradient of every micro-batch, and
-//! the activations that every sample of a batch keeps; the rest is small. A device with memory of its own
-//! holds gradients and activations and reckons for itself; here are the positions that go up, and
-//! copies of them for the transfer.
+//! Reckoned are the trajectories, the weights with their moments, the gradient of every
+//! micro-batch, and the activations that every sample of a batch keeps; the rest is small. A device
+//! with memory of its own holds gradients and activations and reckons for itself; here are the
+//! positions that go up, and copies of them for the transfer.
 //!
-//! The memory that is there is the least of the machine's memory, that of the control group and the limit
-//! of the address space (Linux), or [`FALLBACK`] where the system names none.
+//! The memory that is there is the least of the machine's memory, that of the control group and the
+//! limit of the address space (Linux), or [`FALLBACK`] where the system names none.
 
 use selvedge_data::{Dataset, Split};
 use selvedge_model::{ClothGraph, Network, activations};
@@ -67,8 +67,9 @@ impl Need {
         let entries = dataset.entries(Split::Train).iter();
         let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
         let images = if cfg.mirror_images { 2.0 } else { 1.0 };
-        // Weights, their mean, their gradient and two moments, and three where a checkpoint is written; on the
-        // processor three packed for the engine, and the gradients of the micro-batches.
+        // Weights, their mean, their gradient and two moments, and three where a checkpoint is
+        // written; on the processor three packed for the engine, and the gradients of the
+        // micro-batches.
         let copies = match on {
             Arithmetic::OnProcessor { micro_batch } => {
                 5.0 + 3.0 + 3.0 + cfg.batch.samples.div_ceil(micro_batch) as f64
@@ -148,8 +149,8 @@ fn of_targets(vertices: usize) -> f64 {
     (POSITION + 3.0 * EXACT_POSITION) * vertices as f64
 }
 
-/// The same where a device takes them through the network: their samples, the predictions that come down,
-/// and two copies of what goes up.
+/// The same where a device takes them through the network: their samples, the predictions that come
+/// down, and two copies of what goes up.
 fn of_sent_slots(cfg: &TrainConfig, vertices: usize) -> f64 {
     let history = POSITION * (cfg.model.history() * vertices) as f64;
     let targets = of_targets(vertices);

@@ -1,11 +1,11 @@
-//! Where the frames of a rollout are to go that starts off the truth: the truth, shifted by what is left
-//! of the offset k frames after the start.
+//! Where the frames of a rollout are to go that starts off the truth: the truth, shifted by what is
+//! left of the offset k frames after the start.
 //!
-//! *Decaying*: (1 - γ)^k S e with the offset e smoothed over a few edges, whatever the velocity: the
-//! first frame has to end a difference of velocities, and wrinkles, at once, which no cloth can.
-//! *Swinging* `[eq:swinging-offset]`: as a cloth that hangs aside would go. What is smooth of the offset
-//! swings about the truth as a damped pendulum, u = S(e⁰ - e⁻¹) at first, then
-//! u ← (1 - d) u - s e, e ← e + u; what is not, wrinkles that are elsewhere, decays by w a frame.
+//! *Decaying*: (1 - γ)^k S e with the offset e smoothed over a few edges, whatever the velocity:
+//! the first frame has to end a difference of velocities, and wrinkles, at once, which no cloth
+//! can. *Swinging* `[eq:swinging-offset]`: as a cloth that hangs aside would go. What is smooth of
+//! the offset swings about the truth as a damped pendulum, u = S(e⁰ - e⁻¹) at first, then u ← (1 -
+//! d) u - s e, e ← e + u; what is not, wrinkles that are elsewhere, decays by w a frame.
 //!
 //! Offsets are in the local axes of the frame that they were seen in and turn with the handles.
 
@@ -111,8 +111,9 @@ impl RolloutTarget {
     }
 }
 
-/// Replaces every free vertex's row by the mean of its own and its neighbours', [`SMOOTHINGS`] times:
-/// what varies over fewer edges than the root of that is gone. Handles are where they should be.
+/// Replaces every free vertex's row by the mean of its own and its neighbours', [`SMOOTHINGS`]
+/// times: what varies over fewer edges than the root of that is gone. Handles are where they should
+/// be.
 fn smoothen(graph: &ClothGraph, offset: &mut Vec<DVec3>) {
     for _ in 0..SMOOTHINGS {
         let mut sums: Vec<(DVec3, f64)> = offset.iter().map(|&e| (e, 1.0)).collect();

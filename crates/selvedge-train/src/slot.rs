@@ -1,10 +1,10 @@
 //! A rollout slot: one place of the batch, which shows the network one sample per frame of a step.
 //!
-//! A slot starts a run at a random sample of ground truth. After each step, with probability 1 - p, the
-//! model's own prediction becomes the current position of the next sample and the frames before it shift
-//! along (scheduled sampling). Otherwise the next sample is ground truth again, drawn afresh; so it is
-//! after `longest` predictions, at the end of the section, and too far from the truth. With p = 1 this is
-//! a plain shuffle of all samples with replacement.
+//! A slot starts a run at a random sample of ground truth. After each step, with probability 1 - p,
+//! the model's own prediction becomes the current position of the next sample and the frames before
+//! it shift along (scheduled sampling). Otherwise the next sample is ground truth again, drawn
+//! afresh; so it is after `longest` predictions, at the end of the section, and too far from the
+//! truth. With p = 1 this is a plain shuffle of all samples with replacement.
 //!
 //! Every random number follows from (seed, step, slot) alone.
 
@@ -170,8 +170,8 @@ impl Slot {
             .collect()
     }
 
-    /// Change of the offset since the frame before, in local axes `[m/frame]`, `[vertices]`; 0 for a
-    /// sample of ground truth, with or without noise.
+    /// Change of the offset since the frame before, in local axes `[m/frame]`, `[vertices]`; 0 for
+    /// a sample of ground truth, with or without noise.
     pub(crate) fn offset_velocity(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
         let motion = set.motion(self.section.trajectory);
         if self.run == 0 {

@@ -161,8 +161,8 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
     cfg
 }
 
-/// The same, in which noise, dropout, mirror images, a mean of the weights and the model's own predictions
-/// all play a part.
+/// The same, in which noise, dropout, mirror images, a mean of the weights and the model's own
+/// predictions all play a part.
 pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;

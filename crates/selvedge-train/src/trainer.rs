@@ -75,12 +75,12 @@ pub enum TrainError {
 }
 
 impl Trainer {
-    /// A training at its first step on the engine that `engine` makes: fresh weights, statistics from
-    /// `statistics_samples` samples.
+    /// A training at its first step on the engine that `engine` makes: fresh weights, statistics
+    /// from `statistics_samples` samples.
     ///
     /// # Errors
-    /// [`TrainError`] when the configuration or the data set cannot be used, there is not enough memory
-    /// for both, or the engine cannot be made.
+    /// [`TrainError`] when the configuration or the data set cannot be used, there is not enough
+    /// memory for both, or the engine cannot be made.
     pub fn new(
         cfg: TrainConfig,
         dataset: &Dataset,
@@ -93,8 +93,8 @@ impl Trainer {
         Self::begin(cfg, set, engine, network, statistics)
     }
 
-    /// The same with an observer: `observe` hears of every sample of the statistics and may stop the
-    /// fit, which gives no training.
+    /// The same with an observer: `observe` hears of every sample of the statistics and may stop
+    /// the fit, which gives no training.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -178,8 +178,8 @@ impl Trainer {
         })
     }
 
-    /// Copies weights and optimiser from the engine, for [`Self::save`] and [`Self::model`]. The engine of
-    /// this machine's processor always has them here.
+    /// Copies weights and optimiser from the engine, for [`Self::save`] and [`Self::model`]. The
+    /// engine of this machine's processor always has them here.
     ///
     /// # Errors
     /// When the engine fails.
@@ -190,8 +190,8 @@ impl Trainer {
     /// Learns from one batch.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`], or a failure of the engine. The weights are then those before the step, but
-    /// the slots have moved on: resume from a checkpoint.
+    /// [`TrainError::NotFinite`], or a failure of the engine. The weights are then those before the
+    /// step, but the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
         let frames = self.cfg.unroll.at(step);
@@ -266,8 +266,8 @@ impl Trainer {
         self.set.images_left_out()
     }
 
-    /// The trainings whose weights this one began with, the first one first; none where it began with
-    /// its own.
+    /// The trainings whose weights this one began with, the first one first; none where it began
+    /// with its own.
     #[must_use]
     pub fn origins(&self) -> &[Origin] {
         &self.origins
@@ -295,7 +295,8 @@ impl Trainer {
     }
 }
 
-/// Reads the data and builds the network, after checking the configuration and the memory of this machine.
+/// Reads the data and builds the network, after checking the configuration and the memory of this
+/// machine.
 pub(crate) fn prepare(
     cfg: &TrainConfig,
     dataset: &Dataset,

@@ -130,9 +130,10 @@ fn tracks(dataset: &Dataset, split: Split) -> Result<Vec<HandlePath>, TrainingSe
 }
 
 impl TrainingSet {
-    /// Reads the training split of `dataset`, of cloths with so many coarse levels; with `mirror_images`
-    /// the trajectories are followed by their mirror images. Those whose handles go as in a trajectory
-    /// to test on have no sections: on its cloth they would be that test, buckled to the other side.
+    /// Reads the training split of `dataset`, of cloths with so many coarse levels; with
+    /// `mirror_images` the trajectories are followed by their mirror images. Those whose handles go
+    /// as in a trajectory to test on have no sections: on its cloth they would be that test,
+    /// buckled to the other side.
     pub(crate) fn load(
         dataset: &Dataset,
         coarse_levels: usize,

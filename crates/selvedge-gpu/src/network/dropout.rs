@@ -1,5 +1,5 @@
-//! Dropout between the layers of the recurrent encoders, with the masks of the CPU: a value's fate follows
-//! from its cloth's seed, its row within the cloth, its frame and its column.
+//! Dropout between the layers of the recurrent encoders, with the masks of the CPU: a value's fate
+//! follows from its cloth's seed, its row within the cloth, its frame and its column.
 
 use selvedge_model::Dropout as CpuDropout;
 
@@ -59,8 +59,8 @@ impl Dropout {
     }
 }
 
-/// Multiplies rows of vertices (`kind` 0) or arcs (1) by their mask of a step, from the first of `rows`
-/// to the second.
+/// Multiplies rows of vertices (`kind` 0) or arcs (1) by their mask of a step, from the first of
+/// `rows` to the second.
 pub(super) fn drop_out(
     schedule: &mut Schedule,
     dropout: &Dropout,

@@ -1,10 +1,10 @@
-//! Training on a device: an engine of `selvedge-train` whose features, network, losses, gradients and
-//! optimiser are on the device.
+//! Training on a device: an engine of `selvedge-train` whose features, network, losses, gradients
+//! and optimiser are on the device.
 //!
-//! What the rollout slots draw stays with the trainer, so that a step is the same as on the CPU but for
-//! rounding. Up go the positions of the slots' samples, and a few numbers per cloth; down come
-//! predictions and the terms of their losses, so that slots can go on. Weights come down for a checkpoint.
-//! A cloth goes up when a slot shows another one than before.
+//! What the rollout slots draw stays with the trainer, so that a step is the same as on the CPU but
+//! for rounding. Up go the positions of the slots' samples, and a few numbers per cloth; down come
+//! predictions and the terms of their losses, so that slots can go on. Weights come down for a
+//! checkpoint. A cloth goes up when a slot shows another one than before.
 
 pub mod adam;
 mod plan;

@@ -260,7 +260,8 @@ impl TrainingPlan {
         }
     }
 
-    /// Frame `number` back, with the gradients of the states that it goes on from and that it leaves.
+    /// Frame `number` back, with the gradients of the states that it goes on from and that it
+    /// leaves.
     fn back(
         &mut self,
         shared: &Shared<'_>,

@@ -1,9 +1,9 @@
-//! The places of rollout slots in a union, all of the same sizes: schedules stay the same whatever cloths the
-//! slots show. A cloth that changes is written to its slot's place alone.
+//! The places of rollout slots in a union, all of the same sizes: schedules stay the same whatever
+//! cloths the slots show. A cloth that changes is written to its slot's place alone.
 //!
-//! Where cloths differ, every place has at least one vertex more than its cloth. The rest of a place belongs
-//! to such vertices: arcs and edges from one to itself, faces without area. They are handles, and none of
-//! them reaches a loss or the gradient of a weight.
+//! Where cloths differ, every place has at least one vertex more than its cloth. The rest of a
+//! place belongs to such vertices: arcs and edges from one to itself, faces without area. They are
+//! handles, and none of them reaches a loss or the gradient of a weight.
 
 use std::sync::Arc;
 
@@ -40,7 +40,8 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
     }
 }
 
-/// The sizes of a union of so many places; edges are known to the losses alone, and handles to nobody.
+/// The sizes of a union of so many places; edges are known to the losses alone, and handles to
+/// nobody.
 pub(super) fn union_sizes(slots: usize, place: PlaceSizes) -> UnionSizes {
     UnionSizes {
         cloths: slots,
@@ -300,9 +301,9 @@ impl Part {
     }
 }
 
-/// Where the lists of vertices begin, and where the last one ends: those of `first` (a number per vertex of
-/// the cloth), `count` entries in all, and for what is left over of `entries` and `vertices`, shares of
-/// about the same size.
+/// Where the lists of vertices begin, and where the last one ends: those of `first` (a number per
+/// vertex of the cloth), `count` entries in all, and for what is left over of `entries` and
+/// `vertices`, shares of about the same size.
 fn csr(first: Vec<u32>, count: usize, [vertices, entries]: [usize; 2]) -> Vec<u32> {
     let mut all = first;
     let left_over = vertices - all.len();

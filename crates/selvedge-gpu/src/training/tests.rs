@@ -51,8 +51,8 @@ fn encoders() -> [Encoder; 5] {
     ]
 }
 
-/// Noise, mirror images, a mean of the weights, clipping, the model's own predictions, and dropout where
-/// there is something to drop; through so many frames at a time.
+/// Noise, mirror images, a mean of the weights, clipping, the model's own predictions, and dropout
+/// where there is something to drop; through so many frames at a time.
 fn busy(model: ModelSpec, frames: usize) -> TrainConfig {
     let mut cfg = config(model);
     cfg.noise.deviation = 0.003;
@@ -176,8 +176,8 @@ fn a_hundred_steps_from_one_seed_have_the_losses_of_the_cpu() {
         let Some(found) = check(&data, &cfg, 100) else {
             return;
         };
-        // Rounding grows with every step that is taken and every prediction that is gone on from; another
-        // draw or another term would be off by the whole at once.
+        // Rounding grows with every step that is taken and every prediction that is gone on from;
+        // another draw or another term would be off by the whole at once.
         assert!(found.losses < 0.02, "{encoder:?}: {found:?}");
         assert!(found.weights < 0.02, "{encoder:?}: {found:?}");
     }

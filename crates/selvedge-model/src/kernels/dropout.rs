@@ -1,9 +1,10 @@
-//! Dropout between the layers of the recurrent encoders: a value becomes 0 with probability `rate` and is
-//! divided by 1 - `rate` otherwise.
+//! Dropout between the layers of the recurrent encoders: a value becomes 0 with probability `rate`
+//! and is divided by 1 - `rate` otherwise.
 //!
-//! Value `column` of a row in frame `step` becomes 0 where the upper half of the hash (SplitMix64) of
-//! seed + (row · steps + step) · latent + column is below `rate`. The seed belongs to the row's cloth, and
-//! rows are counted within that cloth. The mask of a cloth is therefore the same alone and in any union.
+//! Value `column` of a row in frame `step` becomes 0 where the upper half of the hash (SplitMix64)
+//! of seed + (row · steps + step) · latent + column is below `rate`. The seed belongs to the row's
+//! cloth, and rows are counted within that cloth. The mask of a cloth is therefore the same alone
+//! and in any union.
 
 use std::ops::Range;
 
@@ -95,7 +96,8 @@ mod tests {
 
     const RATE: f64 = 0.3;
 
-    /// The masks of cloths of so many rows with these seeds, all steps of all rows, `[rows, steps, width]`.
+    /// The masks of cloths of so many rows with these seeds, all steps of all rows, `[rows, steps,
+    /// width]`.
     fn masks(cloths: &[(u64, usize)], steps: usize, width: usize) -> Vec<f64> {
         let mut masks = RowMasks::default();
         let rows = cloths.iter().map(|&(seed, rows)| ClothRows { seed, rows });

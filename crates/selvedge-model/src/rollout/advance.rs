@@ -1,11 +1,11 @@
-//! One frame of the learned cloth: from an acceleration to the next positions, back from positions to
-//! the acceleration, and the derivative.
+//! One frame of the learned cloth: from an acceleration to the next positions, back from positions
+//! to the acceleration, and the derivative.
 //!
-//! p^{t+1} = a + 2 p^t - q `[eq:integration]`, with the reference q of the spec's
-//! [`Integration`]. Handle vertices take their targets instead. Then edges come back within the limits
-//! of the spec, and a position that is not finite is an error. A rollout and a training call
-//! [`advance`]; losses call the same equation in `f64` and local axes ([`TwoFrames::moved`]); the
-//! kernels of a device are tested against it.
+//! p^{t+1} = a + 2 p^t - q `[eq:integration]`, with the reference q of the spec's [`Integration`].
+//! Handle vertices take their targets instead. Then edges come back within the limits of the spec,
+//! and a position that is not finite is an error. A rollout and a training call [`advance`]; losses
+//! call the same equation in `f64` and local axes ([`TwoFrames::moved`]); the kernels of a device
+//! are tested against it.
 
 use std::ops::{Add, Sub};
 
@@ -76,8 +76,8 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
     }
 }
 
-/// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, handles take
-/// their targets `next_handles`, and edges keep the limits of `spec`.
+/// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, handles
+/// take their targets `next_handles`, and edges keep the limits of `spec`.
 ///
 /// # Errors
 /// [`NonFinite`] names the first vertex whose position is not finite.
@@ -110,8 +110,9 @@ pub fn target_acceleration(frames: &TwoFrames<'_, Vec3>, yaw: Yaw, next: &[Vec3]
         .collect()
 }
 
-/// Adds to `previous` and `current` the gradient of the last two frames for the gradient `by_next` of
-/// the next positions, all in the world, `[vertices]`. Handles are held, and edge limits are left out.
+/// Adds to `previous` and `current` the gradient of the last two frames for the gradient `by_next`
+/// of the next positions, all in the world, `[vertices]`. Handles are held, and edge limits are
+/// left out.
 pub fn advance_backward(
     integration: Integration,
     frames: &LastFrames<'_>,

@@ -1,5 +1,5 @@
-//! Weights in half precision, for files: IEEE 754 binary16 (11 bits of precision, up to 65504) and bfloat16
-//! (8 bits, the range of f32). Rounded to nearest, ties to even.
+//! Weights in half precision, for files: IEEE 754 binary16 (11 bits of precision, up to 65504) and
+//! bfloat16 (8 bits, the range of f32). Rounded to nearest, ties to even.
 
 /// How the weights of a model file are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,6 @@
-//! Model files: one `.safetensors` with the weights under their module paths (f32, or in half the size f16 or
-//! bf16, which are f32 again once they are read), the
-//! normaliser's statistics (f64), and metadata: format, version, the resolved spec and how the
-//! model was trained, both as JSON.
+//! Model files: one `.safetensors` with the weights under their module paths (f32, or in half the
+//! size f16 or bf16, which are f32 again once they are read), the normaliser's statistics (f64),
+//! and metadata: format, version, the resolved spec and how the model was trained, both as JSON.
 //!
 //! Works on bytes; who reads and writes files does so elsewhere.
 
@@ -115,7 +114,8 @@ impl Model {
     /// The same with the weights rounded to another type.
     ///
     /// # Errors
-    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight that the type has no number for.
+    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight that the type has no
+    /// number for.
     pub fn to_bytes_as(&self, weights: WeightType) -> Result<Vec<u8>, ModelFileError> {
         let mut header = serde_json::Map::new();
         let mut body = Vec::new();

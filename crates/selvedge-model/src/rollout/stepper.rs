@@ -61,9 +61,9 @@ pub enum RolloutError {
     NonFinite { vertex: VertexId },
 }
 
-/// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from the
-/// last ones before now: where there are fewer than the model looks at, the cloth is taken to have
-/// stood still before the first.
+/// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from
+/// the last ones before now: where there are fewer than the model looks at, the cloth is taken to
+/// have stood still before the first.
 ///
 /// # Errors
 /// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
@@ -92,7 +92,8 @@ pub fn opening_frames(
 
 impl LearnedStepper {
     /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where
-    /// there are fewer than the model looks at, the cloth is taken to have stood still before the first.
+    /// there are fewer than the model looks at, the cloth is taken to have stood still before the
+    /// first.
     ///
     /// # Errors
     /// [`RolloutError`] when there is no frame, or one that does not fit the cloth.

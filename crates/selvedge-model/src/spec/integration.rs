@@ -76,7 +76,8 @@ impl Carry {
         }
     }
 
-    /// That of the handles of `graph` from the rest pose to `handles` `[m]`, `[handles]`, of yaw `yaw`.
+    /// That of the handles of `graph` from the rest pose to `handles` `[m]`, `[handles]`, of yaw
+    /// `yaw`.
     #[must_use]
     pub fn from_rest(graph: &ClothGraph, handles: &[Vec3], yaw: Yaw) -> Self {
         Self::between(rest(graph), (centroid(handles.iter().copied()), yaw))
@@ -127,8 +128,9 @@ fn rest(graph: &ClothGraph) -> (DVec3, Yaw) {
 }
 
 impl Integration {
-    /// Sets `reference` to the positions one frame earlier from which uniform motion leads where the
-    /// cloth goes by itself `[m]`, `[vertices]`. For [`Self::Inertial`] these are the previous ones.
+    /// Sets `reference` to the positions one frame earlier from which uniform motion leads where
+    /// the cloth goes by itself `[m]`, `[vertices]`. For [`Self::Inertial`] these are the previous
+    /// ones.
     pub fn reference(self, frames: &LastFrames<'_>, reference: &mut Vec<Vec3>) {
         let LastFrames {
             graph,
@@ -164,8 +166,8 @@ pub struct ReferenceSlope {
 }
 
 impl ReferenceSlope {
-    /// Adds the gradient of the previous and of the current positions for the gradient `by_reference`
-    /// of the reference, all in the world, `[vertices]`.
+    /// Adds the gradient of the previous and of the current positions for the gradient
+    /// `by_reference` of the reference, all in the world, `[vertices]`.
     pub fn backward(&self, by_reference: &[Vec3], previous: &mut [Vec3], current: &mut [Vec3]) {
         let ((share, turn), (own, carried, turn_now)) = (self.previous, self.current);
         let rows = by_reference.iter().zip(previous).zip(current);
@@ -197,8 +199,8 @@ pub(crate) fn carried_rest(
 }
 
 impl Integration {
-    /// The derivative of [`Self::reference`] with respect to its frames, the handles held: with M and
-    /// M' the turns of the handles to where they go, from now and from the frame before,
+    /// The derivative of [`Self::reference`] with respect to its frames, the handles held: with M
+    /// and M' the turns of the handles to where they go, from now and from the frame before,
     /// ∂reference/∂p^t = 2 - (2 - d - s) M and ∂reference/∂p^{t-1} = (1 - d) M'
     /// `[eq:carried-slope]`.
     #[must_use]

@@ -1,8 +1,9 @@
 //! A checkpoint in several files, where one would be large: many places take no file above 16 MB.
 //!
-//! Tensors are cut, and a piece is named after its tensor and its first element (`weights+3000000`). The
-//! other files are named after their contents and listed in the first one, which is written last: until
-//! then the checkpoint before is whole. Then what belongs to no checkpoint any more is removed.
+//! Tensors are cut, and a piece is named after its tensor and its first element
+//! (`weights+3000000`). The other files are named after their contents and listed in the first one,
+//! which is written last: until then the checkpoint before is whole. Then what belongs to no
+//! checkpoint any more is removed.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -159,8 +160,8 @@ pub(super) fn read_others(
     others.collect()
 }
 
-/// The numbers of a tensor that lies in pieces in these files, whole, in order; none where there is no
-/// piece.
+/// The numbers of a tensor that lies in pieces in these files, whole, in order; none where there is
+/// no piece.
 pub(super) fn joined<'a>(
     files: impl Iterator<Item = &'a SafeTensors<'a>>,
     name: &str,

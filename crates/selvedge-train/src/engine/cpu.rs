@@ -1,6 +1,6 @@
-//! The engine of this machine's processor. Threads share micro-batches of slots, and the gradients of
-//! micro-batches are added in order. Neither a micro-batch nor the order of the sums depends on the number
-//! of threads, so the same seed gives the same bytes with any number of them.
+//! The engine of this machine's processor. Threads share micro-batches of slots, and the gradients
+//! of micro-batches are added in order. Neither a micro-batch nor the order of the sums depends on
+//! the number of threads, so the same seed gives the same bytes with any number of them.
 
 use rayon::prelude::*;
 use selvedge_model::{Instructions, PackedWeights, Purpose};

@@ -1,10 +1,10 @@
-//! A micro-batch of the processor's engine: slots that go through the network as one disjoint union, on
-//! one thread or on several. Its gradient does not depend on which.
+//! A micro-batch of the processor's engine: slots that go through the network as one disjoint
+//! union, on one thread or on several. Its gradient does not depend on which.
 //!
-//! In a step of several frames (back-propagation through time) the slots of a micro-batch go one after the
-//! other, so that activations of one slot's frames are kept at a time. A prediction becomes the next
-//! frame's positions; the gradient of every frame's loss goes back through the features and the integration
-//! into all predictions before it.
+//! In a step of several frames (back-propagation through time) the slots of a micro-batch go one
+//! after the other, so that activations of one slot's frames are kept at a time. A prediction
+//! becomes the next frame's positions; the gradient of every frame's loss goes back through the
+//! features and the integration into all predictions before it.
 
 use std::convert::Infallible;
 use std::ops::Range;
@@ -26,13 +26,13 @@ pub(super) struct MicroBatch {
     union: Union,
     losses: LossEvaluator,
     input: InputBuffers,
-    /// Gradients of the positions of all frames, the history of the first one included, in the world,
-    /// `[frames][vertices]`.
+    /// Gradients of the positions of all frames, the history of the first one included, in the
+    /// world, `[frames][vertices]`.
     by_position: Vec<Vec<Vec3>>,
     /// Gradients of the states that a streaming network carries into a frame, and out of it.
     by_state: [EncoderState<f32>; 2],
-    /// Gradient of the sum of the slots' losses, each times its share of the batch, laid out like the
-    /// weights.
+    /// Gradient of the sum of the slots' losses, each times its share of the batch, laid out like
+    /// the weights.
     gradient: Vec<f32>,
     /// Terms of each slot.
     terms: Vec<LossTerms>,
@@ -318,8 +318,8 @@ impl FrameBuffers {
     }
 
     /// Joins this frame's own loss, times `weight`, with the gradient `by_next` of the predicted
-    /// positions in later frames. Afterwards `by_output` is the whole gradient of the prediction, and
-    /// `by_next` that of the predicted positions.
+    /// positions in later frames. Afterwards `by_output` is the whole gradient of the prediction,
+    /// and `by_next` that of the predicted positions.
     fn join_position_gradient(
         &mut self,
         shared: &Shared<'_>,

@@ -1,12 +1,13 @@
 //! The frames of a training step: one loop for every engine ([`run_slots`]).
 //!
-//! Each slot shows a sample, the engine takes it through the network and judges the prediction, and the
-//! slot goes on from its prediction to the next frame. Then the losses of its frames are weighed and
-//! the engine goes back through all of them.
+//! Each slot shows a sample, the engine takes it through the network and judges the prediction, and
+//! the slot goes on from its prediction to the next frame. Then the losses of its frames are
+//! weighed and the engine goes back through all of them.
 //!
-//! Frame k of a rollout, from 1, is judged by the truth plus what is left of the offset that the start
-//! had from it ([`RolloutTarget`]). A constant error of the acceleration moves the k-th positions by k²/2
-//! of it, so the loss of frame k counts 1/k² in a weighted mean `[eq:unrolled-loss]`.
+//! Frame k of a rollout, from 1, is judged by the truth plus what is left of the offset that the
+//! start had from it ([`RolloutTarget`]). A constant error of the acceleration moves the k-th
+//! positions by k²/2 of it, so the loss of frame k counts 1/k² in a weighted mean
+//! `[eq:unrolled-loss]`.
 
 use std::sync::Arc;
 
@@ -24,22 +25,24 @@ pub trait FramePasses {
     /// A failure of the machine that computes.
     type Error;
 
-    /// Takes what the slots show in frame `frame`, from 0, through the network, and hands prediction and
-    /// loss terms to each slot ([`SlotRun::receive`]). Slots that are not going may be left out.
+    /// Takes what the slots show in frame `frame`, from 0, through the network, and hands
+    /// prediction and loss terms to each slot ([`SlotRun::receive`]). Slots that are not going may
+    /// be left out.
     ///
     /// # Errors
     /// When the machine fails.
     fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), Self::Error>;
 
-    /// Computes the gradient of the sum of all frames' losses, each times its weight. `weights` has a
-    /// row per slot with a weight for each of its frames.
+    /// Computes the gradient of the sum of all frames' losses, each times its weight. `weights` has
+    /// a row per slot with a weight for each of its frames.
     ///
     /// # Errors
     /// When the machine fails.
     fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), Self::Error>;
 }
 
-/// Takes `slots` through the frames of a step and back. Returns the mean terms of each slot's frames.
+/// Takes `slots` through the frames of a step and back. Returns the mean terms of each slot's
+/// frames.
 ///
 /// # Errors
 /// The first failure of the engine.
@@ -134,8 +137,8 @@ impl<'a> SlotRun<'a> {
         self.is_going
     }
 
-    /// Takes the prediction for the sample (normalised, `[vertices, 3]`) and the terms of its loss. A
-    /// slot that is not going ignores them.
+    /// Takes the prediction for the sample (normalised, `[vertices, 3]`) and the terms of its loss.
+    /// A slot that is not going ignores them.
     pub fn receive(&mut self, output: &[f32], terms: LossTerms) {
         if self.is_going {
             self.output.clear();
@@ -180,7 +183,8 @@ impl<'a> SlotRun<'a> {
         }
     }
 
-    /// The mean of the terms of the frames, and the weight of each frame in the mean over the batch.
+    /// The mean of the terms of the frames, and the weight of each frame in the mean over the
+    /// batch.
     fn weigh(&self) -> (LossTerms, Vec<f64>) {
         let cfg = self.setup.cfg;
         let (mean, mut weights) = weigh(cfg, &self.terms);
@@ -190,8 +194,8 @@ impl<'a> SlotRun<'a> {
     }
 }
 
-/// The mean of the terms of a rollout's frames, and the weight of each frame in it; a mean above the
-/// cap of the configuration counts as the cap.
+/// The mean of the terms of a rollout's frames, and the weight of each frame in it; a mean above
+/// the cap of the configuration counts as the cap.
 fn weigh(cfg: &TrainConfig, terms: &[LossTerms]) -> (LossTerms, Vec<f64>) {
     let number = |frame: usize| frame as f64 + 1.0;
     let terms: Vec<(f64, LossTerms)> = terms

@@ -4,10 +4,11 @@
 //! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`
 //!
 //! The prediction is a normalised acceleration. It gives positions p̄ as in a rollout
-//! ([`selvedge_model::TwoFrames::moved`]); handles take their target instead. Kinetic energy, edge vector, edge length and bending angle
-//! of p̄ and of the target are compared in deviations of the *target* quantity; the means cancel.
-//! All positions of a sample stand in one frame of reference: the local frame of its current
-//! positions. Everything inside is f64; a component that never varied is not compared.
+//! ([`selvedge_model::TwoFrames::moved`]); handles take their target instead. Kinetic energy, edge
+//! vector, edge length and bending angle of p̄ and of the target are compared in deviations of the
+//! *target* quantity; the means cancel. All positions of a sample stand in one frame of reference:
+//! the local frame of its current positions. Everything inside is f64; a component that never
+//! varied is not compared.
 
 mod statistics;
 #[cfg(test)]
@@ -155,8 +156,8 @@ pub struct LossTerms {
 }
 
 impl LossTerms {
-    /// Those of acceleration, kinetic energy, edge vector, edge length and bending angle, of which ones of
-    /// weight 0 are off.
+    /// Those of acceleration, kinetic energy, edge vector, edge length and bending angle, of which
+    /// ones of weight 0 are off.
     #[must_use]
     pub fn weighted(weights: &LossWeights, terms: [f64; 5]) -> Self {
         let [acceleration, rest @ ..] = terms;
@@ -286,8 +287,8 @@ impl LossEvaluator {
         (weight > 0.0 || self.report == Report::Every).then(|| compute(self, weight))
     }
 
-    /// Sets p̄ to the positions that the prediction leads to ([`TwoFrames::moved`]); handles take their
-    /// target.
+    /// Sets p̄ to the positions that the prediction leads to ([`TwoFrames::moved`]); handles take
+    /// their target.
     fn predict_positions<T: Real>(
         &mut self,
         triplet: &Triplet<'_>,
@@ -392,8 +393,8 @@ impl LossEvaluator {
         loss * share
     }
 
-    /// L_θ = mean over edges of (θ - θ̄)², in deviations of θ `[eq:bending-loss]`. The difference is
-    /// taken the shorter way round, so that two almost closed folds on either side of ±π are
+    /// L_θ = mean over edges of (θ - θ̄)², in deviations of θ `[eq:bending-loss]`. The difference
+    /// is taken the shorter way round, so that two almost closed folds on either side of ±π are
     /// alike; boundary edges add nothing but count.
     fn bending_angle(&mut self, triplet: &Triplet<'_>, of: &Normalizer, weight: f64) -> f64 {
         let scale = inverse(of.deviation()[0]);

@@ -62,11 +62,12 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
     cfg.model = ModelSpec::mesh_graph_nets(4, 2);
     cfg.batch.samples = 5;
     let on = Arithmetic::OnProcessor { micro_batch: 2 };
-    // 12 columns of a vertex and 7 of an arc. Of a vertex: encoder 13, two blocks of 8 + 13, decoder 8,
-    // 4 and twice 8, output 3; of an arc: 13, two blocks of 4 + 13, twice 4.
+    // 12 columns of a vertex and 7 of an arc. Of a vertex: encoder 13, two blocks of 8 + 13,
+    // decoder 8, 4 and twice 8, output 3; of an arc: 13, two blocks of 4 + 13, twice 4.
     let (vertex, arc) = (13 + 42 + 8 + 20 + 3, 13 + 34 + 8);
     let numbers = (vertex + 12 + 6) * 10 + (arc + 7) * 30;
-    // Two frames of history, a reference and three positions in f64, twice; the history of the slot.
+    // Two frames of history, a reference and three positions in f64, twice; the history of the
+    // slot.
     let positions = 2 * (2 * 12 * 10 + 12 * 10 + 3 * 24 * 10) + 2 * 12 * 10;
     assert_eq!(
         of_slots(&cfg, 2, 10, 30),

@@ -127,8 +127,8 @@ fn smoothing_takes_wrinkles_and_leaves_a_swing() {
         .collect();
     let before = root(&wrinkles);
     smoothen(&graph, &mut wrinkles);
-    // Each vertex ends as a mean over about π/4 · 16 · 2 · 7 neighbours: white noise falls to a tenth
-    // or so of itself.
+    // Each vertex ends as a mean over about π/4 · 16 · 2 · 7 neighbours: white noise falls to a
+    // tenth or so of itself.
     assert!(root(&wrinkles) < 0.15 * before, "{}", root(&wrinkles));
     // Aside in proportion to how far below the handles.
     let swing: Vec<DVec3> = (0..289).map(|v| DVec3::X * -height(v)).collect();

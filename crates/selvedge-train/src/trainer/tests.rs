@@ -86,7 +86,8 @@ fn the_model_is_made_of_the_mean_of_the_weights() {
         .iter()
         .map(|&w| f64::from(w))
         .collect();
-    // (1 + n)/(10 + n) of it is left after n steps: 2/11, 3/12, and from the third on less than 4/13.
+    // (1 + n)/(10 + n) of it is left after n steps: 2/11, 3/12, and from the third on less than
+    // 4/13.
     for left in [2.0 / 11.0, 3.0 / 12.0, 0.3, 0.3] {
         trainer.step().expect("a step");
         for (mean, &weight) in mean.iter_mut().zip(&trainer.learned.weights) {

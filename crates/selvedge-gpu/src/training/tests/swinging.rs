@@ -1,4 +1,5 @@
-//! A small data set for the tests of trainings: two cloths that swing by a formula, without physics.
+//! A small data set for the tests of trainings: two cloths that swing by a formula, without
+//! physics.
 
 use std::path::Path;
 

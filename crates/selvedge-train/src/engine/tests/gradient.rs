@@ -1,5 +1,5 @@
-//! Gradients of whole micro-batches: the same for slots together and apart, and in f64 the slope of the
-//! whole training loss, features to losses.
+//! Gradients of whole micro-batches: the same for slots together and apart, and in f64 the slope of
+//! the whole training loss, features to losses.
 
 use selvedge_data::SectionRule;
 use selvedge_model::{
@@ -16,7 +16,8 @@ use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 use crate::trainer::Trainer;
 use crate::training_set::TrainingSet;
 
-/// The loss terms of a few steps, and the gradient of the last one, with micro-batches of so many slots.
+/// The loss terms of a few steps, and the gradient of the last one, with micro-batches of so many
+/// slots.
 fn steps(data: &Swinging, cfg: &TrainConfig, micro_batch: usize) -> (Vec<LossTerms>, Vec<f32>) {
     let engine = OnProcessor { micro_batch };
     let mut trainer = Trainer::new(cfg.clone(), &data.dataset, &engine).expect("a training");
@@ -48,8 +49,9 @@ fn grouping_changes_nothing_but_rounding() {
             let (found, together) = steps(&data, &cfg, micro_batch);
             let what = format!("{encoder:?}, {frames} frames, {micro_batch} together");
             for (found, expected) in found.iter().zip(&expected) {
-                // Each vertex is computed alone; a union only changes the tiles of its products. Adam
-                // carries the rounding of a gradient's small entries into the next step's weights.
+                // Each vertex is computed alone; a union only changes the tiles of its products.
+                // Adam carries the rounding of a gradient's small entries into the next step's
+                // weights.
                 let off = (found.total - expected.total).abs() / expected.total;
                 assert!(off < 1e-3, "{what}: {off}");
             }
