@@ -24,11 +24,11 @@ use crate::slot::Slot;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
 use crate::training_set::TrainingSet;
 
-/// What the metadata `format` of a checkpoint says.
+/// Value of the metadata `format` of a checkpoint.
 pub const CHECKPOINT_FORMAT: &str = "selvedge-checkpoint";
 const VERSION: &str = "1";
 
-/// Why a training cannot be resumed.
+/// A training that cannot be resumed.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ResumeError {
@@ -103,7 +103,7 @@ struct SlotEntry {
 }
 
 impl Trainer {
-    /// Writes everything that decides how the training goes on, as it was last collected
+    /// Writes everything that decides the rest of the training, as it was last collected
     /// ([`Self::collect`]).
     ///
     /// # Errors
@@ -355,7 +355,7 @@ impl<'a> CheckpointFile<'a> {
         serde_json::from_str(text).map_err(|error| self.content(key, error))
     }
 
-    /// That the checkpoint was made with this configuration and this data set.
+    /// Checks that the checkpoint was made with this configuration and this data set.
     fn check(&self, cfg: &TrainConfig, dataset: &Dataset) -> Result<(), ResumeError> {
         let path = || self.path.to_owned();
         let made: TrainConfig = self.json("config")?;
@@ -389,7 +389,7 @@ impl<'a> CheckpointFile<'a> {
         Ok(())
     }
 
-    /// That the network is the same, but for what keeps its rollouts within bounds.
+    /// Checks that the network is the same; the limits of edges may differ.
     fn check_network(&self, made: &TrainConfig, cfg: &TrainConfig) -> Result<(), ResumeError> {
         let network = |cfg: &TrainConfig| {
             let spec = ModelSpec {
@@ -413,7 +413,7 @@ impl<'a> CheckpointFile<'a> {
         })
     }
 
-    /// That the statistics are of the columns that the configuration has.
+    /// Checks that the statistics have the columns of the configuration.
     fn check_widths(&self, state: &State, cfg: &TrainConfig) -> Result<(), ResumeError> {
         let [nodes, edges] = &state.inputs;
         let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
@@ -505,7 +505,7 @@ fn history_name(slot: usize) -> String {
     format!("lane.{slot}.history")
 }
 
-/// What tells one data set from another: its name, and the hashes of what is learned from.
+/// The fingerprint of a data set: its name and the hashes of its training trajectories.
 fn fingerprint(dataset: &Dataset) -> Result<String, serde_json::Error> {
     let index = dataset.index();
     let mut text = index.name.clone();
@@ -523,7 +523,7 @@ fn name_in(fingerprint: &str) -> String {
     name.unwrap_or_default().to_owned()
 }
 
-/// A place where two values differ, and what stands there in each.
+/// A place where two values differ, and both texts.
 struct Difference {
     path: String,
     made: String,

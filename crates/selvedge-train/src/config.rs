@@ -23,11 +23,11 @@ const MOST_LOG_EVERY: u64 = 100_000;
 /// Most predictions in a row.
 const MOST_IN_A_ROW: u32 = 1_000_000;
 
-/// Everything that decides a training besides its data.
+/// All settings that decide a training, besides its data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainConfig {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// Decides every random number.
     pub seed: u64,
@@ -35,10 +35,10 @@ pub struct TrainConfig {
     pub steps: u64,
     /// The network.
     pub model: ModelSpec,
-    /// What a prediction is judged by.
+    /// Weights of the loss terms.
     #[serde(default)]
     pub losses: LossWeights,
-    /// How weights follow gradients.
+    /// Settings of the optimiser.
     #[serde(default)]
     pub optimizer: AdamSettings,
     /// The learning rate.
@@ -60,15 +60,15 @@ pub struct TrainConfig {
     /// Probability that a value between the recurrent layers is dropped; 0 where there are none.
     #[serde(default)]
     pub dropout: f64,
-    /// Whether the mirror image of every trajectory is learned from as well.
+    /// Learn from the mirror image of every trajectory as well.
     #[serde(default)]
     pub mirror_images: bool,
-    /// How samples are put together.
+    /// Samples of a step.
     pub batch: BatchConfig,
-    /// What is added to them.
+    /// Noise on ground truth.
     #[serde(default)]
     pub noise: NoiseConfig,
-    /// How often the model learns from its own predictions.
+    /// Learning from the model's own predictions.
     #[serde(default)]
     pub scheduled_sampling: ScheduledSampling,
     /// Frames of a rollout that a step learns through.
@@ -80,7 +80,7 @@ pub struct TrainConfig {
     pub log_every: u64,
 }
 
-/// How samples are put together.
+/// Samples of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "BatchTable")]
 pub struct BatchConfig {
@@ -115,13 +115,13 @@ impl From<BatchTable> for BatchConfig {
 pub struct NoiseConfig {
     /// Standard deviation per coordinate.
     pub deviation: f64,
-    /// What it is measured in.
+    /// Unit of the deviation.
     pub unit: NoiseUnit,
     /// γ: the part of a displacement that the target takes back in one frame.
     pub correction: f64,
 }
 
-/// What a deviation of noise is measured in.
+/// Unit of a deviation of noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseUnit {
@@ -147,7 +147,7 @@ pub struct ScheduledSampling {
     /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
     /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
     pub correction: f64,
-    /// What the targets of several frames in a row take for granted about that distance.
+    /// Course of that distance in the targets of several frames in a row.
     pub offset: OffsetRule,
 }
 

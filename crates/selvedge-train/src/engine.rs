@@ -24,7 +24,7 @@ use crate::optimizer::Adam;
 use crate::slot::{Slot, SlotRandom};
 use crate::training_set::TrainingSet;
 
-/// What a training has learned so far.
+/// Weights and optimiser of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learned {
     /// The weights, as [`Network::parameters`] lays them out.

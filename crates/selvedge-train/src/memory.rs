@@ -159,7 +159,7 @@ fn of_sent_slots(cfg: &TrainConfig, vertices: usize) -> f64 {
     cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * sent)
 }
 
-/// What this program may take `[bytes]`: the machine's memory, or what the system allows of it.
+/// Memory for this program `[bytes]`: the machine's, or the part that the system allows.
 #[must_use]
 pub fn available_memory() -> f64 {
     let text = |path| std::fs::read_to_string(path).unwrap_or_default();
@@ -174,21 +174,22 @@ pub fn available_memory() -> f64 {
         .unwrap_or(FALLBACK)
 }
 
-/// Of a line as `MemTotal:  32768 kB`.
+/// Bytes of a line as `MemTotal:  32768 kB`.
 fn machine(text: &str) -> Option<f64> {
     let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
     let number: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(1024.0 * number)
 }
 
-/// Of a line as `Max address space  8589934592  unlimited  bytes`: the first is the limit now.
+/// Bytes of a line as `Max address space  8589934592  unlimited  bytes`: the first is the limit
+/// now.
 fn address_space(text: &str) -> Option<f64> {
     let mut lines = text.lines();
     let rest = lines.find_map(|line| line.strip_prefix("Max address space"))?;
     rest.split_whitespace().next()?.parse().ok()
 }
 
-/// A number, or `max`.
+/// Bytes of the text of a number; nothing of `max`.
 fn control_group(text: &str) -> Option<f64> {
     text.trim().parse().ok()
 }

@@ -111,7 +111,7 @@ impl Adam {
         })
     }
 
-    /// Where a checkpoint left off: moments `[parameters]` after `steps` steps.
+    /// The optimiser of a checkpoint: moments `[parameters]` after `steps` steps.
     ///
     /// # Errors
     /// [`AdamError`] when the settings or a moment cannot be used.

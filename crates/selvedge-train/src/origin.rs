@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct Origin {
     /// The name of its configuration.
     pub name: String,
-    /// How far it had come.
+    /// Its steps by then.
     pub steps_done: u64,
     /// The name of its data set.
     pub dataset: String,

@@ -22,7 +22,7 @@ const SMOOTHINGS: usize = 16;
 /// The offset of one rollout, frame by frame, in local axes `[m]`, `[vertices]`.
 pub(crate) struct RolloutTarget {
     rule: Rule,
-    /// What is left k frames after the start.
+    /// The rest k frames after the start.
     now: Vec<DVec3>,
 }
 

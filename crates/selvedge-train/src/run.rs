@@ -1,5 +1,5 @@
-//! The training loop: steps, lines of the log, checkpoints, until the last step, a time limit or
-//! the person says stop.
+//! The training loop: steps, lines of the log and checkpoints, until the last step, a time limit or
+//! a stop of the caller.
 //!
 //! The folder holds `config.toml` (resolved), `log.jsonl` (a line every `log_every` steps),
 //! `checkpoint.safetensors` (to go on from) and `model.safetensors` (to use), each written whole.
@@ -21,9 +21,9 @@ use crate::trainer::{StepReport, TrainError, Trainer};
 
 /// File names in the folder of a training.
 pub mod files {
-    /// To go on from.
+    /// The checkpoint, to resume from.
     pub const CHECKPOINT: &str = "checkpoint.safetensors";
-    /// To use.
+    /// The model, for rollouts.
     pub const MODEL: &str = "model.safetensors";
     /// One JSON object per line.
     pub const LOG: &str = "log.jsonl";
@@ -31,7 +31,7 @@ pub mod files {
     pub const CONFIG: &str = "config.toml";
 }
 
-/// When a run ends besides after its last step, and how often it saves.
+/// Limits of a run besides its last step, and the time between checkpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Stop cleanly after this time.
@@ -40,7 +40,7 @@ pub struct Limits {
     pub checkpoint_every: Duration,
 }
 
-/// Why a run ended.
+/// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunEnd {
     /// All steps are done.
@@ -51,7 +51,7 @@ pub enum RunEnd {
     Stopped,
 }
 
-/// What there is to go on from after a run that failed.
+/// The checkpoint to resume from after a run that failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kept {
     /// Nothing yet.
@@ -81,7 +81,7 @@ impl fmt::Display for Kept {
     }
 }
 
-/// Why a run failed; a checkpoint that was there is whole.
+/// A run that failed; an earlier checkpoint is still whole.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RunError {

@@ -1,6 +1,6 @@
-//! What changes in the course of a training, as functions of the optimiser's step: the learning
-//! rate, and how often a sample is taken from the data rather than from the model's own prediction
-//! (scheduled sampling, Bengio et al. 2015; paper §5.4).
+//! Schedules of a training as functions of the optimiser's step: the learning rate, the probability
+//! of ground truth (scheduled sampling, Bengio et al. 2015; paper §5.4) and the frames of a
+//! rollout.
 //!
 //! Closed forms of the step alone, so that a resumed training continues exactly.
 
@@ -276,7 +276,7 @@ impl TruthProbability {
     }
 }
 
-/// How far `step` is from `start` to `end`, in [0, 1]; 1 where there is no way to go.
+/// Progress of `step` from `start` to `end`, in [0, 1]; 1 where both are the same.
 fn progress(step: u64, start: u64, end: u64) -> f64 {
     if step >= end {
         return 1.0;

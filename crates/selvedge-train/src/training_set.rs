@@ -42,13 +42,13 @@ impl Motion {
     }
 }
 
-/// All that a training learns from.
+/// The trajectories that a training learns from.
 pub(crate) struct TrainingSet {
     motions: Vec<Motion>,
     sections: Vec<Section>,
     /// Samples before each section, and in all.
     first_sample: Vec<usize>,
-    /// Whose mirror images are not learned from.
+    /// Motions whose mirror images are left out.
     images_left_out: Vec<String>,
 }
 
@@ -121,8 +121,8 @@ fn graph_in(
     })
 }
 
-/// Where the handles go in the trajectories of a split.
-fn tracks(dataset: &Dataset, split: Split) -> Result<Vec<HandlePath>, TrainingSetError> {
+/// Paths of the handles in the trajectories of a split.
+fn paths_of_handles(dataset: &Dataset, split: Split) -> Result<Vec<HandlePath>, TrainingSetError> {
     let entries = dataset.entries(split).iter();
     entries
         .map(|entry| Ok(HandlePath::of(&dataset.read(entry)?)))
@@ -140,7 +140,7 @@ impl TrainingSet {
         mirror_images: bool,
     ) -> Result<Self, TrainingSetError> {
         let tests = match mirror_images {
-            true => tracks(dataset, Split::Test)?,
+            true => paths_of_handles(dataset, Split::Test)?,
             false => Vec::new(),
         };
         let mut motions: Vec<Motion> = Vec::new();
@@ -152,8 +152,8 @@ impl TrainingSet {
             if mirror_images {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
-                let track = HandlePath::of(&image);
-                is_tested.push(tests.iter().any(|test| track.goes_as(test)));
+                let path = HandlePath::of(&image);
+                is_tested.push(tests.iter().any(|test| path.goes_as(test)));
                 let graph = graph_in(&entry.motion, &image, environment)?;
                 let graph = graph.with_coarse_levels(coarse_levels);
                 images.push(Motion::new(graph, image, &images));
@@ -191,8 +191,7 @@ impl TrainingSet {
         })
     }
 
-    /// The motions whose mirror images are not learned from, because their handles would go as in a
-    /// test.
+    /// The motions whose mirror images are left out, because their handles would go as in a test.
     pub(crate) fn images_left_out(&self) -> &[String] {
         &self.images_left_out
     }
@@ -230,12 +229,12 @@ impl TrainingSet {
         )
     }
 
-    /// Whether `section` is one of the data set's.
+    /// True if `section` is one of the data set's.
     pub(crate) fn has(&self, section: &Section) -> bool {
         self.sections.contains(section)
     }
 
-    /// Whether `current` is the current frame of a sample of `section`.
+    /// True if `current` is the current frame of a sample of `section`.
     pub(crate) fn section_has(section: &Section, current: usize) -> bool {
         current > section.start && current + 1 < section.end
     }

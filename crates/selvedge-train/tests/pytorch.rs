@@ -71,7 +71,7 @@ fn graph() -> ClothGraph {
     ClothGraph::new(&cloth, Environment::default(), 60.0).expect("a graph")
 }
 
-/// What is done with the sample of the fixture.
+/// Results for the sample of the fixture.
 type Judge<'a> = dyn FnMut(&Triplet<'_>, &LossStatistics) + 'a;
 
 fn with_sample(judge: &mut Judge<'_>) {

@@ -16,7 +16,7 @@ use super::{ResumeError, read};
 /// Most bytes of the numbers in one file; their names take a little more.
 pub(super) const MOST_BYTES: usize = 15_000_000;
 
-/// What the first file says of the others: their names, separated by spaces.
+/// Metadata of the first file: the names of the others, separated by spaces.
 const KEY: &str = "parts";
 
 /// Numbers of a tensor from some element on.

@@ -131,7 +131,7 @@ impl<'a> SlotRun<'a> {
         &self.setup.set.motion(self.sample.trajectory).connectivity
     }
 
-    /// Whether the slot shows a sample in this frame.
+    /// True while the slot shows samples in this step.
     #[must_use]
     pub fn is_going(&self) -> bool {
         self.is_going

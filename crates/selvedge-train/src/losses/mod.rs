@@ -1,5 +1,4 @@
-//! What a prediction is judged by (Libao et al. 2023, §5.3), with the gradient that the network
-//! learns from, for one sample:
+//! The loss of a prediction (Libao et al. 2023, §5.3) and its gradient, for one sample:
 //!
 //! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`
 //!
@@ -24,7 +23,7 @@ use thiserror::Error;
 
 pub use statistics::{LossStatistics, RunningLossStatistics};
 
-/// How much each term counts beside the acceleration, which counts 1. A term of weight 0 is off.
+/// Weights of the loss terms beside the acceleration, whose weight is 1. A term of weight 0 is off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LossWeights {
@@ -129,12 +128,12 @@ impl Triplet<'_> {
     }
 }
 
-/// Which terms are computed.
+/// Choice of the computed terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Report {
-    /// Those that count.
+    /// Terms with a positive weight.
     Weighted,
-    /// Those of weight 0 as well, for a report; they do not enter total or gradient.
+    /// Terms of weight 0 as well, for a report; they do not enter total or gradient.
     Every,
 }
 
@@ -425,7 +424,7 @@ fn inverse(deviation: f64) -> f64 {
     }
 }
 
-/// What one of `count` things counts in their mean.
+/// Weight of one of `count` things in their mean.
 fn share(count: usize) -> f64 {
     1.0 / count.max(1) as f64
 }

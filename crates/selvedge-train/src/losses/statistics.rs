@@ -23,7 +23,7 @@ pub struct LossStatistics {
     pub bending_angle: Normalizer,
 }
 
-/// The same while they are gathered.
+/// The same statistics while samples are added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunningLossStatistics {
@@ -53,7 +53,7 @@ impl RunningLossStatistics {
         self.acceleration.count()
     }
 
-    /// Whether every quantity has as many components as it should; not so in a damaged checkpoint.
+    /// True if every quantity has its number of components; a damaged checkpoint may not.
     pub(crate) fn has_own_widths(&self) -> bool {
         let widths = |s: &Self| {
             let all = [&s.acceleration, &s.kinetic_energy, &s.edge_vector];
@@ -95,7 +95,7 @@ impl RunningLossStatistics {
         self.bending_angle.add(&angles);
     }
 
-    /// Adds what others have gathered.
+    /// Adds the samples of `other`.
     pub fn merge(&mut self, other: &Self) {
         self.acceleration.merge(&other.acceleration);
         self.kinetic_energy.merge(&other.kinetic_energy);
@@ -104,7 +104,7 @@ impl RunningLossStatistics {
         self.bending_angle.merge(&other.bending_angle);
     }
 
-    /// The statistics as they are now, for good.
+    /// The statistics of the samples so far.
     #[must_use]
     pub fn freeze(&self) -> LossStatistics {
         LossStatistics {

@@ -1,22 +1,22 @@
-//! Whether the handles of two trajectories go the same way, as the network sees it: from where they
-//! start, whichever way they face.
+//! Paths of handles, compared as the network sees them: relative to their start, in any direction
+//! about the vertical.
 
 use glam::DVec3;
 use selvedge_data::Trajectory;
 
-/// Farthest that two handles may be apart that go the same way `[m]`.
+/// Largest distance of handles on the same path `[m]`.
 const TOLERANCE: f64 = 1e-3;
 
-/// Where the handles of a trajectory go.
+/// The path of the handles of a trajectory.
 pub(super) struct HandlePath {
     handles: usize,
     frame_rate: f64,
-    /// From the middle of where they start `[m]`, `[frames * handles]`.
+    /// Positions from the middle of the first frame `[m]`, `[frames * handles]`.
     places: Vec<DVec3>,
 }
 
 impl HandlePath {
-    /// That of `trajectory`.
+    /// The path of `trajectory`.
     pub(super) fn of(trajectory: &Trajectory) -> Self {
         let handles = trajectory.handles();
         let start = handles.select(trajectory.frame(0));
@@ -31,8 +31,8 @@ impl HandlePath {
         }
     }
 
-    /// Whether `other` is the same, but for a turn about the vertical, as far as the shorter one
-    /// goes, and that is half of this one at least.
+    /// True if `other` is the same path, but for a turn about the vertical, as far as the shorter
+    /// one goes, and that is half of this one at least.
     pub(super) fn goes_as(&self, other: &Self) -> bool {
         let is_long = 2 * other.places.len() >= self.places.len();
         if !is_long || self.handles != other.handles || self.frame_rate != other.frame_rate {
