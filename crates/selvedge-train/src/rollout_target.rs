@@ -1,18 +1,19 @@
-//! Where the frames of a rollout are to go that starts off the truth: the truth, shifted by what is
-//! left of the offset k frames after the start.
+//! Targets of a rollout that starts off the truth: the truth, shifted by the rest of the offset.
 //!
-//! *Decaying*: (1 - γ)^k S e with the offset e smoothed over a few edges, whatever the velocity:
-//! the first frame has to end a difference of velocities, and wrinkles, at once, which no cloth
-//! can. *Swinging* `[eq:swinging-offset]`: as a cloth that hangs aside would go. What is smooth of
-//! the offset swings about the truth as a damped pendulum, u = S(e⁰ - e⁻¹) at first, then u ← (1 -
-//! d) u - s e, e ← e + u; what is not, wrinkles that are elsewhere, decays by w a frame.
+//! *Decaying*: (1 - γ)^k S e after k frames, with S e the offset smoothed over a few edges, whatever
+//! the velocity. The first frame has to end a difference of velocities, and wrinkles, at once, which
+//! no cloth can.
+//!
+//! *Swinging* `[eq:swinging-offset]`: the motion of a cloth that hangs aside. The smooth part of the
+//! offset swings about the truth as a damped pendulum: u = S(e⁰ - e⁻¹) at first, then
+//! u ← (1 - d) u - s e and e ← e + u. The rest, wrinkles in other places, decays by w a frame.
 //!
 //! Offsets are in the local axes of the frame that they were seen in and turn with the handles.
 
 use glam::DVec3;
 use selvedge_model::{ClothGraph, Yaw};
-use serde::{Deserialize, Serialize};
 
+use crate::config::{OffsetRule, TrainConfig};
 use crate::slot::Slot;
 use crate::training_set::TrainingSet;
 
