@@ -333,4 +333,6 @@ fn flat(positions: &[Vec3]) -> Vec<f32> {
 }
 
 #[cfg(test)]
+mod motion_tests;
+#[cfg(test)]
 mod tests;

@@ -223,9 +223,18 @@ fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
     desk.out.join("trainings").join(name)
 }
 
+/// A configuration without the keys of earlier versions that mean nothing any more.
+fn without_earlier_keys(config: &Value) -> Value {
+    let mut config = config.clone();
+    if let Some(Value::Object(batch)) = config.get_mut("batch") {
+        batch.remove("shard");
+    }
+    config
+}
+
 /// A training in this folder goes on only as what it was begun as.
 fn check_same(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()> {
-    let what = if known.config != now.config {
+    let what = if without_earlier_keys(&known.config) != now.config {
         "configuration"
     } else if known.data != now.data {
         "data set"
