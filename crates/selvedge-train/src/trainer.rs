@@ -307,7 +307,7 @@ pub(crate) fn prepare(
     let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
     let set = TrainingSet::load(dataset, cfg.model.coarse_levels, cfg.mirror_images)?;
-    need.with_lanes(cfg, &set, on).check(cfg)?;
+    need.with_slots(cfg, &set, on).check(cfg)?;
     Ok((set, network))
 }
 

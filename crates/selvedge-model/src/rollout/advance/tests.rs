@@ -216,7 +216,7 @@ fn the_gradient_is_the_slope_of_the_frame() {
         // Along a move of free vertices; the handles are held.
         let objective = |sign: f32| {
             let mut moved = self::case(integration);
-            for v in (0..count).filter(|&v| moved.is_free(v)) {
+            for v in (0..count).filter(|&v| case.is_free(v)) {
                 let step = sign * 0.01 * Vec3::new(1.0, v as f32 % 3.0, -0.5);
                 moved.previous[v] += step;
                 moved.current[v] -= 2.0 * step;
