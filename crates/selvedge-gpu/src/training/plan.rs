@@ -97,8 +97,8 @@ impl TrainingPlan {
         let most = cfg.unroll.most();
         let sizes = union_sizes(slots, place);
         let mut plan = Plan::new();
-        let slots = spec.history() + most;
-        let positions = plan.floats("positions", slots * sizes.vertices * 3);
+        let ring = spec.history() + most;
+        let positions = plan.floats("positions", ring * sizes.vertices * 3);
         let weights = WeightArrays::new(&mut plan, network);
         let parameters = network.parameter_count();
         let mut built = Self {
