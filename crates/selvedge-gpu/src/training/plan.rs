@@ -62,7 +62,7 @@ pub struct TrainingPlan {
     pub losses: LossArrays,
     /// The statistics.
     pub normalizers: NormalizerArrays,
-    /// Positions of all frames, `[slots, vertices, 3]`.
+    /// Positions of the ring of frames, `[frames, vertices, 3]`.
     pub positions: Region,
     /// The frames, in order.
     pub frames: Vec<FramePlan>,
