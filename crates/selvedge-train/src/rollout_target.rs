@@ -1,12 +1,12 @@
 //! Targets of a rollout that starts off the truth: the truth, shifted by the rest of the offset.
 //!
-//! *Decaying*: (1 - γ)^k S e after k frames, with S e the offset smoothed over a few edges, whatever
-//! the velocity. The first frame has to end a difference of velocities, and wrinkles, at once, which
-//! no cloth can.
+//! *Decaying*: (1 - γ)^k S e after k frames, with S e the offset smoothed over a few edges,
+//! whatever the velocity. The first frame has to end a difference of velocities, and wrinkles, at
+//! once, which no cloth can.
 //!
-//! *Swinging* `[eq:swinging-offset]`: the motion of a cloth that hangs aside. The smooth part of the
-//! offset swings about the truth as a damped pendulum: u = S(e⁰ - e⁻¹) at first, then
-//! u ← (1 - d) u - s e and e ← e + u. The rest, wrinkles in other places, decays by w a frame.
+//! *Swinging* `[eq:swinging-offset]`: the motion of a cloth that hangs aside. The smooth part of
+//! the offset swings about the truth as a damped pendulum: u = S(e⁰ - e⁻¹) at first, then u ← (1 -
+//! d) u - s e and e ← e + u. The rest, wrinkles in other places, decays by w a frame.
 //!
 //! Offsets are in the local axes of the frame that they were seen in and turn with the handles.
 

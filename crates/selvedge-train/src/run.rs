@@ -31,9 +31,9 @@ pub mod files {
     pub const CONFIG: &str = "config.toml";
 }
 
-/// Limits of a run besides its last step, and the time between checkpoints.
+/// RunLimits of a run besides its last step, and the time between checkpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct RunLimits {
     /// Stop cleanly after this time.
     pub time: Option<Duration>,
     /// Time between checkpoints.
@@ -124,7 +124,7 @@ pub fn run(
     trainer: &mut Trainer,
     dataset: &Dataset,
     folder: &Path,
-    limits: Limits,
+    limits: RunLimits,
     observe: &mut dyn FnMut(&StepReport) -> ControlFlow<()>,
 ) -> Result<RunEnd, RunError> {
     let log_path = folder.join(files::LOG);

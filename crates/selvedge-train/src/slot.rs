@@ -42,7 +42,7 @@ pub struct ShownSample {
     pub frames: Vec<Vec<Vec3>>,
     /// Positions of the handles one frame later `[m]`, `[handles]`.
     pub next_handles: Vec<Vec3>,
-    /// Positions from which uniform motion leads where the cloth goes by itself
+    /// Positions from which uniform motion leads to the next frame without a network
     /// ([`selvedge_model::Integration::reference`]), in the world `[m]`, `[vertices]`.
     pub(crate) reference: Vec<Vec3>,
     /// Reference, current and target positions in the local frame of the current ones `[m]`.

@@ -8,9 +8,9 @@ use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, Connectivity, GraphError};
 use thiserror::Error;
 
-use self::handle_path::HandlePath;
+use self::handle_track::HandleTrack;
 
-mod handle_path;
+mod handle_track;
 
 /// One trajectory with its graph.
 pub(crate) struct Motion {
@@ -122,10 +122,10 @@ fn graph_in(
 }
 
 /// Paths of the handles in the trajectories of a split.
-fn paths_of_handles(dataset: &Dataset, split: Split) -> Result<Vec<HandlePath>, TrainingSetError> {
+fn handle_tracks(dataset: &Dataset, split: Split) -> Result<Vec<HandleTrack>, TrainingSetError> {
     let entries = dataset.entries(split).iter();
     entries
-        .map(|entry| Ok(HandlePath::of(&dataset.read(entry)?)))
+        .map(|entry| Ok(HandleTrack::of(&dataset.read(entry)?)))
         .collect()
 }
 
@@ -140,7 +140,7 @@ impl TrainingSet {
         mirror_images: bool,
     ) -> Result<Self, TrainingSetError> {
         let tests = match mirror_images {
-            true => paths_of_handles(dataset, Split::Test)?,
+            true => handle_tracks(dataset, Split::Test)?,
             false => Vec::new(),
         };
         let mut motions: Vec<Motion> = Vec::new();
@@ -152,7 +152,7 @@ impl TrainingSet {
             if mirror_images {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
-                let path = HandlePath::of(&image);
+                let path = HandleTrack::of(&image);
                 is_tested.push(tests.iter().any(|test| path.goes_as(test)));
                 let graph = graph_in(&entry.motion, &image, environment)?;
                 let graph = graph.with_coarse_levels(coarse_levels);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use selvedge_train::{Limits, RunEnd, TrainConfig, Trainer, files};
+use selvedge_train::{RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -301,7 +301,7 @@ fn slice(
         Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
         Budget::Steps(_) => None,
     };
-    let limits = Limits {
+    let limits = RunLimits {
         time,
         checkpoint_every: CHECKPOINT_EVERY,
     };

@@ -23,8 +23,8 @@ use crate::spec::integration::{Integration, LastFrames};
 pub struct TwoFrames<'a, V> {
     /// The cloth.
     pub graph: &'a ClothGraph,
-    /// Positions one frame earlier from which uniform motion leads where the cloth goes by itself
-    /// ([`Integration::reference`]).
+    /// Positions one frame earlier from which uniform motion leads to the next frame without a
+    /// network ([`Integration::reference`]).
     pub reference: &'a [V],
     /// Current positions.
     pub current: &'a [V],

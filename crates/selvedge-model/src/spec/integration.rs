@@ -1,11 +1,13 @@
-//! Where a cloth goes by itself, to which the network adds its acceleration.
+//! The motion of a cloth without its network, to which the network adds its acceleration.
 //!
-//! Inertial, as in the paper: p^{t+1} = a + 2 p^t - p^{t-1}. Carried `[eq:carried]`, not in the
-//! paper: the cloth goes along with the rigid motion of its handles, as a damped pendulum about its
-//! rest pose, p^{t+1} = a + M(p^t) + (1 - d) u + s (r - M(p^t)). M is the rigid motion (yaw and
-//! translation) that takes the handles from now to where they go next, u = M(p^t) - M(M'(p^{t-1}))
-//! the last move as seen from the handles, r the rest pose where the handles go. Without a network
-//! a cloth at rest then stays the rest pose moved rigidly, and every disturbance dies away.
+//! Inertial, as in the paper: p^{t+1} = a + 2 p^t - p^{t-1}.
+//!
+//! Carried `[eq:carried]`, not in the paper: the cloth goes along with the rigid motion of its
+//! handles, as a damped pendulum about its rest pose, p^{t+1} = a + M(p^t) + (1 - d) u + s (r -
+//! M(p^t)). M is the rigid motion (yaw and translation) of the handles from now to the next frame,
+//! u = M(p^t) - M(M'(p^{t-1})) the last move relative to the handles, and r the rest pose at the
+//! handles of the next frame. Without a network a cloth at rest then stays the rest pose moved
+//! rigidly, and every disturbance dies away.
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -13,13 +15,13 @@ use serde::{Deserialize, Serialize};
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
 
-/// Where a cloth goes by itself.
+/// The motion of a cloth without its network.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Integration {
-    /// On, with the velocity it has.
+    /// Uniform motion.
     Inertial {},
-    /// Along with its handles, back to its rest pose.
+    /// Motion along with the handles, back to the rest pose.
     Carried {
         /// Part of the velocity relative to the handles that is lost per frame, d.
         damping: f64,
@@ -59,60 +61,68 @@ impl LastFrames<'_> {
 /// A rigid motion of the handles: a turn about the vertical through `from`, then to `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carry {
-    /// Where it turns about `[m]`.
+    /// Centre of the turn `[m]`.
     pub from: DVec3,
-    /// Where that goes `[m]`.
+    /// Position of that centre afterwards `[m]`.
     pub to: DVec3,
-    /// By how much it turns.
+    /// The turn.
     pub turn: Yaw,
 }
 
 impl Carry {
-    fn between(from: (DVec3, Yaw), to: (DVec3, Yaw)) -> Self {
+    fn between(from: HandlePose, to: HandlePose) -> Self {
         Self {
-            from: from.0,
-            to: to.0,
-            turn: Yaw::from_angle(to.1.angle() - from.1.angle()),
+            from: from.centre,
+            to: to.centre,
+            turn: Yaw::from_angle(to.yaw.angle() - from.yaw.angle()),
         }
     }
 
-    /// That of the handles of `graph` from the rest pose to `handles` `[m]`, `[handles]`, of yaw
-    /// `yaw`.
+    /// The motion of the handles of `graph` from the rest pose to `handles` `[m]`, `[handles]`, of
+    /// yaw `yaw`.
     #[must_use]
     pub fn from_rest(graph: &ClothGraph, handles: &[Vec3], yaw: Yaw) -> Self {
-        Self::between(rest(graph), (centroid(handles.iter().copied()), yaw))
+        let to = HandlePose {
+            centre: centroid(handles.iter().copied()),
+            yaw,
+        };
+        Self::between(rest(graph), to)
     }
 
-    /// Where it takes a point `[m]`.
+    /// The image of a point `[m]`.
     #[must_use]
     pub fn point(&self, p: Vec3) -> DVec3 {
         self.to + self.turn.to_world_f64(p.as_dvec3() - self.from)
     }
 }
 
-/// How handles carry a cloth to where they go next.
+/// Rigid motions of handles to the next frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carries {
-    /// From where they are now.
+    /// From the current frame.
     pub to_next: Carry,
-    /// From where they were one frame earlier.
+    /// From the frame before.
     pub from_before: Carry,
     /// From the rest pose.
     pub from_rest: Carry,
 }
 
 impl Carries {
-    /// For handles that were at the first of `handles`, are at the second and go to `next` `[m]`,
-    /// `[handles]` each; `yaw` is that of the frame where they are.
+    /// The motions of handles to `next` in the next frame. `handles` are those of the frame before
+    /// and of the current one `[m]`, `[handles]` each; `yaw` belongs to the current frame.
     pub fn new<H>(graph: &ClothGraph, handles: [H; 2], next: &[Vec3], yaw: Yaw) -> Self
     where
         H: ExactSizeIterator<Item = Vec3> + Clone,
     {
         let [before, now] = handles.map(|handles| {
             let centre = centroid(handles.clone());
-            (centre, graph.frame().yaw_of(handles, yaw))
+            let yaw = graph.frame().yaw_of(handles, yaw);
+            HandlePose { centre, yaw }
         });
-        let next = (centroid(next.iter().copied()), graph.frame().yaw(next, yaw));
+        let next = HandlePose {
+            centre: centroid(next.iter().copied()),
+            yaw: graph.frame().yaw(next, yaw),
+        };
         Self {
             to_next: Carry::between(now, next),
             from_before: Carry::between(before, next),
@@ -121,16 +131,25 @@ impl Carries {
     }
 }
 
-/// Centroid and yaw of the handles at rest.
-fn rest(graph: &ClothGraph) -> (DVec3, Yaw) {
-    let centre = centroid(graph.handles().of(graph.rest_positions()));
-    (centre, graph.frame().rest_yaw())
+/// Centroid `[m]` and yaw of handles.
+#[derive(Clone, Copy)]
+struct HandlePose {
+    centre: DVec3,
+    yaw: Yaw,
+}
+
+/// The pose of the handles at rest.
+fn rest(graph: &ClothGraph) -> HandlePose {
+    HandlePose {
+        centre: centroid(graph.handles().of(graph.rest_positions())),
+        yaw: graph.frame().rest_yaw(),
+    }
 }
 
 impl Integration {
-    /// Sets `reference` to the positions one frame earlier from which uniform motion leads where
-    /// the cloth goes by itself `[m]`, `[vertices]`. For [`Self::Inertial`] these are the previous
-    /// ones.
+    /// Sets `reference` to the positions one frame earlier from which uniform motion leads to the
+    /// next frame without a network `[m]`, `[vertices]`. For [`Self::Inertial`] these are the
+    /// previous ones.
     pub fn reference(self, frames: &LastFrames<'_>, reference: &mut Vec<Vec3>) {
         let LastFrames {
             graph,
@@ -158,23 +177,28 @@ impl Integration {
     }
 }
 
-/// How [`Integration::reference`] depends on its frames: linearly, and alike for all vertices.
+/// The derivative of [`Integration::reference`] with respect to its frames. It is linear, and alike
+/// for all vertices: a turn times a share for the previous positions; for the current ones a share
+/// of their own and another one that is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReferenceSlope {
-    previous: (f64, Yaw),
-    current: (f64, f64, Yaw),
+    previous_share: f64,
+    previous_turn: Yaw,
+    current_share: f64,
+    carried_share: f64,
+    carried_turn: Yaw,
 }
 
 impl ReferenceSlope {
     /// Adds the gradient of the previous and of the current positions for the gradient
     /// `by_reference` of the reference, all in the world, `[vertices]`.
     pub fn backward(&self, by_reference: &[Vec3], previous: &mut [Vec3], current: &mut [Vec3]) {
-        let ((share, turn), (own, carried, turn_now)) = (self.previous, self.current);
         let rows = by_reference.iter().zip(previous).zip(current);
         for ((g, q), p) in rows {
             let g = g.as_dvec3();
-            *q += (share * turn.to_local_f64(g)).as_vec3();
-            *p += (own * g + carried * turn_now.to_local_f64(g)).as_vec3();
+            *q += (self.previous_share * self.previous_turn.to_local_f64(g)).as_vec3();
+            let carried = self.carried_share * self.carried_turn.to_local_f64(g);
+            *p += (self.current_share * g + carried).as_vec3();
         }
     }
 }
@@ -207,14 +231,20 @@ impl Integration {
     pub fn reference_slope(self, frames: &LastFrames<'_>) -> ReferenceSlope {
         let Self::Carried { damping, stiffness } = self else {
             return ReferenceSlope {
-                previous: (1.0, Yaw::WORLD),
-                current: (0.0, 0.0, Yaw::WORLD),
+                previous_share: 1.0,
+                previous_turn: Yaw::WORLD,
+                current_share: 0.0,
+                carried_share: 0.0,
+                carried_turn: Yaw::WORLD,
             };
         };
         let carries = frames.carries();
         ReferenceSlope {
-            previous: (1.0 - damping, carries.from_before.turn),
-            current: (2.0, -(2.0 - damping - stiffness), carries.to_next.turn),
+            previous_share: 1.0 - damping,
+            previous_turn: carries.from_before.turn,
+            current_share: 2.0,
+            carried_share: -(2.0 - damping - stiffness),
+            carried_turn: carries.to_next.turn,
         }
     }
 }

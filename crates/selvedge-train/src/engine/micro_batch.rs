@@ -17,7 +17,7 @@ use selvedge_model::{
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
-use crate::losses::{LossEvaluator, LossTerms, LossWeights, Report};
+use crate::losses::{ComputedTerms, LossEvaluator, LossTerms, LossWeights};
 use crate::slot::ShownSample;
 
 /// A micro-batch: its buffers, its gradient and its losses.
@@ -97,7 +97,7 @@ impl MicroBatch {
         Self {
             frames: Vec::new(),
             union: Union::empty(),
-            losses: LossEvaluator::new(losses, Report::Weighted),
+            losses: LossEvaluator::new(losses, ComputedTerms::Weighted),
             input: InputBuffers::default(),
             by_position: Vec::new(),
             by_state: Default::default(),

@@ -130,7 +130,7 @@ impl Triplet<'_> {
 
 /// Choice of the computed terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Report {
+pub enum ComputedTerms {
     /// Terms with a positive weight.
     Weighted,
     /// Terms of weight 0 as well, for a report; they do not enter total or gradient.
@@ -210,7 +210,7 @@ impl LossTerms {
 #[derive(Clone, Debug)]
 pub struct LossEvaluator {
     weights: LossWeights,
-    report: Report,
+    computed: ComputedTerms,
     /// p̄ `[m]`, `[vertices]`.
     positions: Vec<DVec3>,
     /// ∂(weighted position terms)/∂p̄, `[vertices]`.
@@ -220,10 +220,10 @@ pub struct LossEvaluator {
 impl LossEvaluator {
     /// An evaluator of these terms.
     #[must_use]
-    pub fn new(weights: LossWeights, report: Report) -> Self {
+    pub fn new(weights: LossWeights, computed: ComputedTerms) -> Self {
         Self {
             weights,
-            report,
+            computed,
             positions: Vec::new(),
             by_position: Vec::new(),
         }
@@ -283,7 +283,7 @@ impl LossEvaluator {
     }
 
     fn term(&mut self, weight: f64, compute: impl FnOnce(&mut Self, f64) -> f64) -> Option<f64> {
-        (weight > 0.0 || self.report == Report::Every).then(|| compute(self, weight))
+        (weight > 0.0 || self.computed == ComputedTerms::Every).then(|| compute(self, weight))
     }
 
     /// Sets p̄ to the positions that the prediction leads to ([`TwoFrames::moved`]); handles take

@@ -84,7 +84,7 @@ fn perfect(triplet: &Triplet<'_>, statistics: &LossStatistics) -> Vec<f64> {
 fn evaluate(weights: LossWeights, sample: &Sample, predicted: &[f64]) -> (LossTerms, Vec<f64>) {
     let triplet = sample.triplet();
     let mut gradient = vec![f64::NAN; predicted.len()];
-    let mut evaluator = LossEvaluator::new(weights, Report::Every);
+    let mut evaluator = LossEvaluator::new(weights, ComputedTerms::Every);
     let terms = evaluator.evaluate(&triplet, &statistics(&triplet), predicted, &mut gradient);
     (terms, gradient)
 }
@@ -251,7 +251,7 @@ fn terms_of_weight_0_are_left_out_unless_asked_for_and_change_nothing() {
         edge_length: 2.0,
         ..OFF
     };
-    let mut results = [Report::Weighted, Report::Every].map(|report| {
+    let mut results = [ComputedTerms::Weighted, ComputedTerms::Every].map(|report| {
         let mut gradient = vec![0.0; predicted.len()];
         let mut evaluator = LossEvaluator::new(weights, report);
         // Twice: buffers of the sample before must not show.
@@ -284,7 +284,7 @@ fn f32_gives_the_same_as_f64_up_to_its_own_rounding() {
     let double: Vec<f64> = single.iter().map(|&x| f64::from(x)).collect();
     let (terms, gradient) = evaluate(LossWeights::default(), &sample, &double);
     let mut rounded = vec![0.0_f32; single.len()];
-    let mut evaluator = LossEvaluator::new(LossWeights::default(), Report::Every);
+    let mut evaluator = LossEvaluator::new(LossWeights::default(), ComputedTerms::Every);
     let found = evaluator.evaluate(&triplet, &statistics(&triplet), &single, &mut rounded);
     assert_eq!(found, terms);
     assert!(gradient.iter().zip(&rounded).all(|(&g, &r)| g as f32 == r));

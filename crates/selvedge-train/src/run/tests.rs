@@ -9,7 +9,7 @@ use crate::config::TrainConfig;
 use crate::schedule::LearningRate;
 use crate::test_data::{ENGINE, Swinging, config, two_cloths};
 
-const NO_LIMITS: Limits = Limits {
+const NO_LIMITS: RunLimits = RunLimits {
     time: None,
     checkpoint_every: Duration::from_secs(1000),
 };
@@ -49,7 +49,7 @@ impl Case {
     }
 
     /// Runs until `last` at most.
-    fn run(&self, trainer: &mut Trainer, limits: Limits, last: u64) -> Result<RunEnd, RunError> {
+    fn run(&self, trainer: &mut Trainer, limits: RunLimits, last: u64) -> Result<RunEnd, RunError> {
         let mut observe = |report: &StepReport| match report.step >= last {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
@@ -154,7 +154,7 @@ fn the_observer_stops_a_run_and_it_is_saved() {
 #[test]
 fn the_time_limit_ends_a_run_and_it_is_saved() {
     let case = case(100);
-    let limits = Limits {
+    let limits = RunLimits {
         time: Some(Duration::ZERO),
         ..NO_LIMITS
     };
@@ -191,7 +191,7 @@ fn a_resumed_run_drops_the_lines_of_steps_that_it_does_again() {
 #[test]
 fn checkpoints_are_saved_along_the_way() {
     let case = case(100);
-    let often = Limits {
+    let often = RunLimits {
         time: None,
         checkpoint_every: Duration::ZERO,
     };

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::{assets, folder, generation, training};
-use selvedge_train::{EngineMaker, Limits, RunEnd, TrainConfig, Trainer, files};
+use selvedge_train::{EngineMaker, RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::Serialize;
 
 use crate::cli::TrainArgs;
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
     training::warn_of_images(&trainer);
-    let limits = Limits {
+    let limits = RunLimits {
         time: args.span,
         checkpoint_every: CHECKPOINT_EVERY,
     };

@@ -8,14 +8,14 @@ use selvedge_data::Trajectory;
 const TOLERANCE: f64 = 1e-3;
 
 /// The path of the handles of a trajectory.
-pub(super) struct HandlePath {
+pub(super) struct HandleTrack {
     handles: usize,
     frame_rate: f64,
     /// Positions from the middle of the first frame `[m]`, `[frames * handles]`.
     places: Vec<DVec3>,
 }
 
-impl HandlePath {
+impl HandleTrack {
     /// The path of `trajectory`.
     pub(super) fn of(trajectory: &Trajectory) -> Self {
         let handles = trajectory.handles();
@@ -59,8 +59,8 @@ mod tests {
     use crate::test_data::trajectory;
 
     /// `number`'s swing, turned by `yaw` and moved by `offset`.
-    fn track(number: usize, yaw: f64, offset: DVec3) -> HandlePath {
-        let mut track = HandlePath::of(&trajectory(("a", 9, 40), number));
+    fn swing_of(number: usize, yaw: f64, offset: DVec3) -> HandleTrack {
+        let mut track = HandleTrack::of(&trajectory(("a", 9, 40), number));
         let (sin, cos) = yaw.sin_cos();
         for place in &mut track.places {
             let p = *place;
@@ -71,23 +71,23 @@ mod tests {
 
     #[test]
     fn a_path_that_is_turned_about_the_vertical_is_the_same() {
-        let path = track(0, 0.0, DVec3::ZERO);
+        let path = swing_of(0, 0.0, DVec3::ZERO);
         for yaw in [0.0, 0.7, -2.0, std::f64::consts::PI] {
-            assert!(path.goes_as(&track(0, yaw, DVec3::ZERO)), "{yaw}");
+            assert!(path.goes_as(&swing_of(0, yaw, DVec3::ZERO)), "{yaw}");
         }
-        let start = |frames| HandlePath::of(&trajectory(("a", 9, frames), 0));
+        let start = |frames| HandleTrack::of(&trajectory(("a", 9, frames), 0));
         assert!(path.goes_as(&start(20)), "as far as it goes");
         assert!(!path.goes_as(&start(19)), "too short to tell");
     }
 
     #[test]
     fn another_path_is_another() {
-        let path = track(0, 0.0, DVec3::ZERO);
-        assert!(!path.goes_as(&track(1, 0.0, DVec3::ZERO)));
-        assert!(!path.goes_as(&track(0, 0.0, DVec3::Y * 2e-3)));
+        let path = swing_of(0, 0.0, DVec3::ZERO);
+        assert!(!path.goes_as(&swing_of(1, 0.0, DVec3::ZERO)));
+        assert!(!path.goes_as(&swing_of(0, 0.0, DVec3::Y * 2e-3)));
         let mirrored = trajectory(("a", 9, 40), 0).mirrored();
-        assert!(!path.goes_as(&HandlePath::of(&mirrored)));
-        let mut slower = track(0, 0.0, DVec3::ZERO);
+        assert!(!path.goes_as(&HandleTrack::of(&mirrored)));
+        let mut slower = swing_of(0, 0.0, DVec3::ZERO);
         slower.frame_rate = 30.0;
         assert!(!path.goes_as(&slower));
     }
