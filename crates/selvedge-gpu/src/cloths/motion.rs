@@ -1,4 +1,5 @@
-//! The schedule from accelerations to the next positions, with the bounds of edge lengths.
+//! The schedule from accelerations to the next positions, with the bounds of edge lengths. Its
+//! reference is [`selvedge_model::advance`]: both lead to the same positions but for rounding.
 //!
 //! The edges are handled colour by colour, all edges of a colour at once; the processor handles them by
 //! number. So the results differ where several edges are out of bounds. Where none is, both leave every

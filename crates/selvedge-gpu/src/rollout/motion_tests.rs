@@ -7,6 +7,7 @@ use selvedge_model::{
 };
 
 use super::RolloutPlan;
+use crate::cloths::features::FeatureSources;
 use crate::cloths::frames::{FrameNumbers, HandleFrames};
 use crate::cloths::{UnionSizes, motion};
 use crate::device::Precision;
@@ -76,8 +77,12 @@ fn found(model: &Model, cloths: &[Cloth], output: &[f32]) -> Option<Vec<Vec3>> {
     let mut plan = RolloutPlan::new(model.network(), UnionSizes::of(&graphs));
     let given = plan.plan.floats("accelerations", output.len());
     let mut schedule = Schedule::new("the motion");
-    let both = (&plan.cloths, &plan.frames);
-    motion::advance(&mut schedule, both, &plan.normalizers, given, plan.changed);
+    let from = FeatureSources {
+        cloths: &plan.cloths,
+        frames: &plan.frames,
+        normalizers: &plan.normalizers,
+    };
+    motion::advance(&mut schedule, from, given, plan.changed);
     let loaded = device.load(&plan.program, &plan.plan, Precision::Full);
     let mut loaded = loaded.expect("room");
     plan.upload(&mut *loaded, model, &graphs).expect("room");
