@@ -24,7 +24,7 @@ struct Case {
 }
 
 fn case(integration: Integration) -> Case {
-    let graph = ClothGraph::new(parts(5, 1)).expect("a cloth");
+    let graph = parts(5, 1).graph();
     let [previous, current, next] =
         [1, 2, 3].map(|seed| shaken(graph.rest_positions(), 0.02, seed));
     let mut case = Case {
