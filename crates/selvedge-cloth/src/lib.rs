@@ -42,7 +42,7 @@ pub use physics::{
     LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagMethod, SagSettings,
     StretchLookup, Substepping,
 };
-pub use scene::{Scene, SceneError};
+pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};
 pub use stepper::{Correctable, StepError, Stepper, check_target_count, check_targets_hold};
 pub use topology::{Arc, Edge, Topology, TopologyError};

@@ -8,6 +8,9 @@ use crate::{
     ScheduleError,
 };
 
+/// Frames per second of a scene that does not say otherwise.
+pub const DEFAULT_FRAME_RATE: f64 = 60.0;
+
 /// Everything that decides a cloth's motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {

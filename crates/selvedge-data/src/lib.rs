@@ -14,11 +14,12 @@ mod rig;
 mod scene;
 mod trajectory;
 
+pub use dataset::plan::DatasetPlan;
 pub use dataset::preset::{
     DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
 };
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
-pub use dataset::writer::{DatasetPlan, DatasetWriter};
+pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::atomic::{WriteError, write_atomically, write_beside, write_folder_atomically};
 pub use formats::npy::NpyError;

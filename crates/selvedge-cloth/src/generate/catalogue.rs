@@ -1,7 +1,7 @@
 //! The meshes that have a name: those that Libao et al. 2023 show their model on, and three that
 //! they do not have. The paper gives no measures; these are ours.
 
-use super::Shape;
+use super::shapes::Shape;
 
 /// A mesh that has a name.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,25 +5,23 @@
 //! A shape is an outline, and what its labels mean; the mesh comes from one routine for all
 //! outlines. The same numbers give the same bytes on every machine.
 
+mod boundary;
 mod catalogue;
+mod error;
 mod outline;
 mod relax;
 mod scatter;
 mod shapes;
 
-use std::collections::BTreeMap;
-
-use glam::{DVec2, DVec3};
-use thiserror::Error;
-
 pub use self::catalogue::{NamedSheet, named_sheets};
+pub use self::error::GenerateError;
+use self::error::MOST_VERTICES;
 use self::outline::{FlatSheet, sheet_from_outline};
 pub use self::shapes::Shape;
 use self::shapes::{Cut, Label};
-use crate::{Mesh, MeshError};
-
-/// Most vertices that are made: a million take a minute or so.
-const MOST_VERTICES: usize = 1_000_000;
+use crate::Mesh;
+use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 
 /// A square sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,26 +54,6 @@ pub struct Sheet {
     pub mesh: Mesh,
     /// Lists of vertices by what they are called.
     pub labels: BTreeMap<String, Vec<u32>>,
-}
-
-/// Why a sheet cannot be made.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum GenerateError {
-    #[error("a sheet of this shape needs at least {needed} vertices, found {found}")]
-    TooFewVertices { found: usize, needed: usize },
-    #[error("vertices must be at most {MOST_VERTICES}, found {found}")]
-    TooManyVertices { found: usize },
-    #[error("size must be finite and positive, found {found} m")]
-    Size { found: f64 },
-    #[error(
-        "the outline encloses {area} m² of the {around} m² around it, too little to place vertices in: give it width, and sides that do not cross"
-    )]
-    Area { area: f64, around: f64 },
-    #[error("the sheet cannot be triangulated: {why}")]
-    Triangulation { why: String },
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
 }
 
 /// A square sheet that hangs flat in the plane x = 0, its top edge at y = 0, its material x axis u

@@ -12,8 +12,8 @@ use glam::DVec2;
 use rand_chacha::ChaCha8Rng;
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 
-use super::GenerateError;
-use super::outline::{Boundary, is_within};
+use super::boundary::{Boundary, is_within};
+use super::error::GenerateError;
 use super::scatter::unit;
 use crate::geometry::signed_area_2d;
 

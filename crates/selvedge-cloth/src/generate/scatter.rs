@@ -5,7 +5,7 @@ use glam::DVec2;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
-use super::outline::{Boundary, is_within};
+use super::boundary::{Boundary, is_within};
 
 /// First distance between points, in spacings. Darts jam at 0.81: this needs few throws.
 const FIRST_DISTANCE: f64 = 0.75;

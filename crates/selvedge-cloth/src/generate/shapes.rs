@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::outline::spacing;
+use super::boundary::spacing;
 
 /// The shape of a sheet. Lengths are in units of its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

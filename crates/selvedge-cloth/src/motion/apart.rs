@@ -7,7 +7,8 @@
 
 use glam::DVec3;
 
-use super::{Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, value_error};
+use super::error::{MotionError, value_error};
+use super::written::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
 
 /// Seconds after the still start, approach a of either outer handle, and forward f of the first and
 /// the last.

@@ -8,11 +8,10 @@
 
 use glam::DVec3;
 
+use super::bounds::{FARTHEST, turned, whole_frames};
+use super::error::{MotionError, value_error};
 use super::pace::Progress;
-use super::{
-    Block, FARTHEST, MotionError, Rotation, Translation, TurnSense, turned, value_error,
-    whole_frames,
-};
+use super::written::{Block, Rotation, Translation, TurnSense};
 
 /// Blocks bound to handles.
 #[derive(Clone, Debug, PartialEq)]

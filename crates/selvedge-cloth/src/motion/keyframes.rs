@@ -7,10 +7,9 @@
 
 use glam::{DQuat, DVec3};
 
-use super::{
-    DISPLACEMENT, FARTHEST, Keyframe, KeyframeGroup, KeyframeMotion, MotionError, turned,
-    value_error, whole_frames,
-};
+use super::bounds::{DISPLACEMENT, FARTHEST, turned, whole_frames};
+use super::error::{MotionError, value_error};
+use super::written::{Keyframe, KeyframeGroup, KeyframeMotion};
 
 /// Keyframes bound to handles.
 #[derive(Clone, Debug, PartialEq)]

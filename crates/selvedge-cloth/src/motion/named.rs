@@ -8,9 +8,9 @@
 
 use glam::DVec3;
 
-use super::{
-    Block, Keyframe, KeyframeGroup, KeyframeMotion, Motion, Pace, Profile, Rotation, Translation,
-    TurnSense, random,
+use super::pace::{Pace, Profile};
+use super::written::{
+    Block, Keyframe, KeyframeGroup, KeyframeMotion, Motion, Rotation, Translation, TurnSense,
 };
 use TurnSense::{Clockwise, CounterClockwise};
 
@@ -141,7 +141,7 @@ fn at_own_speed(name: &str) -> Option<Motion> {
             .parse()
             .ok()
             .filter(|_| canonical)
-            .map(random::motion);
+            .map(super::random::motion);
     }
     let mut moves = TRAINING.iter().chain(&TEST);
     if let Some((_, what)) = moves.find(|entry| entry.0 == name) {

@@ -7,7 +7,8 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MotionError, split_place, value_error};
+use super::bounds::split_place;
+use super::error::{MotionError, value_error};
 
 /// How far or how fast.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

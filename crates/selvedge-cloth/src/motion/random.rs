@@ -3,19 +3,21 @@
 //! on every machine.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::{Block, Motion, Pace, Rotation, Translation, TurnSense};
+use super::pace::Pace;
+use super::written::{Block, Motion, Rotation, Translation, TurnSense};
 
 /// Moves between the still start and the still end.
 const MOVES: usize = 8;
 /// Shortest and longest move, in frames of 1/60 s.
-const FRAMES: [f64; 2] = [30.0, 90.0];
+const FRAMES: Range<f64> = 30.0..90.0;
 /// Slowest and fastest move: its mean speed `[m/s]`. 1 m/s peaks at π/2 m/s, as in training.
-const SPEEDS: [f64; 2] = [0.2, 1.0];
+const SPEEDS: Range<f64> = 0.2..1.0;
 
 /// One of endlessly many motions, for tests: none of them is a motion that has a name.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +85,7 @@ fn one_move(rng: &mut ChaCha8Rng, speed: f64) -> Block {
             }],
         },
         rotation: (kind >= 2).then(|| Rotation {
-            center: between(rng, [-1.0, 1.0]),
+            center: between(rng, -1.0..1.0),
             sense: match rng.next_u32() % 2 {
                 0 => TurnSense::Clockwise,
                 _ => TurnSense::CounterClockwise,
@@ -95,13 +97,14 @@ fn one_move(rng: &mut ChaCha8Rng, speed: f64) -> Block {
 
 /// Uniform on the unit sphere: its height is uniform (Archimedes).
 fn direction(rng: &mut ChaCha8Rng) -> DVec3 {
-    let height = between(rng, [-1.0, 1.0]);
-    let angle = between(rng, [0.0, TAU]);
+    let height = between(rng, -1.0..1.0);
+    let angle = between(rng, 0.0..TAU);
     let radius = (1.0 - height * height).sqrt();
     DVec3::new(radius * angle.cos(), height, radius * angle.sin())
 }
 
-fn between(rng: &mut ChaCha8Rng, [low, high]: [f64; 2]) -> f64 {
+/// A number from `range`, uniform; the end is left out.
+fn between(rng: &mut ChaCha8Rng, range: Range<f64>) -> f64 {
     const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
-    low + (high - low) * ((rng.next_u64() >> 11) as f64 * SCALE)
+    range.start + (range.end - range.start) * ((rng.next_u64() >> 11) as f64 * SCALE)
 }

@@ -3,7 +3,9 @@
 
 use glam::DVec3;
 
-use super::{FARTHEST, MotionError, RecordedMotion, split_place, value_error};
+use super::bounds::{FARTHEST, split_place};
+use super::error::{MotionError, value_error};
+use super::written::RecordedMotion;
 
 /// How far a recording may start from where the handles stand `[m]`. Positions in files are
 /// often rounded to a tenth of a millimetre; more than this is another scene.

@@ -9,10 +9,10 @@
 
 use glam::{DQuat, DVec3, DVec4};
 
+use super::bounds::{DISPLACEMENT, FARTHEST, LONGEST};
+use super::error::{MotionError, value_error};
 use super::keyframes::claim_handles;
-use super::{
-    DISPLACEMENT, FARTHEST, LONGEST, MotionError, PoseKeyframe, SplineMotion, value_error,
-};
+use super::written::{PoseKeyframe, SplineMotion};
 
 /// Splines bound to handles.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,25 +8,27 @@
 //! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
 
 pub(crate) mod check;
+pub(crate) mod plan;
 pub(crate) mod preset;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
-use std::path::{Path, PathBuf};
-
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
-use thiserror::Error;
-
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
+use crate::formats::hash::hash;
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
 use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
 
 pub(crate) const INDEX: &str = "index.json";
+
 pub(crate) const FORMAT: &str = "selvedge-dataset";
+
 pub(crate) const VERSION: u64 = 1;
 
 /// Which part of a data set a trajectory belongs to.
@@ -336,8 +338,4 @@ pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, Datase
         expected: entry.blake3.clone(),
         found,
     })
-}
-
-pub(crate) fn hash(bytes: &[u8]) -> String {
-    blake3::hash(bytes).to_hex().to_string()
 }

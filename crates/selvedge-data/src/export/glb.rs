@@ -16,8 +16,9 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::glb_json::{self, Layout};
+use super::outcome::{ExportError, Pulse, check_size};
+use super::take::Take;
 use super::take::extent;
-use super::{ExportError, Pulse, Take, check_size};
 use crate::formats::atomic::write_atomically;
 
 const MAGIC: u32 = 0x4654_6c67;

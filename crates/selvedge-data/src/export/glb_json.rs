@@ -4,7 +4,7 @@
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use super::Take;
+use super::take::Take;
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;

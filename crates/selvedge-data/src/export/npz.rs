@@ -24,7 +24,8 @@ use selvedge_cloth::{
 use serde_json::Value;
 use thiserror::Error;
 
-use super::{ExportError, Pulse, Take, check_size};
+use super::outcome::{ExportError, Pulse, check_size};
+use super::take::Take;
 use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
 use crate::formats::npy::{Array, NpyError};

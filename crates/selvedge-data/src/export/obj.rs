@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use super::{ExportError, Pulse, Take};
+use super::outcome::{ExportError, Pulse};
+use super::take::Take;
 use crate::formats::atomic::{WriteError, write_folder_atomically};
 use crate::formats::obj::{ObjFrame, write_obj_frame};
 

@@ -8,7 +8,9 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::{ExportError, Pulse, Take, obj};
+use super::obj;
+use super::outcome::{ExportError, Pulse};
+use super::take::Take;
 use crate::formats::atomic::write_atomically;
 
 const MAGIC: &[u8; 12] = b"POINTCACHE2\0";

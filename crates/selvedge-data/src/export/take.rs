@@ -1,96 +1,10 @@
 //! Frames of a trajectory as they are exported: which of them, and which axis points up.
 
-use std::str::FromStr;
-
-use glam::Vec3;
-use thiserror::Error;
-
-use super::{ExportError, ExportFormat, ExportOptions, Normals};
+use super::options::{ExportFormat, ExportOptions, Normals};
+use super::outcome::ExportError;
 use crate::UpAxis;
 use crate::trajectory::Trajectory;
-
-/// Which frames: from one to another, both included, and every so many of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameSpan {
-    /// The first one; the first there is, if there is none.
-    pub first: Option<usize>,
-    /// The last one; the last there is, if there is none.
-    pub last: Option<usize>,
-    /// Every so many of them, from the first.
-    pub every: usize,
-}
-
-/// Frames that there are not.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum FrameSpanError {
-    #[error("frame {frame} was asked for, but the run has the frames 0 to {last}")]
-    Missing { frame: usize, last: usize },
-    #[error("frames {first}..{last}: there are none, for the last is before the first")]
-    Empty { first: usize, last: usize },
-    #[error("every 0th frame was asked for: 1 is every frame")]
-    Every,
-    #[error("{text:?} says no frames: write 20..80 (both included), 20.., ..80, or one number")]
-    Text { text: String },
-}
-
-impl Default for FrameSpan {
-    fn default() -> Self {
-        Self {
-            first: None,
-            last: None,
-            every: 1,
-        }
-    }
-}
-
-impl FromStr for FrameSpan {
-    type Err = FrameSpanError;
-
-    /// Reads `20..80`, `20..`, `..80` or `20`; every one of them.
-    fn from_str(text: &str) -> Result<Self, FrameSpanError> {
-        let wrong = || FrameSpanError::Text {
-            text: text.to_owned(),
-        };
-        let number = |part: &str| match part.trim() {
-            "" => Ok(None),
-            digits => digits.parse().map(Some).map_err(|_| wrong()),
-        };
-        let (first, last) = match text.split_once("..") {
-            Some((first, last)) => (number(first)?, number(last)?),
-            None => {
-                let only = number(text)?.ok_or_else(wrong)?;
-                (Some(only), Some(only))
-            }
-        };
-        Ok(Self {
-            first,
-            last,
-            every: 1,
-        })
-    }
-}
-
-impl FrameSpan {
-    /// The numbers of the frames, of a run of `count` (at least one).
-    ///
-    /// # Errors
-    /// [`FrameSpanError`] where there are none, or one that the run does not have.
-    pub fn of(&self, count: usize) -> Result<Vec<usize>, FrameSpanError> {
-        let end = count.saturating_sub(1);
-        let (first, last) = (self.first.unwrap_or(0), self.last.unwrap_or(end));
-        if let Some(frame) = [first, last].into_iter().find(|&frame| frame > end) {
-            return Err(FrameSpanError::Missing { frame, last: end });
-        }
-        if first > last {
-            return Err(FrameSpanError::Empty { first, last });
-        }
-        if self.every == 0 {
-            return Err(FrameSpanError::Every);
-        }
-        Ok((first..=last).step_by(self.every).collect())
-    }
-}
+use glam::Vec3;
 
 /// Frames of a trajectory, in the axes of a file.
 #[derive(Clone, Debug)]

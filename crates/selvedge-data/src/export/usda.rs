@@ -14,8 +14,9 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::outcome::{ExportError, Pulse};
+use super::take::Take;
 use super::take::extent;
-use super::{ExportError, Pulse, Take};
 use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
 

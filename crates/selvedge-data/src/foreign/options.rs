@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::error::{ForeignError, ForeignProblem};
 use crate::UpAxis;
-use crate::dataset::hash;
+use crate::formats::hash::hash;
 
 /// A format that can be imported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -14,8 +14,8 @@ use super::released::{POSITIONS, Released};
 use super::tfrecord::{self, RecordPlace};
 use crate::dataset::Split;
 use crate::dataset::check::folder_of;
+use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
-use crate::dataset::writer::DatasetPlan;
 use crate::trajectory::Trajectory;
 
 /// Foreign data that can be read.

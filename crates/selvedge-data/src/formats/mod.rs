@@ -2,6 +2,7 @@
 //! safetensors, NumPy arrays and archives, Wavefront OBJ, and the axis that points up.
 
 pub(crate) mod atomic;
+pub(crate) mod hash;
 pub(crate) mod npy;
 pub(crate) mod npz;
 pub(crate) mod obj;

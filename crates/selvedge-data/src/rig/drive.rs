@@ -7,7 +7,8 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 use selvedge_cloth::RecordedMotion;
 
-use super::{Rig, RigError};
+use super::error::RigError;
+use super::node::Rig;
 
 /// Frames at most that a rig may last.
 const MOST_FRAMES: usize = 100_000;

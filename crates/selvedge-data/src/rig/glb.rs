@@ -13,8 +13,9 @@ use std::collections::HashMap;
 use glam::{DMat4, DQuat, DVec3};
 use serde::Deserialize;
 
+use super::error::RigError;
+use super::node::{Change, Operation, Rig, RigNode};
 use super::track::{Joined, Track, Value};
-use super::{Change, Operation, Rig, RigError, RigNode};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: &[u8; 4] = b"JSON";
@@ -126,7 +127,14 @@ enum Moved {
 }
 
 /// The channels by node and by what they move, each with its animation.
-type Channels<'a> = HashMap<(usize, Moved), (&'a Animation, &'a Sampler)>;
+type Channels<'a> = HashMap<(usize, Moved), Sampled<'a>>;
+
+/// A sampler of an animation.
+#[derive(Clone, Copy)]
+struct Sampled<'a> {
+    animation: &'a Animation,
+    sampler: &'a Sampler,
+}
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
@@ -228,10 +236,11 @@ impl File<'_> {
                 let sampler = sampler.ok_or_else(|| {
                     part(what(), format!("it has no sampler {}", channel.sampler))
                 })?;
-                if let Some((first, _)) = channels.insert((node, moved), (animation, sampler)) {
+                let sampled = Sampled { animation, sampler };
+                if let Some(first) = channels.insert((node, moved), sampled) {
                     let problem = format!(
                         "it moves the {moved:?} of node {node}, as {:?} does: keep one of them",
-                        first.name
+                        first.animation.name
                     );
                     return Err(part(what(), problem.to_lowercase()));
                 }
@@ -277,17 +286,17 @@ impl File<'_> {
         })
     }
 
-    fn points(&self, channel: &(&Animation, &Sampler)) -> Result<Track<DVec3>, RigError> {
+    fn points(&self, channel: &Sampled<'_>) -> Result<Track<DVec3>, RigError> {
         self.track(channel, 3, DVec3::from_slice)
     }
 
-    fn turns(&self, channel: &(&Animation, &Sampler)) -> Result<Track<DQuat>, RigError> {
+    fn turns(&self, channel: &Sampled<'_>) -> Result<Track<DQuat>, RigError> {
         self.track(channel, 4, DQuat::from_slice)
     }
 
     fn track<T: Value>(
         &self,
-        (animation, sampler): &(&Animation, &Sampler),
+        &Sampled { animation, sampler }: &Sampled<'_>,
         width: usize,
         value: impl Fn(&[f64]) -> T,
     ) -> Result<Track<T>, RigError> {

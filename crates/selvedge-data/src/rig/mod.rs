@@ -5,98 +5,19 @@
 //! y up, seconds. What else is in the file (meshes, materials, lights) is passed over.
 
 mod drive;
+mod error;
 mod glb;
+mod node;
 mod track;
 mod usda;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use glam::{DMat4, DQuat, DVec3};
-use thiserror::Error;
-
-use self::track::Track;
+use glam::DMat4;
 
 pub(crate) use self::drive::Followers;
-/// Nodes that move.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rig {
-    nodes: Vec<RigNode>,
-    /// From the world of the file to ours.
-    world: DMat4,
-}
-
-/// A node of a rig.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RigNode {
-    /// Its name in the file.
-    pub name: String,
-    parent: Option<usize>,
-    operations: Vec<Operation>,
-    /// Why it cannot be said where it is.
-    obstacle: Option<String>,
-}
-
-/// A part of a node's transform.
-#[derive(Clone, Debug, PartialEq)]
-struct Operation {
-    change: Change,
-    /// Whether it is undone instead.
-    direction: Direction,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Direction {
-    Forward,
-    Inverse,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Change {
-    Translation(Track<DVec3>),
-    Scale(Track<DVec3>),
-    Turn(Track<DQuat>),
-    /// By these angles [degrees] about x, y and z, in the order of these axes (0 is x).
-    Angles(Track<DVec3>, &'static [usize]),
-    Matrix(Track<DMat4>),
-}
-
-/// Why a file is no rig, or a node of it cannot be followed.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum RigError {
-    #[error("{}: {source}", path.display())]
-    File {
-        path: PathBuf,
-        #[source]
-        source: Box<RigError>,
-    },
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("the name must end in .glb or .usda")]
-    Extension,
-    #[error("is no complete .glb file: {0}")]
-    Container(&'static str),
-    #[error("its JSON cannot be understood: {0}")]
-    Json(#[source] serde_json::Error),
-    #[error("{what}: {problem}")]
-    Part { what: String, problem: String },
-    #[error("is a binary USD file: save it as text, .usda (usdcat in.usd --out out.usda)")]
-    BinaryUsd,
-    #[error("line {line}: {problem}")]
-    Line { line: usize, problem: String },
-    #[error("there is no node called {name:?}; there are [{known}]")]
-    NoNode { name: String, known: String },
-    #[error("{count} nodes are called {name:?}: give them different names")]
-    Ambiguous { name: String, count: usize },
-    #[error("node {name:?}: {problem}")]
-    Node { name: String, problem: String },
-    #[error("none of the nodes [{names}] is animated")]
-    Still { names: String },
-    #[error("lasts {frames} frames of the scene, more than {most}")]
-    Long { frames: f64, most: usize },
-    #[error("{nodes} nodes are named for {handles} handles")]
-    Count { nodes: usize, handles: usize },
-}
+pub use self::error::RigError;
+pub use self::node::{Rig, RigNode};
 
 impl Rig {
     /// Reads a .glb or .usda file.
@@ -193,50 +114,6 @@ impl Rig {
             text.push_str(&format!(" and {more} more"));
         }
         text
-    }
-}
-
-impl Operation {
-    fn new(change: Change) -> Self {
-        Self {
-            change,
-            direction: Direction::Forward,
-        }
-    }
-
-    fn at(&self, time: f64) -> DMat4 {
-        let matrix = self.change.at(time);
-        match self.direction {
-            Direction::Forward => matrix,
-            Direction::Inverse => matrix.inverse(),
-        }
-    }
-}
-
-impl Change {
-    fn span(&self) -> Option<[f64; 2]> {
-        match self {
-            Self::Translation(track) | Self::Scale(track) | Self::Angles(track, _) => track.span(),
-            Self::Turn(track) => track.span(),
-            Self::Matrix(track) => track.span(),
-        }
-    }
-
-    fn at(&self, time: f64) -> DMat4 {
-        match self {
-            Self::Translation(track) => DMat4::from_translation(track.at(time)),
-            Self::Scale(track) => DMat4::from_scale(track.at(time)),
-            Self::Turn(track) => DMat4::from_quat(track.at(time).normalize()),
-            Self::Angles(track, order) => {
-                let angles = track.at(time);
-                // The first axis turns first, and so stands innermost.
-                order.iter().fold(DMat4::IDENTITY, |matrix, &axis| {
-                    let turn = DQuat::from_axis_angle(DVec3::AXES[axis], angles[axis].to_radians());
-                    DMat4::from_quat(turn) * matrix
-                })
-            }
-            Self::Matrix(track) => track.at(time),
-        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Small files written here by hand, placements that are known in closed form, and damage.
 
+use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::*;

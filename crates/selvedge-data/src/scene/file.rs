@@ -13,101 +13,21 @@
 //! `{ obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
 //! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of ARCSim.
 
-use std::path::{Path, PathBuf};
-
-use selvedge_cloth::{Environment, Mesh, SagSettings, Scene};
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
-use thiserror::Error;
-
 use super::arcsim::parse_arcsim;
-use super::handle_selection::{Groups, HandleSelection, Selected};
+use super::handle_selection::HandleSelection;
+use super::loaded::LoadedScene;
 use super::material_source::MaterialSource;
-use super::mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Transform};
 use super::motion_source::{MotionSource, Stand};
 use super::physics_file::PhysicsFile;
+use super::problem::{SceneFileError, SceneProblem};
+use super::setting_file::{FrameRate, MeshFile, SettingFile};
 use super::shipped::{shipped_scene_text, shipped_scenes};
-use super::spec::{SceneSpec, SceneSpecError, Setting};
-use super::start::StartFile;
-use super::strained;
-use crate::formats::obj::{ObjOptions, Seams, TextureUnit};
-use crate::trajectory::state_file::SavedState;
-
-/// A scene, and the spec that it came from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LoadedScene {
-    /// Resolved: what results carry.
-    pub spec: SceneSpec,
-    /// Built: what is run.
-    pub scene: Scene,
-    /// The state in which a run starts, if it starts in a saved one.
-    pub state: Option<SavedState>,
-    /// What the file asks for and cannot have, or can hardly mean.
-    pub warnings: Vec<String>,
-    /// The files that it was read from: its own, and all that it names.
-    pub files: Vec<PathBuf>,
-}
-
-impl LoadedScene {
-    /// A scene that starts as its spec says, from no saved state.
-    pub(crate) fn new(spec: SceneSpec, scene: Scene) -> Self {
-        Self {
-            spec,
-            scene,
-            state: None,
-            warnings: Vec::new(),
-            files: Vec::new(),
-        }
-    }
-
-    /// The same, with a warning where the cloth starts far from its material size; `remedy` says how
-    /// its file can be mended.
-    pub(super) fn looked_over(mut self, remedy: &str) -> Self {
-        let mesh = &self.scene.mesh;
-        let state = self.state.as_ref();
-        let start = state.map_or(mesh.positions(), |state| &state.positions);
-        self.warnings.extend(strained::warning(mesh, start, remedy));
-        self
-    }
-}
-
-/// A scene that cannot be used.
-#[derive(Debug, Error)]
-#[error("{origin}: {problem}")]
-pub struct SceneFileError {
-    /// The file, or the name of a shipped scene.
-    pub origin: String,
-    /// What is wrong with it.
-    #[source]
-    pub problem: SceneProblem,
-}
-
-/// What is wrong with a scene.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum SceneProblem {
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("is neither a file nor a shipped {what}; shipped are {known}")]
-    Unknown { what: &'static str, known: String },
-    #[error("{}", .0.to_string().trim_end())]
-    Toml(#[source] Box<toml::de::Error>),
-    #[error("is no JSON: {0}")]
-    Json(#[source] serde_json::Error),
-    #[error(transparent)]
-    RepeatedKey(serde_json::Error),
-    #[error("{key}: {problem}")]
-    Key { key: String, problem: String },
-    #[error("{field}: {problem}")]
-    Field {
-        field: &'static str,
-        problem: String,
-    },
-    #[error(transparent)]
-    Mesh(#[from] MeshSpecError),
-    #[error(transparent)]
-    Spec(#[from] SceneSpecError),
-}
+use super::spec::SceneSpec;
+use super::start_file::StartFile;
+use super::text::{parse_toml, read_text};
+use selvedge_cloth::{Environment, SagSettings};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
 
 /// The file's own words.
 #[derive(Deserialize)]
@@ -126,45 +46,12 @@ struct SceneFile {
     sag: SagSettings,
     #[serde(default)]
     start: StartFile,
-    #[serde(default = "sixty")]
-    frame_rate: f64,
-}
-
-/// All of a scene but name and motion, as a data set's preset has it.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct SettingFile {
-    mesh: MeshFile,
-    handles: HandleSelection,
-    material: MaterialSource,
     #[serde(default)]
-    environment: Environment,
-    #[serde(default)]
-    physics: PhysicsFile,
-    #[serde(default)]
-    sag: SagSettings,
-    #[serde(default = "sixty")]
-    frame_rate: f64,
-}
-
-/// A mesh in the file's own words.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct MeshFile {
-    generator: Option<GeneratorSpec>,
-    obj: Option<String>,
-    seams: Option<Seams>,
-    texture: Option<TextureUnit>,
-    #[serde(default)]
-    transform: Transform,
+    frame_rate: FrameRate,
 }
 
 /// How a mesh comes to its material size.
 const REMEDY: &str = "set mesh.texture = \"fit\" for an obj, or mesh.transform.material_scale";
-
-fn sixty() -> f64 {
-    60.0
-}
 
 /// Opens a scene by the path of its file or by the name of a shipped one.
 ///
@@ -254,75 +141,6 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         ..LoadedScene::new(spec, scene)
     };
     Ok(loaded.looked_over(REMEDY))
-}
-
-impl SettingFile {
-    /// Looks up what is named, and builds the mesh; the groups are those of the handles. The files of the
-    /// material are added to `files`: what is resolved does not name them.
-    pub(crate) fn resolve(
-        self,
-        folder: &Path,
-        files: &mut Vec<PathBuf>,
-    ) -> Result<(Setting, Mesh, Groups), SceneProblem> {
-        let mesh = self.mesh.resolve(folder)?;
-        let sheet = mesh.build(folder)?;
-        let Selected {
-            vertices,
-            groups,
-            schedule,
-        } = self.handles.select(&sheet)?;
-        let setting = Setting {
-            handles: vertices,
-            schedule,
-            mesh,
-            material: self.material.resolve(folder, files)?,
-            environment: self.environment,
-            physics: self.physics.0,
-            sag: self.sag,
-            frame_rate: self.frame_rate,
-        };
-        Ok((setting, sheet.mesh, groups))
-    }
-}
-
-impl MeshFile {
-    /// Looks for an OBJ from `folder`.
-    pub(crate) fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
-        let options = ObjOptions {
-            seams: self.seams.unwrap_or_default(),
-            texture: self.texture.unwrap_or_default(),
-        };
-        let source = match (self.generator, self.obj) {
-            (Some(_), None) if self.seams.is_some() || self.texture.is_some() => {
-                return Err(field("mesh", "seams and texture are for an obj"));
-            }
-            (Some(generator), None) => MeshSource::Generator(generator),
-            (None, Some(path)) => MeshSource::obj(&path, folder, options)?,
-            (None, None) => return Err(field("mesh", "needs a generator or an obj")),
-            (Some(_), Some(_)) => {
-                return Err(field("mesh", "has both a generator and an obj: keep one"));
-            }
-        };
-        Ok(MeshSpec {
-            source,
-            transform: self.transform,
-        })
-    }
-}
-
-pub(crate) fn field(field: &'static str, problem: impl Into<String>) -> SceneProblem {
-    SceneProblem::Field {
-        field,
-        problem: problem.into(),
-    }
-}
-
-pub(crate) fn parse_toml<T: DeserializeOwned>(text: &str) -> Result<T, SceneProblem> {
-    toml::from_str(text).map_err(|error| SceneProblem::Toml(Box::new(error)))
-}
-
-pub(crate) fn read_text(path: &Path) -> Result<String, SceneProblem> {
-    std::fs::read_to_string(path).map_err(SceneProblem::Read)
 }
 
 #[cfg(test)]

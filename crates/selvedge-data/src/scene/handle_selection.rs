@@ -9,7 +9,7 @@ use selvedge_cloth::{HandleSchedule, Release};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::file::{SceneProblem, field};
+use super::problem::{SceneProblem, field};
 
 /// Which vertices are held: exactly one way to say so.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -18,8 +18,9 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::file::{SceneProblem, field, parse_toml, read_text};
+use super::problem::{SceneProblem, field};
 use super::shipped::{material_text, materials};
+use super::text::{parse_toml, read_text};
 
 /// One way to say what the cloth is made of.
 #[derive(Clone, Debug, PartialEq)]

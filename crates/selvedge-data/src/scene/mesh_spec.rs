@@ -8,7 +8,7 @@ use selvedge_cloth::{Mesh, MeshError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::dataset::hash;
+use crate::formats::hash::hash;
 use crate::formats::obj::{
     ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj_bytes,
 };

@@ -8,10 +8,11 @@ use selvedge_cloth::motion::named;
 use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Mesh, Motion, RecordedMotion};
 use serde::Deserialize;
 
-use super::file::{SceneProblem, field, parse_toml, read_text};
 use super::handle_selection::Groups;
+use super::problem::{SceneProblem, field};
 use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
+use super::text::{parse_toml, read_text};
 use crate::export::handle_positions;
 use crate::rig::{Followers, Rig};
 
@@ -150,14 +151,14 @@ pub struct GroupMove {
     /// The group's name.
     pub group: String,
     /// The axis of its rotations, through its centre; upwards if there is none.
-    #[serde(default = "upwards")]
+    #[serde(default = "default_axis")]
     pub axis: DVec3,
     /// Where it is when.
     pub keyframes: Vec<Keyframe>,
 }
 
-fn upwards() -> DVec3 {
-    DVec3::Y
+fn default_axis() -> DVec3 {
+    KeyframeGroup::default().axis
 }
 
 impl GroupMotion {

@@ -15,8 +15,8 @@ use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::dataset::hash;
 use crate::formats::atomic::WriteError;
+use crate::formats::hash::hash;
 use crate::formats::npz::{Npz, NpzError};
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;

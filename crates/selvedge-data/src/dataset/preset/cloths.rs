@@ -4,33 +4,19 @@
 //! A trajectory is then called by mesh and motion, as `wide.bouncy`. The motion `apart` fits the
 //! handles of each mesh.
 
-use std::path::Path;
-
-use selvedge_cloth::generate::{NamedSheet, named_sheets};
-use selvedge_cloth::motion::apart;
-use selvedge_cloth::{Handles, Mesh, SceneError};
-use serde::{Deserialize, Serialize};
-
-use super::NamedMotion;
+use super::config::{NamedCloth, NamedMotion};
 use crate::scene::{
     GeneratorSpec, HandleSelection, MeshFile, MeshSource, MeshSpec, SceneProblem, SceneSpecError,
     Transform, field,
 };
+use selvedge_cloth::generate::{NamedSheet, named_sheets};
+use selvedge_cloth::motion::apart;
+use selvedge_cloth::{Handles, Mesh, SceneError};
+use serde::Deserialize;
+use std::path::Path;
 
 /// A motion that depends on where the handles are.
 const APART: &str = "apart";
-
-/// A mesh, its handles and its name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NamedCloth {
-    /// What people call it.
-    pub name: String,
-    /// Where the mesh comes from.
-    pub mesh: MeshSpec,
-    /// The held vertices, in the order of the handle targets.
-    pub handles: Vec<u32>,
-}
 
 impl NamedCloth {
     /// The cloth that `sheet` is at `density` `[vertices/m²]`, and its mesh.

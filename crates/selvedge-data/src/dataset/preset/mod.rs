@@ -33,26 +33,25 @@
 //! Running the physics is left to whoever has it.
 
 mod cloths;
+pub(crate) mod config;
 mod forecast;
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use selvedge_cloth::motion::named;
-use selvedge_cloth::{Mesh, Motion, SceneError};
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
-
-pub use self::cloths::NamedCloth;
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
+pub use self::config::{DatasetConfig, NamedCloth, NamedMotion};
 pub use self::forecast::{Forecast, PlannedRun};
 use crate::dataset::Split;
+use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
-use crate::dataset::writer::DatasetPlan;
 use crate::scene::{
-    LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
+    LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError,
     SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
 };
+use selvedge_cloth::motion::named;
+use selvedge_cloth::{Mesh, Motion, SceneError};
+use serde::Deserialize;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// The most motions that are drawn at random.
 const MOST_RANDOM: u32 = 100_000;
@@ -82,38 +81,6 @@ pub struct DatasetPreset {
     /// Of the configuration's cloths, in their order.
     meshes: Vec<Mesh>,
     forecast: Forecast,
-}
-
-/// The configuration of a data set, as its index keeps it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DatasetConfig {
-    /// What people call it.
-    pub name: String,
-    /// What of the training split is learned from.
-    pub sections: SectionRule,
-    /// All of the scenes but their motions.
-    pub setting: Setting,
-    /// Cloths beside the setting's own.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub cloths: Vec<NamedCloth>,
-    /// Motions of the training split, in order.
-    pub train: Vec<NamedMotion>,
-    /// Motions of the test split, in order.
-    pub test: Vec<NamedMotion>,
-}
-
-/// A motion and its name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NamedMotion {
-    /// What people call it; the name of its file.
-    pub name: String,
-    /// How the handles move.
-    pub motion: Motion,
-    /// The cloth that they move; the setting's own where none is named.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cloth: Option<String>,
 }
 
 /// The file's own words.

@@ -6,10 +6,11 @@ use selvedge_cloth::Mesh;
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::geometry::signed_area_2d;
 
+use super::error::ObjError;
 use super::fit::fit;
 use super::flat::planar_coordinates;
+use super::options::{ObjOptions, Seams, TextureUnit};
 use super::parse::{Polygon, Statements};
-use super::{ObjError, ObjOptions, Seams, TextureUnit};
 
 pub(super) fn assemble(mut statements: Statements, options: ObjOptions) -> Result<Sheet, ObjError> {
     if statements.polygons.is_empty() {

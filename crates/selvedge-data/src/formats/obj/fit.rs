@@ -8,7 +8,7 @@
 use glam::DVec2;
 use selvedge_cloth::geometry::signed_area_2d;
 
-use super::ObjError;
+use super::error::ObjError;
 use super::parse::Statements;
 
 /// Scales `coordinates`, `[vertices]`, sheet by sheet.

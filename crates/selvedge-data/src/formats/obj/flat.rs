@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{MeshError, Topology, TopologyError};
 
-use super::ObjError;
+use super::error::ObjError;
 use super::parse::Statements;
 
 /// Distance from the plane that still counts as flat, in units of the sheet's extent: files often

@@ -11,104 +11,22 @@
 //! can only be part of names, where they become the replacement character.
 
 mod assemble;
+mod error;
 mod fit;
 mod flat;
+mod options;
 mod parse;
 mod write;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
-use selvedge_cloth::MeshError;
 use selvedge_cloth::generate::Sheet;
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+pub use self::error::{ObjError, ReadObjError};
+pub use self::options::{ObjOptions, Seams, TextureUnit};
 pub use write::write_obj;
 pub(crate) use write::{ObjFrame, write_obj_frame};
-
-/// What is done with texture coordinates that are not those of a cloth in metres.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ObjOptions {
-    /// Where a vertex has two texture coordinates.
-    pub seams: Seams,
-    /// The unit of texture coordinates.
-    pub texture: TextureUnit,
-}
-
-/// What is done where a vertex has two texture coordinates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Seams {
-    /// The file is refused.
-    #[default]
-    Refuse,
-    /// The sheet is cut open along the seam: the side that comes later in the file gets vertices of
-    /// its own, numbered after those of the file.
-    Cut,
-}
-
-/// The unit of texture coordinates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TextureUnit {
-    /// They are in metres.
-    #[default]
-    Metres,
-    /// Any: each sheet's are stretched along u and along v to be as long as the sheet is at the
-    /// start, and mirrored back where they are mirrored.
-    Fit,
-}
-
-/// Why a file is not a cloth.
-#[derive(Debug, Error)]
-#[error("{}: {source}", path.display())]
-pub struct ReadObjError {
-    /// The file.
-    pub path: PathBuf,
-    /// What is wrong with it.
-    #[source]
-    pub source: ObjError,
-}
-
-/// Why text is not a cloth. Lines and vertices in messages count from 1, as in the file.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ObjError {
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("line {line}: {problem}")]
-    Line { line: usize, problem: String },
-    #[error("has no faces")]
-    NoFaces,
-    #[error("line {line}: this face names vertex {vertex} twice: remove it, or mend its corners")]
-    RepeatedVertex { line: usize, vertex: usize },
-    #[error(
-        "vertex {vertex} has the texture coordinates {first} and {second}: a cloth must be cut along such a seam, each side with vertices of its own (a scene does that with mesh.seams = \"cut\"), or its texture made to agree"
-    )]
-    Seam {
-        vertex: usize,
-        first: String,
-        second: String,
-    },
-    #[error(
-        "the texture coordinates of the sheet of vertex {vertex} cannot be stretched along u and v to fit its shape: they need some extent along both"
-    )]
-    Fit { vertex: usize },
-    #[error("line {line}: this face has no texture coordinates, but others have")]
-    MissingTexture { line: usize },
-    #[error(
-        "has no texture coordinates and is not flat (vertex {vertex} is {distance:.3e} m out of the plane of the others): give it texture coordinates, which are the material coordinates in metres"
-    )]
-    Curved { vertex: usize, distance: f64 },
-    #[error(
-        "line {line}: this face of {corners} corners cannot be split into triangles from one of its corners: triangulate it"
-    )]
-    Polygon { line: usize, corners: usize },
-    #[error("{0} (numbers from 0)")]
-    Mesh(#[from] MeshError),
-}
 
 /// Reads a mesh and its labels.
 ///

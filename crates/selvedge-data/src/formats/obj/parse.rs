@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec2, DVec3};
 
-use super::ObjError;
+use super::error::ObjError;
 
 /// What a file says.
 #[derive(Debug, Default)]

@@ -17,7 +17,8 @@ use glam::DMat4;
 
 use self::operations::{Attribute, Samples, operations_of};
 use self::tokens::{Token, Tokens};
-use super::{Rig, RigError, RigNode};
+use super::error::RigError;
+use super::node::{Rig, RigNode};
 
 /// Prims within prims, and brackets within brackets, at most.
 const DEEPEST: usize = 200;

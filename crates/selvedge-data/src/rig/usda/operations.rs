@@ -2,8 +2,8 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
+use super::super::node::{Change, Direction, Operation};
 use super::super::track::{Joined, Track, Value};
-use super::super::{Change, Direction, Operation};
 
 /// In an order: the prim is not moved by what it is in.
 pub(super) const RESET: &str = "!resetXformStack!";

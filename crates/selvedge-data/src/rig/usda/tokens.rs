@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use super::super::RigError;
+use super::super::error::RigError;
 
 /// A piece of the text.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,11 +7,13 @@ use glam::DVec3;
 use selvedge_cloth::{BendTable, Material, StrainLimits, StretchTable};
 use serde_json::Value;
 
-use super::super::file::read_text;
 use super::super::material_source::shipped_material;
 use super::super::mesh_spec::{MeshSource, MeshSpec, Rotate, Transform};
+use super::super::problem::SceneProblem;
+use super::super::text::read_text;
 use super::object::{Object, numbers, parse_json};
-use super::{Parts, SceneProblem, find_file};
+use super::parts::Parts;
+use super::shared::find_file;
 use crate::formats::obj::ObjOptions;
 
 /// What a material can be multiplied by; its mass per area `[kg/m²]`; its damping `[s]`.

@@ -3,9 +3,10 @@
 use selvedge_cloth::{HandleSchedule, PoseKeyframe, Release, SplineGroup, SplineMotion};
 use serde_json::Value;
 
+use super::super::problem::SceneProblem;
 use super::cloth::read_rotation;
 use super::object::Object;
-use super::{SceneProblem, Times};
+use super::shared::Times;
 
 /// What a scene says of its handles.
 pub(super) struct Drive {
@@ -143,10 +144,7 @@ fn read_keyframe(
     let time = keyframe.needed_number("time")?;
     let mut pose = PoseKeyframe {
         time,
-        scale: 1.0,
-        axis: glam::DVec3::Y,
-        angle_deg: 0.0,
-        translation: glam::DVec3::ZERO,
+        ..PoseKeyframe::default()
     };
     if let Some(mut transform) = keyframe.child("transform")? {
         let rotation = read_rotation(&mut transform)?;

@@ -10,38 +10,34 @@ mod cloth;
 mod drive;
 mod object;
 mod parts;
+mod shared;
 mod unique;
-
-use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
-
-use selvedge_cloth::{Environment, Motion, PhysicsMode, PhysicsSettings, SagSettings};
 
 use self::object::{Object, parse_json};
 use self::parts::Parts;
-use super::file::{LoadedScene, SceneProblem};
+use self::shared::Times;
+use super::loaded::LoadedScene;
+use super::problem::SceneProblem;
 use super::spec::{SceneSpec, Setting};
 use super::start::StartSpec;
+use selvedge_cloth::{Environment, Motion, PhysicsMode, PhysicsSettings, SagSettings};
+use std::ops::RangeInclusive;
+use std::path::Path;
 
 /// Seconds that a scene lasts that does not say how long.
 const DEFAULT_SECONDS: f64 = 10.0;
 
 /// Frame times `[s]` and solves per frame that can be run.
 const FRAME_TIMES: RangeInclusive<f64> = 1e-5..=1.0;
+
 const MOST_STEPS: u32 = 1000;
 
 /// What gravity `[m/s²]` and wind `[m/s]` are at most, and the density of air and its drag.
 const STRONGEST_GRAVITY: f64 = 1e6;
-const FASTEST_WIND: f64 = 1e3;
-const AIR: RangeInclusive<f64> = 0.0..=1e6;
 
-/// The pace of a scene.
-struct Times {
-    frame_time: f64,
-    substeps: u32,
-    /// `[s]`
-    duration: f64,
-}
+const FASTEST_WIND: f64 = 1e3;
+
+const AIR: RangeInclusive<f64> = 0.0..=1e6;
 
 /// Reads a scene from the text of its file; paths in it are relative to `folder`.
 ///
@@ -141,15 +137,6 @@ fn read_environment(
         wind.finish(warnings);
     }
     Ok(environment)
-}
-
-/// The file that `path` means, as a scene in `folder` names it.
-fn find_file(path: &str, folder: &Path) -> Option<String> {
-    if folder.join(path).is_file() {
-        return Some(path.to_owned());
-    }
-    let here: PathBuf = std::path::absolute(path).ok()?;
-    here.is_file().then(|| here.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 use serde_json::{Map, Value};
 
-use super::SceneProblem;
+use super::super::problem::SceneProblem;
 use super::unique::Unique;
 
 /// An object of the file.

@@ -1,6 +1,6 @@
 //! The parts of ARCSim that a scene can disable, and those that Selvedge lacks.
 
-use super::SceneProblem;
+use super::super::problem::SceneProblem;
 use super::object::Object;
 
 /// ARCSim's names of its parts.

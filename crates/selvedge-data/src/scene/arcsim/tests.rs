@@ -6,7 +6,8 @@ use glam::DVec3;
 use selvedge_cloth::{HandleConstraint, PhysicsMode, PhysicsSettings, StrainLimits};
 use tempfile::TempDir;
 
-use super::super::file::{LoadedScene, read_scene};
+use super::super::file::read_scene;
+use super::super::loaded::LoadedScene;
 use super::super::start::StartSpec;
 
 /// A unit square of two faces, its upper edge held.

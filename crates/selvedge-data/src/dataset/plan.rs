@@ -1,0 +1,102 @@
+//! The plan of a data set: its configuration, motions and sections.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::dataset::check::check_names;
+use crate::dataset::preset::config::DatasetConfig;
+use crate::dataset::sections::{Section, SectionError, SectionRule};
+use crate::dataset::{DatasetError, DatasetIndex, Entry, Split, Splits};
+
+/// What a data set is to hold.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetPlan {
+    /// What people call it.
+    pub name: String,
+    /// The resolved configuration.
+    pub config: Value,
+    /// Motions of the training split, in order.
+    pub train: Vec<String>,
+    /// Motions of the test split, in order.
+    pub test: Vec<String>,
+    /// What of the training split is learned from.
+    pub sections: SectionRule,
+}
+
+impl DatasetPlan {
+    /// The motions of a split, in order.
+    #[must_use]
+    pub fn motions(&self, split: Split) -> &[String] {
+        match split {
+            Split::Train => &self.train,
+            Split::Test => &self.test,
+        }
+    }
+
+    /// In what the data set of this index is not the one that the plan makes, as "has other
+    /// sections"; none where it is. What a preset's configuration does not say, since it was written
+    /// before there was a choice, has its default.
+    #[must_use]
+    pub fn difference(&self, index: &DatasetIndex) -> Option<String> {
+        let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();
+        let found = Self {
+            name: index.name.clone(),
+            config: index.config.clone(),
+            train: motions(&index.splits.train),
+            test: motions(&index.splits.test),
+            sections: self.sections,
+        };
+        self.difference_of_plan(&found).or_else(|| {
+            // The index has no rule, but what the rule gave.
+            let expected = sections(self.sections, &index.splits);
+            let is_same = expected.is_ok_and(|sections| sections == index.sections);
+            (!is_same).then(other_sections)
+        })
+    }
+
+    pub(super) fn difference_of_plan(&self, found: &Self) -> Option<String> {
+        let list = |motions: &[String]| format!("[{}]", motions.join(", "));
+        if found.name != self.name {
+            Some(format!("is called {:?}, not {:?}", found.name, self.name))
+        } else if found.train != self.train {
+            let (found, ours) = (list(&found.train), list(&self.train));
+            Some(format!("has the training motions {found}, not {ours}"))
+        } else if found.test != self.test {
+            let (found, ours) = (list(&found.test), list(&self.test));
+            Some(format!("has the test motions {found}, not {ours}"))
+        } else if !is_same_config(&found.config, &self.config) {
+            Some("has another configuration".to_owned())
+        } else {
+            (found.sections != self.sections).then(other_sections)
+        }
+    }
+
+    pub(super) fn validate(&self) -> Result<(), DatasetError> {
+        for split in [Split::Train, Split::Test] {
+            let motions = self.motions(split).iter().map(String::as_str);
+            check_names(motions).map_err(|(motion, problem)| DatasetError::Motion {
+                motion: motion.to_owned(),
+                problem,
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn other_sections() -> String {
+    "has other sections".to_owned()
+}
+
+/// Whether two configurations say the same, those of presets with every default filled in.
+fn is_same_config(a: &Value, b: &Value) -> bool {
+    let read = |config: &Value| DatasetConfig::deserialize(config).ok();
+    a == b || read(a).is_some_and(|a| read(b) == Some(a))
+}
+
+/// The sections of the training split, whose entries are in the order of the plan.
+pub(super) fn sections(rule: SectionRule, splits: &Splits) -> Result<Vec<Section>, SectionError> {
+    let train = splits.train.iter();
+    let lengths: Vec<(&str, usize)> = train.map(|e| (e.motion.as_str(), e.frames)).collect();
+    rule.sections(&lengths)
+}

@@ -1,0 +1,44 @@
+//! Choices for an export: format, frames, axis and normals.
+
+use super::frame_span::FrameSpan;
+use crate::UpAxis;
+
+/// A format that trajectories are written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportFormat {
+    /// USD as text: a mesh with time samples.
+    Usda,
+    /// glTF in one binary file: a mesh with a morph target per frame.
+    Glb,
+    /// A point cache of all frames, and the mesh of the first beside it (.obj).
+    Pc2,
+    /// One frame as a mesh.
+    Obj,
+    /// A folder with a mesh per frame.
+    ObjSequence,
+    /// NumPy's archive of arrays.
+    Npz,
+}
+
+/// Whether a normal is written for each vertex and frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normals {
+    /// It is: the mean of its faces' normals by their areas.
+    Written,
+    /// It is not: the other program makes its own.
+    #[default]
+    LeftOut,
+}
+
+/// What is written, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExportOptions {
+    /// The format.
+    pub format: ExportFormat,
+    /// Which frames.
+    pub frames: FrameSpan,
+    /// Which axis points up in the file; glTF has y up.
+    pub up: UpAxis,
+    /// Whether normals are written; a point cache has none.
+    pub normals: Normals,
+}

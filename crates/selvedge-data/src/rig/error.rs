@@ -1,0 +1,43 @@
+//! Errors of rigs.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// Why a file is no rig, or a node of it cannot be followed.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RigError {
+    #[error("{}: {source}", path.display())]
+    File {
+        path: PathBuf,
+        #[source]
+        source: Box<RigError>,
+    },
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("the name must end in .glb or .usda")]
+    Extension,
+    #[error("is no complete .glb file: {0}")]
+    Container(&'static str),
+    #[error("its JSON cannot be understood: {0}")]
+    Json(#[source] serde_json::Error),
+    #[error("{what}: {problem}")]
+    Part { what: String, problem: String },
+    #[error("is a binary USD file: save it as text, .usda (usdcat in.usd --out out.usda)")]
+    BinaryUsd,
+    #[error("line {line}: {problem}")]
+    Line { line: usize, problem: String },
+    #[error("there is no node called {name:?}; there are [{known}]")]
+    NoNode { name: String, known: String },
+    #[error("{count} nodes are called {name:?}: give them different names")]
+    Ambiguous { name: String, count: usize },
+    #[error("node {name:?}: {problem}")]
+    Node { name: String, problem: String },
+    #[error("none of the nodes [{names}] is animated")]
+    Still { names: String },
+    #[error("lasts {frames} frames of the scene, more than {most}")]
+    Long { frames: f64, most: usize },
+    #[error("{nodes} nodes are named for {handles} handles")]
+    Count { nodes: usize, handles: usize },
+}

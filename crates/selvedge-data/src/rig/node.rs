@@ -1,0 +1,92 @@
+//! A rig and its nodes: a tree of transforms that change over time.
+
+use glam::{DMat4, DQuat, DVec3};
+
+use super::track::Track;
+
+/// Nodes that move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rig {
+    pub(super) nodes: Vec<RigNode>,
+    /// From the world of the file to ours.
+    pub(super) world: DMat4,
+}
+
+/// A node of a rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigNode {
+    /// Its name in the file.
+    pub name: String,
+    pub(super) parent: Option<usize>,
+    pub(super) operations: Vec<Operation>,
+    /// Why it cannot be said where it is.
+    pub(super) obstacle: Option<String>,
+}
+
+/// A part of a node's transform.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Operation {
+    pub(super) change: Change,
+    /// Whether it is undone instead.
+    pub(super) direction: Direction,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Direction {
+    Forward,
+    Inverse,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Change {
+    Translation(Track<DVec3>),
+    Scale(Track<DVec3>),
+    Turn(Track<DQuat>),
+    /// By these angles [degrees] about x, y and z, in the order of these axes (0 is x).
+    Angles(Track<DVec3>, &'static [usize]),
+    Matrix(Track<DMat4>),
+}
+
+impl Operation {
+    pub(super) fn new(change: Change) -> Self {
+        Self {
+            change,
+            direction: Direction::Forward,
+        }
+    }
+
+    pub(super) fn at(&self, time: f64) -> DMat4 {
+        let matrix = self.change.at(time);
+        match self.direction {
+            Direction::Forward => matrix,
+            Direction::Inverse => matrix.inverse(),
+        }
+    }
+}
+
+impl Change {
+    pub(super) fn span(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Translation(track) | Self::Scale(track) | Self::Angles(track, _) => track.span(),
+            Self::Turn(track) => track.span(),
+            Self::Matrix(track) => track.span(),
+        }
+    }
+
+    pub(super) fn at(&self, time: f64) -> DMat4 {
+        match self {
+            Self::Translation(track) => DMat4::from_translation(track.at(time)),
+            Self::Scale(track) => DMat4::from_scale(track.at(time)),
+            Self::Turn(track) => DMat4::from_quat(track.at(time).normalize()),
+            Self::Angles(track, order) => {
+                let angles = track.at(time);
+                // The first axis turns first, and so stands innermost.
+                order.iter().fold(DMat4::IDENTITY, |matrix, &axis| {
+                    let turn = DQuat::from_axis_angle(DVec3::AXES[axis], angles[axis].to_radians());
+                    DMat4::from_quat(turn) * matrix
+                })
+            }
+            Self::Matrix(track) => track.at(time),
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! A scene that has been read: its spec, what is built from it, and what to warn of.
+
+use std::path::PathBuf;
+
+use selvedge_cloth::Scene;
+
+use super::spec::SceneSpec;
+use super::strained;
+use crate::trajectory::state_file::SavedState;
+
+/// A scene, and the spec that it came from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadedScene {
+    /// Resolved: what results carry.
+    pub spec: SceneSpec,
+    /// Built: what is run.
+    pub scene: Scene,
+    /// The state in which a run starts, if it starts in a saved one.
+    pub state: Option<SavedState>,
+    /// What the file asks for and cannot have, or can hardly mean.
+    pub warnings: Vec<String>,
+    /// The files that it was read from: its own, and all that it names.
+    pub files: Vec<PathBuf>,
+}
+
+impl LoadedScene {
+    /// A scene that starts as its spec says, from no saved state.
+    pub(crate) fn new(spec: SceneSpec, scene: Scene) -> Self {
+        Self {
+            spec,
+            scene,
+            state: None,
+            warnings: Vec::new(),
+            files: Vec::new(),
+        }
+    }
+
+    /// The same, with a warning where the cloth starts far from its material size; `remedy` says how
+    /// its file can be mended.
+    pub(super) fn looked_over(mut self, remedy: &str) -> Self {
+        let mesh = &self.scene.mesh;
+        let state = self.state.as_ref();
+        let start = state.map_or(mesh.positions(), |state| &state.positions);
+        self.warnings.extend(strained::warning(mesh, start, remedy));
+        self
+    }
+}

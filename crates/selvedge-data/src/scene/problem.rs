@@ -1,0 +1,51 @@
+//! Everything that can be wrong with a scene, and the error that names it.
+
+use thiserror::Error;
+
+use super::mesh_spec::MeshSpecError;
+use super::spec::SceneSpecError;
+
+/// A scene that cannot be used.
+#[derive(Debug, Error)]
+#[error("{origin}: {problem}")]
+pub struct SceneFileError {
+    /// The file, or the name of a shipped scene.
+    pub origin: String,
+    /// What is wrong with it.
+    #[source]
+    pub problem: SceneProblem,
+}
+
+/// What is wrong with a scene.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum SceneProblem {
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("is neither a file nor a shipped {what}; shipped are {known}")]
+    Unknown { what: &'static str, known: String },
+    #[error("{}", .0.to_string().trim_end())]
+    Toml(#[source] Box<toml::de::Error>),
+    #[error("is no JSON: {0}")]
+    Json(#[source] serde_json::Error),
+    #[error(transparent)]
+    RepeatedKey(serde_json::Error),
+    #[error("{key}: {problem}")]
+    Key { key: String, problem: String },
+    #[error("{field}: {problem}")]
+    Field {
+        field: &'static str,
+        problem: String,
+    },
+    #[error(transparent)]
+    Mesh(#[from] MeshSpecError),
+    #[error(transparent)]
+    Spec(#[from] SceneSpecError),
+}
+
+pub(crate) fn field(field: &'static str, problem: impl Into<String>) -> SceneProblem {
+    SceneProblem::Field {
+        field,
+        problem: problem.into(),
+    }
+}
