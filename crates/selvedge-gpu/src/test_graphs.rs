@@ -66,8 +66,8 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
 
 /// A hanging square of `side`² vertices, its handles the upper corners.
 ///
-/// The tests of `selvedge-model` have one like it. Nothing depends on their being the same, and a feature to share
-/// it would build that crate and all above it a second time.
+/// The tests of `selvedge-model` have one like it. Nothing depends on their being the same, and a
+/// feature to share it would build that crate and all above it a second time.
 pub(crate) fn hanging(side: usize, seed: u64) -> Cloth {
     let vertices = side * side;
     let spec = SquareSpec {
@@ -136,8 +136,8 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
     specs
 }
 
-/// A model of `spec` whose accelerations are about `size` `[m/frame²]`, with statistics none of which is
-/// special but for one constant column.
+/// A model of `spec` whose accelerations are about `size` `[m/frame²]`, with statistics none of
+/// which is special but for one constant column.
 pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
     let network = Network::new(spec).expect("a spec");
     let statistics = |width: usize, constant: usize| {
@@ -157,9 +157,9 @@ pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
     Model::new(spec, weights, normalizers, String::new()).expect("a model")
 }
 
-/// The device of the tests: the host, or what the environment variable `SELVEDGE_TEST_DEVICE` names, `cuda` with the
-/// feature. Where there is no C compiler they say so and are not run; where there is no GPU that was asked for, they
-/// fail.
+/// The device of the tests: the host, or what the environment variable `SELVEDGE_TEST_DEVICE`
+/// names, `cuda` with the feature. Where there is no C compiler they say so and are not run; where
+/// there is no GPU that was asked for, they fail.
 pub(crate) fn device() -> Option<&'static dyn Device> {
     static DEVICE: OnceLock<Option<Box<dyn Device>>> = OnceLock::new();
     DEVICE
@@ -184,8 +184,8 @@ fn wanted() -> String {
     std::env::var("SELVEDGE_TEST_DEVICE").unwrap_or_else(|_| "host".to_owned())
 }
 
-/// How far what is computed side by side may be from what is computed alone: nothing on the host; on a card as far as
-/// `rounding`, since products of other sizes may be summed in another order.
+/// How far what is computed side by side may be from what is computed alone: nothing on the host;
+/// on a card as far as `rounding`, since products of other sizes may be summed in another order.
 pub(crate) fn side_by_side(rounding: f32) -> f32 {
     if wanted() == "host" { 0.0 } else { rounding }
 }

@@ -1,8 +1,9 @@
-//! A network with its weights on a graph: what the benches load onto a device, and its arrays there.
+//! A network with its weights on a graph: what the benches load onto a device, and its arrays
+//! there.
 
 use selvedge_model::{Connectivity, Extent, Input, Network};
 
-use crate::device::{Device, DeviceError, Loaded, Precision, require_memory};
+use crate::device::{Device, DeviceError, Loaded, Precision, largest_fit, require_memory};
 use crate::kernels::Program;
 use crate::network::{GraphArrays, InputArrays, StateArrays, WeightArrays};
 use crate::schedule::Schedule;
@@ -17,8 +18,8 @@ pub struct NetworkCase<'a> {
     pub weights: &'a [f32],
     /// The arcs.
     pub graph: &'a Connectivity,
-    /// The frames that a pass takes. A pass of [`Extent::Newest`] starts from states, which are zero
-    /// until [`NetworkArrays::put_state`].
+    /// The frames that a pass takes. A pass of [`Extent::Newest`] starts from states, which are
+    /// zero until [`NetworkArrays::put_state`].
     pub extent: Extent,
 }
 
@@ -134,7 +135,8 @@ pub(super) fn load<L: Layout>(
     Ok((layout, loaded))
 }
 
-/// The part of a graph that fits into `free` bytes, in words, where graphs of given sizes need `bytes`.
+/// The part of a graph that fits into `free` bytes, in words, where graphs of given sizes need
+/// `bytes`.
 fn vertices_that_fit(
     sizes: GraphSizes,
     free: usize,
@@ -144,16 +146,8 @@ fn vertices_that_fit(
         vertices,
         arcs: (sizes.arcs * vertices).div_ceil(sizes.vertices.max(1)),
     };
-    let (mut low, mut high) = (0, sizes.vertices);
-    while high - low > 1 {
-        let middle = usize::midpoint(low, high);
-        if bytes(part(middle)) <= free {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    match low {
+    let fits = |vertices: usize| bytes(part(vertices)) <= free;
+    match largest_fit(sizes.vertices, fits) {
         0 => "not even one vertex would fit".to_owned(),
         low => format!(
             "about {low} vertices would fit, instead of {}",

@@ -1,25 +1,25 @@
-//! A training on a device, held against the same one on the CPU: the gradient of its first step, and the
-//! losses of all steps from one seed.
+//! Comparison of a training on a device with the same training on the processor: the gradient of
+//! the first step, and the losses of all steps from one seed.
 
 use selvedge_train::{EngineMaker, OnProcessor, StepReport, TrainError, Trainer};
 
 use crate::device::{Device, Precision};
 use crate::training::OnDevice;
 
-/// How far a training on a device is from the one on the CPU, in parts of the latter's numbers.
+/// Relative differences of a training on a device from the one on the processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrainingCheck {
-    /// The gradient of the first step, by its length.
+    /// The gradient of the first step, relative to its length.
     pub gradient: f64,
-    /// The term of the first loss that is farthest off.
+    /// The largest difference of a term of the first loss.
     pub first_loss: f64,
-    /// The whole loss of the step that is farthest off.
+    /// The largest difference of the loss of a step.
     pub losses: f64,
-    /// The weights at the end, by how far they have come.
+    /// The weights at the end, relative to the way they have come.
     pub weights: f64,
 }
 
-/// Takes so many steps of the training that `make` makes, with both.
+/// Takes `steps` steps of the training that `make` makes, on the device and on the processor.
 ///
 /// # Errors
 /// When a training cannot be made, or a step fails.
@@ -48,7 +48,7 @@ pub fn training(
     Ok(check)
 }
 
-/// The worst of the terms, in parts of the whole.
+/// The largest relative difference of a term.
 fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
     let terms = |report: &StepReport| {
         let terms = &report.terms;
@@ -70,7 +70,7 @@ fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
     off.fold(0.0, worse)
 }
 
-/// The larger; no number where one is none.
+/// The larger number; NaN where one of them is.
 fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() {
         return f64::NAN;

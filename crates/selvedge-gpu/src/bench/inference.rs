@@ -1,5 +1,5 @@
-//! A network's forward pass on a device, on given features: compared with the processor's engine, and
-//! measured beside other programs.
+//! A network's forward pass on a device, on given features: compared with the processor's engine,
+//! and measured beside other programs.
 
 use selvedge_model::{Extent, Input, Network};
 
@@ -74,8 +74,8 @@ impl Layout for PassLayout {
 }
 
 impl Inference {
-    /// Loads a network onto a device. The states that a pass of [`Extent::Newest`] leaves are not those
-    /// that the next one starts from.
+    /// Loads a network onto a device. The states that a pass of [`Extent::Newest`] leaves are not
+    /// those that the next one starts from.
     ///
     /// # Errors
     /// Too little memory, or a device that fails.

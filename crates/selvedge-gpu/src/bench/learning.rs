@@ -1,6 +1,6 @@
-//! A network's step of learning on a device, on given features and a given target: forward pass, mean
-//! square error, backward pass, Adam. Compared with the processor's engine, and measured beside other
-//! programs; trainings are in `training`.
+//! A network's step of learning on a device, on given features and a given target: forward pass,
+//! mean square error, backward pass, Adam. Compared with the processor's engine, and measured
+//! beside other programs; trainings are in `training`.
 
 use selvedge_model::{Extent, Input, Network};
 use selvedge_train::{Adam, AdamError, AdamSettings};
@@ -176,8 +176,8 @@ impl Learning {
         profile(&mut *self.loaded, &schedule)
     }
 
-    /// Writes normalised features, of as many frames as the pass takes, and the target of its prediction,
-    /// `[vertices, 3]`.
+    /// Writes normalised features, of as many frames as the pass takes, and the target of its
+    /// prediction, `[vertices, 3]`.
     ///
     /// # Errors
     /// When the device fails.
@@ -303,8 +303,8 @@ mod tests {
             }
             adam.step(&mut expected, &gradient, 1e-3);
         }
-        // Adam moves by the whole rate even where a gradient is so small that rounding decides its sign:
-        // few weights may differ by that.
+        // Adam moves by the whole rate even where a gradient is so small that rounding decides its
+        // sign: few weights may differ by that.
         let found = learning.weights().expect("weights");
         let off = |bound: f32| {
             let pairs = found.iter().zip(&expected);

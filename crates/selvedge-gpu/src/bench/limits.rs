@@ -1,5 +1,5 @@
-//! What a device can do at most, measured: how fast it multiplies large matrices, and how fast it moves
-//! memory. What a network takes is compared with these, not with a data sheet.
+//! The limits of a device, measured: the speed of products of large matrices, and the bandwidth of
+//! its memory. Benches compare the time of a network with these, not with a data sheet.
 
 use std::time::Instant;
 
@@ -8,17 +8,18 @@ use crate::kernels::{Program, Sizes};
 use crate::schedule::plan::Plan;
 use crate::schedule::{Epilogue, Matrix, Onto, Product, Schedule};
 
-/// Runs of each, of which the fastest counts.
+/// Measured runs, of which the fastest counts.
 pub(crate) const RUNS: usize = 5;
 
 /// Products or copies in a run.
 pub(crate) const REPEATS: usize = 8;
 
-/// What a device can do.
+/// The measured limits of a device.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Floating-point operations per second of square products, two for each multiplication with its
-    /// addition: full, tensor and half. Half is of factors that lie in bf16, where the device has such a product.
+    /// Floating-point operations per second of square products, two for each multiplication with
+    /// its addition: full, tensor and half. Half has bf16 factors in memory, where the device can
+    /// do so.
     pub products: [f64; 3],
     /// Bytes read and written per second by a copy.
     pub bandwidth: f64,
@@ -27,7 +28,7 @@ pub struct Limits {
 /// Measures a device by square matrices of `side` rows.
 ///
 /// # Errors
-/// When it fails, or has not the memory.
+/// When the device fails, or has too little memory.
 pub fn limits(device: &dyn Device, side: usize) -> Result<Limits, DeviceError> {
     let mut products = [0.0; 3];
     let precisions = [Precision::Full, Precision::Tensor, Precision::Half];
@@ -63,14 +64,13 @@ pub fn limits(device: &dyn Device, side: usize) -> Result<Limits, DeviceError> {
     })
 }
 
-/// Numbers between -1 and 1: what is multiplied has bits in it, since a card takes less power, and is faster, where
-/// it multiplies zeros.
+/// Numbers between -1 and 1. A card takes less power, and is faster, where it multiplies zeros.
 pub(crate) fn drawn(count: usize) -> impl Iterator<Item = f32> {
     // Weyl's sequence of the golden ratio.
     (0..count).map(|i| (i as u32).wrapping_mul(0x9e37_79b9) as i32 as f32 / 2_147_483_648.0)
 }
 
-/// Seconds of the fastest run of a schedule on three matrices, two of drawn numbers.
+/// Seconds of the fastest run of a schedule on three matrices, of which two hold drawn numbers.
 fn measure(
     device: &dyn Device,
     precision: Precision,
@@ -90,7 +90,7 @@ fn measure(
         loaded.put(*matrix, &numbers)?;
     }
     let prepared = loaded.prepare(&schedule(matrices))?;
-    // The first runs find cold libraries, and a device that may record them.
+    // The first two runs load libraries and may be recorded.
     let times = (0..RUNS + 2).map(|_| time(&mut *loaded, prepared));
     let times = times.collect::<Result<Vec<f64>, _>>()?;
     Ok(times.into_iter().skip(2).fold(f64::INFINITY, f64::min))
@@ -113,7 +113,7 @@ mod tests {
     fn limits_are_those_of_something_that_computes() {
         let Some(device) = device() else { return };
         let found = limits(device, 64).expect("a measurement");
-        // Slower than any machine, faster than any at matrices as small: only that the counts are about right.
+        // Bounds that any machine keeps at matrices as small: they only check the counts.
         for limit in found.products.into_iter().chain([found.bandwidth]) {
             assert!((1e6..1e13).contains(&limit), "{limit}");
         }
@@ -123,7 +123,8 @@ mod tests {
     fn drawn_numbers_are_spread_evenly() {
         let numbers: Vec<f32> = drawn(4096).collect();
         let mean = |of: &dyn Fn(f32) -> f32| numbers.iter().map(|&x| of(x)).sum::<f32>() / 4096.0;
-        // Of an even spread over (-1, 1) 0 and 1/3; the sequence strays from it by less than 1 / count.
+        // Of an even spread over (-1, 1) 0 and 1/3; the sequence strays from it by less than 1 /
+        // count.
         assert!(mean(&|x| x).abs() < 2e-3);
         assert!((mean(&|x| x * x) - 1.0 / 3.0).abs() < 2e-3);
     }

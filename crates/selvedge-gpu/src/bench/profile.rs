@@ -1,10 +1,10 @@
-//! What the commands of a schedule cost: bytes and operations by their arguments, and time, each command
-//! run by itself.
+//! The cost of the commands of a schedule: bytes and operations by their arguments, and the time of
+//! each command by itself.
 //!
-//! Bytes count every array of a command once for each time that it is read or written as a whole: what a
-//! kernel gathers twice may lie in a cache. Time is that of a few runs in a row which are waited for. A device runs
-//! a schedule without waiting in between, and finds in its caches what the command before left: the whole takes
-//! less than its commands by themselves.
+//! An array counts once for each command that reads it and once for each that writes it: rows that
+//! a kernel gathers twice may lie in a cache. The time is that of a few runs in a row with one
+//! wait. A whole schedule takes less than the sum of its commands: there are no waits in between,
+//! and a command finds the results of the one before in caches.
 
 use std::time::Instant;
 
@@ -15,37 +15,37 @@ use crate::schedule::{
     Argument, Command, Epilogue, Launch, NamedArgument, Onto, Product, Schedule,
 };
 
-/// Runs in a row of which one takes the mean; more of them of what is short, so that beginning and waiting, about
-/// 10 µs together, do not count.
+/// Runs in a row, of which the mean counts: few of a long command, many of a short one, so that the
+/// start and the wait, about 10 µs together, do not matter.
 const REPEATS: [usize; 2] = [4, 50];
 
-/// What takes less is short `[ms]`.
+/// The time below which a command is short `[ms]`.
 const SHORT: f64 = 0.2;
 
 /// Bytes and operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
-    /// Read and written.
+    /// Bytes read and written.
     pub bytes: f64,
     /// Operations of products: two for each multiplication with its addition.
     pub flop: f64,
 }
 
-/// What all commands of a name cost together.
+/// The cost of all commands of a name together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spent {
     /// A kernel, or a product with its size.
     pub name: String,
-    /// How many there are.
+    /// The number of commands.
     pub commands: usize,
     /// Time `[ms]`.
     pub elapsed_ms: f64,
-    /// What they did in it.
+    /// Their bytes and operations.
     pub work: Work,
 }
 
 impl Work {
-    /// Of one command.
+    /// The work of one command.
     #[must_use]
     pub fn of(command: &Command) -> Self {
         match command {
@@ -56,7 +56,7 @@ impl Work {
         }
     }
 
-    /// Of all commands of a schedule.
+    /// The work of all commands of a schedule.
     #[must_use]
     pub fn of_all(schedule: &Schedule) -> Self {
         let all = schedule.commands.iter().map(Self::of);
@@ -89,7 +89,7 @@ impl Work {
         Self::moved(pairs.map(of).sum())
     }
 
-    /// With the addition of a bias, which goes over the result once more where it is a kernel of its own.
+    /// The work of a product and its epilogue, which reads and writes the result once more.
     fn of_product(product: &Product) -> Self {
         let [m, n, k] = product.size.map(|size| size as f64);
         let mut results = 1.0;
@@ -106,8 +106,8 @@ impl Work {
     }
 }
 
-/// Runs every command of a schedule by itself; the dearest name comes first. What lies in the arena
-/// afterwards is of no use. All that the schedule reads must have been written.
+/// Runs every command of a schedule by itself; the most expensive name comes first. Everything that
+/// the schedule reads must have been written. The contents of the arena are lost.
 ///
 /// # Errors
 /// When the device fails.
@@ -214,7 +214,8 @@ mod tests {
         });
         let arguments = args! { rows: c, leading: 2_usize, bias, width: 2_usize };
         schedule.launch(&ADD_BIAS, 3, arguments);
-        // In words: 28 cleared; 12 + 8 read and 6 written, then 6 read too; 6 read and written, 2 read.
+        // In words: 28 cleared; 12 + 8 read and 6 written, then 6 read too; 6 read and written, 2
+        // read.
         let work = Work::of_all(&schedule);
         assert_eq!(work.bytes, 4.0 * f64::from(28 + 26 + 32 + 14));
         assert_eq!(work.flop, f64::from(2 * 2 * 3 * 2 * 4));

@@ -1,8 +1,8 @@
 //! The features of vertices and arcs on the device: their statistics, and the schedule that fills a
 //! normalised window of them.
 //!
-//! Columns and their order are those of `selvedge_model`. Numbers that depend on the handles alone are
-//! computed on the processor and uploaded with each frame ([`crate::cloths::frames`]).
+//! Columns and their order are those of `selvedge_model`. Numbers that depend on the handles alone
+//! are computed on the processor and uploaded with each frame ([`crate::cloths::frames`]).
 
 use selvedge_model::{ModelSpec, Normalizers};
 

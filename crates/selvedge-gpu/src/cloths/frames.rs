@@ -1,5 +1,5 @@
-//! Arrays that change from frame to frame: the last positions in a ring, the yaw of each cloth's local
-//! frame, and the rigid motions of its handles.
+//! Arrays that change from frame to frame: the last positions in a ring, the yaw of each cloth's
+//! local frame, and the rigid motions of its handles.
 //!
 //! The processor computes the yaws and the motions. They follow from the handles alone, whose
 //! positions it knows without asking the device.

@@ -1,8 +1,8 @@
-//! What a prediction is judged by, on the device: the table of `kernels/losses.cu`, its arrays, and the
-//! schedule from predicted accelerations to the terms of every lane and their gradient.
+//! The losses on the device: their arrays, and the schedule from predicted accelerations to the
+//! terms of every rollout slot and their gradient.
 //!
-//! Lanes stand in places of equal sizes ([`PlaceSizes`]), each with a cloth that may fill less of it: what
-//! is left over is vertices that are handles, at the origin, and edges from one of them to itself.
+//! All rollout slots have the same size ([`PlaceSizes`]). A smaller cloth is padded: with vertices
+//! that are handles at the origin, and with edges from one of them to itself.
 
 use selvedge_train::{LossStatistics, LossWeights};
 
@@ -13,16 +13,16 @@ use crate::kernels::losses::{
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{NamedArgument, Schedule, args};
 
-/// Statistics and weights of the terms, as in `kernels/losses.cu`.
+/// The number of statistics and weights of the terms, as in `kernels/losses.cu`.
 const NUMBERS: usize = 19;
 
-/// Terms of a loss: acceleration, kinetic energy, edge vector, edge length, bending angle.
+/// The number of terms: acceleration, kinetic energy, edge vector, edge length, bending angle.
 pub const TERMS: usize = 5;
 
-/// Vertices, and edges, that a warp sums: a large cloth is summed by many, always by the same parts.
+/// Vertices and edges that one warp sums. The parts of a cloth are always the same.
 const PER_PART: usize = 256;
 
-/// How many of everything the place of a lane has room for.
+/// Sizes of a rollout slot in the union.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlaceSizes {
     /// Vertices.
@@ -41,34 +41,34 @@ impl PlaceSizes {
     }
 }
 
-/// What does not change of the cloths of all lanes beside [`ClothArrays`], and the constants.
+/// The constant arrays of the losses beside [`ClothArrays`].
 #[derive(Clone, Copy, Debug)]
 pub struct LossArrays {
-    /// Lanes.
+    /// The number of rollout slots.
     pub lanes: usize,
-    /// What each has room for.
+    /// The sizes of each slot.
     pub place: PlaceSizes,
-    /// Both ends of the edges, `[edges, 2]`.
+    /// Both vertices of the edges, `[edges, 2]`.
     pub ends: Region,
-    /// From, to, left and right of their hinges, `[edges, 4]`; four times the same at a border.
+    /// From, to, left and right of the hinges, `[edges, 4]`; four equal vertices at a border.
     pub hinges: Region,
     /// The edge of each arc, `[arcs]`.
     pub arc_edges: Region,
     /// The arcs of each edge, from its first end and from its second, `[edges, 2]`.
     pub edge_arcs: Region,
-    /// Where in `corners` those of each vertex begin and end, `[vertices, 2]`.
+    /// Begin and end of the corners of each vertex in `corners`, `[vertices, 2]`.
     pub corner_ends: Region,
-    /// Where each vertex is a corner of a hinge: 4 times the edge, and which of its corners,
+    /// The corners of hinges of each vertex: 4 times the edge plus the number of the corner,
     /// `[4 edges]`.
     pub corners: Region,
-    /// What one vertex and what one edge count in the means of their lane, `[lanes, 2]`.
+    /// The weights of one vertex and of one edge in the means of their slot, `[slots, 2]`.
     pub shares: Region,
     /// Statistics and weights.
     pub numbers: Region,
 }
 
 impl LossArrays {
-    /// Room for lanes in places of these sizes.
+    /// Room for `slots` rollout slots of one size.
     pub fn new(plan: &mut Plan, lanes: usize, place: PlaceSizes) -> Self {
         let [vertices, arcs, edges] =
             [place.vertices, place.arcs, place.edges()].map(|n| n * lanes);
@@ -143,14 +143,14 @@ pub fn loss_numbers(statistics: &LossStatistics, weights: &LossWeights) -> Vec<f
     numbers
 }
 
-/// A frame of every lane in the arena, in axes of its own.
+/// Three frames of every rollout slot in the arena, in the local axes of its cloth.
 #[derive(Clone, Copy, Debug)]
 pub struct TripletArrays {
     /// Positions one frame before the current ones, `[vertices, 3]` `[m]`.
     pub previous: Region,
-    /// Positions that the prediction starts from.
+    /// Positions from which the prediction starts.
     pub current: Region,
-    /// Positions that it should lead to.
+    /// Positions that the prediction should reach.
     pub target: Region,
 }
 
@@ -172,18 +172,18 @@ impl TripletArrays {
     }
 }
 
-/// What is judged, and where that goes.
+/// A prediction to judge, with room for the results.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged<'a> {
     /// The cloths.
     pub cloths: &'a ClothArrays,
-    /// The frame.
+    /// The frames around the prediction.
     pub triplet: &'a TripletArrays,
     /// Normalised accelerations, `[vertices, 3]`.
     pub predicted: Region,
-    /// Out: the gradient of each lane's loss with respect to them, `[vertices, 3]`.
+    /// Room for the gradient of each slot's loss with respect to `predicted`, `[vertices, 3]`.
     pub gradient: Region,
-    /// Out: the terms of each lane before their weights, `[lanes, 5]`.
+    /// Room for the terms of each slot before their weights, `[slots, 5]`.
     pub terms: Region,
 }
 

@@ -1,5 +1,8 @@
-//! What does not change of the cloths of a union, in the arena: what features, integration and edge
-//! limits are made from.
+//! The cloths of a union in the arena: the arrays that do not change from frame to frame. Features,
+//! integration and edge limits read them.
+//!
+//! The files beside this one add the arrays that change (`frames`) and the schedules around the
+//! network: `features`, `motion`, and for learning `losses` and `features_backward`.
 
 pub mod features;
 pub mod features_backward;
@@ -14,30 +17,30 @@ use crate::network::GraphArrays;
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{NamedArgument, args};
 
-/// Of a vertex that is no handle, as in `kernels/common.h`.
+/// The handle number of a vertex that is no handle, as in `kernels/common.h`.
 const NO_HANDLE: u32 = u32::MAX;
 
-/// Cloths side by side, by their sizes.
+/// Sizes of cloths side by side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UnionSizes {
     /// Cloths.
     pub cloths: usize,
-    /// Vertices of all.
+    /// Vertices of all cloths.
     pub vertices: usize,
-    /// Arcs of all.
+    /// Arcs of all cloths.
     pub arcs: usize,
-    /// Edges of all.
+    /// Edges of all cloths.
     pub edges: usize,
-    /// Faces of all.
+    /// Faces of all cloths.
     pub faces: usize,
-    /// Handles of all.
+    /// Handles of all cloths.
     pub handles: usize,
-    /// Colours that the edges of any one of them need.
+    /// The most colours that the edges of a cloth need.
     pub colours: usize,
 }
 
 impl UnionSizes {
-    /// Those of some cloths.
+    /// The sizes of some cloths.
     #[must_use]
     pub fn of(graphs: &[&ClothGraph]) -> Self {
         let mut sizes = Self {
@@ -59,15 +62,15 @@ impl UnionSizes {
 /// The cloths of a union in the arena.
 #[derive(Clone, Copy, Debug)]
 pub struct ClothArrays {
-    /// How many of everything.
+    /// Sizes of the union.
     pub sizes: UnionSizes,
-    /// The arcs as the network sees them.
+    /// The arcs.
     pub graph: GraphArrays,
-    /// Number of the cloth of each vertex, `[vertices]`.
+    /// The number of the cloth of each vertex, `[vertices]`.
     pub cloth_of: Region,
-    /// Number of the handle that each vertex is, in the union, `[vertices]`.
+    /// The number of the handle of each vertex in the union, `[vertices]`.
     pub handle_of: Region,
-    /// `[vertices]` `[kg]`.
+    /// Masses, `[vertices]` `[kg]`.
     pub mass: Region,
     /// The sagged rest pose `[vertices, 3]` `[m]`.
     pub rest: Region,
@@ -77,21 +80,21 @@ pub struct ClothArrays {
     pub corners: Region,
     /// Areas of the faces, `[faces]` `[m²]`.
     pub areas: Region,
-    /// The first of the faces of each vertex in `faces`, `[vertices + 1]`.
+    /// The offset of the faces of each vertex in `faces`, `[vertices + 1]`.
     pub first_face: Region,
     /// The faces of the vertices, in ascending order for each, `[3 faces]`.
     pub faces: Region,
-    /// Rest vector and its length of each arc, `[arcs, 4]` `[m]`.
+    /// The rest vector of each arc and its length, `[arcs, 4]` `[m]`.
     pub arc_rest: Region,
-    /// Material vector and its length of each arc, `[arcs, 3]` `[m]`.
+    /// The material vector of each arc and its length, `[arcs, 3]` `[m]`.
     pub arc_material: Region,
     /// From, to, left and right of the hinge of each arc; four times 0 at a border, `[arcs, 4]`.
     pub hinges: Region,
-    /// Both ends of the edges, colour after colour for each cloth, `[edges, 2]`.
+    /// Both vertices of the edges, colour after colour for each cloth, `[edges, 2]`.
     pub edge_ends: Region,
-    /// Rest lengths of the same, `[edges]` `[m]`.
+    /// Rest lengths of the edges in the same order, `[edges]` `[m]`.
     pub edge_rest: Region,
-    /// Where the edges of each colour begin, and where the last end, `[cloths, colours + 1]`.
+    /// Offsets of the edges of each colour, and the end of the last, `[cloths, colours + 1]`.
     pub colour_bounds: Region,
     /// 1 / mass of each vertex, 0 of handles, `[vertices]` `[1/kg]`.
     pub inverse_mass: Region,
@@ -178,13 +181,13 @@ impl ClothArrays {
         ]
     }
 
-    /// Writes cloths there.
+    /// Writes the cloths.
     ///
     /// # Errors
     /// When the device fails.
     ///
     /// # Panics
-    /// When they have other sizes.
+    /// When the cloths have other sizes.
     pub fn upload(
         &self,
         loaded: &mut dyn Loaded,
@@ -211,7 +214,7 @@ impl ClothArrays {
     }
 }
 
-/// The numbers of [`ClothArrays`].
+/// The contents of [`ClothArrays`].
 #[derive(Default)]
 pub(crate) struct Statics {
     pub(crate) cloth_of: Vec<u32>,
@@ -327,7 +330,7 @@ impl Statics {
                 self.arc_material[3 * arc..][..3].copy_from_slice(&[flat.x, flat.y, flat_length]);
             }
         }
-        // No edge has a length below 0 in the flat cloth, which tells links from edges.
+        // A negative length in the flat cloth marks a link: no edge has one.
         for link in graph.links() {
             for (arc, sign) in link.arcs.into_iter().zip([1.0, -1.0]) {
                 let (arc, rest) = (first + arc as usize, sign * link.rest_vector);
@@ -360,8 +363,9 @@ impl Statics {
     }
 }
 
-/// A colour for every edge such that no vertex has two of the same, the smallest that is free for one
-/// edge after the other; and how many there are: fewer than twice the most edges of a vertex.
+/// A colour for every edge, and the number of colours. No vertex has two edges of one colour. Each
+/// edge in turn takes the smallest free colour, so that there are fewer than twice the most edges
+/// of a vertex.
 pub(crate) fn colours(graph: &ClothGraph) -> (Vec<usize>, usize) {
     let mut used: Vec<Vec<bool>> = vec![Vec::new(); graph.vertex_count()];
     let mut count = 0;

@@ -1,18 +1,18 @@
 //! The schedule from accelerations to the next positions, with the bounds of edge lengths. Its
 //! reference is [`selvedge_model::advance`]: both lead to the same positions but for rounding.
 //!
-//! The edges are handled colour by colour, all edges of a colour at once; the processor handles them by
-//! number. So the results differ where several edges are out of bounds. Where none is, both leave every
-//! position as it is.
+//! The edges are handled colour by colour, all edges of a colour at once; the processor handles
+//! them by number. So the results differ where several edges are out of bounds. Where none is, both
+//! leave every position as it is.
 
 use crate::cloths::features::FeatureSources;
 use crate::kernels::motion::{INTEGRATE, LIMIT_EDGES};
 use crate::schedule::plan::Region;
 use crate::schedule::{Schedule, args};
 
-/// Adds the way from normalised accelerations `output` `[vertices, 3]` to the next positions, which go
-/// to the slot after the newest. `changed` (`[cloths]`) is room for the bounds of edges, where the spec
-/// has any.
+/// Adds the way from normalised accelerations `output` `[vertices, 3]` to the next positions, which
+/// go to the slot after the newest. `changed` (`[cloths]`) is room for the bounds of edges, where
+/// the spec has any.
 pub fn advance(
     schedule: &mut Schedule,
     from: FeatureSources<'_>,

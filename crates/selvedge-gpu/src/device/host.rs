@@ -1,12 +1,11 @@
-//! The device that is this machine's own processor: the kernels' source, compiled by its C compiler
-//! into a shared library, and schedules run one command after the other by plain loops.
+//! The host device: this machine's processor. Its C compiler makes a shared library of the kernels,
+//! and plain loops run the commands of a schedule one after the other.
 //!
-//! It is there so that everything but the launching can be tested, and compared with the CPU engine,
-//! where there is no GPU. It is slow, and says nothing about the speed of anything. It multiplies in full
-//! whatever the precision.
+//! It exists for tests without a GPU, against the processor's own engine. It is slow, and its speed
+//! says nothing about a GPU. It multiplies in f32 whatever the precision.
 //!
-//! `unsafe` here: a library that was compiled a moment ago is loaded and its functions are called with
-//! pointers into the arena. That these stay within it is what [`Loaded::prepare`] checks of every schedule.
+//! `unsafe` here: a library that this file has compiled is loaded, and its functions are called
+//! with pointers into the arena. [`Loaded::prepare`] checks that every schedule stays within it.
 #![allow(unsafe_code)]
 
 use std::collections::HashMap;
@@ -39,22 +38,22 @@ type ProductEntry = unsafe extern "C" fn(
     u32,
 );
 
-/// What lies in the arena before anything is written: not a number.
+/// The contents of the arena before anything is written: not a number.
 const UNWRITTEN: u64 = 0x7fc0_dead_7fc0_dead;
 
 /// This machine, through its C compiler.
 #[derive(Debug)]
 pub struct Host {
     compiler: String,
-    /// What was compiled, by its source.
+    /// Compiled libraries by their source.
     libraries: Mutex<HashMap<String, Arc<Library>>>,
 }
 
 impl Host {
-    /// With the compiler that the environment variable `CC` names, else `cc`.
+    /// The host with the compiler that the environment variable `CC` names, else `cc`.
     ///
     /// # Errors
-    /// When there is none that answers.
+    /// When there is no such compiler.
     pub fn new() -> Result<Self, DeviceError> {
         let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
         let answer = Process::new(&compiler).arg("--version").output();
@@ -119,7 +118,7 @@ impl Host {
 }
 
 fn open(path: &Path) -> Result<Library, DeviceError> {
-    // SAFETY: it was compiled here from the kernels' source, and has nothing that runs when loaded.
+    // SAFETY: it was compiled here from the kernels' source, and runs nothing when it is loaded.
     unsafe { Library::new(path) }.map_err(|error| DeviceError::Call {
         call: "loading the compiled kernels",
         reason: error.to_string(),
@@ -145,7 +144,7 @@ impl Device for Host {
         let mut entries = HashMap::new();
         for kernel in program.kernels() {
             let name = format!("run_{}", kernel.name);
-            // SAFETY: the source has a function of this name and type for every kernel.
+            // SAFETY: the source has a function of this name and type for each kernel.
             let entry = unsafe { library.get::<Entry>(name.as_bytes()) };
             let entry = entry.map_err(|_| DeviceError::NoKernel(name))?;
             entries.insert(kernel.name, *entry);
@@ -173,7 +172,7 @@ struct HostLoaded {
     entries: HashMap<&'static str, Entry>,
     product: ProductEntry,
     schedules: Vec<Schedule>,
-    /// What `entries` lie in.
+    /// The library of `entries`.
     _library: Arc<Library>,
 }
 
@@ -213,8 +212,8 @@ impl HostLoaded {
                 Value::Number(number) => std::ptr::from_mut(number).cast(),
             })
             .collect();
-        // SAFETY: the entry takes as many arguments of these types as the kernel's table says, and
-        // `prepare` has compared them with the launch's.
+        // SAFETY: the entry takes the arguments of the kernel's signature, and `prepare` has
+        // compared those of the launch with them.
         unsafe { self.entries[launch.kernel.name](pointers.as_mut_ptr(), launch.count as u32) };
     }
 

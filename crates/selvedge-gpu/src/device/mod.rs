@@ -1,7 +1,7 @@
-//! What a device is to the rest: something that compiles a program, holds an arena, and runs schedules.
+//! Devices: [`Device`] compiles a program and allocates an arena, [`Loaded`] runs schedules in it.
 //!
-//! This is all that another kind of GPU would have to do: the kernels' source in its own language, a
-//! product, and these two traits.
+//! `host` is this machine's processor, for tests; `cuda` an NVIDIA GPU. Another kind of GPU would
+//! need these two traits, a matrix product, and a prelude of definitions for the kernels' source.
 
 #[cfg(feature = "cuda")]
 pub mod cuda;
@@ -14,7 +14,7 @@ use crate::kernels::Program;
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, ScheduleError};
 
-/// How exact products are. Sums are f32 always.
+/// The precision of matrix products. Sums are f32 always.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// f32 throughout.
@@ -28,7 +28,7 @@ pub enum Precision {
 
 /// A kind of machine that runs kernels.
 pub trait Device: Send + Sync {
-    /// What it is called, with its memory, for people.
+    /// Its name and its memory, for people.
     fn name(&self) -> String;
 
     /// Bytes that can be allocated now.
@@ -37,11 +37,11 @@ pub trait Device: Send + Sync {
     /// When the device does not answer.
     fn free_bytes(&self) -> Result<usize, DeviceError>;
 
-    /// How fast it multiplies square matrices of so many rows whose numbers lie in bf16, at most
-    /// `[floating-point operations per second]`; none where it knows no such numbers.
+    /// The speed of products of square bf16 matrices of `side` rows
+    /// `[floating-point operations per second]`. None where the device has no such product.
     ///
     /// # Errors
-    /// When it fails, or has not the memory.
+    /// When the device fails, or has too little memory.
     fn narrow_products(&self, side: usize) -> Result<Option<f64>, DeviceError> {
         let _ = side;
         Ok(None)
@@ -50,7 +50,7 @@ pub trait Device: Send + Sync {
     /// Compiles a program and allocates the arena of a plan.
     ///
     /// # Errors
-    /// When a kernel does not compile, or the memory is not there.
+    /// When a kernel does not compile, or the device has too little memory.
     fn load(
         &self,
         program: &Program,
@@ -59,50 +59,51 @@ pub trait Device: Send + Sync {
     ) -> Result<Box<dyn Loaded>, DeviceError>;
 }
 
-/// Number of a schedule that a device knows.
+/// The number of a schedule that a device has prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Prepared(pub(crate) usize);
 
 /// A program and its arena on a device.
 pub trait Loaded: Send {
-    /// Writes words to a region, as many as it has.
+    /// Writes all words of a region.
     ///
     /// # Errors
     /// When the device fails.
     fn upload(&mut self, to: Region, words: &[u32]) -> Result<(), DeviceError>;
 
-    /// Reads a region, as many words as it has; waits for what runs.
+    /// Reads all words of a region, after the schedules that run.
     ///
     /// # Errors
     /// When the device fails.
     fn download(&mut self, from: Region, words: &mut [u32]) -> Result<(), DeviceError>;
 
-    /// Makes a schedule ready to be run often.
+    /// Prepares a schedule for many runs.
     ///
     /// # Errors
-    /// When it names a kernel that the program does not have, or the device fails.
+    /// When a launch is not one of the program's kernels with its arguments, or the device fails.
     fn prepare(&mut self, schedule: &Schedule) -> Result<Prepared, DeviceError>;
 
-    /// Runs a schedule after all that was asked for before; does not wait for it.
+    /// Starts a schedule, which runs after those that were started before. Does not wait.
     ///
     /// # Errors
     /// When the device fails.
     fn run(&mut self, schedule: Prepared) -> Result<(), DeviceError>;
 
-    /// Waits until all is done.
+    /// Waits for all schedules that were started.
     ///
     /// # Errors
-    /// When something that ran has failed.
+    /// When one of them has failed.
     fn wait(&mut self) -> Result<(), DeviceError>;
 
-    /// Why a schedule that ran twice is not replayed from a recording but called piece by piece, which is
-    /// slower; none where all are replayed, or where the device records nothing.
+    /// The reason why a schedule is called command by command after its second run, which is slower
+    /// than the replay of a recording. None where all are replayed, or where the device records
+    /// nothing.
     fn unrecorded(&self) -> Option<&str> {
         None
     }
 }
 
-/// Numbers of four bytes that go up and down.
+/// Transfers of numbers.
 impl dyn Loaded + '_ {
     /// Writes `f32` to a region.
     ///
@@ -147,8 +148,8 @@ impl dyn Loaded + '_ {
     }
 }
 
-/// That a device has the memory for `what`, before it is asked for it; else an error that says, by
-/// `what_fits` of the free bytes, what it has memory for.
+/// Checks that a device has the memory for `what`. The error says what would fit, by `what_fits` of
+/// the free bytes.
 ///
 /// # Errors
 /// [`DeviceError::Memory`], or when the device does not answer.
@@ -170,6 +171,21 @@ pub fn require_memory(
     })
 }
 
+/// The largest number up to `most` for which something fits, if it fits for all smaller ones; 0
+/// where it does not even fit for 1. `most` itself is known not to fit.
+pub(crate) fn largest_fit(most: usize, fits: impl Fn(usize) -> bool) -> usize {
+    let (mut low, mut high) = (0, most);
+    while high - low > 1 {
+        let middle = usize::midpoint(low, high);
+        if fits(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
 /// A number of bytes for people.
 pub(crate) fn in_bytes(bytes: usize) -> String {
     let units = [(1e9, "GB"), (1e6, "MB"), (1e3, "kB")];
@@ -180,7 +196,7 @@ pub(crate) fn in_bytes(bytes: usize) -> String {
     }
 }
 
-/// Why a device does not do what it should.
+/// Failure of a device.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum DeviceError {

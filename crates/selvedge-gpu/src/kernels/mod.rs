@@ -5,8 +5,8 @@
 //! The C is C99 that is also CUDA C. A kernel works on one *element* (`ELEMENT`), one *row* (`ROW`)
 //! or one *block* (`BLOCK`). On a GPU a row belongs to a warp: its `LANES` take the columns in turn
 //! from `LANE` on and join their sums by `SUM_OVER_LANES`. A block has `THREADS` that meet at
-//! `BARRIER`. The host has one lane and one thread. The signature in the C source is the only list of
-//! a kernel's parameters: `signature` reads it for schedules and launchers.
+//! `BARRIER`. The host has one lane and one thread. The signature in the C source is the only list
+//! of a kernel's parameters: `signature` reads it for schedules and launchers.
 
 pub mod adam;
 pub mod backward;

@@ -8,11 +8,11 @@
 //! ```
 //!
 //! The second word is the kernel's [`Shape`]. A name in capitals alone (`RING`) is a list of
-//! parameters that `common.h` defines. `const` arrays are read, arrays marked `OUT` are written as a
-//! whole, other arrays are read and written. `MAYBE` allows a null pointer. `EACH(width)` is the
+//! parameters that `common.h` defines. `const` arrays are read, arrays marked `OUT` are written as
+//! a whole, other arrays are read and written. `MAYBE` allows a null pointer. `EACH(width)` is the
 //! number of elements per element, row or block of a launch, `ALL(width)` the number of elements of
-//! the whole array. A width is a product of a number, sizes of the network and counts of the launch.
-//! The size of an array without either depends on what lies in other arrays.
+//! the whole array. A width is a product of a number, sizes of the network and counts of the
+//! launch. The size of an array without either depends on what lies in other arrays.
 
 use selvedge_model::ModelSpec;
 
@@ -159,8 +159,8 @@ impl Parameter {
 /// The most parameters of a kernel.
 const MOST: usize = 32;
 
-/// A kernel as schedules and launchers see it. An array that one launch reads and one that it writes
-/// may be the same region, and do not overlap otherwise.
+/// A kernel as schedules and launchers see it. An array that one launch reads and one that it
+/// writes may be the same region, and do not overlap otherwise.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Kernel {
     /// The name in the source.
@@ -181,7 +181,7 @@ impl Kernel {
     /// Reads the signature of the kernel `name` from a file of kernels.
     ///
     /// # Panics
-    /// Where the file has no such kernel, or its signature cannot be read. Kernels are statics, so
+    /// If the file has no such kernel, or its signature cannot be read. Kernels are statics, so
     /// that this is an error of the compiler.
     #[must_use]
     pub const fn of(file: &'static str, name: &'static str) -> Self {

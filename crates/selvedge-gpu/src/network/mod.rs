@@ -2,8 +2,8 @@
 //! accelerations ([`forward()`]), and the way back ([`backward()`]).
 //!
 //! It is the network of `selvedge_model`, with the same split of the first edge layer and the same
-//! weights in the same order; only the grouping of operations differs. Rows are vertices or arcs of a
-//! disjoint union of cloths.
+//! weights in the same order; only the grouping of operations differs. Rows are vertices or arcs of
+//! a disjoint union of cloths.
 
 mod arrays;
 mod backward;

@@ -10,8 +10,8 @@ pub struct MlpRecord {
     pub hidden1: Region,
     /// After the second.
     pub hidden2: Region,
-    /// The normalised output, (x - mean) / deviation; room for the output where nothing is kept. None
-    /// in a decoder.
+    /// The normalised output, (x - mean) / deviation; room for the output where nothing is kept.
+    /// None in a decoder.
     pub normal: Option<Region>,
     /// 1 / deviation, `[rows]`, where it is kept.
     pub inverse: Option<Region>,
@@ -22,8 +22,8 @@ pub struct MlpRecord {
 pub struct GruRecord {
     /// States of both layers, the initial one first: `steps + 1` arrays `[rows, latent]`.
     pub states: [Vec<Region>; 2],
-    /// Gates r, z, n and the recurrent part of n of both layers, where they are kept: `steps` arrays
-    /// `[rows, 4 latent]`.
+    /// Gates r, z, n and the recurrent part of n of both layers, where they are kept: `steps`
+    /// arrays `[rows, 4 latent]`.
     pub kept: [Vec<Region>; 2],
     /// Inputs of the second layer: the states of the first, after dropout if there is any; `steps`
     /// arrays `[rows, latent]`.

@@ -1,5 +1,5 @@
-//! The weights of a network in the arena: the flat array of the weight file, addressed by name, and the
-//! packed parts of the first edge layers for the two endpoints of an arc.
+//! The weights of a network in the arena: the flat array of the weight file, addressed by name, and
+//! the packed parts of the first edge layers for the two endpoints of an arc.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -87,7 +87,8 @@ impl WeightArrays {
         Matrix::new(region, self.latent)
     }
 
-    /// Adds the packing of the weights to a schedule. It must run after every change of the weights.
+    /// Adds the packing of the weights to a schedule. It must run after every change of the
+    /// weights.
     pub fn pack(&self, schedule: &mut Schedule) {
         let first = |block: usize| {
             let name = format!("processor.{block}.edge.0.weight");
@@ -98,8 +99,8 @@ impl WeightArrays {
         } else {
             0
         };
-        // The weights of a network are fewer than 2^32: a layer has 3 · 4096² of them at most, and 256
-        // blocks would not fit into any memory at that size.
+        // The weights of a network are fewer than 2^32: a layer has 3 · 4096² of them at most, and
+        // 256 blocks would not fit into any memory at that size.
         let arguments = args! {
             weights: self.flat,
             first: first(0),

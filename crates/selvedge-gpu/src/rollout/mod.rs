@@ -1,8 +1,8 @@
-//! Rollouts on a device: several cloths at once, side by side as one graph, frame by frame.
+//! Rollouts on a device: several cloths side by side as one graph, frame by frame.
 //!
-//! A frame is one schedule: features, network, integration, bounds of edges. Up go, per cloth, where its
-//! handles are to be and a few numbers that follow from them; down come the positions. A frame that is
-//! not finite is not taken: the cloths stay as they were.
+//! A frame is one schedule: features, network, integration, bounds of edges. The processor uploads
+//! the next positions of the handles and a few numbers that follow from them, and downloads the
+//! positions. A frame that is not finite is rejected: the cloths stay as they were.
 
 mod opening;
 mod plan;
@@ -25,7 +25,7 @@ use opening::{Cloth, open};
 pub use opening::{Opening, OpeningError};
 pub use plan::RolloutPlan;
 
-/// Why a frame is not there.
+/// Failure of a frame.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum FrameError {
@@ -35,12 +35,12 @@ pub enum FrameError {
     Device(#[from] DeviceError),
 }
 
-/// What the next frame begins with.
+/// The start of the next frame.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Next {
     /// The whole window.
     Whole,
-    /// The states that were left in these arrays.
+    /// The states in the arrays of this number.
     FromState(usize),
 }
 
@@ -75,8 +75,8 @@ impl Rollout {
     /// Starts cloths side by side.
     ///
     /// # Errors
-    /// [`OpeningError`] for a start that does not fit its cloth, too little memory (with what would fit), or
-    /// a device that fails.
+    /// [`OpeningError`] for a start that does not fit its cloth, too little memory (with the size
+    /// that would fit), or a device that fails.
     pub fn new(
         device: &dyn Device,
         model: Arc<Model>,
@@ -144,7 +144,7 @@ impl Rollout {
         &self.positions[self.cloths[cloth].vertices.clone()]
     }
 
-    /// Moves all cloths by one frame; `targets` is where the handles of each are to be `[m]`,
+    /// Moves all cloths by one frame. `targets` are the next positions of the handles `[m]`,
     /// `[cloths][handles]`.
     ///
     /// # Errors
@@ -173,8 +173,8 @@ impl Rollout {
         self.loaded.unrecorded()
     }
 
-    /// What every command of a frame takes by itself, without what goes up and down. A streaming network's frame is
-    /// one that goes on from states. The cloths are lost.
+    /// The cost of every command of a frame by itself, without transfers. The frame of a streaming
+    /// network starts from states. The cloths are lost.
     ///
     /// # Errors
     /// [`FrameError`] of the frame that comes before.
@@ -187,7 +187,7 @@ impl Rollout {
         Ok(profile(&mut *self.loaded, schedule)?)
     }
 
-    /// Starts the computation of a frame; gives the yaws of the cloths.
+    /// Starts the computation of a frame. Returns the yaws of the cloths.
     fn begin(&mut self, targets: &[&[Vec3]]) -> Result<Vec<Yaw>, DeviceError> {
         self.undo = None;
         assert_eq!(targets.len(), self.cloths.len(), "targets of every cloth");
@@ -219,7 +219,7 @@ impl Rollout {
         Ok(yaws)
     }
 
-    /// Takes the frame that was computed.
+    /// Accepts the frame that was computed.
     fn commit(&mut self, found: Vec<Vec3>, targets: &[&[Vec3]], yaws: &[Yaw]) {
         let before = Undo {
             next: self.next,
@@ -256,8 +256,8 @@ impl Rollout {
         Err(FrameError::NonFinite { cloth, vertex })
     }
 
-    /// Puts `positions` `[m]`, `[vertices]` of all cloths one after the other, in the place of the newest
-    /// frame. What a streaming network carries has seen the frames before it, and stays.
+    /// Replaces the newest frame by `positions` `[m]`, `[vertices]` of all cloths one after the
+    /// other. The states of a streaming network stay: they depend on the frames before.
     ///
     /// # Errors
     /// [`FrameError`]; the cloths are left as they were.
@@ -281,8 +281,8 @@ impl Rollout {
         Ok(())
     }
 
-    /// Takes `positions` `[m]`, `[vertices]` of all cloths one after the other, as the next frame. What a
-    /// streaming network carries begins anew.
+    /// Takes `positions` `[m]`, `[vertices]` of all cloths one after the other, as the next frame.
+    /// A streaming network starts anew from a whole window.
     ///
     /// # Errors
     /// As [`Self::replace_frame`].

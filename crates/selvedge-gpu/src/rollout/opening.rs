@@ -1,4 +1,4 @@
-//! How rollouts begin: cloths with the frames before now, checked, side by side.
+//! The start of a rollout: cloths with the frames before now, checked and put side by side.
 
 use glam::Vec3;
 use selvedge_model::{ClothGraph, Model, RolloutError, Yaw, opening_frames};
@@ -10,12 +10,12 @@ use crate::device::DeviceError;
 pub struct Opening<'a> {
     /// The cloth.
     pub graph: ClothGraph,
-    /// Frames, oldest first `[m]`, `[frames][vertices]`; where there are fewer than the model looks at,
-    /// the cloth has stood still.
+    /// Frames, oldest first `[m]`, `[frames][vertices]`. Where there are fewer than the model's
+    /// history, the cloth has stood still before them.
     pub start: &'a [&'a [Vec3]],
 }
 
-/// Why a rollout cannot start.
+/// Failure of the start of a rollout.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum OpeningError {
@@ -27,18 +27,18 @@ pub enum OpeningError {
     Device(#[from] DeviceError),
 }
 
-/// What the CPU knows of one cloth.
+/// The processor's side of one cloth.
 pub(super) struct Cloth {
     pub(super) graph: ClothGraph,
-    /// Its vertices in the union.
+    /// The vertices of the cloth in the union.
     pub(super) vertices: std::ops::Range<usize>,
-    /// Where its handles were, oldest first, `[history][handles]`.
+    /// Positions of the handles, oldest first, `[history][handles]`.
     pub(super) handles: Vec<Vec<Vec3>>,
     pub(super) yaw: Yaw,
 }
 
 impl Cloth {
-    /// The yaw of the newest frame; `yaw` is that of the one before.
+    /// The yaw of the newest frame; `yaw` is that of the frame before.
     pub(super) fn yaw_now(&self) -> Yaw {
         let newest = self.handles.last().map_or(&[][..], |handles| handles);
         self.graph.frame().yaw(newest, self.yaw)

@@ -6,13 +6,13 @@ use crate::cloths::features::{FeatureSources, NormalizerArrays, features};
 use crate::cloths::frames::FrameArrays;
 use crate::cloths::motion;
 use crate::cloths::{ClothArrays, UnionSizes};
-use crate::device::{DeviceError, Loaded};
+use crate::device::{DeviceError, Loaded, largest_fit};
 use crate::kernels::{self, Program, Sizes};
 use crate::network::{ForwardPass, InputArrays, Keep, StateArrays, WeightArrays, forward};
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
 
-/// What a rollout of a network on a union takes and does.
+/// The memory, the kernels and the schedules of a rollout of a network on a union.
 pub struct RolloutPlan {
     /// The memory.
     pub plan: Plan,
@@ -22,23 +22,23 @@ pub struct RolloutPlan {
     pub weights: WeightArrays,
     /// The cloths.
     pub cloths: ClothArrays,
-    /// What changes from frame to frame.
+    /// The arrays that change from frame to frame.
     pub frames: FrameArrays,
     /// The statistics.
     pub normalizers: NormalizerArrays,
     /// Room for the bounds of edges, `[cloths]`, where the spec has any.
     pub changed: Option<Region>,
-    /// To run once, when the weights are there.
+    /// To run once, after the weights were written.
     pub pack: Schedule,
     /// A frame from the whole window.
     pub whole: Schedule,
-    /// Where the network streams: a frame from the states in the first arrays to those in the second, and
-    /// the other way round. A frame from the whole window leaves them in the first.
+    /// For a streaming network, a frame from the states in the first arrays to those in the second,
+    /// and the reverse. A frame from the whole window leaves its states in the first.
     pub newest: Vec<Schedule>,
 }
 
 impl RolloutPlan {
-    /// That of a network on cloths of these sizes.
+    /// The plan for a network on cloths of these sizes.
     #[must_use]
     pub fn new(network: &Network, sizes: UnionSizes) -> Self {
         let spec = network.spec();
@@ -83,7 +83,7 @@ impl RolloutPlan {
         built
     }
 
-    /// The schedule of a frame; it may write over what other schedules leave but states.
+    /// The schedule of a frame. It may overwrite all arrays of other schedules except states.
     fn frame(
         &mut self,
         network: &Network,
@@ -117,7 +117,7 @@ impl RolloutPlan {
         schedule
     }
 
-    /// Writes what does not change.
+    /// Writes the arrays that do not change.
     ///
     /// # Errors
     /// When the device fails.
@@ -139,7 +139,7 @@ impl RolloutPlan {
         }
     }
 
-    /// All that is written from outside before a frame.
+    /// The arrays that are written from outside before a frame.
     #[must_use]
     pub fn given(&self) -> Vec<Region> {
         let mut given = vec![self.weights.flat()];
@@ -151,7 +151,7 @@ impl RolloutPlan {
     }
 }
 
-/// How much of a union fits into so many bytes, in words.
+/// The part of a union that fits into `free` bytes, in words.
 pub(super) fn what_fits(network: &Network, sizes: UnionSizes, free: usize) -> String {
     let part = |thousandths: usize| {
         let of = |count: usize| (count * thousandths).div_ceil(1000);
@@ -167,16 +167,7 @@ pub(super) fn what_fits(network: &Network, sizes: UnionSizes, free: usize) -> St
     };
     let fits =
         |thousandths: usize| RolloutPlan::new(network, part(thousandths)).plan.bytes() <= free;
-    let (mut low, mut high) = (0, 1000);
-    while high - low > 1 {
-        let middle = usize::midpoint(low, high);
-        if fits(middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    match low {
+    match largest_fit(1000, fits) {
         0 => "not even a thousandth of it would fit".to_owned(),
         low => format!(
             "about {} vertices would fit, instead of {}",

@@ -1,4 +1,4 @@
-//! One cloth on a device as a [`Stepper`]: a [`Rollout`] of one.
+//! One cloth on a device as a [`Stepper`]: a [`Rollout`] of one cloth.
 
 use std::sync::Arc;
 
@@ -19,11 +19,13 @@ pub struct GpuStepper {
 }
 
 impl GpuStepper {
-    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where there are
-    /// fewer than the model looks at, the cloth is taken to have stood still before the first.
+    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where
+    /// there are fewer than the model's history, the cloth is assumed to have stood still before
+    /// the first.
     ///
     /// # Errors
-    /// [`OpeningError`] for a start that does not fit the cloth, too little memory, or a device that fails.
+    /// [`OpeningError`] for a start that does not fit the cloth, too little memory, or a failure of
+    /// the device.
     pub fn new(
         device: &dyn Device,
         model: Arc<Model>,

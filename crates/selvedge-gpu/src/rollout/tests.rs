@@ -11,7 +11,7 @@ use crate::rollout::stepper::GpuStepper;
 use crate::schedule::Trace;
 use crate::test_graphs::{cloth, device, full_specs, model, shaken, side_by_side};
 
-/// Where the handles of a cloth are in a frame: on a swing.
+/// Positions of the handles of a cloth in a frame: on a swing.
 fn targets(graph: &ClothGraph, frame: usize) -> Vec<Vec3> {
     let turn = Yaw::from_angle(0.02 * frame as f64);
     let rest = graph.handles().select(graph.rest_positions());
@@ -80,7 +80,8 @@ fn a_rollout_is_that_of_the_cpu() {
             cpu.step(&targets).expect("a frame");
             device.step(&targets).expect("a frame");
             let off = farthest(cpu.positions(), device.positions());
-            // 1e-7 m of rounding per frame, doubled by the integration from frame to frame and fed back.
+            // 1e-7 m of rounding per frame, doubled by the integration from frame to frame and fed
+            // back.
             assert!(off < 2e-5, "frame {frame}: {off} m with {:?}", spec.encoder);
         }
         assert_eq!(device.frame(), 12);
@@ -282,7 +283,8 @@ fn edges_are_limited_colour_by_colour() {
             farthest(&expected, free.positions()) > 0.005,
             "something to do"
         );
-        // The same operations in the same order, but for how the compilers round products of vectors.
+        // The same operations in the same order, but for how the compilers round products of
+        // vectors.
         assert!(farthest(&expected, limited.positions()) < 1e-6);
         let next = shaken(graph.rest_positions(), 0.04, frame as u64);
         free.replace_frame(&next).expect("a frame");

@@ -1,5 +1,5 @@
-//! Schedules: lists of commands for a device, as plain data. A schedule is made once for a spec, the
-//! shapes of a graph and a purpose, and run as often as wanted.
+//! Schedules: lists of commands for a device, as plain data. A schedule is made once for a spec,
+//! the shapes of a graph and a purpose, and run as often as wanted.
 //!
 //! No command changes from run to run. Positions, weights and a learning rate lie in the arena, so
 //! that a device may record a schedule once and replay it. [`Trace`] follows schedules without
@@ -60,8 +60,8 @@ impl From<f32> for Argument {
 /// An argument with the name of its parameter.
 pub type NamedArgument = (&'static str, Argument);
 
-/// Arguments of a launch by the names of their parameters, in any order: `args! { x, bias: region }`.
-/// Lists that several launches share come first: `args! { ..frames.ring(), steps: 4 }`.
+/// Arguments of a launch by the names of their parameters, in any order: `args! { x, bias: region
+/// }`. Lists that several launches share come first: `args! { ..frames.ring(), steps: 4 }`.
 macro_rules! args {
     ($(.. $list:expr,)* $($name:ident $(: $value:expr)?),* $(,)?) => {{
         let mut all: Vec<$crate::schedule::NamedArgument> = Vec::new();
@@ -101,8 +101,8 @@ impl Launch {
         }
     }
 
-    /// The arguments in the order of the kernel's parameters. Arguments without a parameter come last;
-    /// no device takes a launch with one.
+    /// The arguments in the order of the kernel's parameters. Arguments without a parameter come
+    /// last; no device takes a launch with one.
     #[must_use]
     pub fn arguments(&self) -> &[NamedArgument] {
         &self.arguments
@@ -217,8 +217,8 @@ impl Schedule {
         }
     }
 
-    /// Adds a launch of a kernel on `count` elements, rows or blocks. Whether the arguments are those
-    /// of the kernel is found when the schedule is prepared or traced.
+    /// Adds a launch of a kernel on `count` elements, rows or blocks. Whether the arguments are
+    /// those of the kernel is found when the schedule is prepared or traced.
     pub fn launch(&mut self, kernel: &'static Kernel, count: usize, arguments: Vec<NamedArgument>) {
         self.commands
             .push(Command::Launch(Launch::new(kernel, count, arguments)));

@@ -1,16 +1,16 @@
-//! The memory of a device: one arena of words of four bytes, and which array lies where in it.
+//! The memory of a device: one arena of words of four bytes, and the place of each array in it.
 //!
-//! A plan is made before anything is allocated, so that what is needed can be compared with what is
-//! there. Arrays that are only needed for a while are made after a [`Plan::mark`] and given back by
-//! [`Plan::release`]: later ones may lie in their place. That nothing is read after something else was
-//! written over it is what [`crate::schedule::Trace`] checks.
+//! A plan is made before anything is allocated, so that its size can be compared with the free
+//! memory. Temporary arrays are made after a [`Plan::mark`] and given back by [`Plan::release`];
+//! later arrays may take their place. [`crate::schedule::Trace`] checks that no array is read after
+//! another one was written over it.
 
 use std::ops::Range;
 
-/// Arrays begin at multiples of so many words: 256 bytes, what CUDA's own allocations keep.
+/// Words between which arrays begin: 256 bytes, the alignment of CUDA's own allocations.
 const ALIGNMENT: usize = 64;
 
-/// What an array is made of.
+/// The type of the elements of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Element {
     /// `f32`.
@@ -22,7 +22,7 @@ pub enum Element {
 }
 
 impl Element {
-    /// Words of four bytes that one takes.
+    /// Words of four bytes per element.
     #[must_use]
     pub const fn words(self) -> usize {
         match self {
@@ -42,7 +42,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// What it is made of.
+    /// The type of the elements.
     #[must_use]
     pub fn element(self) -> Element {
         self.element
@@ -54,10 +54,10 @@ impl Region {
         self.count
     }
 
-    /// Elements `range` of it.
+    /// The elements `range`.
     ///
     /// # Panics
-    /// When it does not have them.
+    /// When the region ends before the range does.
     #[must_use]
     pub fn part(self, range: Range<usize>) -> Self {
         let Range { start, end } = range;
@@ -69,10 +69,10 @@ impl Region {
         }
     }
 
-    /// From its beginning to the end of `last`, a later part of the same array or this one.
+    /// The region from the beginning of this one to the end of `last`, in the same array.
     ///
     /// # Panics
-    /// When it is no such part.
+    /// When `last` belongs to another array, or begins earlier.
     #[must_use]
     pub fn up_to(self, last: Self) -> Self {
         assert!(
@@ -85,10 +85,10 @@ impl Region {
         }
     }
 
-    /// Rows `range` of it, of `width` elements each.
+    /// The rows `range`, of `width` elements each.
     ///
     /// # Panics
-    /// When it does not have them.
+    /// When the region ends before the range does.
     #[must_use]
     pub fn rows(self, range: Range<usize>, width: usize) -> Self {
         self.part(range.start * width..range.end * width)
@@ -98,20 +98,20 @@ impl Region {
 /// One array.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Array {
-    /// What it holds.
+    /// The contents, for messages.
     pub name: String,
-    /// What it is made of.
+    /// The type of the elements.
     pub element: Element,
     /// Number of elements.
     pub count: usize,
     first_word: usize,
 }
 
-/// A place in a plan to come back to.
+/// A state of a plan to return to.
 #[derive(Clone, Copy, Debug)]
 pub struct Mark(usize);
 
-/// Which array lies where.
+/// The places of arrays in an arena.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
     arrays: Vec<Array>,
@@ -120,7 +120,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// No arrays yet.
+    /// A plan without arrays.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -161,18 +161,18 @@ impl Plan {
         self.array(name, Element::Double, count)
     }
 
-    /// The present end, for [`Self::release`].
+    /// The current end, for [`Self::release`].
     #[must_use]
     pub fn mark(&self) -> Mark {
         Mark(self.top)
     }
 
-    /// Lets later arrays lie where those made since `mark` do.
+    /// Gives back the arrays made since `mark`: later ones may take their place.
     pub fn release(&mut self, mark: Mark) {
         self.top = mark.0.min(self.top);
     }
 
-    /// The words in which a region lies.
+    /// The words of a region.
     #[must_use]
     pub fn place(&self, region: Region) -> Range<usize> {
         let size = region.element.words();
@@ -186,7 +186,7 @@ impl Plan {
         &self.arrays[region.array]
     }
 
-    /// All arrays, in the order in which they were made.
+    /// All arrays, in the order of their making.
     #[must_use]
     pub fn arrays(&self) -> &[Array] {
         &self.arrays
@@ -204,7 +204,7 @@ impl Plan {
         4 * self.words
     }
 
-    /// The whole array of a region, by number.
+    /// The number of the array of a region.
     pub(crate) fn number_of(region: Region) -> usize {
         region.array
     }

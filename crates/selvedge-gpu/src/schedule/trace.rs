@@ -1,6 +1,6 @@
-//! Schedules followed without running them, to find faults that a GPU would not report: arguments that
-//! are not those of a kernel, a region that ends before a kernel does, a value that is read before it
-//! is written, an array that was overwritten by another.
+//! Schedules followed without running them, to find faults that a GPU would not report: arguments
+//! that are not those of a kernel, a region that ends before a kernel does, a value that is read
+//! before it is written, an array that was overwritten by another.
 
 use std::collections::BTreeMap;
 
@@ -65,7 +65,8 @@ impl<'a> Trace<'a> {
     /// Checks the arguments and sizes of a schedule, whatever the values in the arena are.
     ///
     /// # Errors
-    /// The first command whose arguments are not those of its kernel, or whose regions are too short.
+    /// The first command whose arguments are not those of its kernel, or whose regions are too
+    /// short.
     pub fn fits(plan: &'a Plan, sizes: Sizes, schedule: &Schedule) -> Result<(), ScheduleError> {
         let mut trace = Self::new(plan, sizes);
         trace.values = Values::Unknown;
@@ -91,8 +92,8 @@ impl<'a> Trace<'a> {
     /// Follows a schedule.
     ///
     /// # Errors
-    /// The first command that reads what was not written or was overwritten, whose arguments are not
-    /// those of its kernel, or whose regions are too short.
+    /// The first command that reads what was not written or was overwritten, whose arguments are
+    /// not those of its kernel, or whose regions are too short.
     pub fn follow(&mut self, schedule: &Schedule) -> Result<(), ScheduleError> {
         for (number, command) in schedule.commands.iter().enumerate() {
             self.command(command).map_err(|Fault(what)| ScheduleError {
@@ -159,8 +160,8 @@ impl<'a> Trace<'a> {
         Ok(())
     }
 
-    /// The region of an argument and the use that is made of it, if it is of the type and the size of
-    /// its parameter; none for a value.
+    /// The region of an argument and the use that is made of it, if it is of the type and the size
+    /// of its parameter; none for a value.
     fn array(
         &self,
         launch: &Launch,
@@ -202,8 +203,8 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Checks that no array is written in two ways, or written while another one is read in its place;
-    /// the very same region may be read and written.
+    /// Checks that no array is written in two ways, or written while another one is read in its
+    /// place; the very same region may be read and written.
     fn check_overlaps(&self, read: &[Region], written: &[Region]) -> Result<(), Fault> {
         for (number, &region) in written.iter().enumerate() {
             let place = self.plan.place(region);

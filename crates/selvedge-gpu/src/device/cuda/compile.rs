@@ -1,5 +1,5 @@
-//! Kernels to machine code, by NVRTC: for the very card, or, where NVRTC is older than the card, as
-//! PTX for the newest that it knows, from which the driver makes the rest.
+//! Compilation of kernels by NVRTC: to machine code for the card at hand, or, where NVRTC is older
+//! than the card, to PTX for the newest card that it knows. The driver compiles PTX further.
 
 use std::ffi::CString;
 
@@ -8,12 +8,12 @@ use cudarc::nvrtc::sys;
 
 use crate::device::DeviceError;
 
-/// What a GPU understands: its compute capability.
+/// The compute capability of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Architecture {
-    /// 9 of 9.0.
+    /// 9 of compute capability 9.0.
     pub major: i32,
-    /// 0 of 9.0.
+    /// 0 of compute capability 9.0.
     pub minor: i32,
 }
 
@@ -23,7 +23,7 @@ impl Architecture {
     }
 }
 
-/// What NVRTC is to make.
+/// The output of NVRTC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// Machine code.
@@ -32,7 +32,7 @@ pub(super) enum Target {
     Virtual(i32),
 }
 
-/// The best of what a compiler that supports these (as 90 for 9.0) can make for a card.
+/// The best output for a card, of a compiler that supports some cards (90 for 9.0).
 pub(super) fn target(card: Architecture, supported: &[i32]) -> Option<Target> {
     let card = card.number();
     if supported.contains(&card) {
@@ -47,7 +47,7 @@ struct Source(sys::nvrtcProgram);
 
 impl Drop for Source {
     fn drop(&mut self) {
-        // SAFETY: it was created and not destroyed. Nobody is left to be told of a failure.
+        // SAFETY: it was created and not destroyed. A failure cannot be reported from here.
         let _ = unsafe { result::destroy_program(self.0) };
     }
 }
@@ -59,10 +59,10 @@ fn failed(call: &'static str) -> impl Fn(NvrtcError) -> DeviceError {
     }
 }
 
-/// Compiles kernels for a card; what comes out is what the driver's `cuModuleLoadData` takes.
+/// Compiles kernels for a card, to an image for the driver's `cuModuleLoadData`.
 ///
 /// # Errors
-/// The compiler's log, or that the compiler knows no card as old.
+/// The compiler's log; a card that is too old for the compiler.
 pub fn compile(text: &str, card: Architecture) -> Result<Vec<u8>, DeviceError> {
     let compiler = version()?;
     let target = target(card, &supported()?).ok_or_else(|| DeviceError::Compile {
@@ -134,12 +134,12 @@ fn version() -> Result<String, DeviceError> {
     Ok(format!("NVRTC {major}.{minor}"))
 }
 
-/// The CUDA that NVRTC is of: 12 of 12.9.
+/// The major version of CUDA that NVRTC belongs to: 12 of 12.9.
 pub(super) fn major() -> Result<i32, DeviceError> {
     numbers().map(|[major, _]| major)
 }
 
-/// The cards that NVRTC makes code for, as 90 for 9.0.
+/// The cards that NVRTC supports, 90 for 9.0.
 fn supported() -> Result<Vec<i32>, DeviceError> {
     let mut count = 0;
     // SAFETY: it writes one integer, then as many as that says.

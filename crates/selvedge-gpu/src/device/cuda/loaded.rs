@@ -1,6 +1,6 @@
-//! A program and its arena on a GPU. A schedule runs as plain calls the first time, so that whatever the
-//! libraries load late is loaded; the second time it is recorded as a CUDA graph, which is replayed from
-//! then on. Where recording fails it stays with plain calls, and says why.
+//! A program and its arena on a GPU. The first run of a schedule makes plain calls, in which the
+//! libraries load whatever they load late. The second run is recorded as a CUDA graph, which later
+//! runs replay. Where recording fails, plain calls remain, and the reason is kept.
 
 use std::collections::HashMap;
 use std::ffi::{CString, c_void};
@@ -11,7 +11,7 @@ use cudarc::driver::sys;
 
 use super::owned::{Graph, Memory, Module, Stream};
 use super::product::{Blas, Gemm, WORKSPACE};
-use super::{Context, alone, failed};
+use super::context::{Context, alone, failed};
 use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
 use crate::kernels::layers::{ADD_BIAS, ADD_BIAS_RELU};
 use crate::kernels::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
@@ -20,10 +20,10 @@ use crate::schedule::{
     Argument, Command, Epilogue, Launch, Matrix, NamedArgument, Product, Schedule, Trace, args,
 };
 
-/// Most words that may be on their way up: more of them are waited for.
+/// The most words that may be on their way to the GPU; uploads beyond are waited for.
 const MOST_GOING_UP: usize = 1 << 20;
 
-/// Blocks, and threads of each, for so many elements, rows or blocks of a kernel.
+/// The number of blocks, and of threads in each, for `count` elements, rows or blocks of a kernel.
 pub(super) fn grid(shape: Shape, count: usize) -> (u32, u32) {
     let blocks = |per_block: u32| count.div_ceil(per_block as usize) as u32;
     match shape {
@@ -33,12 +33,12 @@ pub(super) fn grid(shape: Shape, count: usize) -> (u32, u32) {
     }
 }
 
-/// One call.
+/// One call of the driver or of cuBLAS.
 enum Call {
     Kernel {
         function: sys::CUfunction,
         grid: (u32, u32),
-        /// The count, then the arguments, each in the low bytes of its place.
+        /// The count, then the arguments, each in the low bytes of a word.
         values: Vec<u64>,
     },
     Product(Gemm),
@@ -53,13 +53,13 @@ enum Call {
     },
 }
 
-/// How a schedule runs.
+/// The state of a schedule.
 enum Mode {
     /// Not yet run.
     Fresh,
     /// Run once by plain calls.
     Warm,
-    /// By plain calls, since it could not be recorded.
+    /// Run by plain calls, since it could not be recorded.
     Plain,
     /// Recorded.
     Recorded(sys::CUgraphExec),
@@ -70,15 +70,15 @@ struct Ready {
     mode: Mode,
 }
 
-/// A program and its arena. What uses the stream goes before it.
+/// A program and its arena. Fields are dropped in order: users of the stream before the stream.
 pub(super) struct CudaLoaded {
     functions: HashMap<&'static str, sys::CUfunction>,
     plan: Plan,
     sizes: Sizes,
     schedules: Vec<Ready>,
-    /// Why the first of those that could not be recorded could not.
+    /// The reason why a schedule could not be recorded, for the first such schedule.
     unrecorded: Option<String>,
-    /// What goes up, until the stream was waited for: a driver may read ordinary memory after its call returned.
+    /// Words on their way to the GPU. The driver may read them until the stream was waited for.
     going_up: Vec<Vec<u32>>,
     blas: Option<Blas>,
     arena: Memory,
@@ -88,21 +88,20 @@ pub(super) struct CudaLoaded {
     context: Arc<Context>,
 }
 
-// SAFETY: what it points to belongs to the context, which every call makes current for its thread; nothing
-// is used by two threads at once, since all calls take it mutably.
+// SAFETY: the pointers belong to the context, which every call makes current for its thread. Two
+// threads never use one value at once, since all calls take it mutably.
 unsafe impl Send for CudaLoaded {}
 
 impl CudaLoaded {
+    /// Allocates the arena of a plan, for a program that was loaded as `module`.
     pub(super) fn new(
         context: Arc<Context>,
-        image: &[u8],
-        (program, plan): (&Program, &Plan),
+        module: Module,
+        program: &Program,
+        plan: &Plan,
         precision: Precision,
     ) -> Result<Self, DeviceError> {
         let stream = Stream::new()?;
-        // SAFETY: the image is what NVRTC made for this card.
-        let module = unsafe { result::module::load_data(image.as_ptr().cast()) };
-        let module = Module(module.map_err(failed("cuModuleLoadData"))?);
         let memory = |bytes: usize| {
             Memory::new(bytes).map_err(|error| match error.0 {
                 sys::CUresult::CUDA_ERROR_OUT_OF_MEMORY => DeviceError::Memory {
@@ -194,7 +193,7 @@ impl CudaLoaded {
         }))
     }
 
-    /// The calls of a product and of its finish.
+    /// The calls of a product and of its epilogue.
     fn product(&self, product: &Product, calls: &mut Vec<Call>) -> Result<(), DeviceError> {
         let [rows, columns, _] = product.size;
         if rows == 0 || columns == 0 {
@@ -222,8 +221,8 @@ impl CudaLoaded {
     }
 
     fn call(&self, call: &Call) -> Result<(), DeviceError> {
-        // SAFETY: all of them work within the arena, which was checked when the schedule was prepared;
-        // functions, stream and arena live as long as this.
+        // SAFETY: all calls stay within the arena, which was checked when the schedule was
+        // prepared. Functions, stream and arena live as long as `self`.
         match call {
             Call::Kernel {
                 function,
@@ -257,7 +256,8 @@ impl CudaLoaded {
     fn record(&self, calls: &[Call]) -> Result<sys::CUgraphExec, DeviceError> {
         let _guard = alone();
         let mode = sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED;
-        // SAFETY: the stream is alive. A recording that was begun is ended whatever happened in it.
+        // SAFETY: the stream is alive. A recording that was begun is ended even where a call
+        // failed.
         let (called, ended) = unsafe {
             result::stream::begin_capture(self.stream.0, mode)
                 .map_err(failed("cuStreamBeginCapture"))?;
@@ -265,7 +265,7 @@ impl CudaLoaded {
             (called, result::stream::end_capture(self.stream.0))
         };
         let graph = ended.map(Graph).map_err(failed("cuStreamEndCapture"));
-        // What failed first says more than what follows from it.
+        // The first failure says more than those that follow from it.
         let graph = called.and(graph)?;
         if graph.0.is_null() {
             return Err(DeviceError::Call {
@@ -274,7 +274,7 @@ impl CudaLoaded {
             });
         }
         let flags = sys::CUgraphInstantiate_flags_enum(0);
-        // SAFETY: the graph is alive, and not needed any more when what was made of it is there.
+        // SAFETY: the graph is alive. It may be freed once it is instantiated.
         let recorded = unsafe { result::graph::instantiate(graph.0, flags) };
         recorded.map_err(failed("cuGraphInstantiate"))
     }
@@ -312,7 +312,7 @@ impl Loaded for CudaLoaded {
         }
         let to = self.address(to);
         let copy = |words: &[u32]| {
-            // SAFETY: the region has as many words, which live until the stream was waited for.
+            // SAFETY: the region has as many words; they live until the stream was waited for.
             unsafe { result::memcpy_htod_async(to, words, self.stream.0) }
                 .map_err(failed("cuMemcpyHtoDAsync"))
         };
@@ -374,7 +374,7 @@ impl Loaded for CudaLoaded {
 
 impl Drop for CudaLoaded {
     fn drop(&mut self) {
-        // Nobody is left to be told of a failure.
+        // A failure cannot be reported from here.
         let _ = self.wait();
         for ready in &self.schedules {
             if let Mode::Recorded(graph) = ready.mode {

@@ -1,23 +1,25 @@
-//! The device of CUDA: an NVIDIA GPU through its driver, NVRTC and cuBLAS, all of which are loaded when
-//! they are asked for. Nothing of them is needed to build.
+//! The CUDA device: an NVIDIA GPU through its driver, NVRTC and cuBLAS. These libraries are loaded
+//! at run time; none of them is needed to build.
 //!
-//! What is there is looked at before anything is called, so that what is missing is said in words: the
-//! driver, a driver of CUDA 12 at least, a GPU, NVRTC, cuBLAS. Kernels are compiled for the very card.
+//! The libraries, the version of the driver and the GPU are checked before anything is called, so
+//! that an error names what is missing. Kernels are compiled for the card at hand.
 //!
-//! `unsafe` in this module: calls of a C library, with handles that live as long as what holds them and
-//! pointers into one arena, within which every schedule stays that [`crate::schedule::Trace::fits`].
+//! `unsafe` in this module: calls of a C library, with handles that live as long as their owners
+//! and pointers into one arena. Every schedule that passes [`crate::schedule::Trace::fits`] stays
+//! within it.
 #![allow(unsafe_code)]
 
 mod compile;
+mod context;
 mod loaded;
 mod narrow;
 mod owned;
 mod product;
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use cudarc::driver::result::{self, DriverError};
+use cudarc::driver::result;
 use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
 
 use crate::device::{Device, DeviceError, Loaded, Precision, in_bytes};
@@ -25,84 +27,30 @@ use crate::kernels::{Dialect, Program};
 use crate::schedule::plan::Plan;
 
 pub use compile::{Architecture, compile};
+use context::{Context, failed};
 use loaded::CudaLoaded;
+use owned::Module;
 
-/// The oldest CUDA that a driver must know, as the driver says it: 1000 major + 10 minor.
+/// The oldest version of CUDA that a driver must support, as 1000 major + 10 minor.
 const LEAST_VERSION: i32 = 12_000;
 
-/// Bytes that are left free for what the driver and the libraries take for themselves.
+/// Bytes left free for the driver and the libraries.
 const RESERVE: usize = 256 << 20;
-
-/// Held while a schedule is recorded, and while a handle of cuBLAS is made or dropped, which allocates: one thread's
-/// allocation may not come into another's recording. For the whole process, as the primary context is.
-static RECORDING: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    RECORDING.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// An NVIDIA GPU.
 pub struct Cuda {
     context: Arc<Context>,
     name: String,
     architecture: Architecture,
-    /// What was compiled, by its source.
+    /// Compiled programs by their source.
     images: Mutex<HashMap<String, Arc<Vec<u8>>>>,
-}
-
-/// The primary context of a GPU, held as long as anything uses it.
-struct Context {
-    device: sys::CUdevice,
-    context: sys::CUcontext,
-}
-
-// SAFETY: a context may be used by any thread that has made it current, as every call here does.
-unsafe impl Send for Context {}
-// SAFETY: as above.
-unsafe impl Sync for Context {}
-
-impl Context {
-    /// Makes it that of the calling thread.
-    fn enter(&self) -> Result<(), DeviceError> {
-        // SAFETY: the context is held.
-        unsafe { result::ctx::set_current(self.context) }.map_err(failed("cuCtxSetCurrent"))
-    }
-}
-
-impl Drop for Context {
-    fn drop(&mut self) {
-        // SAFETY: it was retained once. Nobody is left to be told of a failure.
-        let _ = unsafe { result::primary_ctx::release(self.device) };
-    }
-}
-
-/// A failed call in words.
-fn failed(call: &'static str) -> impl Fn(DriverError) -> DeviceError {
-    move |error| DeviceError::Call {
-        call,
-        reason: in_words(error),
-    }
-}
-
-fn in_words(error: DriverError) -> String {
-    let text = |found: Result<&std::ffi::CStr, DriverError>| {
-        found.map_or_else(
-            |_| "?".to_owned(),
-            |text| text.to_string_lossy().into_owned(),
-        )
-    };
-    format!(
-        "{} ({})",
-        text(error.error_string()),
-        text(error.error_name())
-    )
 }
 
 impl Cuda {
     /// GPU number `number`, counted from 0 as CUDA does (`CUDA_VISIBLE_DEVICES` hides some).
     ///
     /// # Errors
-    /// What is missing, and what to do about it.
+    /// A missing library or GPU, or a driver that is too old, with a remedy.
     pub fn new(number: usize) -> Result<Self, DeviceError> {
         require_libraries()?;
         result::init().map_err(|error| match error.0 {
@@ -132,11 +80,8 @@ impl Cuda {
         // SAFETY: as above.
         let memory = unsafe { result::device::total_mem(device) };
         let memory = memory.map_err(failed("cuDeviceTotalMem"))?;
-        // SAFETY: as above.
-        let context = unsafe { result::primary_ctx::retain(device) };
-        let context = context.map_err(failed("cuDevicePrimaryCtxRetain"))?;
         Ok(Self {
-            context: Arc::new(Context { device, context }),
+            context: Arc::new(Context::new(device)?),
             name: format!("{name}, {}", in_bytes(memory)),
             architecture,
             images: Mutex::default(),
@@ -156,8 +101,7 @@ impl Cuda {
 }
 
 fn require_libraries() -> Result<(), DeviceError> {
-    // SAFETY: loading these libraries runs what their makers run on loading, as any program does that is
-    // linked with them.
+    // SAFETY: loading these libraries runs their initialisers, as in any program that links them.
     let found = unsafe {
         [
             sys::is_culib_present(),
@@ -195,7 +139,7 @@ fn require_version() -> Result<(), DeviceError> {
     check_version(version, compile::major()?.max(product::major()?))
 }
 
-/// That a driver knows CUDA well enough, for itself and for libraries of CUDA `major`.
+/// Checks that a driver supports CUDA well enough, for itself and for libraries of CUDA `major`.
 fn check_version(version: i32, major: i32) -> Result<(), DeviceError> {
     let in_words = |version: i32| format!("{}.{}", version / 1000, version % 1000 / 10);
     let too_old = |needed: i32, remedy: &'static str| DeviceError::OldDriver {
@@ -241,7 +185,8 @@ impl Device for Cuda {
         self.context.enter()?;
         let image = self.image(program.text(Dialect::Cuda))?;
         let context = Arc::clone(&self.context);
-        let loaded = CudaLoaded::new(context, &image, (program, plan), precision)?;
+        let module = Module::new(&image)?;
+        let loaded = CudaLoaded::new(context, module, program, plan, precision)?;
         Ok(Box::new(loaded))
     }
 }

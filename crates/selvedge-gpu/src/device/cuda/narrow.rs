@@ -1,27 +1,28 @@
-//! How fast a GPU multiplies numbers that lie in bf16: what `half`, whose factors lie in f32 and are rounded on
-//! the way, is measured against.
+//! The speed of products of bf16 matrices, the limit against which `half` is measured. The factors
+//! of `half` are f32 in memory and rounded on the way.
 
 use std::time::Instant;
 
 use cudarc::driver::result;
 
-use super::failed;
+use super::context::failed;
 use super::owned::{Memory, Stream};
 use super::product::{Blas, Gemm, Kind, WORKSPACE};
 use crate::bench::limits::{REPEATS, RUNS, drawn};
 use crate::device::{DeviceError, Precision};
 
-/// The highest of some runs of products of two matrices of `side` rows `[floating-point operations per second]`.
+/// The best speed of several runs of products of two matrices of `side` rows
+/// `[floating-point operations per second]`.
 pub(super) fn products(side: usize) -> Result<f64, DeviceError> {
     let stream = Stream::new()?;
     let memory = |bytes: usize| Memory::new(bytes).map_err(failed("cuMemAlloc"));
     let (matrices, workspace) = (memory(3 * 2 * side * side)?, memory(WORKSPACE)?);
-    // The upper half of an f32 is the bf16 next to it.
+    // The upper half of an f32 is its value as bf16, rounded towards zero.
     let numbers: Vec<u16> = drawn(2 * side * side)
         .map(|x| (x.to_bits() >> 16) as u16)
         .collect();
-    // SAFETY: there is room for three matrices, two of which are written before they are read; it is waited for
-    // before the numbers go.
+    // SAFETY: there is room for three matrices, of which two are written before they are read. The
+    // stream is waited for before the numbers are dropped.
     unsafe { result::memcpy_htod_async(matrices.0, &numbers, stream.0) }
         .map_err(failed("cuMemcpyHtoDAsync"))?;
     stream.wait()?;

@@ -1,29 +1,29 @@
-//! Products by cuBLAS, which reads matrices column by column: what is a matrix to us is its transpose
-//! to it, so that cᵀ = bᵀ aᵀ is asked for, and nothing is moved.
+//! Matrix products by cuBLAS. It reads matrices column by column, so that each of our matrices is
+//! its transpose there: the product is computed as cᵀ = bᵀ aᵀ, and nothing is moved.
 
 use std::ffi::{c_int, c_void};
 
 use cudarc::cublas::result::{self, CublasError};
 use cudarc::cublas::sys::{self, cublasComputeType_t, cublasOperation_t, cudaDataType};
 
-use super::alone;
+use super::context::alone;
 use crate::device::{DeviceError, Precision};
 use crate::schedule::{Matrix, Onto, Product};
 
-/// Bytes that cuBLAS may work in: what it takes by itself on the largest cards.
+/// Bytes of the workspace of cuBLAS: its default on the largest cards.
 pub(super) const WORKSPACE: usize = 32 << 20;
 
-/// What matrices are of.
+/// The type of the elements of matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     F32,
     Bf16,
 }
 
-/// A product as cuBLAS takes it; pointers are offsets from the arena's beginning, in numbers.
+/// A product as cuBLAS takes it. Pointers are offsets from the beginning of the arena, in elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gemm {
-    /// Rows, columns and depth, of cᵀ.
+    /// Rows, columns and depth of cᵀ.
     pub(super) size: [c_int; 3],
     /// bᵀ: whether it is transposed, where it begins, from column to column.
     pub(super) left: (bool, usize, c_int),
@@ -31,13 +31,12 @@ pub(super) struct Gemm {
     pub(super) right: (bool, usize, c_int),
     /// cᵀ.
     pub(super) out: (usize, c_int),
-    /// What the old values of c are multiplied by.
+    /// The factor of the old values of c.
     pub(super) beta: f32,
 }
 
 impl Gemm {
-    /// That of a product whose matrices begin at `first` words; none where a size is beyond what
-    /// cuBLAS counts.
+    /// A product whose matrices begin at `first` words. None where a size is too large for cuBLAS.
     pub(super) fn of(product: &Product, first: impl Fn(&Matrix) -> usize) -> Option<Self> {
         let number = |size: usize| c_int::try_from(size).ok();
         let operand =
@@ -52,7 +51,7 @@ impl Gemm {
         })
     }
 
-    /// The product of the first and the second of three square matrices that lie one after the other, into the third.
+    /// The product of the first two of three adjacent square matrices, into the third.
     pub(super) fn square(side: usize) -> Option<Self> {
         let rows = c_int::try_from(side).ok()?;
         Some(Self {
@@ -65,7 +64,7 @@ impl Gemm {
     }
 }
 
-/// The CUDA that cuBLAS is of: 12 of 12.9.
+/// The major version of CUDA that cuBLAS belongs to: 12 of 12.9.
 pub(super) fn major() -> Result<i32, DeviceError> {
     let mut major = 0;
     let what = sys::libraryPropertyType_t::MAJOR_VERSION;
@@ -106,8 +105,8 @@ impl Blas {
                 Precision::Half => cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_16BF,
             },
         };
-        // SAFETY: handle, stream and workspace are alive as long as what holds all of them. The stream
-        // comes first: setting it gives the workspace back.
+        // SAFETY: one owner holds handle, stream and workspace. The stream is set first, since
+        // setting it resets the workspace.
         unsafe {
             result::set_stream(handle, stream.cast()).map_err(failed("cublasSetStream"))?;
             sys::cublasSetWorkspace_v2(handle, workspace as *mut c_void, WORKSPACE)
@@ -126,7 +125,7 @@ impl Blas {
         self.multiply_kind(gemm, arena, Kind::F32)
     }
 
-    /// The same of numbers of a kind, which offsets count.
+    /// Multiplies elements of a kind; offsets count such elements.
     pub(super) fn multiply_kind(
         &self,
         gemm: &Gemm,
@@ -148,8 +147,8 @@ impl Blas {
         let at = |number: usize| (arena + bytes * number as u64) as *const c_void;
         let ((left, a, lda), (right, b, ldb), (c, ldc)) = (gemm.left, gemm.right, gemm.out);
         let alpha = 1.0_f32;
-        // SAFETY: the matrices lie in the arena, as was checked when the schedule was prepared; the factors
-        // are read before the call returns.
+        // SAFETY: the matrices lie in the arena, as was checked when the schedule was prepared. The
+        // factors are read before the call returns.
         let done = unsafe {
             result::gemm_ex(
                 self.handle,
@@ -180,7 +179,7 @@ impl Blas {
 impl Drop for Blas {
     fn drop(&mut self) {
         let _guard = alone();
-        // SAFETY: it was created and not destroyed. Nobody is left to be told of a failure.
+        // SAFETY: it was created and not destroyed. A failure cannot be reported from here.
         let _ = unsafe { result::destroy_handle(self.handle) };
     }
 }

@@ -1,4 +1,5 @@
-//! The backward pass of a message-passing block, in place on the gradients of latent vertices and arcs.
+//! The backward pass of a message-passing block, in place on the gradients of latent vertices and
+//! arcs.
 
 use super::Back;
 use crate::kernels::backward::{GATHER_INCOMING, SUM_ENDS};
@@ -68,7 +69,8 @@ impl Back<'_> {
             .launch(&GATHER_INCOMING, graph.arcs, arguments);
     }
 
-    /// Takes the gradient of the messages to the pre-activation gradient of the first layer, in place.
+    /// Takes the gradient of the messages to the pre-activation gradient of the first layer, in
+    /// place.
     fn arcs(&mut self, number: usize, record: &BlockRecord, arcs: Region, pre_activation: Region) {
         let (latent, graph) = (self.latent, self.pass.graph);
         let path = format!("processor.{number}.edge");

@@ -41,7 +41,8 @@ struct Buffers {
     states: [Region; 2],
     /// Pre-activation gradients of the gates in one step, `[rows, 4 latent]`.
     sums: Region,
-    /// Sums of the pre-activation gradients over rows and steps, for both layers, `[4 latent]` each.
+    /// Sums of the pre-activation gradients over rows and steps, for both layers, `[4 latent]`
+    /// each.
     biases: [Region; 2],
 }
 
@@ -128,7 +129,8 @@ impl Back<'_> {
         for sums in buffers.biases {
             self.schedule.clear(sums);
         }
-        // The gradient of the output is not needed any more: its room takes that between the layers.
+        // The gradient of the output is not needed any more: its room takes that between the
+        // layers.
         let between = gradient;
         for number in (0..kind.steps).rev() {
             self.gru_step(kind, number, between, &buffers, record);
@@ -198,8 +200,8 @@ impl Back<'_> {
         }
     }
 
-    /// One step of one layer: from the gradient of the state after to that of the state before, with
-    /// the pre-activation gradients of the gates.
+    /// One step of one layer: from the gradient of the state after to that of the state before,
+    /// with the pre-activation gradients of the gates.
     fn layer_step(&mut self, step: &Step<'_>, buffers: &Buffers, record: &GruRecord) {
         let (latent, rows, layer) = (self.latent, step.kind.rows, step.layer);
         let (state, before) = (buffers.states[layer], record.states[layer][step.number]);

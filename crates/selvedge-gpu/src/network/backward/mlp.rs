@@ -1,5 +1,5 @@
-//! The backward pass of a perceptron, from the gradient of its output to the pre-activation gradient of
-//! its first layer.
+//! The backward pass of a perceptron, from the gradient of its output to the pre-activation
+//! gradient of its first layer.
 
 use super::Back;
 use crate::kernels::backward::NORM_BACKWARD;
@@ -21,16 +21,16 @@ pub(super) struct NormBack<'a> {
 }
 
 impl Back<'_> {
-    /// Adds the gradients of matrix and bias of a linear layer, for the gradient `g` of its output and
-    /// its input `x`.
+    /// Adds the gradients of matrix and bias of a linear layer, for the gradient `g` of its output
+    /// and its input `x`.
     pub(super) fn linear(&mut self, rows: usize, path: &str, g: Rows, x: Rows) {
         let weight = self.matrix_of(&format!("{path}.weight"));
         self.add_to_weight(rows, g, x, weight);
         self.add_to_bias(rows, g, self.gradient_of(&format!("{path}.bias")));
     }
 
-    /// Takes the gradient of a layer normalisation's output to that of its input, in place; `other` is
-    /// room for as many rows.
+    /// Takes the gradient of a layer normalisation's output to that of its input, in place; `other`
+    /// is room for as many rows.
     pub(super) fn norm(&mut self, of: &NormBack<'_>, gradient: Region, other: Region) {
         let (path, rows) = (of.path, of.rows);
         let weight = self.pass.weights.get(&format!("{path}.weight"));
@@ -48,8 +48,8 @@ impl Back<'_> {
         self.add_to_bias(rows, g, self.gradient_of(&format!("{path}.weight")));
     }
 
-    /// From the pre-activation gradient of the second layer (`hidden`) to that of the first, with the
-    /// gradients of the second layer's weights and of the first layer's bias.
+    /// From the pre-activation gradient of the second layer (`hidden`) to that of the first, with
+    /// the gradients of the second layer's weights and of the first layer's bias.
     pub(super) fn second_layer(
         &mut self,
         path: &str,
@@ -69,9 +69,9 @@ impl Back<'_> {
         self.add_to_bias(rows, to, self.gradient_of(&format!("{path}.0.bias")));
     }
 
-    /// From the gradient of a perceptron's output to the pre-activation gradient of its first layer, in
-    /// place; `other` is room for as many rows. Adds all gradients of weights except that of the first
-    /// layer's matrix.
+    /// From the gradient of a perceptron's output to the pre-activation gradient of its first
+    /// layer, in place; `other` is room for as many rows. Adds all gradients of weights except that
+    /// of the first layer's matrix.
     pub(super) fn mlp(
         &mut self,
         path: &str,

@@ -1,5 +1,5 @@
-//! The backward pass: from the gradient of the output to the gradients of the weights and, where they
-//! are wanted, of the features and of the states that the encoders carry.
+//! The backward pass: from the gradient of the output to the gradients of the weights and, where
+//! they are wanted, of the features and of the states that the encoders carry.
 //!
 //! Gradients of weights are added to one flat array, laid out like the weights. The gradient of a
 //! matrix is a product over all rows, that of a bias a product with ones: sums in a fixed order.

@@ -22,12 +22,12 @@ const RATE: f64 = 0.3;
 /// Squares of a graph, each with its seed.
 const CLOTHS: usize = 2;
 const SEEDS: [u64; CLOTHS] = [0x1234_5678_9abc_def0, 0xfedc_ba98_7654_3210];
-/// What a state that is carried holds everywhere.
+/// The value of carried states, everywhere.
 const CARRIED: f32 = 0.2;
 /// The gradient of the last states, everywhere.
 const BY_END: f32 = 0.01;
 
-/// Whether encoders begin with zero or go on from states.
+/// The start of encoders: zero, or given states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Start {
     Zero,

@@ -1,5 +1,5 @@
-//! One message-passing block, with its first edge layer split: the contribution of a vertex to all its
-//! arcs is one product per vertex, the *endpoint products*, gathered per arc.
+//! One message-passing block, with its first edge layer split: the contribution of a vertex to all
+//! its arcs is one product per vertex, the *endpoint products*, gathered per arc.
 
 use super::Lower;
 use crate::kernels::layers::{GATHER_ENDS, NORM_MESSAGES};

@@ -1,5 +1,5 @@
-//! The encoders of vertices and of arcs: normalised features of a window to latent rows. An encoder is a
-//! perceptron on the frames side by side, or a recurrent network of two layers.
+//! The encoders of vertices and of arcs: normalised features of a window to latent rows. An encoder
+//! is a perceptron on the frames side by side, or a recurrent network of two layers.
 
 use std::ops::Range;
 
@@ -15,8 +15,8 @@ use crate::network::record::{EncoderRecord, GruRecord};
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Epilogue, Onto, args};
 
-/// The most pre-activations of gates that are in memory at a time: 256 MiB. A larger limit makes fewer
-/// and larger products.
+/// The most pre-activations of gates that are in memory at a time: 256 MiB. A larger limit makes
+/// fewer and larger products.
 const MOST_SUMS: usize = 64 << 20;
 
 /// The kind of encoder of the vertices or of the arcs.
@@ -295,8 +295,8 @@ impl Lower<'_> {
 
     /// The states of a layer before and after each step. All of them have room of their own where
     /// activations are kept; otherwise the states of a group of steps, which lie side by side, are
-    /// overwritten by the next group. The first state is the carried one, if there is one; so is the
-    /// last state of a single step.
+    /// overwritten by the next group. The first state is the carried one, if there is one; so is
+    /// the last state of a single step.
     fn states(&mut self, of: &Encoded<'_>, layer: usize, group: usize) -> Vec<Region> {
         let (size, steps) = (of.rows * self.latent, of.steps);
         let count = if self.keeps() { steps + 1 } else { group };

@@ -48,7 +48,8 @@ impl Lower<'_> {
         Epilogue::BiasRelu(self.weights.get(&format!("{path}.0.bias")))
     }
 
-    /// From the first hidden layer to the output without its bias, in the room for the normalised one.
+    /// From the first hidden layer to the output without its bias, in the room for the normalised
+    /// one.
     pub(super) fn mlp_rest(&mut self, path: &str, rows: usize, record: &MlpRecord) {
         self.second_layer(path, rows, record);
         let weight = self.weights.matrix(&format!("{path}.4.weight"));

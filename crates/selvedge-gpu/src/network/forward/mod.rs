@@ -1,7 +1,7 @@
 //! The forward pass: normalised features to normalised accelerations.
 //!
-//! `encoder` takes features to latent rows, `block` passes messages, `mlp` has the perceptrons and the
-//! decoder.
+//! `encoder` takes features to latent rows, `block` passes messages, `mlp` has the perceptrons and
+//! the decoder.
 
 mod block;
 mod encoder;
@@ -48,8 +48,8 @@ pub struct ForwardPass<'a> {
     pub keep: Keep,
 }
 
-/// Adds a forward pass to a schedule, and its arrays to a plan. [`WeightArrays::pack`] must have run
-/// before.
+/// Adds a forward pass to a schedule, and its arrays to a plan. [`WeightArrays::pack`] must have
+/// run before.
 pub fn forward(plan: &mut Plan, schedule: &mut Schedule, pass: ForwardPass<'_>) -> Record {
     let spec = pass.network.spec();
     let (latent, graph) = (spec.latent, pass.graph);

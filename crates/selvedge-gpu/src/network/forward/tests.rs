@@ -57,7 +57,7 @@ impl Lowered {
         }
     }
 
-    /// What is written from outside.
+    /// The arrays that are written from outside.
     fn given(&self) -> Vec<Region> {
         let [a, b, c, d] = self.graph.regions();
         vec![
