@@ -184,8 +184,8 @@ fn wanted() -> String {
     std::env::var("SELVEDGE_TEST_DEVICE").unwrap_or_else(|_| "host".to_owned())
 }
 
-/// How far what is computed side by side may be from what is computed alone: nothing on the host;
-/// on a card as far as `rounding`, since products of other sizes may be summed in another order.
+/// The tolerance between cloths that are computed side by side and the same alone: 0 on the host;
+/// `rounding` on a card, where products of other sizes may be summed in another order.
 pub(crate) fn side_by_side(rounding: f32) -> f32 {
     if wanted() == "host" { 0.0 } else { rounding }
 }

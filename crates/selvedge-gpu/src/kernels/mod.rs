@@ -13,6 +13,7 @@ pub mod backward;
 pub mod features;
 pub mod features_backward;
 mod gates;
+mod kernel;
 pub mod layers;
 pub mod losses;
 pub mod motion;
@@ -20,7 +21,7 @@ mod signature;
 
 use std::fmt::Write;
 
-pub use signature::{Access, Extent, Factor, Kernel, Kind, Parameter, Shape, Sizes, Width};
+pub use kernel::{Access, Extent, Factor, Kernel, Kind, Parameter, Shape, Sizes, Width};
 
 /// Declares the kernels of a file as statics, and the file itself as `PART`.
 macro_rules! part {

@@ -63,12 +63,15 @@ pub type NamedArgument = (&'static str, Argument);
 /// Arguments of a launch by the names of their parameters, in any order: `args! { x, bias: region
 /// }`. Lists that several launches share come first: `args! { ..frames.ring(), steps: 4 }`.
 macro_rules! args {
-    ($(.. $list:expr,)* $($name:ident $(: $value:expr)?),* $(,)?) => {{
-        let mut all: Vec<$crate::schedule::NamedArgument> = Vec::new();
+    (.. $first:expr, $(.. $list:expr,)* $($name:ident $(: $value:expr)?),* $(,)?) => {{
+        let mut all: Vec<$crate::schedule::NamedArgument> = $first;
         $(all.extend($list);)*
-        $(all.push((stringify!($name), $crate::schedule::args!(@ $name $($value)?)));)*
+        all.extend($crate::schedule::args! { $($name $(: $value)?),* });
         all
     }};
+    ($($name:ident $(: $value:expr)?),* $(,)?) => {
+        vec![$((stringify!($name), $crate::schedule::args!(@ $name $($value)?))),*]
+    };
     (@ $name:ident) => { $crate::schedule::Argument::from($name) };
     (@ $name:ident $value:expr) => { $crate::schedule::Argument::from($value) };
 }

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use cudarc::driver::result;
 use cudarc::driver::sys;
 
+use super::context::{Context, alone, failed};
 use super::owned::{Graph, Memory, Module, Stream};
 use super::product::{Blas, Gemm, WORKSPACE};
-use super::context::{Context, alone, failed};
 use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
 use crate::kernels::layers::{ADD_BIAS, ADD_BIAS_RELU};
 use crate::kernels::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};

@@ -124,11 +124,12 @@ fn a_launch_has_the_arguments_of_its_kernel() {
     assert!(of(2, &good[..7]).contains("there is no argument normal"));
     let twice = [&good[..], &good[..1]].concat();
     assert!(of(2, &twice).contains("there are 2 arguments after"));
-    let extra = [&good[..], &args! { scale: 1.0_f32 }].concat();
+    let extra = [good.clone(), args! { scale: 1.0_f32 }].concat();
     assert!(of(2, &extra).contains("it has no parameter scale"));
     let found = of(2, &arguments(y, Argument::Count(1)));
     assert!(found.contains("inverse: Count(1) for Array"), "{found}");
-    let found = of(2, &[&good[..2], &args! { x: nothing }, &good[3..]].concat());
+    let without = args! { ..good[..2].to_vec(), ..good[3..].to_vec(), x: nothing };
+    let found = of(2, &without);
     assert!(found.contains("x: Nothing for Array"), "{found}");
     let mut overlapping = plan.clone();
     let both = overlapping.floats("both", 24);
