@@ -19,14 +19,18 @@ pub use features::{
 pub use graph::{
     ClothGraph, ClothSize, Connectivity, GraphError, Hinge, Link, LocalFrame, Yaw, geometry,
 };
-pub use kernels::Dropout;
+pub use kernels::dropout::Dropout;
+pub use kernels::gates::{Gate, GateLayout};
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
 pub use network::cost::{Activations, FirstEdgeLayer, Flops, activations, flops};
 pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
-pub use network::workspace::{EncoderState, Workspace};
-pub use network::{Gradients, Input, InputGradient, Network, Pass, StateGradients};
+pub use network::workspace::Workspace;
+pub use network::{
+    Carried, EncoderState, Gradients, Input, InputGradient, Network, NetworkScalar, Pass,
+    StateGradients,
+};
 pub use network::{reference, roofline};
 pub use rollout::{
     LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,

@@ -134,7 +134,7 @@ fn seen(case: &Case, wind: DVec3) -> Seen {
             .collect()
     };
     let node = |v| rows(&window.nodes, v, vertices, spec.node_width());
-    let arc = |a| rows(&window.edges, a, graph.arc_count(), spec.edge_width());
+    let arc = |a| rows(&window.arcs, a, graph.arc_count(), spec.edge_width());
     let ends = graph.senders().iter().zip(graph.receivers()).enumerate();
     Seen {
         nodes: (0..vertices).map(node).collect(),

@@ -5,8 +5,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 use selvedge_model::{
-    Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient, Instructions,
-    Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients, Workspace, reference,
+    Carried, Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient,
+    Instructions, Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients,
+    Workspace, reference,
 };
 
 /// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
@@ -28,7 +29,7 @@ struct Case {
     graph: Connectivity,
     weights: Vec<f64>,
     nodes: Vec<f64>,
-    edges: Vec<f64>,
+    arcs: Vec<f64>,
 }
 
 fn case(spec: &ModelSpec, columns: u32, seed: u64) -> Case {
@@ -47,13 +48,13 @@ fn case(spec: &ModelSpec, columns: u32, seed: u64) -> Case {
             .collect()
     };
     let nodes = numbers(spec.node_window() * graph.vertex_count() * spec.node_width());
-    let edges = numbers(spec.edge_window() * graph.arc_count() * spec.edge_width());
+    let arcs = numbers(spec.edge_window() * graph.arc_count() * spec.edge_width());
     Case {
         network,
         graph,
         weights,
         nodes,
-        edges,
+        arcs,
     }
 }
 
@@ -61,7 +62,7 @@ impl Case {
     fn input(&self) -> Input<'_, f64> {
         Input {
             nodes: &self.nodes,
-            edges: &self.edges,
+            arcs: &self.arcs,
         }
     }
 
@@ -152,14 +153,14 @@ fn f32_agrees_with_f64_on_trained_weights() {
 fn f32_agrees(case: &Case, name: &str) {
     let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
     let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-    let (weights, nodes, edges) = (
+    let (weights, nodes, arcs) = (
         narrow(&case.weights),
         narrow(&case.nodes),
-        narrow(&case.edges),
+        narrow(&case.arcs),
     );
     let input = Input {
         nodes: &nodes,
-        edges: &edges,
+        arcs: &arcs,
     };
     let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     for instructions in [Instructions::Detected, Instructions::Plain] {
@@ -190,18 +191,18 @@ fn gradients_match_finite_differences_in_every_tensor() {
         let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
             .map(coefficient)
             .collect();
-        let [mut nodes, mut edges] = [&case.nodes, &case.edges].map(|x| vec![f64::NAN; x.len()]);
+        let [mut nodes, mut arcs] = [&case.nodes, &case.arcs].map(|x| vec![f64::NAN; x.len()]);
         let gradients = Gradients {
-            weights: &mut gradient,
             input: Some(InputGradient {
                 nodes: &mut nodes,
-                edges: &mut edges,
+                arcs: &mut arcs,
             }),
+            ..Gradients::new(&output, &mut gradient)
         };
-        let (weights, input) = ((&*case.weights, gradients), case.input());
+        let (graph, input) = (&case.graph, case.input());
         case.network
-            .backward(weights, &case.graph, input, &output, &mut workspace);
-        check_input_gradient(&mut case, pass, &nodes, &edges);
+            .backward(&case.weights, graph, input, gradients, &mut workspace);
+        check_input_gradient(&mut case, pass, &nodes, &arcs);
         for parameter in case.network.parameters() {
             let count = parameter.range.len();
             for k in (0..count).step_by((count / 5).max(1)) {
@@ -221,19 +222,12 @@ fn gradients_match_finite_differences_in_every_tensor() {
     }
 }
 
-fn weights_only(weights: &mut [f64]) -> Gradients<'_, f64> {
-    Gradients {
-        weights,
-        input: None,
-    }
-}
-
 /// The gradient of every seventh number of the input against finite differences.
-fn check_input_gradient(case: &mut Case, pass: Pass<'_>, nodes: &[f64], edges: &[f64]) {
+fn check_input_gradient(case: &mut Case, pass: Pass<'_>, nodes: &[f64], arcs: &[f64]) {
     type Part = fn(&mut Case) -> &mut Vec<f64>;
     let parts: [(&str, Part, &[f64]); 2] = [
         ("nodes", |case| &mut case.nodes, nodes),
-        ("edges", |case| &mut case.edges, edges),
+        ("arcs", |case| &mut case.arcs, arcs),
     ];
     let (step, mut workspace) = (1e-5, Workspace::new());
     for (name, part, gradient) in parts {
@@ -293,10 +287,10 @@ fn a_union_computes_what_its_parts_compute() {
         let parts = &[case(&spec, 3, 5), case(&spec, 50, 6)];
         let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
         let nodes = join(parts, |c| &c.nodes, spec.node_window());
-        let edges = join(parts, |c| &c.edges, spec.edge_window());
+        let arcs = join(parts, |c| &c.arcs, spec.edge_window());
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &arcs,
         };
         let network = &parts[0].network;
         let weights = &parts[0].weights;
@@ -318,13 +312,13 @@ fn a_cloth_drops_the_same_values_alone_and_in_a_union() {
     for spec in specs().iter().filter(|spec| spec.window() > 1) {
         let parts = &[case(spec, 3, 5), case(spec, 150, 6)];
         let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
-        let (nodes, edges) = (
+        let (nodes, arcs) = (
             join(parts, |c| &c.nodes, spec.node_window()),
-            join(parts, |c| &c.edges, spec.edge_window()),
+            join(parts, |c| &c.arcs, spec.edge_window()),
         );
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &arcs,
         };
         let (network, weights) = (&parts[0].network, &parts[0].weights);
         let dropped = |seeds| Pass::Training(Some(Dropout { rate: 0.4, seeds }));
@@ -352,14 +346,14 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
     for spec in specs() {
         let case = case(&spec, 60, 10);
         let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-        let (weights, nodes, edges) = (
+        let (weights, nodes, arcs) = (
             narrow(&case.weights),
             narrow(&case.nodes),
-            narrow(&case.edges),
+            narrow(&case.arcs),
         );
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &arcs,
         };
         let output: Vec<f32> = (0..3 * case.graph.vertex_count())
             .map(|k| coefficient(k) as f32)
@@ -370,12 +364,8 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
             let out = network.forward(&weights, graph, input, pass, &mut workspace);
             let out = out.to_vec();
             let mut gradient = vec![0.0; weights.len()];
-            let gradients = Gradients {
-                weights: &mut gradient,
-                input: None,
-            };
-            let both = (&*weights, gradients);
-            network.backward(both, graph, input, &output, &mut workspace);
+            let gradients = Gradients::new(&output, &mut gradient);
+            network.backward(&weights, graph, input, gradients, &mut workspace);
             [out, gradient]
         });
         for (wide, plain) in wide.iter().zip(&plain) {
@@ -402,7 +392,7 @@ impl Stream {
         let begun = Network::new(&of(2)).expect("a valid spec");
         let (purpose, instructions) = (Purpose::Training, Instructions::Detected);
         Self {
-            packed: PackedWeights::new(&begun, &whole.weights, purpose, instructions),
+            packed: begun.pack(&whole.weights, purpose, instructions),
             whole,
             begun,
         }
@@ -410,10 +400,10 @@ impl Stream {
 
     /// The two frames that it begins with, then one and one.
     fn inputs(&self) -> [Input<'_, f64>; 3] {
-        let (nodes, edges) = (self.whole.nodes.len() / 4, self.whole.edges.len() / 4);
+        let (nodes, arcs) = (self.whole.nodes.len() / 4, self.whole.arcs.len() / 4);
         [(0, 2), (2, 1), (3, 1)].map(|(first, count)| Input {
             nodes: &self.whole.nodes[first * nodes..(first + count) * nodes],
-            edges: &self.whole.edges[first * edges..(first + count) * edges],
+            arcs: &self.whole.arcs[first * arcs..(first + count) * arcs],
         })
     }
 
@@ -422,10 +412,13 @@ impl Stream {
         let mut state = EncoderState::new();
         let pass = |input| {
             let mut workspace = Workspace::new();
-            let (given, graph) = ((input, &state), &self.whole.graph);
-            let pass = Pass::Training(None);
+            let (pass, graph) = (Pass::Training(None), &self.whole.graph);
+            let carried = Carried {
+                input,
+                state: &state,
+            };
             self.begun
-                .forward_carried(&self.packed, graph, given, pass, &mut workspace);
+                .forward_carried(&self.packed, graph, carried, pass, &mut workspace);
             let after = workspace.end_state().clone();
             (workspace, std::mem::replace(&mut state, after))
         };
@@ -452,10 +445,10 @@ fn a_stream_is_a_window_that_grows() {
     let mut passes = stream.run();
     let (last, state) = passes.last_mut().expect("three passes");
     let [.., input] = stream.inputs();
-    let given = (input, &*state);
+    let carried = Carried { input, state };
     let found = stream
         .begun
-        .forward_carried(&stream.packed, &whole.graph, given, pass, last);
+        .forward_carried(&stream.packed, &whole.graph, carried, pass, last);
     // The same arithmetic in the same order.
     assert_eq!(found, expected);
 }
@@ -470,10 +463,14 @@ fn the_gradient_of_a_stream_is_that_of_the_window() {
     let mut workspace = Workspace::new();
     let mut expected = vec![0.0; whole.weights.len()];
     whole.objective(&whole.weights, Pass::Training(None), &mut workspace);
-    let both = (&*whole.weights, weights_only(&mut expected));
-    whole
-        .network
-        .backward(both, &whole.graph, whole.input(), &output, &mut workspace);
+    let (graph, gradients) = (&whole.graph, Gradients::new(&output, &mut expected));
+    whole.network.backward(
+        &whole.weights,
+        graph,
+        whole.input(),
+        gradients,
+        &mut workspace,
+    );
     // Only the last frame is judged: the others' gradients come through the states.
     let mut passes = stream.run();
     let mut found = vec![0.0; whole.weights.len()];
@@ -487,11 +484,14 @@ fn the_gradient_of_a_stream_is_that_of_the_window() {
             start: Some(&mut earlier),
         };
         let output = if number == 2 { &output } else { &silent };
-        let both = (&stream.packed, weights_only(&mut found));
-        let given = (input, &*state, states);
+        let gradients = Gradients {
+            states,
+            ..Gradients::new(output, &mut found)
+        };
+        let carried = Carried { input, state };
         stream
             .begun
-            .backward_carried(both, &whole.graph, given, output, workspace);
+            .backward_carried(&stream.packed, graph, carried, gradients, workspace);
         later = earlier;
     }
     for (found, expected) in found.iter().zip(&expected) {
@@ -505,17 +505,17 @@ fn a_frame_in_f32_is_the_same_bytes_on_any_number_of_threads() {
     for spec in specs() {
         let case = case(&spec, 100, 12);
         let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-        let (weights, nodes, edges) = (
+        let (weights, nodes, arcs) = (
             narrow(&case.weights),
             narrow(&case.nodes),
-            narrow(&case.edges),
+            narrow(&case.arcs),
         );
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("a pool").install(|| {
                 let input = Input {
                     nodes: &nodes,
-                    edges: &edges,
+                    arcs: &arcs,
                 };
                 let (network, mut workspace) = (&case.network, Workspace::new());
                 let pass = Pass::Inference;
@@ -546,9 +546,10 @@ fn threads_change_no_bit() {
             let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
                 .map(coefficient)
                 .collect();
-            let both = (&*case.weights, weights_only(&mut gradient));
+            let gradients = Gradients::new(&output, &mut gradient);
+            let (graph, input) = (&case.graph, case.input());
             case.network
-                .backward(both, &case.graph, case.input(), &output, &mut workspace);
+                .backward(&case.weights, graph, input, gradients, &mut workspace);
             gradient
         })
     };
@@ -566,10 +567,10 @@ fn activations_serve_one_backward_pass() {
         let mut gradient = vec![0.0; case.weights.len()];
         let output = vec![1.0; case.graph.vertex_count() * 3];
         let mut backward = || {
-            let both = (&*case.weights, weights_only(&mut gradient));
+            let gradients = Gradients::new(&output, &mut gradient);
             let (graph, input) = (&case.graph, case.input());
-            let network = &case.network;
-            network.backward(both, graph, input, &output, &mut workspace);
+            case.network
+                .backward(&case.weights, graph, input, gradients, &mut workspace);
         };
         for _ in 1..passes.len() {
             backward();

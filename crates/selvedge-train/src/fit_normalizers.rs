@@ -67,7 +67,7 @@ impl<'a> NormalizerFit<'a> {
         self.window.fit(spec, &place);
         self.window.write(spec, graph, self.shown.window(), &place);
         self.nodes.add(&self.window.nodes);
-        self.edges.add(&self.window.edges);
+        self.edges.add(&self.window.arcs);
         self.targets.add(&self.shown.triplet(graph));
         self.done += 1;
         Some(FitProgress {

@@ -78,7 +78,7 @@ impl NetworkArrays {
         input: Input<'_, f32>,
     ) -> Result<(), DeviceError> {
         loaded.put(self.input.nodes, input.nodes)?;
-        loaded.put(self.input.arcs, input.edges)
+        loaded.put(self.input.arcs, input.arcs)
     }
 
     /// Sets every value of the states that a pass starts from, if it has such states.

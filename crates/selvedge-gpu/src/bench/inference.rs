@@ -161,7 +161,7 @@ impl Inference {
 mod tests {
     use super::*;
     use crate::test_graphs::{device, numbers, specs, squares, weights};
-    use selvedge_model::{EncoderState, PackedWeights, Pass, Purpose, Workspace};
+    use selvedge_model::{Carried, EncoderState, Pass, Purpose, Workspace};
 
     #[test]
     fn a_stream_goes_on_from_its_states_as_on_the_cpu() {
@@ -178,13 +178,16 @@ mod tests {
             let edges = numbers(counts[1] * spec.edge_width(), 1.5, 2);
             let input = Input {
                 nodes: &nodes,
-                edges: &edges,
+                arcs: &edges,
             };
             let using = selvedge_model::Instructions::Detected;
-            let packed = PackedWeights::new(&network, &weights, Purpose::Inference, using);
-            let state = EncoderState::filled(0.1, counts, spec.latent);
+            let packed = network.pack(&weights, Purpose::Inference, using);
+            let state = EncoderState::filled(0.1, counts[0], counts[1], spec.latent);
             let mut workspace = Workspace::new();
-            let given = (input, &state);
+            let given = Carried {
+                input,
+                state: &state,
+            };
             let pass = Pass::Inference;
             let expected = network.forward_carried(&packed, &graph, given, pass, &mut workspace);
             let case = NetworkCase {

@@ -267,7 +267,7 @@ mod tests {
         let target = numbers(counts[0] * OUTPUTS, 1.0, 4);
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &edges,
         };
         let case = NetworkCase {
             network: &network,
@@ -290,12 +290,8 @@ mod tests {
                 .map(|(x, y)| share * (x - y))
                 .collect();
             let mut gradient = vec![0.0; expected.len()];
-            let gradients = Gradients {
-                weights: &mut gradient,
-                input: None,
-            };
-            let given = (&*expected, gradients);
-            network.backward(given, &graph, input, &by_output, &mut workspace);
+            let gradients = Gradients::new(&by_output, &mut gradient);
+            network.backward(&expected, &graph, input, gradients, &mut workspace);
             let found = learning.gradient().expect("a gradient");
             let largest = gradient.iter().fold(0.0_f32, |most, g| most.max(g.abs()));
             for (x, y) in found.iter().zip(&gradient) {

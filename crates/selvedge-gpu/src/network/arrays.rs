@@ -60,7 +60,7 @@ impl GraphArrays {
             graph.senders(),
             graph.receivers(),
             graph.first_arc(),
-            graph.twins(),
+            graph.reverse_arcs(),
         ];
         for (region, words) in self.regions().into_iter().zip(arrays) {
             loaded.upload(region, words)?;

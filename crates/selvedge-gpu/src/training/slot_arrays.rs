@@ -204,7 +204,7 @@ impl SlotArrays<'_> {
             }
             Words::Indices(ends, vertices)
         };
-        let mut twins = connectivity.twins().to_vec();
+        let mut twins = connectivity.reverse_arcs().to_vec();
         twins.extend(count as u32..arcs as u32);
         let all = [
             (graph.senders, arcs, ends(connectivity.senders())),

@@ -100,7 +100,7 @@ pub struct Window {
     /// `[window, vertices, node width]`.
     pub nodes: Vec<f32>,
     /// `[window, arcs, edge width]`.
-    pub edges: Vec<f32>,
+    pub arcs: Vec<f32>,
     extent: Extent,
     compared: Compared,
 }
@@ -117,7 +117,7 @@ impl Window {
         let [nodes, edges] = self.counts(spec);
         self.nodes
             .resize(nodes * place.vertex_count * spec.node_width(), 0.0);
-        self.edges
+        self.arcs
             .resize(edges * place.arc_count * spec.edge_width(), 0.0);
     }
 
@@ -153,7 +153,7 @@ impl Window {
                 continue;
             };
             let row = step * place.arc_count + place.first_arc;
-            let rows = &mut self.edges[row * edge_width..][..graph.arc_count() * edge_width];
+            let rows = &mut self.arcs[row * edge_width..][..graph.arc_count() * edge_width];
             edge_features(spec, graph, pose, rows);
         }
     }
@@ -190,7 +190,7 @@ impl Window {
             let rows = &gradient.nodes[step * nodes..][..nodes];
             node_features_backward(spec, graph, pose, rows, &mut by_pose);
             if let Some(step) = (step + edge_steps).checked_sub(node_steps) {
-                let rows = &gradient.edges[step * edges..][..edges];
+                let rows = &gradient.arcs[step * edges..][..edges];
                 edge_features_backward(spec, graph, pose, rows, by_pose.current);
             }
             self.compared
@@ -201,7 +201,7 @@ impl Window {
     /// Normalises everything.
     pub fn normalize(&mut self, nodes: &Normalizer, edges: &Normalizer) {
         nodes.normalize(&mut self.nodes);
-        edges.normalize(&mut self.edges);
+        edges.normalize(&mut self.arcs);
     }
 }
 

@@ -5,18 +5,18 @@ use selvedge_cloth::Topology;
 
 use crate::graph::ClothGraph;
 use crate::graph::levels::Arcs;
-use crate::graph::partition::{Leaf, leaves};
+use crate::graph::partition::{Partition, partitions};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
-/// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `twins[a]` is the same edge the other way.
+/// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `reverse_arcs[a]` is the same edge the other way.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Connectivity {
     pub(crate) vertex_count: usize,
     pub(crate) senders: Vec<u32>,
     pub(crate) receivers: Vec<u32>,
     pub(crate) first_arc: Vec<u32>,
-    pub(crate) twins: Vec<u32>,
-    pub(crate) leaves: Vec<Leaf>,
+    pub(crate) reverse_arcs: Vec<u32>,
+    pub(crate) partitions: Vec<Partition>,
     cloths: Vec<ClothSize>,
 }
 
@@ -34,8 +34,8 @@ impl Connectivity {
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let arcs = Arcs::new(topology, &[]);
-        let ends = [&*arcs.senders, &*arcs.receivers];
-        Self::from_arcs(topology.vertex_count(), ends, arcs.pairs.iter())
+        let count = topology.vertex_count();
+        Self::from_arcs(count, arcs.senders, arcs.receivers, arcs.pairs.iter())
     }
 
     /// The arcs of a cloth with its coarse levels.
@@ -43,23 +43,24 @@ impl Connectivity {
     pub fn of_cloth(graph: &ClothGraph) -> Self {
         let of_links = graph.links().iter().map(|link| &link.arcs);
         let pairs = graph.edge_arcs().iter().chain(of_links);
-        let ends = [graph.senders(), graph.receivers()];
-        Self::from_arcs(graph.vertex_count(), ends, pairs)
+        let (senders, receivers) = (graph.senders().to_vec(), graph.receivers().to_vec());
+        Self::from_arcs(graph.vertex_count(), senders, receivers, pairs)
     }
 
     /// From the senders and the receivers of arcs, and the two arcs of every edge and link.
     fn from_arcs<'a>(
         vertex_count: usize,
-        [senders, receivers]: [&[u32]; 2],
+        senders: Vec<u32>,
+        receivers: Vec<u32>,
         pairs: impl Iterator<Item = &'a [u32; 2]>,
     ) -> Self {
-        let mut twins = vec![0; senders.len()];
+        let mut reverse_arcs = vec![0; senders.len()];
         for &[forward, back] in pairs {
-            twins[forward as usize] = back;
-            twins[back as usize] = forward;
+            reverse_arcs[forward as usize] = back;
+            reverse_arcs[back as usize] = forward;
         }
         let mut first_arc = vec![0; vertex_count + 1];
-        for &receiver in receivers {
+        for &receiver in &receivers {
             first_arc[receiver as usize + 1] += 1;
         }
         for vertex in 0..vertex_count {
@@ -67,15 +68,15 @@ impl Connectivity {
         }
         Self {
             vertex_count,
-            senders: senders.to_vec(),
-            receivers: receivers.to_vec(),
-            leaves: leaves(&first_arc),
+            senders,
+            receivers,
+            partitions: partitions(&first_arc),
             cloths: vec![ClothSize {
                 vertices: vertex_count,
-                arcs: senders.len(),
+                arcs: first_arc[vertex_count] as usize,
             }],
             first_arc,
-            twins,
+            reverse_arcs,
         }
     }
 
@@ -88,8 +89,8 @@ impl Connectivity {
             senders: Vec::new(),
             receivers: Vec::new(),
             first_arc: vec![0],
-            twins: Vec::new(),
-            leaves: Vec::new(),
+            reverse_arcs: Vec::new(),
+            partitions: Vec::new(),
             cloths: Vec::new(),
         };
         for part in parts {
@@ -105,9 +106,11 @@ impl Connectivity {
                 .first_arc
                 .extend(part.first_arc[1..].iter().map(|a| a + arcs));
             whole.cloths.extend(&part.cloths);
-            whole.twins.extend(part.twins.iter().map(|a| a + arcs));
+            whole
+                .reverse_arcs
+                .extend(part.reverse_arcs.iter().map(|a| a + arcs));
         }
-        whole.leaves = leaves(&whole.first_arc);
+        whole.partitions = partitions(&whole.first_arc);
         whole
     }
 
@@ -143,8 +146,8 @@ impl Connectivity {
 
     /// The same edge the other way, of each arc, `[arcs]`.
     #[must_use]
-    pub fn twins(&self) -> &[u32] {
-        &self.twins
+    pub fn reverse_arcs(&self) -> &[u32] {
+        &self.reverse_arcs
     }
 
     /// The cloths in order.
@@ -165,13 +168,13 @@ mod tests {
     }
 
     #[test]
-    fn twins_are_the_same_edge_the_other_way() {
+    fn reverse_arcs_are_the_same_edge_the_other_way() {
         let graph = Connectivity::of(&strip(0));
         for a in 0..graph.arc_count() {
-            let twin = graph.twins[a] as usize;
-            assert_eq!(graph.senders[a], graph.receivers[twin]);
-            assert_eq!(graph.receivers[a], graph.senders[twin]);
-            assert_eq!(graph.twins[twin] as usize, a);
+            let reverse = graph.reverse_arcs[a] as usize;
+            assert_eq!(graph.senders[a], graph.receivers[reverse]);
+            assert_eq!(graph.receivers[a], graph.senders[reverse]);
+            assert_eq!(graph.reverse_arcs[reverse] as usize, a);
         }
     }
 
@@ -183,7 +186,10 @@ mod tests {
         assert_eq!(whole.vertex_count(), 9);
         for a in 0..parts[1].arc_count() {
             assert_eq!(whole.senders[arcs + a], parts[1].senders[a] + vertices);
-            assert_eq!(whole.twins[arcs + a], parts[1].twins[a] + arcs as u32);
+            assert_eq!(
+                whole.reverse_arcs[arcs + a],
+                parts[1].reverse_arcs[a] + arcs as u32
+            );
         }
         for v in 0..whole.vertex_count() {
             for a in whole.first_arc[v]..whole.first_arc[v + 1] {

@@ -7,6 +7,7 @@ pub(crate) mod frame;
 pub mod geometry;
 pub(crate) mod levels;
 pub(crate) mod partition;
+pub(crate) mod share;
 
 pub use cloth_graph::{ClothGraph, GraphError, Hinge};
 pub use connectivity::{ClothSize, Connectivity};

@@ -1,15 +1,89 @@
-//! The gates of a recurrent unit: a step forward with its products, all gates in one pass, and the
-//! gradient of the gates.
+//! The gates of a recurrent unit: their order in rows, one step forward with its products, and the
+//! gradient of a step.
 //!
-//! For a vector of units there are four sums: r, z, and the input's and the state's part of n. The
-//! products with the input add to three of them, those with the state to three; the gates
-//! follow while the sums are at hand.
+//! For a vector of units there are four sums, one for each [`Gate`]. The products with the input
+//! add to three of them, those with the state to three; the gates follow while the sums are in
+//! registers.
 
 use pulp::{Simd, WithSimd};
 
-use crate::kernels::gemm::{LaneCount, Slot, get, put};
+use crate::kernels::gemm::{LaneCount, get, put};
 use crate::kernels::real::Real;
-use crate::kernels::simd::{Instructions, Lanes, MOST_LANES};
+use crate::kernels::simd::{Instructions, Lanes};
+
+/// A sum of a recurrent unit: of one gate, or of one part of the candidate state
+/// n = tanh(new + r ∘ recurrent).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gate {
+    /// r, the share of the old state that the candidate sees.
+    Reset,
+    /// z, the share of the old state that stays.
+    Update,
+    /// The candidate's part from the input, W_in x + b_in; after activation n.
+    New,
+    /// The candidate's part from the state, W_hn h + b_hn.
+    Recurrent,
+}
+
+/// Order of gates in rows `[rows, gates · hidden]`: gate `g` takes the columns from
+/// `offset(g) · hidden` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GateLayout {
+    reset: usize,
+    update: usize,
+    new: usize,
+    recurrent: usize,
+}
+
+impl GateLayout {
+    /// Place of `gate` among the gates of a row, from 0.
+    #[must_use]
+    #[inline(always)]
+    pub const fn offset(&self, gate: Gate) -> usize {
+        match gate {
+            Gate::Reset => self.reset,
+            Gate::Update => self.update,
+            Gate::New => self.new,
+            Gate::Recurrent => self.recurrent,
+        }
+    }
+
+    /// The columns of `gate` in a row of gates of `hidden` numbers each.
+    pub(crate) fn part<'a, T>(&self, gate: Gate, row: &'a [T], hidden: usize) -> &'a [T] {
+        &row[self.offset(gate) * hidden..][..hidden]
+    }
+}
+
+impl Gate {
+    /// All gates.
+    pub const ALL: [Self; 4] = [Self::Reset, Self::Update, Self::New, Self::Recurrent];
+
+    /// Order of the activations that a forward step keeps: r, z, n, recurrent.
+    pub const KEPT: GateLayout = GateLayout {
+        reset: 0,
+        update: 1,
+        new: 2,
+        recurrent: 3,
+    };
+
+    /// Order of the gradients of the sums: n, r, z, recurrent. The first three are the gradients of
+    /// the products with the input, the last three those of the products with the state.
+    pub const GRADIENTS: GateLayout = GateLayout {
+        new: 0,
+        reset: 1,
+        update: 2,
+        recurrent: 3,
+    };
+
+    /// Order of the rows of W_ih, W_hh and both biases, as PyTorch stores them: r, z, n. Both parts
+    /// of the candidate have the same place, each in its own matrix.
+    pub const WEIGHTS: GateLayout = GateLayout {
+        reset: 0,
+        update: 1,
+        new: 2,
+        recurrent: 2,
+    };
+}
 
 /// Most rows that are summed at a time.
 const ROWS: usize = 6;
@@ -28,22 +102,42 @@ pub(crate) struct GruStep<'a, T> {
     pub(crate) hidden: usize,
     /// Out: the state after `[rows, hidden]`.
     pub(crate) after: &'a mut [T],
-    /// Out, unless empty: r, z, n and W_hn h + b_hn for the backward pass, `[rows, 4 hidden]`.
+    /// Out, unless empty: the gates for the backward pass in the order of [`Gate::KEPT`],
+    /// `[rows, 4 hidden]`.
     pub(crate) kept: &'a mut [T],
 }
 
-/// Packs the weights of a layer, gates r, z, n: for each vector of units the weights of the input,
-/// then those of the state. `slot` has depth inputs + hidden and columns 3 hidden.
+/// Weights of one layer of recurrent units as PyTorch stores them, gates in the order r, z, n.
+#[derive(Clone, Copy)]
+pub(crate) struct GruWeights<'a, T> {
+    pub(crate) inputs: usize,
+    pub(crate) hidden: usize,
+    /// W_ih, `[3 hidden, inputs]`.
+    pub(crate) of_input: &'a [T],
+    /// W_hh, `[3 hidden, hidden]`.
+    pub(crate) of_state: &'a [T],
+    /// b_ih, `[3 hidden]`.
+    pub(crate) input_bias: &'a [T],
+    /// b_hh, `[3 hidden]`.
+    pub(crate) state_bias: &'a [T],
+}
+
+/// Packs the matrices of a layer: for each vector of units the weights of the input, then those of
+/// the state, gates r, z, n. The slot of `out` has depth inputs + hidden and columns 3 hidden.
 pub(crate) fn pack_gates<T: Real>(
     instructions: Instructions,
-    (inputs, hidden): (usize, usize),
-    [weight_ih, weight_hh]: [&[T]; 2],
+    layer: GruWeights<'_, T>,
     out: &mut [T],
 ) {
+    let hidden = layer.hidden;
     let lanes = instructions.run(LaneCount::<T>::default());
     let mut rows = out.chunks_exact_mut(3 * lanes);
+    let matrices = [
+        (layer.of_input, layer.inputs),
+        (layer.of_state, layer.hidden),
+    ];
     for first in (0..hidden).step_by(lanes) {
-        for (weight, count) in [(weight_ih, inputs), (weight_hh, hidden)] {
+        for (weight, count) in matrices {
             for (l, row) in rows.by_ref().take(count).enumerate() {
                 for (gate, part) in row.chunks_exact_mut(lanes).enumerate() {
                     for (lane, to) in part.iter_mut().enumerate() {
@@ -60,42 +154,31 @@ pub(crate) fn pack_gates<T: Real>(
     }
 }
 
-/// Room for the packed weights and biases of a layer.
-pub(crate) fn gate_slots(
-    size: &mut crate::network::packed::ModuleSize,
-    inputs: usize,
-    hidden: usize,
-) -> [Slot; 2] {
-    let padded = hidden.next_multiple_of(MOST_LANES);
-    [
-        size.forward(inputs + hidden, 3 * padded),
-        size.forward(1, 4 * padded),
-    ]
-}
-
 /// Packs the biases: for each vector of units those of r and z, summed, then both of n.
 pub(crate) fn pack_biases<T: Real>(
     instructions: Instructions,
-    hidden: usize,
-    [bias_ih, bias_hh]: [&[T]; 2],
+    layer: GruWeights<'_, T>,
     out: &mut [T],
 ) {
+    let (hidden, input, state) = (layer.hidden, layer.input_bias, layer.state_bias);
     let lanes = instructions.run(LaneCount::<T>::default());
     let vectors = out.chunks_exact_mut(4 * lanes);
     for (number, vector) in vectors.take(hidden.div_ceil(lanes)).enumerate() {
         for lane in 0..lanes {
             let unit = number * lanes + lane;
-            let at = |bias: &[T], gate: usize| {
+            let of = |bias: &[T], gate: Gate| {
                 if unit < hidden {
-                    bias[gate * hidden + unit]
+                    bias[Gate::WEIGHTS.offset(gate) * hidden + unit]
                 } else {
                     T::ZERO
                 }
             };
-            vector[lane] = at(bias_ih, 0) + at(bias_hh, 0);
-            vector[lanes + lane] = at(bias_ih, 1) + at(bias_hh, 1);
-            vector[2 * lanes + lane] = at(bias_ih, 2);
-            vector[3 * lanes + lane] = at(bias_hh, 2);
+            for gate in [Gate::Reset, Gate::Update] {
+                let to = Gate::KEPT.offset(gate) * lanes + lane;
+                vector[to] = of(input, gate) + of(state, gate);
+            }
+            vector[Gate::KEPT.offset(Gate::New) * lanes + lane] = of(input, Gate::New);
+            vector[Gate::KEPT.offset(Gate::Recurrent) * lanes + lane] = of(state, Gate::Recurrent);
         }
     }
 }
@@ -143,19 +226,30 @@ impl<T: Real> GruStep<'_, T> {
         let mut sums = [bias; M];
         let packed = &self.packed[3 * first * (inputs + hidden)..];
         let (of_input, of_state) = packed.split_at(3 * lanes * inputs);
-        add_terms::<T, S, M>(simd, &mut sums, (self.input, inputs, row), of_input, 2);
+        let input = Rows {
+            values: self.input,
+            depth: inputs,
+            row,
+        };
+        add_terms::<T, S, M>(simd, &mut sums, input, of_input, Gate::New);
         if let Some(before) = self.before {
             let of_state = &of_state[..3 * lanes * hidden];
-            add_terms::<T, S, M>(simd, &mut sums, (before, hidden, row), of_state, 3);
+            let before = Rows {
+                values: before,
+                depth: hidden,
+                row,
+            };
+            add_terms::<T, S, M>(simd, &mut sums, before, of_state, Gate::Recurrent);
         }
         for (r, sums) in sums.into_iter().enumerate() {
-            self.gates(simd, (row + r, first), sums);
+            self.gates(simd, row + r, first, sums);
         }
     }
 
-    /// From the sums of a row to the units of its state after.
+    /// The units `first..` of the state after from their sums, which are in the order of
+    /// [`Gate::KEPT`].
     #[inline(always)]
-    fn gates<S: Simd>(&mut self, simd: S, (row, first): (usize, usize), sums: [T::Vector<S>; 4]) {
+    fn gates<S: Simd>(&mut self, simd: S, row: usize, first: usize, sums: [T::Vector<S>; 4]) {
         let hidden = self.hidden;
         let count = T::lanes::<S>().min(hidden - first);
         let at = row * hidden + first;
@@ -170,30 +264,48 @@ impl<T: Real> GruStep<'_, T> {
         put::<T, S, 1>(simd, &mut self.after[at..at + count], [after]);
         if !self.kept.is_empty() {
             let kept = &mut self.kept[row * 4 * hidden..][..4 * hidden];
-            for (gate, values) in [r, z, n, recurrent].into_iter().enumerate() {
-                let to = &mut kept[gate * hidden + first..][..count];
+            for (gate, values) in [
+                (Gate::Reset, r),
+                (Gate::Update, z),
+                (Gate::New, n),
+                (Gate::Recurrent, recurrent),
+            ] {
+                let to = &mut kept[Gate::KEPT.offset(gate) * hidden + first..][..count];
                 put::<T, S, 1>(simd, to, [values]);
             }
         }
     }
 }
 
-/// Adds the products of `M` rows to the sums of r, z and, in place `third`, one part of n.
+/// Rows of `depth` numbers, from number `row` on.
+struct Rows<'a, T> {
+    values: &'a [T],
+    depth: usize,
+    row: usize,
+}
+
+/// Adds the products of `M` rows to the sums of r, of z and of `third`, one part of n.
 #[inline(always)]
 fn add_terms<T: Lanes, S: Simd, const M: usize>(
     simd: S,
     sums: &mut [[T::Vector<S>; 4]; M],
-    (rows, depth, row): (&[T], usize, usize),
+    rows: Rows<'_, T>,
     weights: &[T],
-    third: usize,
+    third: Gate,
 ) {
-    let rows: [&[T]; M] = std::array::from_fn(|r| &rows[(row + r) * depth..][..depth]);
+    let Rows { values, depth, row } = rows;
+    let rows: [&[T]; M] = std::array::from_fn(|r| &values[(row + r) * depth..][..depth]);
+    let (reset, update) = (
+        Gate::KEPT.offset(Gate::Reset),
+        Gate::KEPT.offset(Gate::Update),
+    );
+    let third = Gate::KEPT.offset(third);
     let weights = &T::vectors::<S>(weights).as_chunks::<3>().0[..depth];
     for (l, &[of_r, of_z, of_n]) in weights.iter().enumerate() {
         for (sums, values) in sums.iter_mut().zip(rows) {
             let value = T::splat(simd, values[l]);
-            sums[0] = T::mul_add(simd, value, of_r, sums[0]);
-            sums[1] = T::mul_add(simd, value, of_z, sums[1]);
+            sums[reset] = T::mul_add(simd, value, of_r, sums[reset]);
+            sums[update] = T::mul_add(simd, value, of_z, sums[update]);
             sums[third] = T::mul_add(simd, value, of_n, sums[third]);
         }
     }
@@ -201,14 +313,13 @@ fn add_terms<T: Lanes, S: Simd, const M: usize>(
 
 /// Buffers of the gradient of the gates of [`gru_step`].
 pub(crate) struct GateGradients<'a, T> {
-    /// In: r, z, n, W_hn h + b_hn of the forward pass, `[rows, 4 hidden]`.
+    /// In: the gates of the forward pass in the order of [`Gate::KEPT`], `[rows, 4 hidden]`.
     pub(crate) kept: &'a [T],
     /// In: the state before, `[rows, hidden]`.
     pub(crate) before: &'a [T],
     /// In: gradient of the state after; out: its direct part for the state before.
     pub(crate) state: &'a mut [T],
-    /// Out: gradients of the sums: n's input part, r, z, n's state part, `[rows, 4 hidden]`. The first
-    /// three are the input's, the last three the state's.
+    /// Out: gradients of the sums in the order of [`Gate::GRADIENTS`], `[rows, 4 hidden]`.
     pub(crate) sums: &'a mut [T],
 }
 
@@ -239,9 +350,15 @@ impl<T: Real> WithSimd for Backward<'_, T> {
             .zip(gates.state.chunks_exact_mut(hidden))
             .zip(gates.sums.chunks_exact_mut(4 * hidden));
         for (((kept, before), state), sums) in rows {
+            let mut row = GateGradients {
+                kept,
+                before,
+                state,
+                sums,
+            };
             for first in (0..hidden).step_by(T::lanes::<S>()) {
                 let units = first..hidden.min(first + T::lanes::<S>());
-                units_backward::<T, S>(simd, (kept, before), (state, sums), units);
+                units_backward::<T, S>(simd, &mut row, units);
             }
         }
     }
@@ -251,17 +368,17 @@ impl<T: Real> WithSimd for Backward<'_, T> {
 #[inline(always)]
 fn units_backward<T: Real, S: Simd>(
     simd: S,
-    (kept, before): (&[T], &[T]),
-    (state, sums): (&mut [T], &mut [T]),
+    row: &mut GateGradients<'_, T>,
     units: std::ops::Range<usize>,
 ) {
-    let (hidden, count) = (before.len(), units.len());
-    let [r] = get::<T, S, 1>(simd, &kept[units.start..][..count]);
-    let [z] = get::<T, S, 1>(simd, &kept[hidden + units.start..][..count]);
-    let [n] = get::<T, S, 1>(simd, &kept[2 * hidden + units.start..][..count]);
-    let [recurrent] = get::<T, S, 1>(simd, &kept[3 * hidden + units.start..][..count]);
-    let [before] = get::<T, S, 1>(simd, &before[units.clone()]);
-    let [after] = get::<T, S, 1>(simd, &state[units.clone()]);
+    let (hidden, count) = (row.before.len(), units.len());
+    let of = |gate: Gate| Gate::KEPT.offset(gate) * hidden + units.start;
+    let [r] = get::<T, S, 1>(simd, &row.kept[of(Gate::Reset)..][..count]);
+    let [z] = get::<T, S, 1>(simd, &row.kept[of(Gate::Update)..][..count]);
+    let [n] = get::<T, S, 1>(simd, &row.kept[of(Gate::New)..][..count]);
+    let [recurrent] = get::<T, S, 1>(simd, &row.kept[of(Gate::Recurrent)..][..count]);
+    let [before] = get::<T, S, 1>(simd, &row.before[units.clone()]);
+    let [after] = get::<T, S, 1>(simd, &row.state[units.clone()]);
     let one = T::splat(simd, T::ONE);
     let slope_n = T::minus(simd, one, T::times(simd, n, n));
     let not_z = T::minus(simd, one, z);
@@ -271,10 +388,35 @@ fn units_backward<T: Real, S: Simd>(
     let to_z = T::times(simd, along_z, T::times(simd, z, not_z));
     let to_r = T::times(simd, T::times(simd, to_n, recurrent), slope_r);
     let to_recurrent = T::times(simd, to_n, r);
-    let mut first = units.start;
-    for gradient in [to_n, to_r, to_z, to_recurrent] {
-        put::<T, S, 1>(simd, &mut sums[first..first + count], [gradient]);
-        first += hidden;
+    for (gate, gradient) in [
+        (Gate::New, to_n),
+        (Gate::Reset, to_r),
+        (Gate::Update, to_z),
+        (Gate::Recurrent, to_recurrent),
+    ] {
+        let first = Gate::GRADIENTS.offset(gate) * hidden + units.start;
+        put::<T, S, 1>(simd, &mut row.sums[first..first + count], [gradient]);
     }
-    put::<T, S, 1>(simd, &mut state[units], [T::times(simd, after, z)]);
+    put::<T, S, 1>(simd, &mut row.state[units], [T::times(simd, after, z)]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_layouts_of_gates_are_orders_with_input_and_state_side_by_side() {
+        for layout in [Gate::KEPT, Gate::GRADIENTS] {
+            let mut places = Gate::ALL.map(|gate| layout.offset(gate));
+            places.sort_unstable();
+            assert_eq!(places, [0, 1, 2, 3]);
+        }
+        // The engines multiply three neighbouring parts of the gradients with one matrix.
+        let order = |gates: [Gate; 3]| gates.map(|gate| Gate::GRADIENTS.offset(gate));
+        assert_eq!(order([Gate::New, Gate::Reset, Gate::Update]), [0, 1, 2]);
+        assert_eq!(
+            order([Gate::Reset, Gate::Update, Gate::Recurrent]),
+            [1, 2, 3]
+        );
+    }
 }

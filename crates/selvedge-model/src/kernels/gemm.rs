@@ -1,19 +1,19 @@
-//! Matrix products out ← rows W on rows of contiguous numbers, with what comes before and after a
-//! product in a layer done while its sums are still in registers.
+//! Matrix products out ← rows W on rows of contiguous numbers (gemm), with an [`Epilogue`] that is
+//! applied while the sums are still in registers.
 //!
-//! W is packed once ([`pack`]) into panels of a few vectors of columns, so that a panel stays in the
-//! first cache while all rows of a tile pass by. A few rows times a panel are summed at a time, term
-//! after term in the order of the inner index: an output number depends on its row, its column and the
-//! instruction set, not on how rows are tiled. Single-threaded: callers share tiles among threads.
+//! W is packed once ([`pack`]) into panels of a few vectors of columns, so that a panel stays in
+//! the first cache while all rows of a tile pass by. A few rows times a panel are summed at a time,
+//! term after term in the order of the inner index. An output number depends on its row, its column
+//! and the instruction set, not on the tiling. Single-threaded: callers share tiles among threads.
 //!
-//! The other product of learning, dW ← dW + dYᵀ X, is [`add_outer`].
+//! The other product of learning, dW ← dW + dYᵀ X, is in `outer`.
 
 use pulp::{Simd, WithSimd};
 
 use crate::kernels::real::Real;
 use crate::kernels::simd::{Instructions, Lanes, MOST_LANES};
 
-/// Where a packed matrix `[depth, columns]` lies in an array of them.
+/// Place of a packed matrix `[depth, columns]` in an array of matrices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slot {
     pub(crate) offset: usize,
@@ -24,23 +24,32 @@ pub(crate) struct Slot {
 }
 
 impl Slot {
-    /// Numbers it takes, whatever the instruction set.
+    /// Numbers that the matrix takes, the same for every instruction set.
     pub(crate) fn length(&self) -> usize {
         self.depth * self.columns.next_multiple_of(MOST_LANES)
     }
 
+    /// The numbers of the matrix in an array of matrices.
     pub(crate) fn of<'a, T>(&self, all: &'a [T]) -> &'a [T] {
         &all[self.offset..self.offset + self.length()]
     }
+
+    /// The numbers of the matrix in an array of matrices.
+    pub(crate) fn of_mut<'a, T>(&self, all: &'a mut [T]) -> &'a mut [T] {
+        &mut all[self.offset..self.offset + self.length()]
+    }
 }
 
-/// Packs the matrix whose entry at inner index `l` and column `j` is `entry(l, j)`.
+/// Packs the matrix of `slot` into its place in `all`; the entry at inner index `l` and column `j`
+/// is `entry(l, j)`.
 pub(crate) fn pack<T: Real>(
     instructions: Instructions,
-    (depth, columns): (usize, usize),
+    slot: Slot,
     entry: impl Fn(usize, usize) -> T,
-    out: &mut [T],
+    all: &mut [T],
 ) {
+    let (depth, columns) = (slot.depth, slot.columns);
+    let out = slot.of_mut(all);
     let lanes = instructions.run(LaneCount::<T>::default());
     let mut first = 0;
     while first < columns {
@@ -74,7 +83,7 @@ impl<T: Lanes> WithSimd for LaneCount<T> {
     }
 }
 
-/// Vectors of the next panel when so many are left.
+/// Runs [`panel_vectors`].
 struct PanelVectors(usize);
 
 impl WithSimd for PanelVectors {
@@ -86,8 +95,9 @@ impl WithSimd for PanelVectors {
     }
 }
 
-/// Four where there are 32 registers: 6 rows × 4 vectors of sums, 4 of weights, 1 of the row. Rather
-/// three and three, or three and two, than a panel of one, whose sums wait for each other.
+/// Vectors of the next panel when `left` remain: four on 32 registers, which hold 6 rows × 4
+/// vectors of sums, 4 of weights and 1 of the row. Avoids a one-vector panel, whose sums form one
+/// dependency chain: 6 vectors are split 3 + 3, 5 are split 3 + 2.
 #[inline(always)]
 pub(super) fn panel_vectors<S: Simd>(left: usize) -> usize {
     match left {
@@ -98,7 +108,7 @@ pub(super) fn panel_vectors<S: Simd>(left: usize) -> usize {
     }
 }
 
-/// Some columns of rows of `stride` numbers.
+/// Columns `first..first + count` of rows of `stride` numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Columns<'a, T> {
     pub(crate) rows: &'a [T],
@@ -118,7 +128,7 @@ impl<'a, T> Columns<'a, T> {
         }
     }
 
-    /// Columns `first..first + count` of them.
+    /// Columns `first..first + count` of these columns.
     pub(crate) fn part(self, first: usize, count: usize) -> Self {
         assert!(first + count <= self.count, "columns in range");
         Self {
@@ -136,9 +146,9 @@ pub(crate) struct Term<'a, T> {
     pub(crate) packed: &'a [T],
 }
 
-/// What happens to the sums of a product.
+/// Last step of a product, from its sums to `out`.
 #[derive(Clone, Copy)]
-pub(crate) enum Finish<'a, T> {
+pub(crate) enum Epilogue<'a, T> {
     /// out ← sums.
     Set,
     /// out ← out + sums.
@@ -149,24 +159,24 @@ pub(crate) enum Finish<'a, T> {
     SecondHalfBias(&'a [T]),
     /// out ← max(sums + bias, 0).
     BiasRelu(&'a [T]),
-    /// out ← max(sums + A v of the sender + B v of the receiver, 0): the split first edge layer.
-    EndsRelu(Ends<'a, T>),
+    /// out ← max(sums + A v of the sender + B v of the receiver, 0): the split first arc layer.
+    EndpointsRelu(Endpoints<'a, T>),
     /// out ← sums where the activation of a ReLU is positive, else 0; laid out like out.
     Mask(&'a [T]),
 }
 
-/// What an arc's ends add to its first layer.
+/// Endpoint products of arcs, which are added to the first layer of an arc.
 #[derive(Clone, Copy)]
-pub(crate) struct Ends<'a, T> {
-    /// A v and B v + bias side by side, `[vertices, 2 columns]`.
-    pub(crate) at: &'a [T],
-    /// Of each row.
+pub(crate) struct Endpoints<'a, T> {
+    /// A v and B v + bias of every vertex side by side, `[vertices, 2 columns]`.
+    pub(crate) products: &'a [T],
+    /// Sender of each row.
     pub(crate) senders: &'a [u32],
-    /// Of each row.
+    /// Receiver of each row.
     pub(crate) receivers: &'a [u32],
 }
 
-/// out `[rows, columns]` ← finish(Σ over terms of rows times matrix).
+/// out `[rows, columns]` ← epilogue(Σ over terms of rows times matrix).
 ///
 /// # Panics
 /// When a slice does not have the size that the others imply.
@@ -174,7 +184,7 @@ pub(crate) fn multiply<T: Real>(
     instructions: Instructions,
     terms: &[Term<'_, T>],
     columns: usize,
-    finish: Finish<'_, T>,
+    epilogue: Epilogue<'_, T>,
     out: &mut [T],
 ) {
     let rows = out.len() / columns;
@@ -185,7 +195,7 @@ pub(crate) fn multiply<T: Real>(
     instructions.run(Product {
         terms,
         columns,
-        finish,
+        epilogue,
         out,
     });
 }
@@ -193,7 +203,7 @@ pub(crate) fn multiply<T: Real>(
 struct Product<'a, T> {
     terms: &'a [Term<'a, T>],
     columns: usize,
-    finish: Finish<'a, T>,
+    epilogue: Epilogue<'a, T>,
     out: &'a mut [T],
 }
 
@@ -262,7 +272,7 @@ impl<T: Real> Product<'_, T> {
             }
         }
         for (r, sums) in sums.into_iter().enumerate() {
-            self.finish_row::<S, V>(simd, (row + r, first), sums);
+            self.finish_row::<S, V>(simd, row + r, first, sums);
         }
     }
 
@@ -270,44 +280,46 @@ impl<T: Real> Product<'_, T> {
     fn finish_row<S: Simd, const V: usize>(
         &mut self,
         simd: S,
-        (row, first): (usize, usize),
+        row: usize,
+        first: usize,
         sums: [T::Vector<S>; V],
     ) {
         let (lanes, columns) = (T::lanes::<S>(), self.columns);
         let start = row * columns + first;
         let count = (columns - first).min(V * lanes);
         let out = &mut self.out[start..start + count];
-        // Loops over arrays, no closures: a closure that is not inlined is compiled without wide vectors.
+        // Loops over arrays, no closures: a closure that is not inlined is compiled without wide
+        // vectors.
         let mut values = sums;
-        match self.finish {
-            Finish::Set | Finish::SecondHalfBias(_) => {}
-            Finish::Add => {
+        match self.epilogue {
+            Epilogue::Set | Epilogue::SecondHalfBias(_) => {}
+            Epilogue::Add => {
                 let before = get::<T, S, V>(simd, out);
                 values = sum::<T, S, V>(simd, values, before);
             }
-            Finish::Bias(bias) => {
+            Epilogue::Bias(bias) => {
                 let bias = get::<T, S, V>(simd, &bias[first..first + count]);
                 values = sum::<T, S, V>(simd, values, bias);
             }
-            Finish::BiasRelu(bias) => {
+            Epilogue::BiasRelu(bias) => {
                 let bias = get::<T, S, V>(simd, &bias[first..first + count]);
                 values = sum::<T, S, V>(simd, values, bias);
                 for x in &mut values {
                     *x = T::relu(simd, *x);
                 }
             }
-            Finish::EndsRelu(ends) => {
+            Epilogue::EndpointsRelu(ends) => {
                 let sender = ends.senders[row] as usize * 2 * columns + first;
                 let receiver = ends.receivers[row] as usize * 2 * columns + columns + first;
-                let sender = get::<T, S, V>(simd, &ends.at[sender..sender + count]);
-                let receiver = get::<T, S, V>(simd, &ends.at[receiver..receiver + count]);
+                let sender = get::<T, S, V>(simd, &ends.products[sender..sender + count]);
+                let receiver = get::<T, S, V>(simd, &ends.products[receiver..receiver + count]);
                 let both = sum::<T, S, V>(simd, sender, receiver);
                 values = sum::<T, S, V>(simd, values, both);
                 for x in &mut values {
                     *x = T::relu(simd, *x);
                 }
             }
-            Finish::Mask(activation) => {
+            Epilogue::Mask(activation) => {
                 let activation = get::<T, S, V>(simd, &activation[start..start + count]);
                 for (x, a) in values.iter_mut().zip(activation) {
                     *x = T::where_positive(simd, a, *x);
@@ -315,7 +327,7 @@ impl<T: Real> Product<'_, T> {
             }
         }
         put::<T, S, V>(simd, out, values);
-        if let Finish::SecondHalfBias(bias) = self.finish {
+        if let Epilogue::SecondHalfBias(bias) = self.epilogue {
             // Columns of a panel may lie on both sides.
             let skipped = (columns / 2).saturating_sub(first).min(count);
             let from = (first + skipped).saturating_sub(columns / 2);

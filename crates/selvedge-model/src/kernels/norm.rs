@@ -1,16 +1,19 @@
-//! Layer normalisation forward, with what happens to its output: it is set, added to what it updates, or is
-//! a message that is added to its arc and to the sum of its receiver.
+//! Layer normalisation, forward and backward.
+//!
+//! The forward pass ends in the update that the output is for: it is written, added to the rows that
+//! it updates, or added to an arc and to the sum of the arc's receiver.
 
 use pulp::{Simd, WithSimd};
 
 use crate::kernels::gemm::{get, put};
 use crate::kernels::real::Real;
+use crate::kernels::rows::Receivers;
 use crate::kernels::simd::Instructions;
 
 /// Added to a variance before its root, as in PyTorch.
 const EPSILON: f64 = 1e-5;
 
-/// What a layer normalisation keeps of a tile of rows for its backward pass.
+/// Rows of a layer normalisation that are kept for the backward pass.
 pub(crate) struct NormRows<'a, T> {
     /// In: the layer's input; out: (input - mean) / deviation, `[rows, width]`.
     pub(crate) normal: &'a mut [T],
@@ -18,24 +21,15 @@ pub(crate) struct NormRows<'a, T> {
     pub(crate) inverse_deviation: &'a mut [T],
 }
 
-/// The arcs into some vertices that lie side by side.
-#[derive(Clone, Copy)]
-pub(crate) struct Receivers<'a> {
-    /// Of each arc.
-    pub(crate) of: &'a [u32],
-    /// The first of the vertices.
-    pub(crate) first: usize,
-}
-
-/// What happens to the output, `[rows, width]`.
+/// Use of the output, `[rows, width]`.
 pub(crate) enum Normalised<'a, T> {
-    /// It is set.
+    /// out ← output.
     Set(&'a mut [T]),
-    /// It is added.
+    /// out ← out + output.
     Add(&'a mut [T]),
-    /// It is added to the arcs and, arc after arc, to the sums of their receivers.
+    /// Adds the output to the arcs and, arc after arc, to the sums of their receivers.
     Messages {
-        edges: &'a mut [T],
+        arcs: &'a mut [T],
         incoming: &'a mut [T],
         receivers: Receivers<'a>,
     },
@@ -78,19 +72,24 @@ impl<T: Real> WithSimd for Norm<'_, T> {
             let mean = mean::<T, S>(simd, x);
             let scale = inverse_deviation::<T, S>(simd, x, mean);
             *inverse = scale;
-            let affine = (mean, scale, self.weight, self.shift);
+            let affine = Affine {
+                mean,
+                scale,
+                weight: self.weight,
+                shift: self.shift,
+            };
             let at = row * width..(row + 1) * width;
             match &mut out {
                 Normalised::Set(out) => write::<T, S>(simd, x, affine, &mut out[at]),
-                Normalised::Add(out) => add::<T, S>(simd, x, affine, (&mut out[at], None)),
+                Normalised::Add(out) => add::<T, S>(simd, x, affine, &mut out[at], None),
                 Normalised::Messages {
-                    edges,
+                    arcs,
                     incoming,
                     receivers,
                 } => {
                     let receiver = receivers.of[row] as usize - receivers.first;
                     let total = &mut incoming[receiver * width..(receiver + 1) * width];
-                    add::<T, S>(simd, x, affine, (&mut edges[at], Some(total)));
+                    add::<T, S>(simd, x, affine, &mut arcs[at], Some(total));
                 }
             }
         }
@@ -125,32 +124,40 @@ fn inverse_deviation<T: Real, S: Simd>(simd: S, row: &[T], mean: T) -> T {
     T::ONE / (variance + T::from_f64(EPSILON)).sqrt()
 }
 
-/// Mean and inverse deviation of a row, weight and shift.
-type Affine<'a, T> = (T, T, &'a [T], &'a [T]);
+/// Maps a row to its normalised numbers and these to the output.
+#[derive(Clone, Copy)]
+struct Affine<'a, T> {
+    mean: T,
+    /// 1 / deviation.
+    scale: T,
+    weight: &'a [T],
+    shift: &'a [T],
+}
 
-/// One vector of a row: its normalised numbers stay in it; gives the output.
+/// Normalises one vector of a row in place. Returns the output.
 #[inline(always)]
-fn vector<T: Real, S: Simd>(
-    simd: S,
-    x: &mut [T],
-    (mean, scale, weight, shift): Affine<'_, T>,
-) -> T::Vector<S> {
+fn vector<T: Real, S: Simd>(simd: S, x: &mut [T], affine: Affine<'_, T>) -> T::Vector<S> {
     let [value] = get::<T, S, 1>(simd, x);
-    let [w] = get::<T, S, 1>(simd, weight);
-    let [s] = get::<T, S, 1>(simd, shift);
-    let off = T::minus(simd, value, T::splat(simd, mean));
-    let normal = T::times(simd, off, T::splat(simd, scale));
+    let [w] = get::<T, S, 1>(simd, affine.weight);
+    let [s] = get::<T, S, 1>(simd, affine.shift);
+    let off = T::minus(simd, value, T::splat(simd, affine.mean));
+    let normal = T::times(simd, off, T::splat(simd, affine.scale));
     put::<T, S, 1>(simd, x, [normal]);
     T::mul_add(simd, normal, w, s)
 }
 
 #[inline(always)]
 fn write<T: Real, S: Simd>(simd: S, x: &mut [T], affine: Affine<'_, T>, out: &mut [T]) {
-    let (lanes, (mean, scale, weight, shift)) = (T::lanes::<S>(), affine);
+    let lanes = T::lanes::<S>();
     let parts = x.chunks_mut(lanes).zip(out.chunks_mut(lanes));
-    let parts = parts.zip(weight.chunks(lanes).zip(shift.chunks(lanes)));
-    for ((x, out), (weight, shift)) in parts {
-        let value = vector::<T, S>(simd, x, (mean, scale, weight, shift));
+    let columns = affine.weight.chunks(lanes).zip(affine.shift.chunks(lanes));
+    for ((x, out), (weight, shift)) in parts.zip(columns) {
+        let affine = Affine {
+            weight,
+            shift,
+            ..affine
+        };
+        let value = vector::<T, S>(simd, x, affine);
         put::<T, S, 1>(simd, out, [value]);
     }
 }
@@ -160,13 +167,19 @@ fn add<T: Real, S: Simd>(
     simd: S,
     x: &mut [T],
     affine: Affine<'_, T>,
-    (out, mut total): (&mut [T], Option<&mut [T]>),
+    out: &mut [T],
+    mut total: Option<&mut [T]>,
 ) {
-    let (lanes, (mean, scale, weight, shift)) = (T::lanes::<S>(), affine);
+    let lanes = T::lanes::<S>();
     let parts = x.chunks_mut(lanes).zip(out.chunks_mut(lanes));
-    let parts = parts.zip(weight.chunks(lanes).zip(shift.chunks(lanes)));
-    for (number, ((x, out), (weight, shift))) in parts.enumerate() {
-        let value = vector::<T, S>(simd, x, (mean, scale, weight, shift));
+    let columns = affine.weight.chunks(lanes).zip(affine.shift.chunks(lanes));
+    for (number, ((x, out), (weight, shift))) in parts.zip(columns).enumerate() {
+        let affine = Affine {
+            weight,
+            shift,
+            ..affine
+        };
+        let value = vector::<T, S>(simd, x, affine);
         let [before] = get::<T, S, 1>(simd, out);
         put::<T, S, 1>(simd, out, [T::plus(simd, before, value)]);
         if let Some(total) = total.as_deref_mut() {
@@ -177,4 +190,100 @@ fn add<T: Real, S: Simd>(
             put::<T, S, 1>(simd, total, [T::plus(simd, before, value)]);
         }
     }
+}
+
+/// Normalised rows that the forward pass kept.
+#[derive(Clone, Copy)]
+pub(crate) struct NormKept<'a, T> {
+    /// (input - mean) / deviation, `[rows, width]`.
+    pub(crate) normal: &'a [T],
+    /// 1 / deviation, `[rows]`.
+    pub(crate) inverse_deviation: &'a [T],
+}
+
+/// Gradients of the weight and the shift of a layer normalisation, `[width]` each.
+pub(crate) struct NormGradient<'a, T> {
+    pub(crate) weight: &'a mut [T],
+    pub(crate) shift: &'a mut [T],
+}
+
+/// The gradient of [`layer_norm`]: `gradient` holds that of the output and receives that of the
+/// input. The gradients of weight and shift are added to.
+pub(crate) fn layer_norm_backward<T: Real>(
+    instructions: Instructions,
+    gradient: &mut [T],
+    kept: NormKept<'_, T>,
+    weight: &[T],
+    parameters: NormGradient<'_, T>,
+) {
+    let width = weight.len();
+    let inverse_width = T::from_f64(1.0 / width as f64);
+    instructions.vectorised(
+        #[inline(always)]
+        || {
+            let gradients = gradient.chunks_exact_mut(width);
+            let normals = kept.normal.chunks_exact(width);
+            for ((g, x), &inverse) in gradients.zip(normals).zip(kept.inverse_deviation) {
+                let dw = &mut parameters.weight[..width];
+                let ds = &mut parameters.shift[..width];
+                for k in 0..width {
+                    dw[k] += g[k] * x[k];
+                    ds[k] += g[k];
+                    g[k] *= weight[k];
+                }
+                let mean = sum(g) * inverse_width;
+                let along = dot(g, x) * inverse_width;
+                for (g, &x) in g.iter_mut().zip(x) {
+                    *g = (*g - mean - x * along) * inverse;
+                }
+            }
+        },
+    );
+}
+
+/// Partial sums of a sum over a row, in a fixed order on every instruction set.
+const LANES: usize = 16;
+
+#[inline(always)]
+fn sum<T: Real>(row: &[T]) -> T {
+    let mut lanes = [T::ZERO; LANES];
+    let chunks = row.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (lane, &x) in lanes.iter_mut().zip(chunk) {
+            *lane += x;
+        }
+    }
+    for (lane, &x) in lanes.iter_mut().zip(rest) {
+        *lane += x;
+    }
+    fold(lanes)
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: &[T], b: &[T]) -> T {
+    let mut lanes = [T::ZERO; LANES];
+    let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let (a_rest, b_rest) = (a_chunks.remainder(), b_chunks.remainder());
+    for (x, y) in a_chunks.zip(b_chunks) {
+        for ((lane, &x), &y) in lanes.iter_mut().zip(x).zip(y) {
+            *lane += x * y;
+        }
+    }
+    for ((lane, &x), &y) in lanes.iter_mut().zip(a_rest).zip(b_rest) {
+        *lane += x * y;
+    }
+    fold(lanes)
+}
+
+#[inline(always)]
+fn fold<T: Real>(mut lanes: [T; LANES]) -> T {
+    let mut half = LANES / 2;
+    while half > 0 {
+        for k in 0..half {
+            lanes[k] += lanes[k + half];
+        }
+        half /= 2;
+    }
+    lanes[0]
 }

@@ -8,12 +8,10 @@ use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use crate::kernels::simd::Lanes;
-use crate::network::passes::Passes;
 
 /// A floating-point type that the network can be evaluated in.
 pub trait Real:
     Lanes
-    + Passes
     + Copy
     + Debug
     + Default

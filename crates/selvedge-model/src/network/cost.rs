@@ -5,9 +5,8 @@
 //! addition, as is common; features, activations, normalisation and sums of messages are left out,
 //! which are a few percent. Of the memory all is counted that a [`Workspace`](crate::Workspace) holds.
 
-use crate::network::OUTPUTS;
-use crate::network::layers::encoder::RowEncoder;
-use crate::spec::{Encoder, ModelSpec};
+use crate::network::arguments::OUTPUTS;
+use crate::spec::{Encoder, ModelSpec, RowEncoder};
 
 /// Floating-point operations of one frame, by what they grow with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,7 +127,7 @@ pub fn activations(spec: &ModelSpec) -> Activations {
 mod tests {
     use super::*;
     use crate::graph::connectivity::Connectivity;
-    use crate::kernels::Dropout;
+    use crate::kernels::dropout::Dropout;
     use crate::network::workspace::Workspace;
     use crate::network::{Gradients, Input, Network, Pass};
     use crate::test_cloth::parts;
@@ -154,7 +153,7 @@ mod tests {
                 let edges = vec![0.1_f32; spec.edge_window() * arcs * edge_width];
                 let input = Input {
                     nodes: &nodes,
-                    edges: &edges,
+                    arcs: &edges,
                 };
                 let connectivity = Connectivity::of(graph.topology());
                 let mut workspace = Workspace::new();
@@ -164,13 +163,9 @@ mod tests {
                 }));
                 network.forward(&weights, &connectivity, input, pass, &mut workspace);
                 let mut gradient = vec![0.0; weights.len()];
-                let gradients = Gradients {
-                    weights: &mut gradient,
-                    input: None,
-                };
                 let output = vec![1.0; 3 * vertices];
-                let both = (&weights[..], gradients);
-                network.backward(both, &connectivity, input, &output, &mut workspace);
+                let gradients = Gradients::new(&output, &mut gradient);
+                network.backward(&weights, &connectivity, input, gradients, &mut workspace);
                 let counted = activations(&spec).of(vertices, arcs);
                 assert_eq!(workspace.number_count() as u64, counted, "{spec:?}");
             }

@@ -1,7 +1,7 @@
-//! Weights as the products want them: every matrix packed, module by module, for the forward pass
-//! and, where there is to be one, for the way back.
+//! Packed weights: every matrix in the panels that the kernel of products reads, module by module,
+//! for the forward pass and, if wanted, for the backward pass.
 //!
-//! To be made once for weights that stay, and once per step for weights that learn.
+//! Weights are packed once for inference, and once per step in training.
 
 use rayon::prelude::*;
 
@@ -9,10 +9,9 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Slot, Term, pack};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::Network;
-use crate::network::parameters::Linear;
+use crate::network::parameters::{LayoutBuilder, Linear};
 
-/// What packed weights are for.
+/// Purpose of packed weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Forward passes only.
@@ -21,7 +20,7 @@ pub enum Purpose {
     Training,
 }
 
-/// The packed weights of a [`Network`], with the plain ones that need no packing beside them.
+/// The packed weights of a [`Network`](crate::Network), with the plain ones that need no packing beside them.
 #[derive(Clone, Debug)]
 pub struct PackedWeights<T> {
     pub(crate) instructions: Instructions,
@@ -50,7 +49,7 @@ impl<T: Real> PackedModule<T> {
     }
 }
 
-/// What a layer computes with.
+/// The weights of a layer and its instructions.
 pub(crate) struct LayerWeights<'a, T> {
     pub(crate) instructions: Instructions,
     /// All weights of the network, plain.
@@ -67,8 +66,8 @@ impl<T> Clone for LayerWeights<'_, T> {
 
 impl<T> Copy for LayerWeights<'_, T> {}
 
-/// Lengths of the packed matrices of a module, or where the next one is to be.
-#[derive(Clone, Copy, Debug, Default)]
+/// Lengths of the packed matrices of a module.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ModuleSize {
     pub(crate) forward: usize,
     pub(crate) backward: usize,
@@ -96,7 +95,14 @@ impl ModuleSize {
     }
 }
 
-/// Some input columns of a linear layer, packed for both ways.
+/// Lays out the weights of a module, plain and packed.
+#[derive(Default)]
+pub(crate) struct ModuleBuilder {
+    pub(crate) layout: LayoutBuilder,
+    pub(crate) size: ModuleSize,
+}
+
+/// Some input columns of a linear layer, packed for both passes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
     weight: usize,
@@ -108,11 +114,7 @@ pub(crate) struct Piece {
 
 impl Piece {
     /// Input columns `first..first + count` of `linear`.
-    pub(crate) fn new(
-        size: &mut ModuleSize,
-        linear: &Linear,
-        (first, count): (usize, usize),
-    ) -> Self {
+    pub(crate) fn new(size: &mut ModuleSize, linear: &Linear, first: usize, count: usize) -> Self {
         Self {
             weight: linear.weight,
             stride: linear.inputs,
@@ -124,7 +126,7 @@ impl Piece {
 
     /// All input columns.
     pub(crate) fn whole(size: &mut ModuleSize, linear: &Linear) -> Self {
-        Self::new(size, linear, (0, linear.inputs))
+        Self::new(size, linear, 0, linear.inputs)
     }
 
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
@@ -164,64 +166,58 @@ pub(crate) struct Packer<'a, T> {
 }
 
 impl<T: Real> Packer<'_, T> {
+    /// Packs a matrix of the forward pass.
     pub(crate) fn forward(&mut self, slot: Slot, entry: impl Fn(usize, usize) -> T) {
-        let out = &mut self.module.forward[slot.offset..slot.offset + slot.length()];
-        pack(self.instructions, (slot.depth, slot.columns), entry, out);
+        pack(self.instructions, slot, entry, &mut self.module.forward);
     }
 
-    /// Does nothing where there is no way back.
+    /// Packs a matrix of the backward pass, unless the weights are for inference.
     pub(crate) fn backward(&mut self, slot: Slot, entry: impl Fn(usize, usize) -> T) {
         if !self.module.backward.is_empty() {
-            let out = &mut self.module.backward[slot.offset..slot.offset + slot.length()];
-            pack(self.instructions, (slot.depth, slot.columns), entry, out);
+            pack(self.instructions, slot, entry, &mut self.module.backward);
         }
     }
 
-    /// The room of a forward slot, for what is packed in another way.
+    /// The room of a forward slot, for weights that are packed in another way.
     pub(crate) fn room(&mut self, slot: Slot) -> &mut [T] {
-        &mut self.module.forward[slot.offset..slot.offset + slot.length()]
+        slot.of_mut(&mut self.module.forward)
     }
 }
 
+/// Packs the matrices of the module of that number.
+type PackModule<'a, T> = &'a (dyn Fn(usize, &mut Packer<'_, T>) + Sync);
+
 impl<T: Real> PackedWeights<T> {
-    /// Packs `weights`, laid out as [`Network::parameters`] says.
-    ///
-    /// # Panics
-    /// When the number of weights is not the network's.
-    #[must_use]
-    pub fn new(
-        network: &Network,
-        weights: &[T],
+    /// Room for `count` weights in modules of these sizes.
+    pub(crate) fn new(
+        sizes: &[ModuleSize],
+        count: usize,
         purpose: Purpose,
         instructions: Instructions,
     ) -> Self {
-        let sizes = network.module_sizes().iter();
-        let mut packed = Self {
+        let modules = sizes.iter().map(|size| PackedModule::new(size, purpose));
+        Self {
             instructions,
             purpose,
-            flat: vec![T::ZERO; network.parameter_count()],
-            modules: sizes.map(|size| PackedModule::new(size, purpose)).collect(),
-        };
-        packed.update(network, weights);
-        packed
+            flat: vec![T::ZERO; count],
+            modules: modules.collect(),
+        }
     }
 
-    /// Packs other weights of the same network into the same room.
+    /// Returns true where the room is that of `count` weights in modules of these sizes.
+    pub(crate) fn fits(&self, sizes: &[ModuleSize], count: usize) -> bool {
+        let lengths = self.modules.iter().map(|module| module.forward.len());
+        self.flat.len() == count && lengths.eq(sizes.iter().map(|size| size.forward))
+    }
+
+    /// Packs `weights`, module by module on all threads.
     ///
     /// # Panics
-    /// When the number of weights is not the network's.
-    pub fn update(&mut self, network: &Network, weights: &[T]) {
-        assert_eq!(weights.len(), network.parameter_count(), "weights");
-        assert_eq!(
-            self.flat.len(),
-            weights.len(),
-            "weights of the same network"
-        );
+    /// When there is room for another number of weights.
+    pub(crate) fn update(&mut self, weights: &[T], pack_module: PackModule<'_, T>) {
+        let room = self.flat.len();
+        assert_eq!(weights.len(), room, "weights of the same network");
         self.flat.copy_from_slice(weights);
-        T::pack(network, self);
-    }
-
-    pub(crate) fn pack(&mut self, network: &Network) {
         let (instructions, flat) = (self.instructions, &*self.flat);
         let modules = self.modules.par_iter_mut().enumerate();
         modules.for_each(|(number, module)| {
@@ -230,10 +226,11 @@ impl<T: Real> PackedWeights<T> {
                 flat,
                 module,
             };
-            network.pack_module(number, &mut packer);
+            pack_module(number, &mut packer);
         });
     }
 
+    /// The weights of the layers of a module.
     pub(crate) fn layer(&self, module: usize) -> LayerWeights<'_, T> {
         LayerWeights {
             instructions: self.instructions,

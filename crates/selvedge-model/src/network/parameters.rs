@@ -1,15 +1,17 @@
-//! Where each weight of a network lies: one flat array of numbers, and a table of names, shapes
-//! and offsets. Gradients and optimiser moments have the same layout.
+//! The layout of a network's weights: one flat array of numbers, and a table of names, shapes and
+//! offsets. Gradients and optimiser moments have the same layout.
 //!
 //! Names are those that PyTorch gives the same modules: a perceptron is a `Sequential` of Linear
 //! (0), ReLU, Linear (2), ReLU, Linear (4), LayerNorm (5).
 
 use std::ops::Range;
 
-use crate::kernels::add_column_sums;
+use crate::kernels::gates::GruWeights;
 use crate::kernels::gemm::Columns;
+use crate::kernels::norm::NormGradient;
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
+use crate::kernels::rows::add_column_sums;
 use crate::kernels::simd::Instructions;
 
 /// One named tensor of a network.
@@ -19,13 +21,13 @@ pub struct Parameter {
     pub name: String,
     /// Shape, `[outputs, inputs]` for the weight of a linear layer.
     pub shape: Vec<usize>,
-    /// Where its numbers lie in the flat array, row by row.
+    /// Place of its numbers in the flat array, row by row.
     pub range: Range<usize>,
-    /// How it starts.
+    /// Its initial numbers.
     pub start: Start,
 }
 
-/// How a parameter is initialised.
+/// Initial numbers of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Start {
     /// Uniform in (-bound, bound).
@@ -40,7 +42,7 @@ pub enum Start {
     },
 }
 
-/// The gradient of a module's weights, which lie side by side.
+/// The gradient of a module's weights, which are contiguous.
 pub(crate) struct ModuleGradient<'a, T> {
     values: &'a mut [T],
     /// Number of the first weight of the module.
@@ -53,15 +55,16 @@ impl<'a, T: Real> ModuleGradient<'a, T> {
         Self { values, first }
     }
 
-    /// Those of the weights of these numbers.
+    /// The gradient of the weights of these numbers.
     pub(crate) fn at(&mut self, weights: Range<usize>) -> &mut [T] {
         &mut self.values[weights.start - self.first..weights.end - self.first]
     }
 
-    /// Those of weight and bias, which lie side by side.
-    pub(crate) fn layer_norm(&mut self, norm: &LayerNorm) -> (&mut [T], &mut [T]) {
+    /// The gradients of weight and bias, which are contiguous.
+    pub(crate) fn layer_norm(&mut self, norm: &LayerNorm) -> NormGradient<'_, T> {
         let both = norm.weight..norm.weight + 2 * norm.width;
-        self.at(both).split_at_mut(norm.width)
+        let (weight, shift) = self.at(both).split_at_mut(norm.width);
+        NormGradient { weight, shift }
     }
 
     /// Adds the gradients of weight and bias for an output gradient and the layer's input.
@@ -135,8 +138,13 @@ impl LayoutBuilder {
     }
 
     /// One layer of gated recurrent units as PyTorch starts it: uniform in ±1/√hidden.
-    pub(crate) fn gru_layer(&mut self, path: &str, layer: usize, sizes: [usize; 2]) -> GruLayer {
-        let [inputs, hidden] = sizes;
+    pub(crate) fn gru_layer(
+        &mut self,
+        path: &str,
+        layer: usize,
+        inputs: usize,
+        hidden: usize,
+    ) -> GruLayer {
         let start = Start::Uniform {
             bound: (hidden as f64).sqrt().recip(),
         };
@@ -213,6 +221,18 @@ pub(crate) struct GruLayer {
 }
 
 impl GruLayer {
+    /// The weights of the layer in the flat array.
+    pub(crate) fn of<'a, T>(&self, flat: &'a [T]) -> GruWeights<'a, T> {
+        GruWeights {
+            inputs: self.inputs,
+            hidden: self.hidden,
+            of_input: &flat[self.weight_ih_range()],
+            of_state: &flat[self.weight_hh_range()],
+            input_bias: &flat[self.bias_ih_range()],
+            state_bias: &flat[self.bias_hh_range()],
+        }
+    }
+
     pub(crate) fn weight_ih_range(&self) -> Range<usize> {
         self.weight_ih..self.weight_ih + 3 * self.hidden * self.inputs
     }

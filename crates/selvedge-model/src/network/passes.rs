@@ -1,59 +1,224 @@
-//! The two passes for each of the two scalars. They stand here so that their kernels, of which there is one
-//! of every kind for every instruction set, are compiled once, in this crate, whoever calls them.
+//! Passes through a network and the packing of its weights, for each of the two scalars.
+//!
+//! The public methods are generic over [`NetworkScalar`], whose two implementations stand here. Their
+//! kernels, one of every kind for every instruction set, are therefore compiled once, in this crate.
 
 use crate::graph::connectivity::Connectivity;
-use crate::network::packed::PackedWeights;
-use crate::network::workspace::{EncoderState, Workspace};
+use crate::kernels::real::Real;
+use crate::kernels::simd::Instructions;
+use crate::network::arguments::{Carried, Gradients, Input, Pass};
+use crate::network::definition::Network;
+use crate::network::encoder_state::EncoderState;
+use crate::network::packed::{PackedWeights, Purpose};
+use crate::network::workspace::Workspace;
 
-use super::{Gradients, Input, Network, Pass, StateGradients};
-
-/// Arguments of [`Network::forward_carried`] after the network.
-pub struct ForwardPass<'a, T> {
-    pub(crate) weights: &'a PackedWeights<T>,
-    pub(crate) graph: &'a Connectivity,
-    pub(crate) given: (Input<'a, T>, &'a EncoderState<T>),
-    pub(crate) pass: Pass<'a>,
-    pub(crate) workspace: &'a mut Workspace<T>,
-}
-
-/// Arguments of [`Network::backward_carried`] after the network.
-pub struct BackwardPass<'a, T> {
-    pub(crate) weights: &'a PackedWeights<T>,
-    pub(crate) gradients: Gradients<'a, T>,
-    pub(crate) graph: &'a Connectivity,
-    pub(crate) given: (Input<'a, T>, &'a EncoderState<T>),
-    pub(crate) states: StateGradients<'a, T>,
-    pub(crate) output: &'a [T],
-    pub(crate) workspace: &'a mut Workspace<T>,
-}
-
-/// A scalar that passes are compiled for.
-pub trait Passes: Sized {
+/// A scalar that passes through a network are compiled for: `f32` or `f64`.
+pub trait NetworkScalar: Real {
     /// [`Network::forward_carried`].
-    fn forward(network: &Network, arguments: ForwardPass<'_, Self>);
+    fn forward(
+        network: &Network,
+        weights: &PackedWeights<Self>,
+        graph: &Connectivity,
+        carried: Carried<'_, Self>,
+        pass: Pass<'_>,
+        workspace: &mut Workspace<Self>,
+    );
     /// [`Network::backward_carried`].
-    fn backward(network: &Network, arguments: BackwardPass<'_, Self>);
-    /// Packs the weights that stand in `packed` as they are.
-    fn pack(network: &Network, packed: &mut PackedWeights<Self>);
+    fn backward(
+        network: &Network,
+        weights: &PackedWeights<Self>,
+        graph: &Connectivity,
+        carried: Carried<'_, Self>,
+        gradients: Gradients<'_, Self>,
+        workspace: &mut Workspace<Self>,
+    );
+    /// [`Network::repack`].
+    fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>);
 }
 
-macro_rules! passes {
+macro_rules! network_scalar {
     ($scalar:ty) => {
-        impl Passes for $scalar {
-            fn forward(network: &Network, arguments: ForwardPass<'_, Self>) {
-                network.run_forward(arguments);
+        impl NetworkScalar for $scalar {
+            fn forward(
+                network: &Network,
+                weights: &PackedWeights<Self>,
+                graph: &Connectivity,
+                carried: Carried<'_, Self>,
+                pass: Pass<'_>,
+                workspace: &mut Workspace<Self>,
+            ) {
+                network.run_forward(weights, graph, carried, pass, workspace);
             }
 
-            fn backward(network: &Network, arguments: BackwardPass<'_, Self>) {
-                network.run_backward(arguments);
+            fn backward(
+                network: &Network,
+                weights: &PackedWeights<Self>,
+                graph: &Connectivity,
+                carried: Carried<'_, Self>,
+                gradients: Gradients<'_, Self>,
+                workspace: &mut Workspace<Self>,
+            ) {
+                network.run_backward(weights, graph, carried, gradients, workspace);
             }
 
-            fn pack(network: &Network, packed: &mut PackedWeights<Self>) {
-                packed.pack(network);
+            fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>) {
+                packed.update(weights, &|number, packer| {
+                    network.pack_module(number, packer)
+                });
             }
         }
     };
 }
 
-passes!(f32);
-passes!(f64);
+network_scalar!(f32);
+network_scalar!(f64);
+
+impl Network {
+    /// Packs `weights`, laid out as [`Self::parameters`] says.
+    ///
+    /// # Panics
+    /// When the number of weights is not the network's.
+    #[must_use]
+    pub fn pack<T: NetworkScalar>(
+        &self,
+        weights: &[T],
+        purpose: Purpose,
+        instructions: Instructions,
+    ) -> PackedWeights<T> {
+        let mut packed = PackedWeights::new(&self.sizes, weights.len(), purpose, instructions);
+        self.repack(weights, &mut packed);
+        packed
+    }
+
+    /// Packs other weights of the same network into the same room.
+    ///
+    /// # Panics
+    /// When the number of weights is not the network's.
+    pub fn repack<T: NetworkScalar>(&self, weights: &[T], packed: &mut PackedWeights<T>) {
+        assert_eq!(weights.len(), self.parameter_count(), "weights");
+        T::pack(self, weights, packed);
+    }
+
+    /// Normalised accelerations `[vertices, 3]` for normalised features.
+    ///
+    /// Packs the weights first; [`Self::forward_packed`] takes packed ones.
+    ///
+    /// # Panics
+    /// When the lengths of `weights` or `input` are not those of the spec and the graph.
+    pub fn forward<'w, T: NetworkScalar>(
+        &self,
+        weights: &[T],
+        graph: &Connectivity,
+        input: Input<'_, T>,
+        pass: Pass<'_>,
+        workspace: &'w mut Workspace<T>,
+    ) -> &'w [T] {
+        let purpose = match pass {
+            Pass::Inference => Purpose::Inference,
+            Pass::Training(_) => Purpose::Training,
+        };
+        let fits = |packed: &PackedWeights<T>| {
+            packed.purpose == purpose && packed.fits(&self.sizes, self.parameter_count())
+        };
+        let packed = match workspace.packed.take().filter(fits) {
+            Some(mut packed) => {
+                self.repack(weights, &mut packed);
+                packed
+            }
+            None => self.pack(weights, purpose, workspace.instructions),
+        };
+        self.forward_packed(&packed, graph, input, pass, workspace);
+        workspace.packed = Some(packed);
+        &workspace.output
+    }
+
+    /// [`Self::forward`] for packed weights.
+    ///
+    /// # Panics
+    /// When the lengths of `input` are not those of the spec and the graph.
+    pub fn forward_packed<'w, T: NetworkScalar>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        input: Input<'_, T>,
+        pass: Pass<'_>,
+        workspace: &'w mut Workspace<T>,
+    ) -> &'w [T] {
+        let state = &EncoderState::new();
+        self.forward_carried(weights, graph, Carried { input, state }, pass, workspace)
+    }
+
+    /// [`Self::forward_packed`] for a network that streams, from the encoders' state of the frame
+    /// before. [`Workspace::end_state`] returns the state after the frame.
+    ///
+    /// # Panics
+    /// When the lengths of the input or of the state are not those of the spec and the graph.
+    pub fn forward_carried<'w, T: NetworkScalar>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        carried: Carried<'_, T>,
+        pass: Pass<'_>,
+        workspace: &'w mut Workspace<T>,
+    ) -> &'w [T] {
+        T::forward(self, weights, graph, carried, pass, workspace);
+        &workspace.output
+    }
+
+    /// Derivatives of Σ `gradients.output` ∘ out, where out is the output of the last
+    /// [`Self::forward`] with [`Pass::Training`] on the same arguments. Uses up its activations.
+    ///
+    /// # Panics
+    /// When the lengths are not those of the spec and the graph, or the last pass was not a
+    /// forward one with [`Pass::Training`].
+    pub fn backward<T: NetworkScalar>(
+        &self,
+        weights: &[T],
+        graph: &Connectivity,
+        input: Input<'_, T>,
+        gradients: Gradients<'_, T>,
+        workspace: &mut Workspace<T>,
+    ) {
+        let packed = workspace.packed.take();
+        assert!(
+            packed.as_ref().is_some_and(|p| p.flat == weights),
+            "a forward pass to learn from, with the same weights, comes first"
+        );
+        if let Some(packed) = packed {
+            self.backward_packed(&packed, graph, input, gradients, workspace);
+            workspace.packed = Some(packed);
+        }
+    }
+
+    /// [`Self::backward`] after [`Self::forward_packed`] with the same weights.
+    ///
+    /// # Panics
+    /// As [`Self::backward`], and for weights that are not packed for training.
+    pub fn backward_packed<T: NetworkScalar>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        input: Input<'_, T>,
+        gradients: Gradients<'_, T>,
+        workspace: &mut Workspace<T>,
+    ) {
+        let state = &EncoderState::new();
+        let carried = Carried { input, state };
+        self.backward_carried(weights, graph, carried, gradients, workspace);
+    }
+
+    /// [`Self::backward_packed`] after [`Self::forward_carried`], with the gradients of the states.
+    ///
+    /// # Panics
+    /// As [`Self::backward_packed`].
+    pub fn backward_carried<T: NetworkScalar>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        carried: Carried<'_, T>,
+        gradients: Gradients<'_, T>,
+        workspace: &mut Workspace<T>,
+    ) {
+        T::backward(self, weights, graph, carried, gradients, workspace);
+    }
+}

@@ -4,8 +4,8 @@
 //! Weights are found by name, as a PyTorch module would find them.
 
 use crate::graph::connectivity::Connectivity;
-use crate::network::layers::encoder::RowEncoder;
 use crate::network::{Input, Network};
+use crate::spec::RowEncoder;
 
 type Rows = Vec<Vec<f64>>;
 
@@ -74,7 +74,8 @@ impl Weights<'_> {
 
     fn encode(
         &self,
-        (path, encoder): (&str, RowEncoder),
+        path: &str,
+        encoder: RowEncoder,
         input: &[f64],
         width: usize,
         rows: usize,
@@ -116,14 +117,14 @@ pub fn forward(
         values: weights,
     };
     let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-    let [of_nodes, of_edges] = spec.encoder.rows();
-    let (path, width) = (("encoder.nodes", of_nodes), spec.node_width());
-    let mut nodes = weights.encode(path, input.nodes, width, vertices);
-    let (path, width) = (("encoder.edges", of_edges), spec.edge_width());
-    let mut edges = weights.encode(path, input.edges, width, arcs);
+    let [of_nodes, of_arcs] = spec.encoder.rows();
+    let width = spec.node_width();
+    let mut nodes = weights.encode("encoder.nodes", of_nodes, input.nodes, width, vertices);
+    let width = spec.edge_width();
+    let mut latent_arcs = weights.encode("encoder.edges", of_arcs, input.arcs, width, arcs);
     for block in 0..spec.blocks {
         let mut incoming = vec![vec![0.0; spec.latent]; vertices];
-        for (arc, edge) in edges.iter_mut().enumerate() {
+        for (arc, edge) in latent_arcs.iter_mut().enumerate() {
             let (s, r) = (graph.senders[arc] as usize, graph.receivers[arc] as usize);
             let joined = [&*nodes[s], &*nodes[r], &**edge].concat();
             let update = weights.normalised_mlp(&format!("processor.{block}.edge"), &joined);

@@ -9,13 +9,12 @@ use rayon::prelude::*;
 
 use crate::graph::partition::CHUNK;
 use crate::kernels::aligned::Aligned;
-use crate::kernels::gemm::{Columns, Finish, Slot, Term, multiply};
+use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::simd::Instructions;
-use crate::network::OUTPUTS;
-use crate::network::layers::encoder::RowEncoder;
+use crate::network::arguments::OUTPUTS;
 use crate::network::packed::Purpose;
-use crate::spec::{Encoder, ModelSpec};
+use crate::spec::{Encoder, ModelSpec, RowEncoder};
 
 /// Some products of one shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +52,8 @@ impl BareProduct {
 #[must_use]
 pub fn bare_products(
     spec: &ModelSpec,
-    (vertices, arcs): (usize, usize),
+    vertices: usize,
+    arcs: usize,
     purpose: Purpose,
 ) -> Vec<BareProduct> {
     let latent = spec.latent;
@@ -189,7 +189,7 @@ impl Roofline {
             .for_each(|(out, left)| {
                 let rows = Columns::all(left, depth);
                 let term = Term { rows, packed };
-                multiply(Instructions::Detected, &[term], columns, Finish::Set, out);
+                multiply(Instructions::Detected, &[term], columns, Epilogue::Set, out);
             });
     }
 
@@ -241,7 +241,7 @@ mod tests {
         ] {
             let spec = ModelSpec::physical(encoder, 8, 3);
             let sum = |purpose| -> u64 {
-                let products = bare_products(&spec, (vertices, arcs), purpose);
+                let products = bare_products(&spec, vertices, arcs, purpose);
                 products.iter().map(BareProduct::flops).sum()
             };
             let all = flops(&spec, FirstEdgeLayer::Split).per_frame(vertices, arcs);

@@ -1,113 +1,64 @@
-//! Everything that a pass through the network writes: made on the first pass of a size, then reused.
+//! Room for all that a pass through the network writes: allocated on the first pass of a size, then
+//! reused.
 //!
-//! To use a network takes the latent vectors, twice the products of their ends, and a few chunks of rows
-//! for each thread; to learn takes the activations of every layer.
+//! Inference takes the latent vectors, the endpoint products of two blocks, and a few chunks of rows
+//! for each thread. Training takes the activations of every layer as well.
 
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use crate::graph::connectivity::Connectivity;
 use crate::kernels::aligned::Aligned;
+use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::kernels::{ClothRows, Dropout, RowMasks};
+use crate::network::arguments::{OUTPUTS, Pass};
+use crate::network::definition::Network;
+use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::BlockRecord;
 use crate::network::layers::encoder::EncoderRecord;
 use crate::network::layers::mlp::MlpRecord;
-use crate::network::layers::{GroupScratch, Scratch};
+use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
 use crate::network::packed::PackedWeights;
-use crate::network::{Network, OUTPUTS, Pass};
+use crate::network::parameters::ModuleGradient;
+use crate::spec::Encoder;
 
-/// Groups of leaves whose gradients are summed by themselves, in any graph that has as many leaves.
-/// More of them are more sums to add, fewer keep fewer threads busy.
+/// Groups of partitions, each with a sum of gradients of its own. More groups are more sums to add,
+/// fewer keep fewer threads busy.
 const GROUPS: usize = 8;
 
-/// The states of the recurrent encoders of vertices and arcs, both layers: what a streaming network
-/// carries from frame to frame. Empty is zero.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct EncoderState<T> {
-    /// `[vertices, latent]` each.
-    pub(crate) nodes: [Aligned<T>; 2],
-    /// `[arcs, latent]` each.
-    pub(crate) edges: [Aligned<T>; 2],
-}
-
-impl<T: Real> EncoderState<T> {
-    /// The zero state.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// The same number everywhere, for a graph of so many vertices and arcs.
-    #[must_use]
-    pub fn filled(value: T, counts: [usize; 2], latent: usize) -> Self {
-        let mut state = Self::new();
-        state.fit(counts, latent);
-        for array in state.nodes.iter_mut().chain(&mut state.edges) {
-            array.fill(value);
-        }
-        state
-    }
-
-    /// Both layers of vertices, then both of arcs; empty for zero.
-    #[must_use]
-    pub fn arrays(&self) -> [&[T]; 4] {
-        let ([a, b], [c, d]) = (&self.nodes, &self.edges);
-        [a, b, c, d]
-    }
-
-    /// Whether nothing is carried.
-    #[must_use]
-    pub fn is_zero(&self) -> bool {
-        self.nodes[0].is_empty()
-    }
-
-    /// Goes back to zero.
-    pub fn clear(&mut self) {
-        for array in self.nodes.iter_mut().chain(&mut self.edges) {
-            array.clear();
-        }
-    }
-
-    pub(crate) fn fit(&mut self, [vertices, arcs]: [usize; 2], latent: usize) {
-        for (arrays, rows) in [(&mut self.nodes, vertices), (&mut self.edges, arcs)] {
-            for array in arrays {
-                array.resize(rows * latent);
-            }
-        }
-    }
-}
-
-/// Everything that a pass writes: allocated on the first pass of a size, then reused.
+/// Room for all that a pass writes: allocated on the first pass of a size, then reused.
 #[derive(Default)]
 pub struct Workspace<T> {
     pub(crate) instructions: Instructions,
-    /// Those of the last [`Network::forward`] on plain weights.
+    /// Packed weights of the last [`Network::forward`] on plain weights.
     pub(crate) packed: Option<PackedWeights<T>>,
+    /// Latent vectors of the nodes, `[vertices, latent]`.
     pub(crate) nodes: Aligned<T>,
-    pub(crate) edges: Aligned<T>,
-    /// Products of the vertices that the next block's arcs gather, and those of this one's.
-    pub(crate) at: [Aligned<T>; 2],
+    /// Latent vectors of the arcs, `[arcs, latent]`.
+    pub(crate) arcs: Aligned<T>,
+    /// Endpoint products for the even blocks and for the odd ones, `[vertices, 2 latent]`.
+    pub(crate) endpoint_products: [Aligned<T>; 2],
     pub(crate) node_encoder: EncoderRecord<T>,
-    pub(crate) edge_encoder: EncoderRecord<T>,
+    pub(crate) arc_encoder: EncoderRecord<T>,
     pub(crate) blocks: Vec<BlockRecord<T>>,
     pub(crate) decoder: MlpRecord<T>,
     pub(crate) output: Aligned<T>,
     pub(crate) scratch: Vec<Mutex<Scratch<T>>>,
     pub(crate) groups: Vec<Group<T>>,
-    /// Gradients of the first edge layer's sums, `[arcs, latent]`.
-    pub(crate) first: Aligned<T>,
-    /// Gradients of the input, row by row.
-    pub(crate) to_input: [Aligned<T>; 2],
-    /// Masks of vertices and of arcs in the last pass.
+    /// Pre-activation gradients of the first arc layer, `[arcs, latent]`.
+    pub(crate) pre_activation: Aligned<T>,
+    /// Gradients of the input of the nodes and of the arcs, row by row.
+    pub(crate) input_gradient: [Aligned<T>; 2],
+    /// Masks of nodes and of arcs in the last pass.
     pub(crate) dropout: [RowMasks; 2],
-    /// The encoders' states after the last pass, where the network streams.
+    /// The encoders' states after the last pass of a network that streams.
     pub(crate) end: EncoderState<T>,
-    /// Whether the activations are those of a training pass that no backward pass has used up.
+    /// True while the activations of a training pass wait for its backward pass.
     pub(crate) kept: bool,
 }
 
-/// The backward pass of a group of leaves.
+/// The backward pass of a group of partitions.
 #[derive(Default)]
 pub(crate) struct Group<T> {
     pub(crate) scratch: GroupScratch<T>,
@@ -134,18 +85,18 @@ impl<T: Real> Workspace<T> {
     /// Numbers held for vertices and arcs.
     #[cfg(test)]
     pub(crate) fn number_count(&self) -> usize {
-        let encoders = [&self.node_encoder, &self.edge_encoder];
+        let encoders = [&self.node_encoder, &self.arc_encoder];
         let blocks = self.blocks.iter().map(BlockRecord::number_count);
-        let [even, odd] = &self.at;
+        let [even, odd] = &self.endpoint_products;
         let flat = [
             &self.nodes,
-            &self.edges,
-            &self.first,
+            &self.arcs,
+            &self.pre_activation,
             &self.output,
             even,
             odd,
         ];
-        let states = self.end.nodes.iter().chain(&self.end.edges);
+        let states = self.end.nodes.iter().chain(&self.end.arcs);
         encoders.iter().map(|e| e.number_count()).sum::<usize>()
             + blocks.sum::<usize>()
             + self.decoder.number_count()
@@ -167,39 +118,44 @@ impl<T: Real> Workspace<T> {
         std::mem::swap(&mut self.end, other);
     }
 
-    /// Makes room for a forward pass whose input has `windows` frames of vertices and arcs.
+    /// Makes room for a forward pass.
     pub(crate) fn fit(
         &mut self,
         network: &Network,
         graph: &Connectivity,
         pass: Pass<'_>,
-        windows: [usize; 2],
+        windows: Windows,
     ) {
-        let spec = network.spec();
-        let (vertices, arcs, latent) = (graph.vertex_count(), graph.arc_count(), spec.latent);
+        let latent = network.spec().latent;
+        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
         self.kept = matches!(pass, Pass::Training(_));
-        self.fit_dropout(graph, pass, windows.map(|frames| frames * latent));
+        self.fit_dropout(
+            graph,
+            pass,
+            [windows.nodes, windows.arcs].map(|n| n * latent),
+        );
         self.nodes.resize(vertices * latent);
-        self.edges.resize(arcs * latent);
-        self.at[0].resize(vertices * 2 * latent);
-        self.at[1].resize(vertices * 2 * latent);
+        self.arcs.resize(arcs * latent);
+        for products in &mut self.endpoint_products {
+            products.resize(vertices * 2 * latent);
+        }
         self.output.resize(vertices * OUTPUTS);
         if network.streams() {
-            self.end.fit([vertices, arcs], latent);
+            self.end.fit(vertices, arcs, latent);
         }
-        let (joined, states) = network.scratch_widths();
+        let widths = scratch_widths(network);
         self.scratch
             .resize_with(rayon::current_num_threads().max(1), Mutex::default);
         for scratch in &mut self.scratch {
             let scratch = scratch.get_mut().unwrap_or_else(PoisonError::into_inner);
-            scratch.fit(latent, joined, states);
+            scratch.fit(latent, widths.joined, widths.states);
         }
         if self.kept {
-            network.fit_records(self, [vertices, arcs], windows);
+            self.fit_records(network, graph, windows);
         }
     }
 
-    /// Prepares the masks of rows with so many values in all frames.
+    /// Prepares the masks of rows with that many values in all frames.
     fn fit_dropout(&mut self, graph: &Connectivity, pass: Pass<'_>, values: [usize; 2]) {
         let none = Dropout {
             rate: 0.0,
@@ -221,16 +177,38 @@ impl<T: Real> Workspace<T> {
         }
     }
 
+    /// Makes room for the activations of every layer.
+    fn fit_records(&mut self, network: &Network, graph: &Connectivity, windows: Windows) {
+        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+        let [of_nodes, of_arcs] = &self.dropout;
+        self.node_encoder.fit(
+            &network.node_encoder,
+            vertices,
+            windows.nodes,
+            of_nodes.active(),
+        );
+        self.arc_encoder
+            .fit(&network.arc_encoder, arcs, windows.arcs, of_arcs.active());
+        self.blocks
+            .resize_with(network.blocks.len(), BlockRecord::default);
+        for (record, block) in self.blocks.iter_mut().zip(&network.blocks) {
+            record.fit(block, vertices, arcs);
+        }
+        self.decoder.fit(&network.decoder, vertices);
+    }
+
     /// Makes room for a backward pass.
-    pub(crate) fn fit_groups(&mut self, network: &Network, leaves: usize) {
-        let (joined, states) = network.scratch_widths();
-        self.groups.resize_with(GROUPS.min(leaves), Group::default);
+    pub(crate) fn fit_groups(&mut self, network: &Network, partitions: usize) {
+        let widths = scratch_widths(network);
+        self.groups
+            .resize_with(GROUPS.min(partitions), Group::default);
         for group in &mut self.groups {
-            group.scratch.fit(network.spec().latent, joined, states);
+            let latent = network.spec().latent;
+            group.scratch.fit(latent, widths.joined, widths.states);
         }
     }
 
-    /// Does something with the scratch of this thread.
+    /// Does `work` with the scratch of this thread.
     pub(crate) fn with_scratch(all: &[Mutex<Scratch<T>>], work: impl FnOnce(&mut Scratch<T>)) {
         let thread = rayon::current_thread_index().unwrap_or(0) % all.len();
         work(&mut lock(&all[thread]));
@@ -239,4 +217,48 @@ impl<T: Real> Workspace<T> {
 
 fn lock<S>(mutex: &Mutex<S>) -> std::sync::MutexGuard<'_, S> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<T: Real> Group<T> {
+    /// The scratch, and a gradient of zeros for the weights of a module.
+    pub(crate) fn begin(&mut self, weights: &Range<usize>) -> GroupWork<'_, T> {
+        self.gradient.resize(weights.len());
+        self.gradient.fill(T::ZERO);
+        self.resume(weights)
+    }
+
+    /// The scratch, and the gradient so far for the weights of a module.
+    pub(crate) fn resume(&mut self, weights: &Range<usize>) -> GroupWork<'_, T> {
+        GroupWork {
+            scratch: &mut self.scratch,
+            gradient: ModuleGradient::new(&mut self.gradient, weights.start),
+        }
+    }
+}
+
+/// Frames of nodes and of arcs in an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Windows {
+    pub(crate) nodes: usize,
+    pub(crate) arcs: usize,
+}
+
+/// Widths of rows of scratch.
+struct ScratchWidths {
+    /// Frames of a window side by side.
+    joined: usize,
+    /// States of a recurrent encoder.
+    states: usize,
+}
+
+fn scratch_widths(network: &Network) -> ScratchWidths {
+    let spec = network.spec();
+    let nodes = spec.node_window() * spec.node_width();
+    ScratchWidths {
+        joined: nodes.max(spec.edge_window() * spec.edge_width()),
+        states: match spec.encoder {
+            Encoder::Mlp { .. } => 0,
+            _ => spec.latent,
+        },
+    }
 }

@@ -17,8 +17,8 @@ use crate::graph::connectivity::Connectivity;
 use crate::graph::frame::Yaw;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
-use crate::network::workspace::{EncoderState, Workspace};
-use crate::network::{Input, Pass};
+use crate::network::workspace::Workspace;
+use crate::network::{Carried, EncoderState, Input, Pass};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
 use crate::rollout::model::Model;
 use crate::spec::ModelSpec;
@@ -114,8 +114,7 @@ impl LearnedStepper {
             yaw_before: None,
             frame: 0,
             features: Window::default(),
-            weights: PackedWeights::new(
-                model.network(),
+            weights: model.network().pack(
                 model.weights(),
                 Purpose::Inference,
                 Instructions::Detected,
@@ -153,12 +152,15 @@ impl LearnedStepper {
             .normalize(&normalizers.nodes, &normalizers.edges);
         let input = Input {
             nodes: &self.features.nodes,
-            edges: &self.features.edges,
+            arcs: &self.features.arcs,
         };
         let out = self.model.network().forward_carried(
             &self.weights,
             &self.connectivity,
-            (input, &self.state),
+            Carried {
+                input,
+                state: &self.state,
+            },
             Pass::Inference,
             &mut self.workspace,
         );

@@ -7,4 +7,5 @@ mod model_spec;
 
 pub use integration::{Carries, Carry, Integration, LastFrames, ReferenceSlope};
 pub use limits::EdgeLimits;
+pub(crate) use model_spec::RowEncoder;
 pub use model_spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};

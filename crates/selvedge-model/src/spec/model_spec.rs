@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::network::layers::encoder::RowEncoder;
 use crate::spec::integration::Integration;
 use crate::spec::limits::EdgeLimits;
 
@@ -113,6 +112,15 @@ pub enum Encoder {
     },
 }
 
+/// Encoder of the rows of one kind, nodes or arcs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RowEncoder {
+    /// A perceptron on that many frames side by side.
+    Mlp(usize),
+    /// A recurrent network over any number of frames.
+    Gru,
+}
+
 fn one() -> usize {
     1
 }
@@ -153,7 +161,7 @@ impl Encoder {
         }
     }
 
-    /// How vertices and arcs are encoded.
+    /// The encoders of nodes and of arcs.
     pub(crate) fn rows(self) -> [RowEncoder; 2] {
         match self {
             Self::Mlp { window } => [RowEncoder::Mlp(window); 2],

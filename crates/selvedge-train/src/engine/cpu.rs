@@ -53,7 +53,7 @@ impl CpuEngine {
         let batch = || MicroBatch::new(setup.cfg.losses, weights.len());
         let (purpose, using) = (Purpose::Training, Instructions::Detected);
         Self {
-            packed: PackedWeights::new(setup.network, weights, purpose, using),
+            packed: setup.network.pack(weights, purpose, using),
             micro_batch,
             batches: (0..count).map(|_| batch()).collect(),
             gradient: vec![0.0; weights.len()],
@@ -78,7 +78,9 @@ impl CpuEngine {
 impl Engine for CpuEngine {
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
         let setup = batch.setup();
-        self.packed.update(setup.network, &setup.learned.weights);
+        setup
+            .network
+            .repack(&setup.learned.weights, &mut self.packed);
         let shared = Shared {
             setup,
             frames: batch.frames(),

@@ -12,8 +12,9 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_model::{
-    ClothGraph, Connectivity, Dropout, EncoderState, Extent, Gradients, Input, InputGradient,
-    LastFrames, PackedWeights, Pass, Place, StateGradients, Window, Workspace, advance_backward,
+    Carried, ClothGraph, Connectivity, Dropout, EncoderState, Extent, Gradients, Input,
+    InputGradient, LastFrames, PackedWeights, Pass, Place, StateGradients, Window, Workspace,
+    advance_backward,
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
@@ -72,7 +73,7 @@ struct FrameBuffers {
 #[derive(Default)]
 struct InputBuffers {
     nodes: Vec<f32>,
-    edges: Vec<f32>,
+    arcs: Vec<f32>,
 }
 
 /// Gradients on the way back through one frame of a rollout.
@@ -174,11 +175,8 @@ impl Passes<'_, '_> {
             let rows = batch.union.rows(slot);
             frame.by_output[rows].iter_mut().for_each(|g| *g *= weight);
         }
-        let gradients = Gradients {
-            weights: &mut batch.gradient,
-            input: None,
-        };
-        frame.network_backward(shared, &batch.union, gradients, StateGradients::default());
+        let states = StateGradients::default();
+        frame.network_backward(shared, &batch.union, &mut batch.gradient, None, states);
     }
 
     /// The way back through the frames of one slot, which have these weights, latest frame first.
@@ -289,7 +287,10 @@ impl FrameBuffers {
         let out = shared.setup.network.forward_carried(
             shared.weights,
             &union.connectivity,
-            (input_of(&self.window), &self.state),
+            Carried {
+                input: input_of(&self.window),
+                state: &self.state,
+            },
             Pass::Training(Some(dropout)),
             &mut self.workspace,
         );
@@ -351,23 +352,15 @@ impl FrameBuffers {
             states,
         } = to;
         let Some(input) = input else {
-            let gradients = Gradients {
-                weights,
-                input: None,
-            };
-            self.network_backward(shared, union, gradients, states);
+            self.network_backward(shared, union, weights, None, states);
             return;
         };
         input.nodes.resize(self.window.nodes.len(), 0.0);
-        input.edges.resize(self.window.edges.len(), 0.0);
-        let gradients = Gradients {
-            weights,
-            input: Some(input.gradient()),
-        };
-        self.network_backward(shared, union, gradients, states);
+        input.arcs.resize(self.window.arcs.len(), 0.0);
+        self.network_backward(shared, union, weights, Some(input.gradient()), states);
         let normalizers = shared.setup.normalizers;
         normalizers.nodes.scale_gradient(&mut input.nodes);
-        normalizers.edges.scale_gradient(&mut input.edges);
+        normalizers.edges.scale_gradient(&mut input.arcs);
         let spec = shared.setup.network.spec();
         let (graph, sample) = (&union.graphs[0], &self.samples[0]);
         let (by_history, by_next) = positions.split_at_mut(spec.history());
@@ -390,14 +383,25 @@ impl FrameBuffers {
         &mut self,
         shared: &Shared<'_>,
         union: &Union,
-        gradients: Gradients<'_, f32>,
+        weights: &mut [f32],
+        input: Option<InputGradient<'_, f32>>,
         states: StateGradients<'_, f32>,
     ) {
+        let gradients = Gradients {
+            output: &self.by_output,
+            weights,
+            input,
+            states,
+        };
+        let carried = Carried {
+            input: input_of(&self.window),
+            state: &self.state,
+        };
         shared.setup.network.backward_carried(
-            (shared.weights, gradients),
+            shared.weights,
             &union.connectivity,
-            (input_of(&self.window), &self.state, states),
-            &self.by_output,
+            carried,
+            gradients,
             &mut self.workspace,
         );
     }
@@ -407,7 +411,7 @@ impl InputBuffers {
     fn gradient(&mut self) -> InputGradient<'_, f32> {
         InputGradient {
             nodes: &mut self.nodes,
-            edges: &mut self.edges,
+            arcs: &mut self.arcs,
         }
     }
 }
@@ -415,6 +419,6 @@ impl InputBuffers {
 fn input_of(window: &Window) -> Input<'_, f32> {
     Input {
         nodes: &window.nodes,
-        edges: &window.edges,
+        arcs: &window.arcs,
     }
 }

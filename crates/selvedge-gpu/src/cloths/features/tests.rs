@@ -153,7 +153,7 @@ fn a_window_of_several_cloths_is_that_of_the_cpu() {
             let Some([nodes, edges]) = of_device(&spec, &cloths, steps, &norms) else {
                 return;
             };
-            for (found, expected) in [(nodes, &window.nodes), (edges, &window.edges)] {
+            for (found, expected) in [(nodes, &window.nodes), (edges, &window.arcs)] {
                 assert_eq!(found.len(), expected.len());
                 for (number, (x, y)) in found.iter().zip(expected).enumerate() {
                     // Ten times what f32 positions of 1 m are rounded by, in statistics of 0.1.

@@ -2,8 +2,8 @@
 //! through states that are carried.
 
 use selvedge_model::{
-    Connectivity, Dropout as CpuDropout, EncoderState, Gradients, Input, InputGradient, Network,
-    PackedWeights, Pass, Purpose, StateGradients, Workspace,
+    Carried, Connectivity, Dropout as CpuDropout, EncoderState, Gradients, Input, InputGradient,
+    Network, Pass, Purpose, StateGradients, Workspace,
 };
 
 use super::{BackwardPass, backward};
@@ -217,16 +217,16 @@ fn on_cpu(
     (start, drops): (Start, bool),
 ) -> All {
     let using = selvedge_model::Instructions::Detected;
-    let packed = PackedWeights::new(network, &given.weights, Purpose::Training, using);
-    let counts = [graph.vertex_count(), graph.arc_count()];
-    let filled = |value| EncoderState::filled(value, counts, network.spec().latent);
+    let packed = network.pack(&given.weights, Purpose::Training, using);
+    let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+    let filled = |value| EncoderState::filled(value, vertices, arcs, network.spec().latent);
     let state = match start {
         Start::Zero => EncoderState::new(),
         Start::Carried => filled(CARRIED),
     };
     let input = Input {
         nodes: &given.nodes,
-        edges: &given.edges,
+        arcs: &given.edges,
     };
     let dropout = drops.then_some(CpuDropout {
         rate: RATE,
@@ -234,7 +234,11 @@ fn on_cpu(
     });
     let mut workspace = Workspace::new();
     let pass = Pass::Training(dropout);
-    network.forward_carried(&packed, graph, (input, &state), pass, &mut workspace);
+    let carried = Carried {
+        input,
+        state: &state,
+    };
+    network.forward_carried(&packed, graph, carried, pass, &mut workspace);
     let mut all = vec![
         vec![0.0; given.weights.len()],
         vec![0.0; given.nodes.len()],
@@ -243,24 +247,19 @@ fn on_cpu(
     let [weights, nodes, edges] = &mut all[..] else {
         unreachable!("three of them")
     };
-    let gradients = Gradients {
-        weights,
-        input: Some(InputGradient { nodes, edges }),
-    };
     let (end, mut by_start) = (filled(BY_END), EncoderState::new());
     let carries = start == Start::Carried;
     let states = StateGradients {
         end: carries.then_some(&end),
         start: carries.then_some(&mut by_start),
     };
-    let both = (&packed, gradients);
-    network.backward_carried(
-        both,
-        graph,
-        (input, &state, states),
-        &given.output,
-        &mut workspace,
-    );
+    let gradients = Gradients {
+        output: &given.output,
+        weights,
+        input: Some(InputGradient { nodes, arcs: edges }),
+        states,
+    };
+    network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
     if carries {
         all.extend(by_start.arrays().map(<[f32]>::to_vec));
     }

@@ -132,7 +132,7 @@ fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
         let (weights, [nodes, edges]) = (weights(&network, 3), features(&spec, &graph));
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &edges,
         };
         let mut workspace = Workspace::new();
         let cpu = network.forward(&weights, &graph, input, Pass::Inference, &mut workspace);
@@ -140,7 +140,7 @@ fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
         let [weights64, nodes64, edges64] = [&weights, &nodes, &edges].map(|v| doubles(v));
         let input = Input {
             nodes: &nodes64,
-            edges: &edges64,
+            arcs: &edges64,
         };
         let exact = reference::forward(&network, &weights64, &graph, input);
         for keep in [Keep::Output, Keep::Activations(None)] {

@@ -69,7 +69,7 @@ fn a_union_holds_what_each_cloth_gives_by_itself() {
             assert_eq!(rows_of(&together.nodes, window, range), alone.nodes);
             let first = before.map_or(0, edges);
             let range = first..first + edges(part);
-            assert_eq!(rows_of(&together.edges, window, range), alone.edges);
+            assert_eq!(rows_of(&together.arcs, window, range), alone.arcs);
         }
     }
 }
@@ -100,7 +100,7 @@ fn objective(spec: &ModelSpec, graph: &ClothGraph, frames: Frames<'_, Vec<Vec3>>
         rows.map(|(k, &x)| f64::from(coefficient(k)) * f64::from(x))
             .sum()
     };
-    sum(&window.nodes) + sum(&window.edges)
+    sum(&window.nodes) + sum(&window.arcs)
 }
 
 fn coefficient(k: usize) -> f32 {
@@ -173,7 +173,7 @@ fn the_gradient_of_every_feature_matches_finite_differences() {
         let mut edges = rows(2 * graph.arc_count() * spec.edge_width());
         let by_input = InputGradient {
             nodes: &mut nodes,
-            edges: &mut edges,
+            arcs: &mut edges,
         };
         let shown = Frames {
             positions: frames,

@@ -223,8 +223,8 @@ fn arcs_of_edges_and_links_name_each_other() {
             assert_eq!(graph.arc_edges()[arc] as usize, number);
             assert!(!std::mem::replace(&mut seen[arc], true));
         }
-        assert_eq!(connectivity.twins()[arcs[0] as usize], arcs[1]);
-        assert_eq!(connectivity.twins()[arcs[1] as usize], arcs[0]);
+        assert_eq!(connectivity.reverse_arcs()[arcs[0] as usize], arcs[1]);
+        assert_eq!(connectivity.reverse_arcs()[arcs[1] as usize], arcs[0]);
     }
     assert!(seen.into_iter().all(|seen| seen));
     assert!(graph.receivers().is_sorted());

@@ -1,4 +1,4 @@
-//! Products against the sums they stand for, in shapes with whole and partial vectors, panels and tiles.
+//! Products against plain sums, in shapes with whole and partial vectors, panels and tiles.
 
 use super::*;
 use crate::kernels::outer::{Sums, add_outer};
@@ -27,7 +27,7 @@ fn packed(using: Instructions, matrix: &[f64], columns: usize) -> Vec<f64> {
     };
     let mut out = vec![f64::NAN; slot.length()];
     let entry = |l: usize, j: usize| matrix[l * columns + j];
-    pack(using, (slot.depth, columns), entry, &mut out);
+    pack(using, slot, entry, &mut out);
     out
 }
 
@@ -60,8 +60,8 @@ fn products_are_the_sums_they_stand_for_however_they_end() {
             let at = numbers(9 * 2 * columns, 7);
             let senders: Vec<u32> = (0..rows as u32).map(|i| i * 5 % 9).collect();
             let receivers: Vec<u32> = (0..rows as u32).map(|i| i * 4 % 9).collect();
-            let ends = Ends {
-                at: &at,
+            let ends = Endpoints {
+                products: &at,
                 senders: &senders,
                 receivers: &receivers,
             };
@@ -71,20 +71,20 @@ fn products_are_the_sums_they_stand_for_however_they_end() {
             };
             type Expected<'a> = &'a dyn Fn(usize, usize) -> f64;
             let half = |j: usize| (j >= columns / 2).then(|| bias[j - columns / 2]);
-            let cases: [(Finish<'_, f64>, Expected<'_>); 7] = [
-                (Finish::Set, &sum),
-                (Finish::Add, &|i, j| before[i * columns + j] + sum(i, j)),
-                (Finish::Bias(&bias), &|i, j| sum(i, j) + bias[j]),
-                (Finish::BiasRelu(&bias), &|i, j| {
+            let cases: [(Epilogue<'_, f64>, Expected<'_>); 7] = [
+                (Epilogue::Set, &sum),
+                (Epilogue::Add, &|i, j| before[i * columns + j] + sum(i, j)),
+                (Epilogue::Bias(&bias), &|i, j| sum(i, j) + bias[j]),
+                (Epilogue::BiasRelu(&bias), &|i, j| {
                     (sum(i, j) + bias[j]).max(0.0)
                 }),
-                (Finish::SecondHalfBias(&bias), &|i, j| {
+                (Epilogue::SecondHalfBias(&bias), &|i, j| {
                     sum(i, j) + half(j).unwrap_or(0.0)
                 }),
-                (Finish::EndsRelu(ends), &|i, j| {
+                (Epilogue::EndpointsRelu(ends), &|i, j| {
                     (sum(i, j) + gathered(i, j)).max(0.0)
                 }),
-                (Finish::Mask(&before), &|i, j| {
+                (Epilogue::Mask(&before), &|i, j| {
                     if before[i * columns + j] > 0.0 {
                         sum(i, j)
                     } else {
@@ -92,12 +92,12 @@ fn products_are_the_sums_they_stand_for_however_they_end() {
                     }
                 }),
             ];
-            for (number, (finish, expected)) in cases.into_iter().enumerate() {
+            for (number, (epilogue, expected)) in cases.into_iter().enumerate() {
                 if number == 4 && columns % 2 == 1 {
                     continue;
                 }
                 let mut out = before.clone();
-                multiply(using, &terms, columns, finish, &mut out);
+                multiply(using, &terms, columns, epilogue, &mut out);
                 for (k, found) in out.iter().enumerate() {
                     let expected = expected(k / columns, k % columns);
                     // Up to 130 products below 1/4, each rounded: far below 1e-12.
@@ -125,14 +125,14 @@ fn a_row_does_not_depend_on_the_rows_beside_it() {
     };
     let mut packed = vec![0.0; slot.length()];
     let entry = |l: usize, j: usize| matrix[l * columns + j];
-    pack(using, (depth, columns), entry, &mut packed);
+    pack(using, slot, entry, &mut packed);
     let times = |rows: &[f32]| {
         let mut out = vec![0.0; rows.len() / depth * columns];
         let term = Term {
             rows: Columns::all(rows, depth),
             packed: &packed,
         };
-        multiply(using, &[term], columns, Finish::Set, &mut out);
+        multiply(using, &[term], columns, Epilogue::Set, &mut out);
         out
     };
     let together = times(&rows);

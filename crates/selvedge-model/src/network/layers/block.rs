@@ -2,128 +2,176 @@
 //! v' = MLP([v, Σ_{arcs into v} e']), then e ← e + e', v ← v + v'. The sum is of e' before the
 //! residual is added.
 //!
-//! The first edge layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
-//! applied once per vertex instead of once per arc. The tests hold the update as it is written, on
-//! concatenated rows, against it.
-//!
-//! A leaf (some vertices and the arcs into them) is taken through all of it by one thread: only
-//! A v_s + B v_r of all vertices must be there before.
+//! The first arc layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
+//! applied once per vertex instead of once per arc. These **endpoint products** of all vertices must
+//! be there before a block begins; then one thread takes a partition through all of it. The tests
+//! compare the split update with the update on concatenated rows.
 
 use crate::graph::connectivity::Connectivity;
-use crate::graph::partition::{Arrays, Leaf, chunks, of_rows};
+use crate::graph::partition::{Partition, chunks, counted_from, of_rows};
+use crate::graph::share::{Rows, SplitRows, split_rows};
 use crate::kernels::aligned::Aligned;
-use crate::kernels::gemm::{Columns, Ends, Finish, Slot, Term, multiply};
+use crate::kernels::gemm::{Columns, Endpoints, Epilogue, Slot, Term, multiply};
+use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::kernels::{Normalised, Receivers, gather_receivers, sum_incoming, sum_outgoing};
-use crate::network::layers::mlp::{Mlp, MlpRecord};
-use crate::network::layers::{GroupScratch, Scratch, pick};
-use crate::network::packed::{LayerWeights, ModuleSize, Packer, Piece};
-use crate::network::parameters::{LayoutBuilder, ModuleGradient};
+use crate::kernels::rows::{
+    ColumnBlock, OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing,
+};
+use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord, MlpRows};
+use crate::network::layers::scratch::{GroupWork, Scratch, pick};
+use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
 
-/// Where the weights of a block lie.
+/// Places of the weights of a block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    edge: Mlp,
+    arc: Mlp,
     node: Mlp,
-    /// A and B of the first edge layer side by side, both ways.
-    ends: [Slot; 2],
-    /// C of the first edge layer.
-    edges: Piece,
-    /// The first vertex layer's parts for v and for Σ e'.
-    nodes: [Piece; 2],
+    /// A and B of the first arc layer side by side.
+    endpoints: Slot,
+    /// A and B for the backward pass.
+    endpoints_backward: Slot,
+    /// C of the first arc layer.
+    of_arc: Piece,
+    /// The first node layer's columns for v.
+    of_node: Piece,
+    /// The first node layer's columns for Σ e'.
+    of_incoming: Piece,
 }
 
 /// Activations of one block, kept for the backward pass.
 #[derive(Default)]
 pub(crate) struct BlockRecord<T> {
-    /// Latent vertices before the block, `[vertices, latent]`.
+    /// Latent nodes before the block, `[vertices, latent]`.
     nodes: Aligned<T>,
     /// Latent arcs before the block, `[arcs, latent]`.
-    edges: Aligned<T>,
+    arcs: Aligned<T>,
     /// Sum of the messages that arrive, `[vertices, latent]`.
     incoming: Aligned<T>,
-    edge: MlpRecord<T>,
+    arc: MlpRecord<T>,
     node: MlpRecord<T>,
 }
 
-/// The rows of a leaf that a block writes; those of the record are empty where nothing is kept.
-pub(crate) struct BlockRows<'a, T> {
-    /// `[vertices, latent]`, updated.
-    pub(crate) nodes: &'a mut [T],
-    /// `[arcs, latent]`, updated.
-    pub(crate) edges: &'a mut [T],
-    /// Nodes before, incoming, and the activations of the perceptron.
-    pub(crate) node_record: [&'a mut [T]; 6],
-    /// Edges before, and the activations of the perceptron.
-    pub(crate) edge_record: [&'a mut [T]; 5],
+split_rows! {
+    /// Rows of vertices that a block writes.
+    pub(crate) struct NodeRows<'a, T> {
+        /// Latent nodes, updated, `[vertices, latent]`.
+        pub(crate) nodes: Rows<'a, T>,
+        pub(crate) record: NodeRecordRows<'a, T>,
+    }
 }
 
-/// The rows of a leaf whose gradients a block takes from after it to before it.
-pub(crate) struct BlockGradients<'a, T> {
-    pub(crate) nodes: &'a mut [T],
-    pub(crate) edges: &'a mut [T],
-    /// Out: gradient of the first edge layer's sums, `[arcs, latent]`.
-    pub(crate) first: &'a mut [T],
-    /// Out: the sums of those over the arcs that leave a vertex, and over those that arrive,
-    /// `[vertices, 2 latent]`.
-    pub(crate) sums: &'a mut [T],
+split_rows! {
+    /// Rows of arcs that a block writes.
+    pub(crate) struct ArcRows<'a, T> {
+        /// Latent arcs, updated, `[arcs, latent]`.
+        pub(crate) arcs: Rows<'a, T>,
+        pub(crate) record: ArcRecordRows<'a, T>,
+    }
+}
+
+split_rows! {
+    /// Rows of vertices of a [`BlockRecord`]; empty where nothing is kept.
+    pub(crate) struct NodeRecordRows<'a, T> {
+        before: Rows<'a, T>,
+        incoming: Rows<'a, T>,
+        mlp: MlpRows<'a, T>,
+    }
+}
+
+split_rows! {
+    /// Rows of arcs of a [`BlockRecord`]; empty where nothing is kept.
+    pub(crate) struct ArcRecordRows<'a, T> {
+        before: Rows<'a, T>,
+        mlp: MlpRows<'a, T>,
+    }
+}
+
+split_rows! {
+    /// Gradients of a block's vertices, taken from after it to before it.
+    pub(crate) struct NodeGradients<'a, T> {
+        /// `[vertices, latent]`.
+        pub(crate) nodes: Rows<'a, T>,
+        /// Out: sums of the pre-activation gradients over the arcs that leave a vertex, then over
+        /// the arcs that arrive, `[vertices, 2 latent]`.
+        pub(crate) sums: Rows<'a, T>,
+    }
+}
+
+split_rows! {
+    /// Gradients of a block's arcs, taken from after it to before it.
+    pub(crate) struct ArcGradients<'a, T> {
+        /// `[arcs, latent]`.
+        pub(crate) arcs: Rows<'a, T>,
+        /// Out: pre-activation gradient of the first arc layer, `[arcs, latent]`.
+        pub(crate) pre_activation: Rows<'a, T>,
+    }
+}
+
+/// A partition before a block.
+#[derive(Clone, Copy)]
+pub(crate) struct BlockInput<'a, T> {
+    pub(crate) graph: &'a Connectivity,
+    pub(crate) partition: &'a Partition,
+    /// Endpoint products of all vertices, `[all vertices, 2 latent]`.
+    pub(crate) endpoint_products: &'a [T],
+}
+
+/// A partition after the forward pass of a block.
+#[derive(Clone, Copy)]
+pub(crate) struct BlockKept<'a, T> {
+    pub(crate) graph: &'a Connectivity,
+    pub(crate) partition: &'a Partition,
+    pub(crate) record: &'a BlockRecord<T>,
 }
 
 impl<T: Real> BlockRecord<T> {
     /// Numbers held.
     #[cfg(test)]
     pub(crate) fn number_count(&self) -> usize {
-        let latents = [&self.nodes, &self.edges, &self.incoming];
+        let latents = [&self.nodes, &self.arcs, &self.incoming];
         let held: usize = latents.iter().map(|numbers| numbers.len()).sum();
-        held + self.edge.number_count() + self.node.number_count()
+        held + self.arc.number_count() + self.node.number_count()
     }
 
+    /// Makes room for a graph of that many vertices and arcs.
     pub(crate) fn fit(&mut self, block: &Block, vertices: usize, arcs: usize) {
         let latent = block.latent();
         self.nodes.resize(vertices * latent);
-        self.edges.resize(arcs * latent);
+        self.arcs.resize(arcs * latent);
         self.incoming.resize(vertices * latent);
-        self.edge.fit(&block.edge, arcs);
+        self.arc.fit(&block.arc, arcs);
         self.node.fit(&block.node, vertices);
     }
 
-    /// Everything, with the widths of its rows, as [`BlockRows`] has it.
-    pub(crate) fn rows(&mut self, block: &Block) -> (Arrays<'_, T, 6>, Arrays<'_, T, 5>) {
+    /// All rows, to be written.
+    pub(crate) fn rows(&mut self, block: &Block) -> (NodeRecordRows<'_, T>, ArcRecordRows<'_, T>) {
         let latent = block.latent();
-        let [n0, n1, n2, n3] = self.node.rows(&block.node);
-        let [e0, e1, e2, e3] = self.edge.rows(&block.edge);
-        let nodes = [
-            (&mut *self.nodes, latent),
-            (&mut *self.incoming, latent),
-            n0,
-            n1,
-            n2,
-            n3,
-        ];
-        (nodes, [(&mut *self.edges, latent), e0, e1, e2, e3])
+        let nodes = NodeRecordRows {
+            before: Rows::new(&mut self.nodes, latent),
+            incoming: Rows::new(&mut self.incoming, latent),
+            mlp: self.node.rows(&block.node),
+        };
+        let arcs = ArcRecordRows {
+            before: Rows::new(&mut self.arcs, latent),
+            mlp: self.arc.rows(&block.arc),
+        };
+        (nodes, arcs)
     }
 }
 
 impl Block {
-    pub(crate) fn new(
-        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
-        path: &str,
-        latent: usize,
-    ) -> Self {
-        let mut mlp = |what: &str, inputs| {
-            let path = format!("{path}.{what}");
-            Mlp::normalised((&mut *layout, &mut *size), &path, inputs, latent)
-        };
-        let (edge, node) = (mlp("edge", 3 * latent), mlp("node", 2 * latent));
+    pub(crate) fn new(module: &mut ModuleBuilder, path: &str, latent: usize) -> Self {
+        let arc = Mlp::normalised(module, &format!("{path}.edge"), 3 * latent, latent);
+        let node = Mlp::normalised(module, &format!("{path}.node"), 2 * latent, latent);
+        let size = &mut module.size;
         Self {
-            edge,
+            arc,
             node,
-            ends: [
-                size.forward(latent, 2 * latent),
-                size.backward(2 * latent, latent),
-            ],
-            edges: Piece::new(size, &edge.first, (2 * latent, latent)),
-            nodes: [0, latent].map(|first| Piece::new(size, &node.first, (first, latent))),
+            endpoints: size.forward(latent, 2 * latent),
+            endpoints_backward: size.backward(2 * latent, latent),
+            of_arc: Piece::new(size, &arc.first, 2 * latent, latent),
+            of_node: Piece::new(size, &node.first, 0, latent),
+            of_incoming: Piece::new(size, &node.first, latent, latent),
         }
     }
 
@@ -132,192 +180,230 @@ impl Block {
     }
 
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
-        for mlp in [&self.edge, &self.node] {
+        for mlp in [&self.arc, &self.node] {
             mlp.pack(packer);
         }
-        for piece in [&self.edges, &self.nodes[0], &self.nodes[1]] {
+        for piece in [&self.of_arc, &self.of_node, &self.of_incoming] {
             piece.pack(packer);
         }
         let (latent, flat) = (self.latent(), packer.flat);
-        let weight = &flat[self.edge.first.weight_range()];
+        let weight = &flat[self.arc.first.weight_range()];
         // Row i of A, then row i of B.
         let of_end = |end: usize, column: usize| {
             let (which, row) = (end / latent, end % latent);
             weight[row * 3 * latent + which * latent + column]
         };
-        packer.forward(self.ends[0], |l, j| of_end(j, l));
-        packer.backward(self.ends[1], of_end);
+        packer.forward(self.endpoints, |l, j| of_end(j, l));
+        packer.backward(self.endpoints_backward, of_end);
     }
 
-    /// A v and B v + b of the split edge layer, `[vertices, 2 latent]`.
-    pub(crate) fn products_per_vertex<T: Real>(
+    /// Endpoint products A v and B v + b of the split arc layer, `[vertices, 2 latent]`.
+    pub(crate) fn endpoint_products<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         nodes: &[T],
-        at: &mut [T],
+        products: &mut [T],
     ) {
-        let (latent, bias) = (self.latent(), self.edge.first.bias_range());
+        let (latent, bias) = (self.latent(), self.arc.first.bias_range());
         let term = Term {
             rows: Columns::all(nodes, latent),
-            packed: self.ends[0].of(&weights.module.forward),
+            packed: self.endpoints.of(&weights.module.forward),
         };
-        let finish = Finish::SecondHalfBias(&weights.flat[bias]);
-        multiply(weights.instructions, &[term], 2 * latent, finish, at);
+        let epilogue = Epilogue::SecondHalfBias(&weights.flat[bias]);
+        multiply(
+            weights.instructions,
+            &[term],
+            2 * latent,
+            epilogue,
+            products,
+        );
     }
 
-    /// Updates the latent vectors of a leaf in place; `at` are the [`Self::products_per_vertex`] of all
-    /// vertices.
+    /// Updates the latent vectors of a partition in place.
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (graph, leaf): (&Connectivity, &Leaf),
-        at: &[T],
-        rows: BlockRows<'_, T>,
+        input: BlockInput<'_, T>,
+        rows: &mut NodeRows<'_, T>,
+        mut arcs: ArcRows<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
-        let latent = self.latent();
-        let [nodes_before, incoming, node_record @ ..] = rows.node_record;
-        let incoming = pick(incoming, &mut scratch.incoming, rows.nodes.len());
+        let NodeRows { nodes, record } = rows;
+        let incoming = pick(&mut record.incoming, &mut scratch.incoming, nodes.len());
         incoming.fill(T::ZERO);
-        let [edges_before, mut edge_record @ ..] = rows.edge_record;
-        for chunk in chunks(leaf.arcs.clone()) {
-            let local = chunk.start - leaf.arcs.start..chunk.end - leaf.arcs.start;
-            let edges = &mut rows.edges[of_rows(&local, latent)];
-            if let Some(before) = edges_before.get_mut(of_rows(&local, latent)) {
-                before.copy_from_slice(edges);
+        let range = &input.partition.arcs;
+        for chunk in chunks(range.clone()) {
+            let ArcRows { arcs, mut record } = arcs.part(&counted_from(&chunk, range.start));
+            if !record.before.is_empty() {
+                record.before.copy_from_slice(&arcs);
             }
-            let record = edge_record.each_mut().map(|record| &mut **record);
-            let mut tile = scratch.tiles.tile(record, &local, latent);
-            let finish = Finish::EndsRelu(Ends {
-                at,
-                senders: &graph.senders[chunk.clone()],
-                receivers: &graph.receivers[chunk.clone()],
+            let mut tile = scratch.tiles.tile(record.mlp, chunk.len(), self.latent());
+            let receivers = &input.graph.receivers[chunk.clone()];
+            let epilogue = Epilogue::EndpointsRelu(Endpoints {
+                products: input.endpoint_products,
+                senders: &input.graph.senders[chunk],
+                receivers,
             });
-            let terms = &[self.edges.times(weights, edges)];
-            self.edge.first_layer(weights, terms, finish, &mut tile);
+            let terms = &[self.of_arc.times(weights, &arcs)];
+            self.arc.first_layer(weights, terms, epilogue, &mut tile);
             let messages = Normalised::Messages {
-                edges,
+                arcs: arcs.values,
                 incoming: &mut *incoming,
                 receivers: Receivers {
-                    of: &graph.receivers[chunk],
-                    first: leaf.vertices.start,
+                    of: receivers,
+                    first: input.partition.vertices.start,
                 },
             };
-            self.edge.forward(weights, tile, messages);
+            self.arc.forward(weights, tile, messages);
         }
-        if !nodes_before.is_empty() {
-            nodes_before.copy_from_slice(rows.nodes);
+        if !record.before.is_empty() {
+            record.before.copy_from_slice(nodes);
         }
-        let count = 0..leaf.vertices.len();
-        let mut tile = scratch.tiles.tile(node_record, &count, latent);
-        let [of_node, of_incoming] = &self.nodes;
+        let count = input.partition.vertices.len();
+        let kept = record.mlp.part(&(0..count));
+        let mut tile = scratch.tiles.tile(kept, count, self.latent());
         let terms = &[
-            of_node.times(weights, rows.nodes),
-            of_incoming.times(weights, incoming),
+            self.of_node.times(weights, nodes),
+            self.of_incoming.times(weights, incoming),
         ];
-        let finish = self.node.first_finish(weights);
-        self.node.first_layer(weights, terms, finish, &mut tile);
-        self.node
-            .forward(weights, tile, Normalised::Add(rows.nodes));
+        let epilogue = self.node.first_epilogue(weights);
+        self.node.first_layer(weights, terms, epilogue, &mut tile);
+        self.node.forward(weights, tile, Normalised::Add(nodes));
     }
 
-    /// Takes the gradients of a leaf's latent vectors after the block to those before it, but for what
-    /// comes through A and B, and adds those of the weights.
+    /// Takes the gradients of a partition's latent vectors from after the block to before it, except
+    /// for the way through A and B ([`Self::endpoints_backward`]). Adds the gradients of the weights.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (graph, leaf): (&Connectivity, &Leaf),
-        record: &BlockRecord<T>,
-        rows: BlockGradients<'_, T>,
-        group: (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
+        kept: BlockKept<'_, T>,
+        mut nodes: NodeGradients<'_, T>,
+        mut arcs: ArcGradients<'_, T>,
+        group: &mut GroupWork<'_, T>,
     ) {
-        let (scratch, gradient) = group;
-        let latent = self.latent();
-        self.nodes_backward(weights, leaf, record, rows.nodes, (scratch, gradient));
-        rows.sums.fill(T::ZERO);
-        for chunk in chunks(leaf.arcs.clone()) {
-            let local = chunk.start - leaf.arcs.start..chunk.end - leaf.arcs.start;
-            let (range, local) = (of_rows(&chunk, latent), of_rows(&local, latent));
-            let edges = &mut rows.edges[local.clone()];
-            let first = &mut rows.first[local];
+        let (latent, using) = (self.latent(), weights.instructions);
+        self.nodes_backward(weights, kept, &mut nodes.nodes, group);
+        nodes.sums.fill(T::ZERO);
+        let range = &kept.partition.arcs;
+        for chunk in chunks(range.clone()) {
+            let ArcGradients {
+                mut arcs,
+                mut pre_activation,
+            } = arcs.part(&counted_from(&chunk, range.start));
             let receivers = Receivers {
-                of: &graph.receivers[chunk.clone()],
-                first: leaf.vertices.start,
+                of: &kept.graph.receivers[chunk.clone()],
+                first: kept.partition.vertices.start,
             };
-            let using = weights.instructions;
-            let output = &mut scratch.output[..edges.len()];
-            let gradients = (&*edges, &*scratch.incoming);
-            gather_receivers(using, output, latent, gradients, receivers);
-            let kept = record.edge.tile(&self.edge, &chunk);
-            let buffers = (&mut scratch.hidden[..first.len()], &mut *first);
-            self.edge.backward(weights, kept, output, buffers, gradient);
-            let pair = (
-                Columns::all(first, latent),
-                Columns::all(&record.edges[range], latent),
-            );
-            self.edge
-                .first_backward(weights, 2 * latent, pair, gradient);
-            let term = self.edges.back(weights, first);
-            multiply(using, &[term], latent, Finish::Add, edges);
-            let place = (latent, 2 * latent, latent);
-            sum_incoming(using, rows.sums, place, first, receivers);
+            let scratch = &mut *group.scratch;
+            let output = &mut scratch.output[..arcs.len()];
+            gather_receivers(using, output, latent, &arcs, &scratch.incoming, receivers);
+            let activations = kept.record.arc.tile(&self.arc, &chunk);
+            let gradients = MlpGradients {
+                output,
+                hidden: &mut scratch.hidden[..arcs.len()],
+                pre_activation: &mut pre_activation,
+            };
+            let gradient = &mut group.gradient;
+            self.arc.backward(weights, activations, gradients, gradient);
+            let before = &kept.record.arcs[of_rows(&chunk, latent)];
+            let [left, right] = [&*pre_activation, before].map(|rows| Columns::all(rows, latent));
+            self.arc
+                .first_backward(weights, 2 * latent, left, right, gradient);
+            let term = self.of_arc.back(weights, &pre_activation);
+            multiply(using, &[term], latent, Epilogue::Add, &mut arcs);
+            let arriving = self.arriving();
+            sum_incoming(using, &mut nodes.sums, arriving, &pre_activation, receivers);
         }
     }
 
+    /// The columns of [`NodeGradients::sums`] over the arcs that leave a vertex.
+    fn leaving(&self) -> ColumnBlock {
+        ColumnBlock {
+            first: 0,
+            width: self.latent(),
+            stride: 2 * self.latent(),
+        }
+    }
+
+    /// The columns of [`NodeGradients::sums`] over the arcs that arrive at a vertex.
+    fn arriving(&self) -> ColumnBlock {
+        ColumnBlock {
+            first: self.latent(),
+            ..self.leaving()
+        }
+    }
+
+    /// The gradient of the nodes through their own update; leaves that of the sums of messages in the
+    /// scratch.
     fn nodes_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        leaf: &Leaf,
-        record: &BlockRecord<T>,
+        kept: BlockKept<'_, T>,
         nodes: &mut [T],
-        (scratch, gradient): (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
+        group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
-        let range = of_rows(&leaf.vertices, latent);
+        let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
+        let (record, vertices) = (kept.record, &kept.partition.vertices);
+        let range = of_rows(vertices, latent);
         let output = &mut scratch.output[..range.len()];
         output.copy_from_slice(nodes);
-        let kept = record.node.tile(&self.node, &leaf.vertices);
-        let first = &mut scratch.first[..range.len()];
-        let buffers = (&mut scratch.hidden[..range.len()], &mut *first);
-        self.node.backward(weights, kept, output, buffers, gradient);
-        let inputs = [
-            &record.nodes[range.clone()],
-            &record.incoming[range.clone()],
-        ];
+        let pre_activation = &mut scratch.pre_activation[..range.len()];
+        let gradients = MlpGradients {
+            output,
+            hidden: &mut scratch.hidden[..range.len()],
+            pre_activation: &mut *pre_activation,
+        };
+        let activations = record.node.tile(&self.node, vertices);
+        self.node
+            .backward(weights, activations, gradients, gradient);
+        let inputs = [&record.nodes, &record.incoming];
         for (number, input) in inputs.into_iter().enumerate() {
-            let pair = (Columns::all(first, latent), Columns::all(input, latent));
+            let left = Columns::all(pre_activation, latent);
+            let right = Columns::all(&input[range.clone()], latent);
             self.node
-                .first_backward(weights, number * latent, pair, gradient);
+                .first_backward(weights, number * latent, left, right, gradient);
         }
-        let [of_node, of_incoming] = self.nodes.each_ref().map(|p| p.back(weights, first));
-        multiply(using, &[of_node], latent, Finish::Add, nodes);
+        let term = self.of_node.back(weights, pre_activation);
+        multiply(using, &[term], latent, Epilogue::Add, nodes);
+        let term = self.of_incoming.back(weights, pre_activation);
         let incoming = &mut scratch.incoming[..range.len()];
-        multiply(using, &[of_incoming], latent, Finish::Set, incoming);
+        multiply(using, &[term], latent, Epilogue::Set, incoming);
     }
 
-    /// What comes through A and B: after [`Self::backward`] of all leaves, of which `first` is.
-    pub(crate) fn ends_backward<T: Real>(
+    /// The gradient of the nodes through A and B, after [`Self::backward`] of all partitions left
+    /// the pre-activation gradients `[all arcs, latent]`.
+    pub(crate) fn endpoints_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (graph, leaf): (&Connectivity, &Leaf),
-        (record, first): (&BlockRecord<T>, &[T]),
-        [nodes, sums]: [&mut [T]; 2],
-        gradient: &mut ModuleGradient<'_, T>,
+        kept: BlockKept<'_, T>,
+        pre_activation: &[T],
+        rows: NodeGradients<'_, T>,
+        group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
-        let first_arc = &graph.first_arc[leaf.vertices.start..=leaf.vertices.end];
-        let arcs = (first_arc, &*graph.twins);
-        sum_outgoing(using, sums, (latent, 2 * latent), first, arcs);
-        let all = Columns::all(&*sums, 2 * latent);
-        let before = &record.nodes[of_rows(&leaf.vertices, latent)];
+        let (graph, vertices) = (kept.graph, &kept.partition.vertices);
+        let NodeGradients {
+            mut nodes,
+            mut sums,
+        } = rows;
+        let arcs = OutgoingArcs {
+            first_arc: &graph.first_arc[vertices.start..=vertices.end],
+            reverse_arcs: &graph.reverse_arcs,
+        };
+        sum_outgoing(using, &mut sums, self.leaving(), pre_activation, arcs);
+        let all = Columns::all(&sums, 2 * latent);
+        let before = Columns::all(&kept.record.nodes[of_rows(vertices, latent)], latent);
         for column in [0, latent] {
-            let pair = (all.part(column, latent), Columns::all(before, latent));
-            self.edge.first_backward(weights, column, pair, gradient);
+            let part = all.part(column, latent);
+            let gradient = &mut group.gradient;
+            self.arc
+                .first_backward(weights, column, part, before, gradient);
         }
         let term = Term {
             rows: all,
-            packed: self.ends[1].of(&weights.module.backward),
+            packed: self.endpoints_backward.of(&weights.module.backward),
         };
-        multiply(using, &[term], latent, Finish::Add, nodes);
+        multiply(using, &[term], latent, Epilogue::Add, &mut nodes);
     }
 }

@@ -1,73 +1,90 @@
-//! The encoder of vertices or of arcs: normalised features of a window of frames to latent rows,
-//! by a perceptron on the frames side by side, or by a recurrent network.
+//! The encoder of nodes or of arcs: normalised features of a window of frames to latent rows, by a
+//! perceptron on the frames side by side, or by a recurrent network.
 
 use std::ops::Range;
 
-use crate::graph::partition::{chunks, of_rows};
-use crate::kernels::gemm::{Columns, Finish, multiply};
+use crate::graph::partition::{chunks, counted_from, of_rows};
+use crate::graph::share::{Rows, SplitRows, split_rows};
+use crate::kernels::dropout::RowMasks;
+use crate::kernels::gemm::{Columns, Epilogue, multiply};
+use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::kernels::{Normalised, RowMasks};
-use crate::network::layers::gru::{GruEncoder, GruRecord, GruTile, InputRows, States};
-use crate::network::layers::mlp::{Mlp, MlpRecord};
-use crate::network::layers::{GroupScratch, Scratch};
-use crate::network::packed::{LayerWeights, ModuleSize, Packer, Piece};
-use crate::network::parameters::{LayoutBuilder, ModuleGradient};
+use crate::network::layers::gru::{
+    GruEncoder, GruGradients, GruInput, GruRecord, GruRecordRows, GruRows, States,
+};
+use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord, MlpRows};
+use crate::network::layers::scratch::{GroupWork, Scratch};
+use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
+use crate::spec::RowEncoder;
 
-/// How rows of one kind are encoded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum RowEncoder {
-    /// A perceptron on so many frames side by side.
-    Mlp(usize),
-    /// A recurrent network over any number of frames.
-    Gru,
-}
-
-/// Where the weights of an encoder lie.
+/// Places of the weights of an encoder.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum EncoderLayers {
-    /// With its first layer's matrix.
+    /// A perceptron, with its first layer's matrix.
     Mlp(Mlp, Piece),
     Gru(GruEncoder),
 }
 
-/// Activations kept for the backward pass; only the one that the encoder uses is filled.
+/// Activations kept for the backward pass; only those that the encoder uses are filled.
 #[derive(Default)]
 pub(crate) struct EncoderRecord<T> {
     mlp: MlpRecord<T>,
     pub(crate) gru: GruRecord<T>,
 }
 
-/// What goes into an encoder: features of all rows `[window, all rows, width]`, and what is dropped.
+/// The input of an encoder.
 #[derive(Clone, Copy)]
 pub(crate) struct EncoderInput<'a, T> {
+    /// Frames of the window.
     pub(crate) window: usize,
+    /// Features of all rows, `[window, all rows, width]`.
     pub(crate) features: &'a [T],
+    /// Columns of the features.
     pub(crate) width: usize,
     pub(crate) dropout: Option<&'a RowMasks>,
-    /// States that are carried over, `[all rows, latent]` each; empty where none are.
+    /// States that are carried over, `[all rows, latent]` each; empty for zero.
     pub(crate) start: States<&'a [T]>,
 }
 
-/// The rows of a leaf that an encoder writes.
-pub(crate) struct EncoderRows<'a, T> {
-    /// `[rows, latent]`.
-    pub(crate) out: &'a mut [T],
-    /// As [`EncoderRecord::rows`] has them; empty where nothing is kept.
-    pub(crate) record: [&'a mut [T]; 7],
-    /// The states at the end `[rows, latent]`; empty where nobody asks.
-    pub(crate) end: States<&'a mut [T]>,
+split_rows! {
+    /// Rows that an encoder writes.
+    pub(crate) struct EncoderRows<'a, T> {
+        /// `[rows, latent]`.
+        pub(crate) out: Rows<'a, T>,
+        /// States of both layers at the end, `[rows, latent]`; empty where not wanted.
+        pub(crate) end: [Rows<'a, T>; 2],
+        pub(crate) record: EncoderRecordRows<'a, T>,
+    }
 }
 
-/// The gradients of a leaf's rows at both ends of an encoder.
-pub(crate) struct EncoderEnds<'a, T> {
-    /// That of the output `[rows, latent]`; overwritten.
-    pub(crate) output: &'a mut [T],
-    /// That of the input `[rows, window width]`, unless it is empty; set.
-    pub(crate) to_input: &'a mut [T],
-    /// Those of the states at the end, of all rows; empty for zero.
-    pub(crate) end: States<&'a [T]>,
-    /// Those of the carried states, unless empty; set.
-    pub(crate) start: States<&'a mut [T]>,
+split_rows! {
+    /// Rows of an [`EncoderRecord`]; empty where nothing is kept.
+    pub(crate) struct EncoderRecordRows<'a, T> {
+        mlp: MlpRows<'a, T>,
+        gru: GruRecordRows<'a, T>,
+    }
+}
+
+split_rows! {
+    /// Gradients at both ends of an encoder.
+    pub(crate) struct EncoderGradients<'a, T> {
+        /// In: with respect to the output, `[rows, latent]`; overwritten.
+        pub(crate) output: Rows<'a, T>,
+        /// Out: with respect to the input, `[rows, window width]`; empty where not wanted.
+        pub(crate) input: Rows<'a, T>,
+        /// Out: with respect to the carried states, `[rows, latent]`; empty where not wanted.
+        pub(crate) start: [Rows<'a, T>; 2],
+    }
+}
+
+/// Rows after the forward pass of an encoder.
+#[derive(Clone)]
+pub(crate) struct EncoderKept<'a, T> {
+    /// The rows of a partition.
+    pub(crate) rows: Range<usize>,
+    pub(crate) record: &'a EncoderRecord<T>,
+    /// Gradients of the states at the end, `[all rows, latent]`; empty for zero.
+    pub(crate) end_gradient: States<&'a [T]>,
 }
 
 impl<T: Real> EncoderRecord<T> {
@@ -75,50 +92,61 @@ impl<T: Real> EncoderRecord<T> {
     pub(crate) fn fit(
         &mut self,
         layers: &EncoderLayers,
-        (rows, steps): (usize, usize),
+        rows: usize,
+        steps: usize,
         dropout: Option<&RowMasks>,
     ) {
         match layers {
             EncoderLayers::Mlp(mlp, ..) => self.mlp.fit(mlp, rows),
-            EncoderLayers::Gru(gru) => self.gru.fit(gru, (rows, steps), dropout),
+            EncoderLayers::Gru(gru) => self.gru.fit(gru, rows, steps, dropout),
         }
     }
 
-    /// Everything, with the widths of its rows; empty after what the encoder has.
-    pub(crate) fn rows(&mut self, layers: &EncoderLayers) -> [(&mut [T], usize); 7] {
+    /// All rows, to be written.
+    pub(crate) fn rows(&mut self, layers: &EncoderLayers) -> EncoderRecordRows<'_, T> {
+        let mut rows = EncoderRecordRows::default();
         match layers {
-            EncoderLayers::Mlp(mlp, ..) => {
-                let [a, b, c, d] = self.mlp.rows(mlp);
-                let [e, f, g] = <[(&mut [T], usize); 3]>::default();
-                [a, b, c, d, e, f, g]
-            }
-            EncoderLayers::Gru(gru) => self.gru.rows(gru),
+            EncoderLayers::Mlp(mlp, ..) => rows.mlp = self.mlp.rows(mlp),
+            EncoderLayers::Gru(gru) => rows.gru = self.gru.rows(gru),
         }
+        rows
     }
-}
 
-#[cfg(test)]
-impl<T: Real> EncoderRecord<T> {
     /// Numbers held.
+    #[cfg(test)]
     pub(crate) fn number_count(&self) -> usize {
         self.mlp.number_count() + self.gru.number_count()
     }
 }
 
+impl<'a, T> EncoderInput<'a, T> {
+    /// Rows `rows` for a recurrent network.
+    fn gru(&self, rows: &Range<usize>) -> GruInput<'a, T> {
+        GruInput {
+            features: self.features,
+            all_rows: self.features.len() / (self.window * self.width),
+            steps: self.window,
+            first: rows.start,
+            rows: rows.len(),
+            dropout: self.dropout,
+        }
+    }
+}
+
 impl EncoderLayers {
     pub(crate) fn new(
-        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
+        module: &mut ModuleBuilder,
         path: &str,
-        sizes: [usize; 2],
         encoder: RowEncoder,
+        width: usize,
+        latent: usize,
     ) -> Self {
         match encoder {
             RowEncoder::Mlp(window) => {
-                let to = (layout, &mut *size);
-                let mlp = Mlp::normalised(to, path, window * sizes[0], sizes[1]);
-                Self::Mlp(mlp, Piece::whole(size, &mlp.first))
+                let mlp = Mlp::normalised(module, path, window * width, latent);
+                Self::Mlp(mlp, Piece::whole(&mut module.size, &mlp.first))
             }
-            RowEncoder::Gru => Self::Gru(GruEncoder::new((layout, size), path, sizes)),
+            RowEncoder::Gru => Self::Gru(GruEncoder::new(module, path, width, latent)),
         }
     }
 
@@ -132,125 +160,96 @@ impl EncoderLayers {
         }
     }
 
-    /// Takes rows `leaf` of the input to their latent rows.
+    /// Takes the rows `range` of the input to their latent rows.
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         input: EncoderInput<'_, T>,
-        leaf: Range<usize>,
-        rows: EncoderRows<'_, T>,
+        range: Range<usize>,
+        rows: &mut EncoderRows<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
-        let all_rows = input.features.len() / (input.window * input.width);
-        let latent = rows.out.len() / leaf.len().max(1);
-        let EncoderRows {
-            out,
-            mut record,
-            mut end,
-        } = rows;
-        for chunk in chunks(leaf.clone()) {
-            let local = chunk.start - leaf.start..chunk.end - leaf.start;
-            let out = &mut out[of_rows(&local, latent)];
+        let latent = rows.out.width();
+        for chunk in chunks(range.clone()) {
+            let rows = rows.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, first) => {
                     let features = join(input, &chunk, &mut scratch.joined);
-                    let record = record.each_mut().map(|record| &mut **record);
-                    let [a, b, c, d, ..] = record;
-                    let mut tile = scratch.tiles.tile([a, b, c, d], &local, latent);
+                    let mut tile = scratch.tiles.tile(rows.record.mlp, chunk.len(), latent);
                     let terms = &[first.times(weights, features)];
-                    mlp.first_layer(weights, terms, mlp.first_finish(weights), &mut tile);
-                    mlp.forward(weights, tile, Normalised::Set(out));
+                    mlp.first_layer(weights, terms, mlp.first_epilogue(weights), &mut tile);
+                    mlp.forward(weights, tile, Normalised::Set(rows.out.values));
                 }
                 Self::Gru(gru) => {
-                    let window = InputRows {
-                        input: input.features,
-                        all_rows,
-                        steps: input.window,
-                        first: chunk.start,
-                        rows: chunk.len(),
+                    let start = input.start.map(|states| part(states, &chunk, latent));
+                    let rows = GruRows {
+                        out: rows.out.values,
+                        end: rows.end.map(|rows| rows.values),
+                        record: rows.record.gru,
                     };
-                    let start = input.start.map(|s| part(s, &chunk, latent));
-                    let end = end.each_mut().map(|s| part_mut(s, &local, latent));
-                    let tile = gru_tile(&mut record, leaf.len(), &local);
-                    let given = (window, input.dropout);
-                    gru.forward(weights, given, (start, end), (tile, &mut *scratch), out);
+                    gru.forward(weights, input.gru(&chunk), start, rows, scratch);
                 }
             }
         }
     }
 
-    /// Adds the gradients of all weights for the gradient of the latent rows `leaf`.
+    /// Adds the gradients of all weights for the gradient of a partition's latent rows.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         input: EncoderInput<'_, T>,
-        (leaf, record): (Range<usize>, &EncoderRecord<T>),
-        ends: EncoderEnds<'_, T>,
-        group: (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
+        kept: EncoderKept<'_, T>,
+        mut gradients: EncoderGradients<'_, T>,
+        group: &mut GroupWork<'_, T>,
     ) {
-        let (scratch, gradient) = group;
-        let window = input.window;
-        let all_rows = input.features.len() / (window * input.width);
-        let latent = ends.output.len() / leaf.len().max(1);
-        let EncoderEnds {
-            output,
-            to_input,
-            end,
-            mut start,
-        } = ends;
-        for chunk in chunks(leaf.clone()) {
-            let local = chunk.start - leaf.start..chunk.end - leaf.start;
-            let output = &mut output[of_rows(&local, latent)];
-            let to_input = part_mut(to_input, &local, window * input.width);
+        for chunk in chunks(kept.rows.clone()) {
+            let gradients = gradients.part(&counted_from(&chunk, kept.rows.start));
             match self {
                 Self::Mlp(mlp, piece) => {
-                    let kept = record.mlp.tile(mlp, &chunk);
-                    let first = &mut scratch.first[..output.len()];
-                    let buffers = (&mut scratch.hidden[..output.len()], &mut *first);
-                    mlp.backward(weights, kept, output, buffers, gradient);
+                    let (latent, width) = (gradients.output.width(), gradients.input.width());
+                    let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
+                    let size = gradients.output.len();
+                    let pre_activation = &mut scratch.pre_activation[..size];
+                    let through = MlpGradients {
+                        output: gradients.output.values,
+                        hidden: &mut scratch.hidden[..size],
+                        pre_activation: &mut *pre_activation,
+                    };
+                    let activations = kept.record.mlp.tile(mlp, &chunk);
+                    mlp.backward(weights, activations, through, gradient);
                     let features = join(input, &chunk, &mut scratch.joined);
-                    let width = window * input.width;
-                    let pair = (Columns::all(first, latent), Columns::all(features, width));
-                    mlp.first_backward(weights, 0, pair, gradient);
+                    let left = Columns::all(pre_activation, latent);
+                    let right = Columns::all(features, width);
+                    mlp.first_backward(weights, 0, left, right, gradient);
+                    let to_input = gradients.input.values;
                     if !to_input.is_empty() {
-                        let terms = &[piece.back(weights, first)];
-                        multiply(weights.instructions, terms, width, Finish::Set, to_input);
+                        let terms = &[piece.back(weights, pre_activation)];
+                        let using = weights.instructions;
+                        multiply(using, terms, width, Epilogue::Set, to_input);
                     }
                 }
                 Self::Gru(gru) => {
-                    let rows = InputRows {
-                        input: input.features,
-                        all_rows,
-                        steps: input.window,
-                        first: chunk.start,
-                        rows: chunk.len(),
+                    let width = gradients.output.width();
+                    let gradients = GruGradients {
+                        output: gradients.output.values,
+                        input: gradients.input.values,
+                        end: kept.end_gradient.map(|states| part(states, &chunk, width)),
+                        start: gradients.start.map(|rows| rows.values),
                     };
-                    let given = (rows, input.dropout);
-                    let ends = EncoderEnds {
-                        output,
-                        to_input,
-                        end: end.map(|s| part(s, &chunk, latent)),
-                        start: start.each_mut().map(|s| part_mut(s, &local, latent)),
-                    };
-                    let group = (&mut *scratch, &mut *gradient);
-                    gru.backward(weights, given, &record.gru, ends, group);
+                    let record = &kept.record.gru;
+                    gru.backward(weights, input.gru(&chunk), record, gradients, group);
                 }
             }
         }
     }
 }
 
-/// Rows `rows` of an array, or nothing of an empty one.
+/// The rows `rows` of an array, or nothing of an empty one.
 fn part<'a, T>(array: &'a [T], rows: &Range<usize>, width: usize) -> &'a [T] {
     array.get(of_rows(rows, width)).unwrap_or_default()
 }
 
-/// Rows `rows` of an array, or nothing of an empty one.
-fn part_mut<'a, T>(array: &'a mut [T], rows: &Range<usize>, width: usize) -> &'a mut [T] {
-    array.get_mut(of_rows(rows, width)).unwrap_or_default()
-}
-
-/// What a perceptron sees of a chunk: the frames of the window side by side, `[rows, window width]`.
+/// A chunk of a perceptron's input: the frames of the window side by side, `[rows, window width]`.
 fn join<'a, T: Real>(
     input: EncoderInput<'a, T>,
     rows: &Range<usize>,
@@ -269,24 +268,4 @@ fn join<'a, T: Real>(
         }
     }
     room
-}
-
-/// The rows `local` of a leaf of `rows` rows in a record.
-fn gru_tile<'a, T>(
-    record: &'a mut [&mut [T]; 7],
-    rows: usize,
-    local: &Range<usize>,
-) -> GruTile<'a, T> {
-    let part = |array: &'a mut [T]| {
-        let width = array.len() / rows.max(1);
-        &mut array[of_rows(local, width)]
-    };
-    let [s0, s1, k0, k1, between, normal, inverse_deviation] = record.each_mut().map(|a| &mut **a);
-    GruTile {
-        states: [part(s0), part(s1)],
-        kept: [part(k0), part(k1)],
-        between: part(between),
-        normal: part(normal),
-        inverse_deviation: part(inverse_deviation),
-    }
 }

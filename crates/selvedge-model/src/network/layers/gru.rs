@@ -3,22 +3,27 @@
 //! LayerNorm on the last state.
 //!
 //! A chunk's rows pass through the whole window, both layers step by step, before the next chunk
-//! begins. Within a chunk everything kept is step-major: `[steps, rows, width]`.
+//! begins. Within a chunk all kept rows are step-major: `[steps, rows, width]`.
 
+use std::ops::Range;
+
+use crate::graph::share::{Rows, split_rows};
 use crate::kernels::aligned::Aligned;
-use crate::kernels::gemm::{Columns, Finish, Slot, Term, multiply};
+use crate::kernels::dropout::RowMasks;
+use crate::kernels::gates::{
+    Gate, GateGradients, GruStep, gru_gates_backward, gru_step, pack_biases, pack_gates,
+};
+use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
+use crate::kernels::norm::{NormKept, NormRows, Normalised, layer_norm, layer_norm_backward};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
-use crate::kernels::{
-    GateGradients, GruStep, NormRows, Normalised, RowMasks, add, add_column_sums, gate_slots,
-    gru_gates_backward, gru_step, layer_norm, layer_norm_backward, pack_biases, pack_gates,
-};
-use crate::network::layers::encoder::EncoderEnds;
-use crate::network::layers::{GroupScratch, Scratch};
-use crate::network::packed::{LayerWeights, ModuleSize, Packer, Piece};
-use crate::network::parameters::{GruLayer, LayerNorm, LayoutBuilder, Linear, ModuleGradient};
+use crate::kernels::rows::{add, add_column_sums};
+use crate::kernels::simd::MOST_LANES;
+use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
+use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
+use crate::network::parameters::{GruLayer, LayerNorm, Linear, ModuleGradient};
 
-/// Where the weights of a recurrent encoder lie.
+/// Places of the weights of a recurrent encoder.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GruEncoder {
     layers: [Layer; 2],
@@ -31,11 +36,13 @@ pub(crate) struct GruEncoder {
 #[derive(Clone, Copy, Debug)]
 struct Layer {
     weights: GruLayer,
-    /// Gates and biases of the forward pass.
-    gates: [Slot; 2],
+    /// Matrices of the forward pass.
+    gates: Slot,
+    /// Biases of the forward pass.
+    biases: Slot,
     /// From the gradients of n, r, z to that of the input.
     to_input: Slot,
-    /// From the gradients of r, z, n to that of the state.
+    /// From the gradients of r, z, recurrent to that of the state.
     to_state: Slot,
 }
 
@@ -46,47 +53,87 @@ pub(crate) struct GruRecord<T> {
     steps: usize,
     /// States of each layer, the initial one first: per chunk `[steps + 1, rows, hidden]`.
     pub(crate) states: [Aligned<T>; 2],
-    /// Gates of each layer: per chunk `[steps, rows, 4 hidden]`.
-    kept: [Aligned<T>; 2],
-    /// What the second layer sees where dropout makes it differ from the first one's states: per
+    /// Gates of each layer in the order of [`Gate::KEPT`]: per chunk `[steps, rows, 4 hidden]`.
+    gates: [Aligned<T>; 2],
+    /// Input of the second layer where dropout makes it differ from the first layer's states: per
     /// chunk `[steps, rows, hidden]`.
     between: Aligned<T>,
     normal: Aligned<T>,
     inverse_deviation: Aligned<T>,
 }
 
-/// The part of a [`GruRecord`] that belongs to a chunk; empty where nothing is kept.
-pub(crate) struct GruTile<'a, T> {
-    pub(crate) states: [&'a mut [T]; 2],
-    pub(crate) kept: [&'a mut [T]; 2],
-    pub(crate) between: &'a mut [T],
-    pub(crate) normal: &'a mut [T],
-    pub(crate) inverse_deviation: &'a mut [T],
+split_rows! {
+    /// Rows of a [`GruRecord`]; empty where nothing is kept.
+    pub(crate) struct GruRecordRows<'a, T> {
+        states: [Rows<'a, T>; 2],
+        gates: [Rows<'a, T>; 2],
+        between: Rows<'a, T>,
+        normal: Rows<'a, T>,
+        inverse_deviation: Rows<'a, T>,
+    }
 }
 
-/// The rows of a chunk in the input `[steps, all rows, width]`.
+/// The rows of a chunk in the input of an encoder.
 #[derive(Clone, Copy)]
-pub(crate) struct InputRows<'a, T> {
-    pub(crate) input: &'a [T],
+pub(crate) struct GruInput<'a, T> {
+    /// `[steps, all rows, width]`.
+    pub(crate) features: &'a [T],
     pub(crate) all_rows: usize,
     pub(crate) steps: usize,
+    /// First row of the chunk.
     pub(crate) first: usize,
+    /// Rows of the chunk.
     pub(crate) rows: usize,
+    pub(crate) dropout: Option<&'a RowMasks>,
 }
 
-impl<'a, T> InputRows<'a, T> {
+impl<'a, T> GruInput<'a, T> {
     /// The chunk's rows at `step`.
-    pub(crate) fn at(&self, step: usize, width: usize) -> &'a [T] {
+    fn at(&self, step: usize, width: usize) -> &'a [T] {
         let start = (step * self.all_rows + self.first) * width;
-        &self.input[start..start + self.rows * width]
+        &self.features[start..start + self.rows * width]
     }
+
+    /// The chunk's rows in an array of all rows of `width` numbers.
+    fn of_chunk(&self, width: usize) -> Range<usize> {
+        self.first * width..(self.first + self.rows) * width
+    }
+
+    /// The chunk's rows among all rows.
+    fn range(&self) -> Range<usize> {
+        self.first..self.first + self.rows
+    }
+}
+
+/// One array for each layer: states `[rows, hidden]`, or nothing for the zero state.
+pub(crate) type States<S> = [S; 2];
+
+/// Rows of a chunk that are written.
+pub(crate) struct GruRows<'a, T> {
+    /// `[rows, latent]`.
+    pub(crate) out: &'a mut [T],
+    /// States at the end; empty where not wanted.
+    pub(crate) end: States<&'a mut [T]>,
+    pub(crate) record: GruRecordRows<'a, T>,
+}
+
+/// Gradients of a chunk at both ends of the encoder.
+pub(crate) struct GruGradients<'a, T> {
+    /// In: with respect to the output, `[rows, latent]`; overwritten.
+    pub(crate) output: &'a mut [T],
+    /// Out: with respect to the input, `[rows, steps width]`; empty where not wanted.
+    pub(crate) input: &'a mut [T],
+    /// In: with respect to the states at the end; empty for zero.
+    pub(crate) end: States<&'a [T]>,
+    /// Out: with respect to the carried states; empty where not wanted.
+    pub(crate) start: States<&'a mut [T]>,
 }
 
 impl<T: Real> GruRecord<T> {
     /// Numbers held.
     #[cfg(test)]
     pub(crate) fn number_count(&self) -> usize {
-        let twice = self.states.iter().chain(&self.kept);
+        let twice = self.states.iter().chain(&self.gates);
         let once = [&self.between, &self.normal, &self.inverse_deviation];
         twice.chain(once).map(|array| array.len()).sum()
     }
@@ -95,14 +142,15 @@ impl<T: Real> GruRecord<T> {
     pub(crate) fn fit(
         &mut self,
         encoder: &GruEncoder,
-        (rows, steps): (usize, usize),
+        rows: usize,
+        steps: usize,
         dropout: Option<&RowMasks>,
     ) {
         let hidden = encoder.linear.inputs;
         self.steps = steps;
         for layer in 0..2 {
             self.states[layer].resize(rows * (steps + 1) * hidden);
-            self.kept[layer].resize(rows * steps * 4 * hidden);
+            self.gates[layer].resize(rows * steps * 4 * hidden);
         }
         let between = if dropout.is_some() { steps } else { 0 };
         self.between.resize(rows * between * hidden);
@@ -110,135 +158,152 @@ impl<T: Real> GruRecord<T> {
         self.inverse_deviation.resize(rows);
     }
 
-    /// Everything, with the widths of its rows, in the order of [`GruTile`].
-    pub(crate) fn rows(&mut self, encoder: &GruEncoder) -> [(&mut [T], usize); 7] {
+    /// All rows, to be written.
+    pub(crate) fn rows(&mut self, encoder: &GruEncoder) -> GruRecordRows<'_, T> {
         let (steps, hidden) = (self.steps, encoder.linear.inputs);
-        let [states0, states1] = &mut self.states;
-        let [kept0, kept1] = &mut self.kept;
-        [
-            (states0, (steps + 1) * hidden),
-            (states1, (steps + 1) * hidden),
-            (kept0, steps * 4 * hidden),
-            (kept1, steps * 4 * hidden),
-            (&mut self.between, steps * hidden),
-            (&mut self.normal, encoder.linear.outputs),
-            (&mut self.inverse_deviation, 1),
-        ]
+        let states = self.states.each_mut();
+        let gates = self.gates.each_mut();
+        GruRecordRows {
+            states: states.map(|array| Rows::new(array, (steps + 1) * hidden)),
+            gates: gates.map(|array| Rows::new(array, steps * 4 * hidden)),
+            between: Rows::new(&mut self.between, steps * hidden),
+            normal: Rows::new(&mut self.normal, encoder.linear.outputs),
+            inverse_deviation: Rows::new(&mut self.inverse_deviation, 1),
+        }
     }
 }
 
-/// Where a chunk's recurrence begins or ends: the states of both layers `[rows, hidden]`; empty where
-/// it begins with zero, or nobody asks how it ends.
-pub(crate) type States<S> = [S; 2];
+/// A step that was taken.
+#[derive(Clone, Copy)]
+struct StepKept<'a, T> {
+    /// `[rows, inputs]`.
+    input: &'a [T],
+    /// State before the step, `[rows, hidden]`.
+    before: &'a [T],
+    /// In the order of [`Gate::KEPT`], `[rows, 4 hidden]`.
+    gates: &'a [T],
+}
+
+/// Gradients of a step on its way back.
+struct StepGradients<'a, T> {
+    /// In: with respect to the state after; out: before, `[rows, hidden]`.
+    state: &'a mut [T],
+    /// Out: of the sums in the order of [`Gate::GRADIENTS`], `[rows, 4 hidden]`.
+    gates: &'a mut [T],
+    /// Sums of the columns of `gates` over all steps, `[4 hidden]`; added to.
+    biases: &'a mut [T],
+}
 
 impl Layer {
     fn new(
-        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
+        module: &mut ModuleBuilder,
         path: &str,
         number: usize,
-        [inputs, hidden]: [usize; 2],
+        inputs: usize,
+        hidden: usize,
     ) -> Self {
+        let size = &mut module.size;
+        let padded = hidden.next_multiple_of(MOST_LANES);
         Self {
-            weights: layout.gru_layer(path, number, [inputs, hidden]),
-            gates: gate_slots(size, inputs, hidden),
+            weights: module.layout.gru_layer(path, number, inputs, hidden),
+            gates: size.forward(inputs + hidden, 3 * padded),
+            biases: size.forward(1, 4 * padded),
             to_input: size.backward(3 * hidden, inputs),
             to_state: size.backward(3 * hidden, hidden),
         }
     }
 
     fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
-        let (layer, flat, using) = (&self.weights, packer.flat, packer.instructions);
+        let (layer, using) = (self.weights.of(packer.flat), packer.instructions);
         let (inputs, hidden) = (layer.inputs, layer.hidden);
-        let (ih, hh) = (
-            &flat[layer.weight_ih_range()],
-            &flat[layer.weight_hh_range()],
-        );
-        pack_gates(
-            using,
-            (inputs, hidden),
-            [ih, hh],
-            packer.room(self.gates[0]),
-        );
-        let biases = [layer.bias_ih_range(), layer.bias_hh_range()].map(|range| &flat[range]);
-        pack_biases(using, hidden, biases, packer.room(self.gates[1]));
-        let row = |l: usize| {
-            if l < hidden {
-                2 * hidden + l
-            } else {
-                l - hidden
-            }
+        pack_gates(using, layer, packer.room(self.gates));
+        pack_biases(using, layer, packer.room(self.biases));
+        // Row of the weights for row `l` of three parts of the gradients.
+        let row = |parts: [Gate; 3], l: usize| {
+            Gate::WEIGHTS.offset(parts[l / hidden]) * hidden + l % hidden
         };
-        packer.backward(self.to_input, |l, j| ih[row(l) * inputs + j]);
-        packer.backward(self.to_state, |l, j| hh[l * hidden + j]);
+        packer.backward(self.to_input, |l, j| {
+            layer.of_input[row(TO_INPUT, l) * inputs + j]
+        });
+        packer.backward(self.to_state, |l, j| {
+            layer.of_state[row(TO_STATE, l) * hidden + j]
+        });
     }
 
-    /// From the input and the state before to the state after; the gates go to `kept` unless that is
+    /// From the input and the state before to the state after. Keeps the gates unless `gates` is
     /// empty.
     fn step<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, before): (&[T], Option<&[T]>),
+        input: &[T],
+        before: Option<&[T]>,
         after: &mut [T],
-        kept: &mut [T],
+        gates: &mut [T],
     ) {
         let step = GruStep {
             input,
             inputs: self.weights.inputs,
             before,
-            packed: self.gates[0].of(&weights.module.forward),
-            biases: self.gates[1].of(&weights.module.forward),
+            packed: self.gates.of(&weights.module.forward),
+            biases: self.biases.of(&weights.module.forward),
             hidden: self.weights.hidden,
             after,
-            kept,
+            kept: gates,
         };
         gru_step(weights.instructions, step);
     }
 
-    /// From the gradient of the state after a step, in `state`, to that of the state before; leaves the
-    /// gradients of the sums in `gates`, adds those of the weights.
+    /// Takes the gradient of the state back through a step. Adds the gradients of the matrices.
     fn step_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, before, kept): (&[T], &[T], &[T]),
-        [state, gates, biases]: [&mut [T]; 3],
+        kept: StepKept<'_, T>,
+        gradients: StepGradients<'_, T>,
         gradient: &mut ModuleGradient<'_, T>,
     ) {
         let (layer, using) = (&self.weights, weights.instructions);
         let (inputs, hidden) = (layer.inputs, layer.hidden);
-        let gradients = GateGradients {
-            kept,
-            before,
+        let StepGradients {
+            state,
+            gates,
+            biases,
+        } = gradients;
+        let of_gates = GateGradients {
+            kept: kept.gates,
+            before: kept.before,
             state: &mut *state,
             sums: &mut *gates,
         };
-        gru_gates_backward(using, gradients, hidden);
+        gru_gates_backward(using, of_gates, hidden);
         add_column_sums(using, biases, gates);
         let all = Columns::all(&*gates, 4 * hidden);
-        let (of_input, of_state) = (all.part(0, 3 * hidden), all.part(hidden, 3 * hidden));
+        let columns = |first: Gate, count: usize| {
+            all.part(Gate::GRADIENTS.offset(first) * hidden, count * hidden)
+        };
+        let of_state = columns(TO_STATE[0], 3);
         let term = Term {
             rows: of_state,
             packed: self.to_state.of(&weights.module.backward),
         };
-        multiply(using, &[term], hidden, Finish::Add, state);
+        multiply(using, &[term], hidden, Epilogue::Add, state);
         let sums = Sums {
             rows: gradient.at(layer.weight_hh_range()),
             stride: hidden,
             first: 0,
         };
-        add_outer(using, sums, of_state, Columns::all(before, hidden));
+        add_outer(using, sums, of_state, Columns::all(kept.before, hidden));
         let weight = gradient.at(layer.weight_ih_range());
-        let (of_rz, of_n) = weight.split_at_mut(2 * hidden * inputs);
-        let parts = [
-            (of_rz, of_input.part(hidden, 2 * hidden)),
-            (of_n, of_input.part(0, hidden)),
-        ];
-        for (rows, gates) in parts {
+        let (of_reset_and_update, of_new) = weight.split_at_mut(2 * hidden * inputs);
+        for (rows, gates) in [
+            (of_reset_and_update, columns(Gate::Reset, 2)),
+            (of_new, columns(Gate::New, 1)),
+        ] {
             let sums = Sums {
                 rows,
                 stride: inputs,
                 first: 0,
             };
-            add_outer(using, sums, gates, Columns::all(input, inputs));
+            add_outer(using, sums, gates, Columns::all(kept.input, inputs));
         }
     }
 
@@ -249,52 +314,55 @@ impl Layer {
         gates: &[T],
         to_input: &mut [T],
     ) {
-        let hidden = self.weights.hidden;
+        let (hidden, columns) = (self.weights.hidden, self.weights.inputs);
+        let first = Gate::GRADIENTS.offset(TO_INPUT[0]) * hidden;
         let term = Term {
-            rows: Columns::all(gates, 4 * hidden).part(0, 3 * hidden),
+            rows: Columns::all(gates, 4 * hidden).part(first, 3 * hidden),
             packed: self.to_input.of(&weights.module.backward),
         };
-        let columns = self.weights.inputs;
-        multiply(
-            weights.instructions,
-            &[term],
-            columns,
-            Finish::Set,
-            to_input,
-        );
+        let using = weights.instructions;
+        multiply(using, &[term], columns, Epilogue::Set, to_input);
     }
 
-    /// Adds the sums over all steps of the gradients of the gates' sums to those of the biases.
+    /// Adds the gradients of the biases from the sums over all steps of the gradients of the gates.
     fn biases_backward<T: Real>(&self, sums: &[T], gradient: &mut ModuleGradient<'_, T>) {
         let (layer, hidden) = (&self.weights, self.weights.hidden);
-        let [n, r, z, recurrent] = [0, 1, 2, 3].map(|k| &sums[k * hidden..][..hidden]);
-        for (range, third) in [
-            (layer.bias_ih_range(), n),
-            (layer.bias_hh_range(), recurrent),
+        let of = |gate: Gate| Gate::GRADIENTS.part(gate, sums, hidden);
+        for (range, candidate) in [
+            (layer.bias_ih_range(), Gate::New),
+            (layer.bias_hh_range(), Gate::Recurrent),
         ] {
+            let from = of(Gate::Reset).iter().chain(of(Gate::Update));
             let to = gradient.at(range).iter_mut();
-            for (to, &x) in to.zip(r.iter().chain(z).chain(third)) {
+            for (to, &x) in to.zip(from.chain(of(candidate))) {
                 *to += x;
             }
         }
     }
 }
 
+/// Gradients that reach the input of a step, in the order of [`Gate::GRADIENTS`].
+const TO_INPUT: [Gate; 3] = [Gate::New, Gate::Reset, Gate::Update];
+
+/// Gradients that reach the state before a step, in the order of [`Gate::GRADIENTS`].
+const TO_STATE: [Gate; 3] = [Gate::Reset, Gate::Update, Gate::Recurrent];
+
 impl GruEncoder {
     pub(crate) fn new(
-        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
+        module: &mut ModuleBuilder,
         path: &str,
-        [inputs, latent]: [usize; 2],
+        inputs: usize,
+        latent: usize,
     ) -> Self {
         let gru = format!("{path}.gru");
-        let layers = [(0, inputs), (1, latent)].map(|(number, inputs)| {
-            Layer::new((&mut *layout, &mut *size), &gru, number, [inputs, latent])
-        });
+        let first = Layer::new(module, &gru, 0, inputs, latent);
+        let second = Layer::new(module, &gru, 1, latent, latent);
+        let layout = &mut module.layout;
         let linear = layout.linear(&format!("{path}.linear"), latent, latent);
         Self {
-            layers,
+            layers: [first, second],
             linear,
-            output: Piece::whole(size, &linear),
+            output: Piece::whole(&mut module.size, &linear),
             norm: layout.layer_norm(&format!("{path}.norm"), latent),
         }
     }
@@ -310,93 +378,100 @@ impl GruEncoder {
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, dropout): (InputRows<'_, T>, Option<&RowMasks>),
-        (start, end): (States<&[T]>, States<&mut [T]>),
-        (tile, scratch): (GruTile<'_, T>, &mut Scratch<T>),
-        out: &mut [T],
+        input: GruInput<'_, T>,
+        start: States<&[T]>,
+        rows: GruRows<'_, T>,
+        scratch: &mut Scratch<T>,
     ) {
-        let size = input.rows * self.linear.inputs;
-        let last = if tile.states[0].is_empty() {
+        let (hidden, using) = (self.linear.inputs, weights.instructions);
+        let record = rows.record;
+        let keeps = !record.states[0].is_empty();
+        let norm = if keeps {
+            NormRows {
+                normal: record.normal.values,
+                inverse_deviation: record.inverse_deviation.values,
+            }
+        } else {
+            scratch.tiles.norm_rows(input.rows, hidden)
+        };
+        let last = if keeps {
+            let kept = KeptWindow {
+                states: record.states.map(|rows| rows.values),
+                gates: record.gates.map(|rows| rows.values),
+                between: record.between.values,
+            };
+            self.run_kept(weights, input, start, kept)
+        } else {
+            let size = input.rows * hidden;
             let states = scratch.states.each_mut().map(|layer| {
-                let [a, b] = layer.each_mut().map(|buffer| &mut buffer[..size]);
-                [a, b]
+                let [before, after] = layer.each_mut().map(|buffer| &mut buffer[..size]);
+                Buffers { before, after }
             });
             self.run(weights, input, start, states)
-        } else {
-            self.run_kept(
-                weights,
-                (input, dropout),
-                start,
-                (tile.states, tile.kept, tile.between),
-            )
         };
-        for (end, last) in end.into_iter().zip(last) {
+        for (end, last) in rows.end.into_iter().zip(last) {
             if !end.is_empty() {
                 end.copy_from_slice(last);
             }
         }
-        let using = weights.instructions;
-        let (normal, inverse_deviation) = if tile.normal.is_empty() {
-            scratch.tiles.norm_rows(size, input.rows)
-        } else {
-            (tile.normal, tile.inverse_deviation)
-        };
-        let finish = Finish::Bias(&weights.flat[self.linear.bias_range()]);
+        let epilogue = Epilogue::Bias(&weights.flat[self.linear.bias_range()]);
         let term = self.output.times(weights, last[1]);
-        multiply(using, &[term], self.linear.outputs, finish, normal);
-        let norm = NormRows {
-            normal,
-            inverse_deviation,
-        };
+        multiply(
+            using,
+            &[term],
+            self.linear.outputs,
+            epilogue,
+            &mut *norm.normal,
+        );
         let (weight, shift) = (self.norm.weight_range(), self.norm.bias_range());
         let (weight, shift) = (&weights.flat[weight], &weights.flat[shift]);
-        layer_norm(using, norm, weight, shift, Normalised::Set(out));
+        layer_norm(using, norm, weight, shift, Normalised::Set(rows.out));
     }
 
-    /// The window without keeping anything; gives the last states.
+    /// Takes the window without keeping anything. Returns the last states.
     fn run<'a, T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        input: InputRows<'_, T>,
+        input: GruInput<'_, T>,
         start: States<&'a [T]>,
-        states: States<[&'a mut [T]; 2]>,
+        states: States<Buffers<'a, T>>,
     ) -> States<&'a [T]> {
         let [first, second] = &self.layers;
-        let [[mut before0, mut after0], [mut before1, mut after1]] = states;
-        let carried = start[0].len() == before0.len();
+        let [mut states0, mut states1] = states;
+        let carried = start[0].len() == states0.before.len();
         if carried {
-            before0.copy_from_slice(start[0]);
-            before1.copy_from_slice(start[1]);
+            states0.before.copy_from_slice(start[0]);
+            states1.before.copy_from_slice(start[1]);
         }
         for step in 0..input.steps {
             let some = step > 0 || carried;
             let x = input.at(step, first.weights.inputs);
-            first.step(weights, (x, some.then_some(&*before0)), after0, &mut []);
-            second.step(
-                weights,
-                (after0, some.then_some(&*before1)),
-                after1,
-                &mut [],
-            );
-            std::mem::swap(&mut before0, &mut after0);
-            std::mem::swap(&mut before1, &mut after1);
+            let before = some.then_some(&*states0.before);
+            first.step(weights, x, before, states0.after, &mut []);
+            let before = some.then_some(&*states1.before);
+            second.step(weights, states0.after, before, states1.after, &mut []);
+            states0.swap();
+            states1.swap();
         }
-        [before0, before1]
+        [states0.before, states1.before]
     }
 
-    /// The window with states and gates kept; gives the last states.
+    /// Takes the window and keeps states and gates. Returns the last states.
     fn run_kept<'a, T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, dropout): (InputRows<'_, T>, Option<&RowMasks>),
+        input: GruInput<'_, T>,
         start: States<&[T]>,
-        (states, kept, between): (States<&'a mut [T]>, States<&mut [T]>, &mut [T]),
+        kept: KeptWindow<'a, T>,
     ) -> States<&'a [T]> {
         let [first, second] = &self.layers;
-        let (rows, hidden) = (input.rows, self.linear.inputs);
-        let size = rows * hidden;
-        let [states0, states1] = states;
-        let [kept0, kept1] = kept;
+        let hidden = self.linear.inputs;
+        let size = input.rows * hidden;
+        let KeptWindow {
+            states: [states0, states1],
+            gates: [gates0, gates1],
+            between,
+        } = kept;
         let carried = start[0].len() == size;
         for (states, start) in [&mut *states0, &mut *states1].into_iter().zip(start) {
             if carried {
@@ -409,103 +484,189 @@ impl GruEncoder {
             let some = step > 0 || carried;
             let (before, after) = states0[step * size..][..2 * size].split_at_mut(size);
             let x = input.at(step, first.weights.inputs);
-            let kept = &mut kept0[step * 4 * size..][..4 * size];
-            first.step(weights, (x, some.then_some(&*before)), after, kept);
+            let gates = &mut gates0[step * 4 * size..][..4 * size];
+            first.step(weights, x, some.then_some(&*before), after, gates);
             let mut seen = &*after;
-            if let Some(dropout) = dropout {
+            if let Some(dropout) = input.dropout {
                 let between = &mut between[step * size..][..size];
                 between.copy_from_slice(after);
-                dropout.apply(between, input.first..input.first + rows, step);
+                dropout.apply(between, input.range(), step);
                 seen = between;
             }
             let (before, after) = states1[step * size..][..2 * size].split_at_mut(size);
-            let kept = &mut kept1[step * 4 * size..][..4 * size];
-            second.step(weights, (seen, some.then_some(&*before)), after, kept);
+            let gates = &mut gates1[step * 4 * size..][..4 * size];
+            second.step(weights, seen, some.then_some(&*before), after, gates);
         }
-        [
-            &states0[input.steps * size..],
-            &states1[input.steps * size..],
-        ]
+        let last = input.steps * size;
+        [&states0[last..], &states1[last..]]
     }
 
-    /// Adds the gradients of all weights for the gradient of a chunk's latent rows, which is
-    /// overwritten; the gradients of input and states are those of the chunk, too.
+    /// Adds the gradients of all weights for the gradient of a chunk's latent rows.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, dropout): (InputRows<'_, T>, Option<&RowMasks>),
+        input: GruInput<'_, T>,
         record: &GruRecord<T>,
-        ends: EncoderEnds<'_, T>,
-        group: (&mut GroupScratch<T>, &mut ModuleGradient<'_, T>),
+        gradients: GruGradients<'_, T>,
+        group: &mut GroupWork<'_, T>,
     ) {
-        let EncoderEnds {
-            output,
-            to_input,
-            end,
-            start,
-        } = ends;
-        let (scratch, gradient) = group;
-        let (rows, hidden, steps) = (input.rows, self.linear.inputs, input.steps);
-        let (size, using) = (rows * hidden, weights.instructions);
-        let of = |width: usize| input.first * width..(input.first + rows) * width;
-        let states = record
-            .states
-            .each_ref()
-            .map(|s| &s[of((steps + 1) * hidden)]);
-        let kept = record.kept.each_ref().map(|k| &k[of(steps * 4 * hidden)]);
-        let norm = (&record.normal[of(hidden)], &record.inverse_deviation[of(1)]);
-        let weight = &weights.flat[self.norm.weight_range()];
-        layer_norm_backward(using, output, norm, weight, gradient.layer_norm(&self.norm));
-        gradient.add_linear(using, &self.linear, output, &states[1][steps * size..]);
-        let [state0, state1] = scratch.states.each_mut().map(|s| &mut s[..size]);
-        let term = self.output.back(weights, output);
-        multiply(using, &[term], hidden, Finish::Set, state1);
+        let steps = input.steps;
+        let (size, using) = (input.rows * self.linear.inputs, weights.instructions);
+        let window = KeptChunk::of(record, &input, self.linear.inputs);
+        self.output_backward(weights, &window, gradients.output, group);
+        let [state0, state1] = group.scratch.states.each_mut().map(|s| &mut s[..size]);
         state0.fill(T::ZERO);
-        for (state, end) in [&mut *state0, &mut *state1].into_iter().zip(end) {
+        for (state, end) in [state0, state1].into_iter().zip(gradients.end) {
             if !end.is_empty() {
                 add(using, state, end);
             }
         }
-        let gates = &mut scratch.gates[..4 * size];
-        let [biases0, biases1] = &mut scratch.biases;
-        biases0.fill(T::ZERO);
-        biases1.fill(T::ZERO);
-        let [first, second] = &self.layers;
+        for biases in &mut group.scratch.biases {
+            biases.fill(T::ZERO);
+        }
+        let width = self.layers[0].weights.inputs;
         for step in (0..steps).rev() {
-            let at = |width: usize| step * width..(step + 1) * width;
-            let seen = match dropout {
-                Some(_) => &record.between[of(steps * hidden)][step * size..][..size],
-                None => &states[0][(step + 1) * size..][..size],
-            };
-            let given = (seen, &states[1][at(size)], &kept[1][at(4 * size)]);
-            let buffers = [&mut *state1, &mut *gates, &mut **biases1];
-            second.step_backward(weights, given, buffers, gradient);
-            let between = &mut scratch.hidden[..size];
-            second.input_backward(weights, gates, between);
-            if let Some(dropout) = dropout {
-                dropout.apply(between, input.first..input.first + rows, step);
-            }
-            add(using, state0, between);
-            let x = input.at(step, first.weights.inputs);
-            let given = (x, &states[0][at(size)], &kept[0][at(4 * size)]);
-            let buffers = [&mut *state0, &mut *gates, &mut **biases0];
-            first.step_backward(weights, given, buffers, gradient);
-            if !to_input.is_empty() {
-                let width = first.weights.inputs;
-                let x = &mut scratch.joined[..rows * width];
-                first.input_backward(weights, gates, x);
-                let to = to_input.chunks_exact_mut(steps * width);
+            self.both_backward(weights, input, &window, step, group);
+            if !gradients.input.is_empty() {
+                let scratch = &mut *group.scratch;
+                let x = &mut scratch.joined[..input.rows * width];
+                self.layers[0].input_backward(weights, &scratch.gates[..4 * size], x);
+                let to = gradients.input.chunks_exact_mut(steps * width);
                 for (to, x) in to.zip(x.chunks_exact(width)) {
                     to[step * width..(step + 1) * width].copy_from_slice(x);
                 }
             }
         }
-        for (to, state) in start.into_iter().zip([&*state0, &*state1]) {
+        let GroupScratch { states, biases, .. } = &*group.scratch;
+        for (to, state) in gradients.start.into_iter().zip(states) {
             if !to.is_empty() {
-                to.copy_from_slice(state);
+                to.copy_from_slice(&state[..size]);
             }
         }
-        first.biases_backward(biases0, gradient);
-        second.biases_backward(biases1, gradient);
+        for (layer, biases) in self.layers.iter().zip(biases) {
+            layer.biases_backward(biases, &mut group.gradient);
+        }
+    }
+
+    /// From the gradient of the latent rows to that of the second layer's last state, left in the
+    /// scratch.
+    fn output_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        window: &KeptChunk<'_, T>,
+        output: &mut [T],
+        group: &mut GroupWork<'_, T>,
+    ) {
+        let (hidden, using) = (self.linear.inputs, weights.instructions);
+        let gradient = &mut group.gradient;
+        let weight = &weights.flat[self.norm.weight_range()];
+        let of_norm = gradient.layer_norm(&self.norm);
+        layer_norm_backward(using, output, window.norm, weight, of_norm);
+        let last = &window.states[1][window.states[1].len() - output.len()..];
+        gradient.add_linear(using, &self.linear, output, last);
+        let term = self.output.back(weights, output);
+        let state = &mut group.scratch.states[1][..output.len()];
+        multiply(using, &[term], hidden, Epilogue::Set, state);
+    }
+
+    /// Takes the gradients of both states back through a step; leaves the gradients of the first
+    /// layer's gates in the scratch.
+    fn both_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        input: GruInput<'_, T>,
+        window: &KeptChunk<'_, T>,
+        step: usize,
+        group: &mut GroupWork<'_, T>,
+    ) {
+        let hidden = self.linear.inputs;
+        let size = input.rows * hidden;
+        let [first, second] = &self.layers;
+        let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
+        let gates = &mut scratch.gates[..4 * size];
+        let [state0, state1] = scratch.states.each_mut().map(|s| &mut s[..size]);
+        let [biases0, biases1] = &mut scratch.biases;
+        let seen = match input.dropout {
+            Some(_) => &window.between[step * size..][..size],
+            None => &window.states[0][(step + 1) * size..][..size],
+        };
+        let gradients = StepGradients {
+            state: state1,
+            gates: &mut *gates,
+            biases: biases1,
+        };
+        second.step_backward(weights, window.step(1, step, seen), gradients, gradient);
+        let between = &mut scratch.hidden[..size];
+        second.input_backward(weights, gates, between);
+        if let Some(dropout) = input.dropout {
+            dropout.apply(between, input.range(), step);
+        }
+        add(weights.instructions, state0, between);
+        let x = input.at(step, first.weights.inputs);
+        let gradients = StepGradients {
+            state: state0,
+            gates,
+            biases: biases0,
+        };
+        first.step_backward(weights, window.step(0, step, x), gradients, gradient);
+    }
+}
+
+/// Room for the states of one layer before and after a step.
+struct Buffers<'a, T> {
+    before: &'a mut [T],
+    after: &'a mut [T],
+}
+
+impl<T> Buffers<'_, T> {
+    fn swap(&mut self) {
+        std::mem::swap(&mut self.before, &mut self.after);
+    }
+}
+
+/// Rows of a chunk's window that a forward pass keeps, as [`GruRecord`] has them.
+struct KeptWindow<'a, T> {
+    states: States<&'a mut [T]>,
+    gates: [&'a mut [T]; 2],
+    between: &'a mut [T],
+}
+
+/// Rows of a chunk that a forward pass kept, as [`GruRecord`] has them.
+struct KeptChunk<'a, T> {
+    states: States<&'a [T]>,
+    gates: [&'a [T]; 2],
+    between: &'a [T],
+    norm: NormKept<'a, T>,
+    /// Numbers in a state of the chunk, rows · hidden.
+    size: usize,
+}
+
+impl<'a, T> KeptChunk<'a, T> {
+    fn of(record: &'a GruRecord<T>, input: &GruInput<'_, T>, hidden: usize) -> Self {
+        let steps = input.steps;
+        let of = |width: usize| input.of_chunk(width);
+        let (states, gates) = (record.states.each_ref(), record.gates.each_ref());
+        Self {
+            states: states.map(|states| &states[of((steps + 1) * hidden)]),
+            gates: gates.map(|gates| &gates[of(steps * 4 * hidden)]),
+            between: match input.dropout {
+                Some(_) => &record.between[of(steps * hidden)],
+                None => &[],
+            },
+            norm: NormKept {
+                normal: &record.normal[of(hidden)],
+                inverse_deviation: &record.inverse_deviation[of(1)],
+            },
+            size: input.rows * hidden,
+        }
+    }
+
+    /// A step of one layer whose input was `input`.
+    fn step(&self, layer: usize, step: usize, input: &'a [T]) -> StepKept<'a, T> {
+        StepKept {
+            input,
+            before: &self.states[layer][step * self.size..][..self.size],
+            gates: &self.gates[layer][step * 4 * self.size..][..4 * self.size],
+        }
     }
 }

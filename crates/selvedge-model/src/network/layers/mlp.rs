@@ -1,25 +1,29 @@
-//! The multi-layer perceptron of the paper: Linear, ReLU, Linear, ReLU, Linear, and a
-//! LayerNorm on its output, without one in the decoder.
+//! The multi-layer perceptron of the paper: Linear, ReLU, Linear, ReLU, Linear, and a LayerNorm on
+//! its output, which the decoder does without.
 //!
-//! What goes into the first layer is the caller's: an edge update splits it by vertex
-//! (`block.rs`). Here begins what comes after that layer's sums, and ends the gradient that goes to
-//! them.
+//! The sums of the first layer are the caller's: an arc update splits them by vertex (`block.rs`).
+//! The perceptron takes them from there, and leaves their gradient on the way back.
 
+use std::ops::Range;
+
+use crate::graph::share::{Rows, split_rows};
 use crate::kernels::aligned::Aligned;
-use crate::kernels::gemm::{Columns, Finish, Term, multiply};
+use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
+use crate::kernels::norm::{NormKept, NormRows, Normalised, layer_norm, layer_norm_backward};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
-use crate::kernels::{NormRows, Normalised, add_column_sums, layer_norm, layer_norm_backward};
-use crate::network::packed::{LayerWeights, ModuleSize, Packer, Piece};
-use crate::network::parameters::{LayerNorm, LayoutBuilder, Linear, ModuleGradient};
+use crate::kernels::rows::add_column_sums;
+use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
+use crate::network::parameters::{LayerNorm, Linear, ModuleGradient};
 
-/// Where the weights of a perceptron lie.
+/// Places of the weights of a perceptron.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mlp {
     pub(crate) first: Linear,
     second: Linear,
     third: Linear,
     norm: Option<LayerNorm>,
+    /// Matrices of the second and of the third layer.
     pieces: [Piece; 2],
 }
 
@@ -32,12 +36,29 @@ pub(crate) struct MlpRecord<T> {
     inverse_deviation: Aligned<T>,
 }
 
+split_rows! {
+    /// Rows of a [`MlpRecord`]; empty where nothing is kept.
+    pub(crate) struct MlpRows<'a, T> {
+        /// `[rows, latent]`.
+        pub(crate) hidden1: Rows<'a, T>,
+        /// `[rows, latent]`.
+        pub(crate) hidden2: Rows<'a, T>,
+        /// `[rows, outputs]`; empty without LayerNorm.
+        pub(crate) normal: Rows<'a, T>,
+        /// `[rows]`; empty without LayerNorm.
+        pub(crate) inverse_deviation: Rows<'a, T>,
+    }
+}
+
 /// Activations of a tile that are written.
 pub(crate) struct MlpTile<'a, T> {
+    /// After the first ReLU, `[rows, latent]`.
     pub(crate) hidden1: &'a mut [T],
+    /// After the second ReLU, `[rows, latent]`.
     pub(crate) hidden2: &'a mut [T],
-    /// The normalised output (without norm: unused).
+    /// The normalised output, `[rows, outputs]`; unused without LayerNorm.
     pub(crate) normal: &'a mut [T],
+    /// 1 / deviation of each output row, `[rows]`; unused without LayerNorm.
     pub(crate) inverse_deviation: &'a mut [T],
 }
 
@@ -46,8 +67,17 @@ pub(crate) struct MlpTile<'a, T> {
 pub(crate) struct MlpKept<'a, T> {
     hidden1: &'a [T],
     hidden2: &'a [T],
-    normal: &'a [T],
-    inverse_deviation: &'a [T],
+    norm: NormKept<'a, T>,
+}
+
+/// Gradients of a tile on its way back.
+pub(crate) struct MlpGradients<'a, T> {
+    /// In: with respect to the output, `[rows, outputs]`; overwritten.
+    pub(crate) output: &'a mut [T],
+    /// Room for the gradient of the second layer's sums, `[rows, latent]`.
+    pub(crate) hidden: &'a mut [T],
+    /// Out: with respect to the first layer's sums, `[rows, latent]`.
+    pub(crate) pre_activation: &'a mut [T],
 }
 
 impl<T: Real> MlpRecord<T> {
@@ -68,24 +98,27 @@ impl<T: Real> MlpRecord<T> {
         self.inverse_deviation.resize(normal);
     }
 
-    /// Everything, with the widths of its rows.
-    pub(crate) fn rows(&mut self, mlp: &Mlp) -> [(&mut [T], usize); 4] {
-        [
-            (&mut self.hidden1, mlp.first.outputs),
-            (&mut self.hidden2, mlp.second.outputs),
-            (&mut self.normal, mlp.third.outputs),
-            (&mut self.inverse_deviation, 1),
-        ]
+    /// All rows, to be written.
+    pub(crate) fn rows(&mut self, mlp: &Mlp) -> MlpRows<'_, T> {
+        MlpRows {
+            hidden1: Rows::new(&mut self.hidden1, mlp.first.outputs),
+            hidden2: Rows::new(&mut self.hidden2, mlp.second.outputs),
+            normal: Rows::new(&mut self.normal, mlp.third.outputs),
+            inverse_deviation: Rows::new(&mut self.inverse_deviation, 1),
+        }
     }
 
-    pub(crate) fn tile(&self, mlp: &Mlp, rows: &std::ops::Range<usize>) -> MlpKept<'_, T> {
+    /// The rows of a tile, to be read.
+    pub(crate) fn tile(&self, mlp: &Mlp, rows: &Range<usize>) -> MlpKept<'_, T> {
         let of = |width: usize| rows.start * width..rows.end * width;
         let normal = |width: usize| if mlp.norm.is_some() { of(width) } else { 0..0 };
         MlpKept {
             hidden1: &self.hidden1[of(mlp.first.outputs)],
             hidden2: &self.hidden2[of(mlp.second.outputs)],
-            normal: &self.normal[normal(mlp.third.outputs)],
-            inverse_deviation: &self.inverse_deviation[normal(1)],
+            norm: NormKept {
+                normal: &self.normal[normal(mlp.third.outputs)],
+                inverse_deviation: &self.inverse_deviation[normal(1)],
+            },
         }
     }
 }
@@ -93,25 +126,27 @@ impl<T: Real> MlpRecord<T> {
 impl Mlp {
     /// A perceptron with a LayerNorm, `inputs` → `latent` → `latent` → `latent`.
     pub(crate) fn normalised(
-        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
+        module: &mut ModuleBuilder,
         path: &str,
         inputs: usize,
         latent: usize,
     ) -> Self {
-        let mlp = Self::plain((&mut *layout, size), path, inputs, [latent, latent]);
+        let mlp = Self::plain(module, path, inputs, latent, latent);
         Self {
-            norm: Some(layout.layer_norm(&format!("{path}.5"), latent)),
+            norm: Some(module.layout.layer_norm(&format!("{path}.5"), latent)),
             ..mlp
         }
     }
 
     /// A perceptron without LayerNorm, `inputs` → `latent` → `latent` → `outputs`.
     pub(crate) fn plain(
-        (layout, size): (&mut LayoutBuilder, &mut ModuleSize),
+        module: &mut ModuleBuilder,
         path: &str,
         inputs: usize,
-        [latent, outputs]: [usize; 2],
+        latent: usize,
+        outputs: usize,
     ) -> Self {
+        let (layout, size) = (&mut module.layout, &mut module.size);
         let first = layout.linear(&format!("{path}.0"), inputs, latent);
         let second = layout.linear(&format!("{path}.2"), latent, latent);
         let third = layout.linear(&format!("{path}.4"), latent, outputs);
@@ -131,21 +166,21 @@ impl Mlp {
         }
     }
 
-    /// The bias of the first layer, then ReLU.
-    pub(crate) fn first_finish<'a, T>(&self, weights: LayerWeights<'a, T>) -> Finish<'a, T> {
-        Finish::BiasRelu(&weights.flat[self.first.bias_range()])
+    /// The epilogue of a first layer with no other than its own inputs: bias, then ReLU.
+    pub(crate) fn first_epilogue<'a, T>(&self, weights: LayerWeights<'a, T>) -> Epilogue<'a, T> {
+        Epilogue::BiasRelu(&weights.flat[self.first.bias_range()])
     }
 
-    /// The first layer: its terms, and what happens to their sums.
+    /// The first layer, from its terms and its epilogue.
     pub(crate) fn first_layer<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         terms: &[Term<'_, T>],
-        finish: Finish<'_, T>,
+        epilogue: Epilogue<'_, T>,
         tile: &mut MlpTile<'_, T>,
     ) {
         let columns = self.first.outputs;
-        multiply(weights.instructions, terms, columns, finish, tile.hidden1);
+        multiply(weights.instructions, terms, columns, epilogue, tile.hidden1);
     }
 
     /// From the first layer's activations to the output.
@@ -157,19 +192,19 @@ impl Mlp {
     ) {
         let (using, flat) = (weights.instructions, weights.flat);
         let [second, third] = &self.pieces;
-        let finish = Finish::BiasRelu(&flat[self.second.bias_range()]);
+        let epilogue = Epilogue::BiasRelu(&flat[self.second.bias_range()]);
         let term = second.times(weights, tile.hidden1);
-        multiply(using, &[term], self.second.outputs, finish, tile.hidden2);
-        let finish = Finish::Bias(&flat[self.third.bias_range()]);
+        multiply(using, &[term], self.second.outputs, epilogue, tile.hidden2);
+        let epilogue = Epilogue::Bias(&flat[self.third.bias_range()]);
         let term = third.times(weights, tile.hidden2);
         let Some(norm) = &self.norm else {
             // A decoder's output is nothing's update.
             if let Normalised::Set(out) = out {
-                multiply(using, &[term], self.third.outputs, finish, out);
+                multiply(using, &[term], self.third.outputs, epilogue, out);
             }
             return;
         };
-        multiply(using, &[term], self.third.outputs, finish, tile.normal);
+        multiply(using, &[term], self.third.outputs, epilogue, tile.normal);
         let rows = NormRows {
             normal: tile.normal,
             inverse_deviation: tile.inverse_deviation,
@@ -178,43 +213,43 @@ impl Mlp {
         layer_norm(using, rows, weight, shift, out);
     }
 
-    /// From the gradient of the output (which is overwritten) to that of the first layer's sums, left
-    /// in `first`; adds the gradients of all weights but those of the first layer's matrix. `hidden` is
-    /// room for as many rows.
+    /// From the gradient of the output to the pre-activation gradient of the first layer. Adds the
+    /// gradients of all weights except the first layer's matrix.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         kept: MlpKept<'_, T>,
-        output: &mut [T],
-        (hidden, first): (&mut [T], &mut [T]),
+        gradients: MlpGradients<'_, T>,
         gradient: &mut ModuleGradient<'_, T>,
     ) {
         let (using, latent) = (weights.instructions, self.first.outputs);
+        let MlpGradients {
+            output,
+            hidden,
+            pre_activation,
+        } = gradients;
         let [second, third] = &self.pieces;
         if let Some(norm) = &self.norm {
-            layer_norm_backward(
-                using,
-                output,
-                (kept.normal, kept.inverse_deviation),
-                &weights.flat[norm.weight_range()],
-                gradient.layer_norm(norm),
-            );
+            let weight = &weights.flat[norm.weight_range()];
+            layer_norm_backward(using, output, kept.norm, weight, gradient.layer_norm(norm));
         }
         gradient.add_linear(using, &self.third, output, kept.hidden2);
-        let term = third.back(weights, output);
-        multiply(using, &[term], latent, Finish::Mask(kept.hidden2), hidden);
+        let (term, mask) = (third.back(weights, output), Epilogue::Mask(kept.hidden2));
+        multiply(using, &[term], latent, mask, hidden);
         gradient.add_linear(using, &self.second, hidden, kept.hidden1);
-        let term = second.back(weights, hidden);
-        multiply(using, &[term], latent, Finish::Mask(kept.hidden1), first);
-        add_column_sums(using, gradient.at(self.first.bias_range()), first);
+        let (term, mask) = (second.back(weights, hidden), Epilogue::Mask(kept.hidden1));
+        multiply(using, &[term], latent, mask, pre_activation);
+        let bias = gradient.at(self.first.bias_range());
+        add_column_sums(using, bias, pre_activation);
     }
 
-    /// Adds the gradient of the first layer's matrix at input columns `from..` for those rows.
+    /// Adds the gradient of the first layer's matrix at the input columns from `from` on.
     pub(crate) fn first_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         from: usize,
-        (first, input): (Columns<'_, T>, Columns<'_, T>),
+        pre_activation: Columns<'_, T>,
+        input: Columns<'_, T>,
         gradient: &mut ModuleGradient<'_, T>,
     ) {
         let sums = Sums {
@@ -222,6 +257,6 @@ impl Mlp {
             stride: self.first.inputs,
             first: from,
         };
-        add_outer(weights.instructions, sums, first, input);
+        add_outer(weights.instructions, sums, pre_activation, input);
     }
 }

@@ -10,22 +10,29 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use selvedge_cloth::Topology;
 
-use super::block::{Block, BlockGradients, BlockRecord, BlockRows};
-use super::encoder::{
-    EncoderEnds, EncoderInput, EncoderLayers, EncoderRecord, EncoderRows, RowEncoder,
+use super::block::{
+    ArcGradients, ArcRows, Block, BlockInput, BlockKept, BlockRecord, NodeGradients, NodeRows,
 };
-use super::mlp::{Mlp, MlpRecord};
-use super::{GroupScratch, Scratch};
+use super::encoder::{
+    EncoderGradients, EncoderInput, EncoderKept, EncoderLayers, EncoderRecord, EncoderRows,
+};
+use super::mlp::{Mlp, MlpGradients, MlpRecord};
+use super::scratch::{GroupScratch, GroupWork, Scratch};
 use crate::graph::connectivity::Connectivity;
-use crate::kernels::gemm::{Columns, Finish, multiply};
+use crate::graph::share::Rows;
+use crate::kernels::gemm::{Columns, Epilogue, multiply};
+use crate::kernels::norm::{
+    NormGradient, NormKept, NormRows, Normalised, layer_norm, layer_norm_backward,
+};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::kernels::{NormRows, Normalised, layer_norm, layer_norm_backward};
-use crate::network::packed::{LayerWeights, ModuleSize, PackedModule, Packer, Piece, Purpose};
-use crate::network::parameters::{LayoutBuilder, ModuleGradient, Parameter};
+use crate::network::packed::{
+    LayerWeights, ModuleBuilder, ModuleSize, PackedModule, Packer, Piece, Purpose,
+};
+use crate::network::parameters::{ModuleGradient, Parameter};
 use crate::network::workspace::Workspace;
-use crate::network::{Gradients, Input, InputGradient, Network, Pass};
-use crate::spec::{Encoder, ModelSpec};
+use crate::network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass};
+use crate::spec::{Encoder, ModelSpec, RowEncoder};
 
 const USING: Instructions = Instructions::Detected;
 
@@ -103,11 +110,10 @@ impl Case {
 }
 
 /// A layer by itself, its parameters under PyTorch's names without a path, and room for its matrices.
-fn laid_out<L>(
-    make: impl FnOnce((&mut LayoutBuilder, &mut ModuleSize)) -> L,
-) -> (L, Vec<Parameter>, ModuleSize) {
-    let (mut layout, mut size) = (LayoutBuilder::default(), ModuleSize::default());
-    let layer = make((&mut layout, &mut size));
+fn laid_out<L>(make: impl FnOnce(&mut ModuleBuilder) -> L) -> (L, Vec<Parameter>, ModuleSize) {
+    let mut module = ModuleBuilder::default();
+    let layer = make(&mut module);
+    let ModuleBuilder { layout, size } = module;
     let mut parameters = layout.finish();
     for parameter in &mut parameters {
         parameter.name = parameter.name.replacen("layer.", "", 1);
@@ -181,8 +187,14 @@ fn layer_norm_case<T: Real>() {
     case.compare("output", &out, &case.tensor("output.rows"));
     let mut gradient: Vec<T> = case.real("cotangent.rows");
     let [mut by_weight, mut by_shift] = [(); 2].map(|()| vec![T::ZERO; weight.len()]);
-    let kept = (&*normal, &*inverse_deviation);
-    let sums = (&mut *by_weight, &mut *by_shift);
+    let kept = NormKept {
+        normal: &normal,
+        inverse_deviation: &inverse_deviation,
+    };
+    let sums = NormGradient {
+        weight: &mut by_weight,
+        shift: &mut by_shift,
+    };
     layer_norm_backward(USING, &mut gradient, kept, &weight, sums);
     case.compare("input", &gradient, &case.tensor("gradient.input.rows"));
     case.compare("weight", &by_weight, &case.tensor("gradient.weight.weight"));
@@ -192,9 +204,9 @@ fn layer_norm_case<T: Real>() {
 
 fn mlp_case<T: Real>() {
     let mut case = Case::new::<T>("mlp");
-    let ((mlp, first), parameters, size) = laid_out(|(layout, size)| {
-        let mlp = Mlp::normalised((layout, &mut *size), "layer", 7, 6);
-        (mlp, Piece::whole(size, &mlp.first))
+    let ((mlp, first), parameters, size) = laid_out(|module| {
+        let mlp = Mlp::normalised(module, "layer", 7, 6);
+        (mlp, Piece::whole(&mut module.size, &mlp.first))
     });
     let flat: Vec<T> = real(&case.flat("weight", &parameters));
     let module = packed(&size, &flat, |packer| {
@@ -208,10 +220,9 @@ fn mlp_case<T: Real>() {
     record.fit(&mlp, rows);
     let mut out = vec![T::ZERO; rows * 6];
     let mut scratch = Scratch::default();
-    let tile = record.rows(&mlp).map(|(array, _)| array);
-    let mut tile = scratch.tiles.tile(tile, &(0..rows), 6);
+    let mut tile = scratch.tiles.tile(record.rows(&mlp), rows, 6);
     let terms = &[first.times(weights, &input)];
-    mlp.first_layer(weights, terms, mlp.first_finish(weights), &mut tile);
+    mlp.first_layer(weights, terms, mlp.first_epilogue(weights), &mut tile);
     mlp.forward(weights, tile, Normalised::Set(&mut out));
     case.compare("output", &out, &case.tensor("output.rows"));
     let mut gradient = vec![T::ZERO; flat.len()];
@@ -219,13 +230,17 @@ fn mlp_case<T: Real>() {
     let mut output: Vec<T> = case.real("cotangent.rows");
     let [mut hidden, mut by_first] = [(); 2].map(|()| vec![T::ZERO; rows * 6]);
     let kept = record.tile(&mlp, &(0..rows));
-    let buffers = (&mut *hidden, &mut *by_first);
-    mlp.backward(weights, kept, &mut output, buffers, &mut sums);
-    let pair = (Columns::all(&by_first, 6), Columns::all(&input, 7));
-    mlp.first_backward(weights, 0, pair, &mut sums);
+    let gradients = MlpGradients {
+        output: &mut output,
+        hidden: &mut hidden,
+        pre_activation: &mut by_first,
+    };
+    mlp.backward(weights, kept, gradients, &mut sums);
+    let (left, right) = (Columns::all(&by_first, 6), Columns::all(&input, 7));
+    mlp.first_backward(weights, 0, left, right, &mut sums);
     let mut by_input = vec![T::ZERO; input.len()];
     let term = first.back(weights, &by_first);
-    multiply(USING, &[term], 7, Finish::Set, &mut by_input);
+    multiply(USING, &[term], 7, Epilogue::Set, &mut by_input);
     case.compare("input", &by_input, &case.tensor("gradient.input.rows"));
     case.compare_weights(&parameters, &gradient);
     case.tell();
@@ -234,7 +249,7 @@ fn mlp_case<T: Real>() {
 fn gru_case<T: Real>() {
     let mut case = Case::new::<T>("gru");
     let (layers, parameters, size) =
-        laid_out(|to| EncoderLayers::new(to, "layer", [7, 6], RowEncoder::Gru));
+        laid_out(|module| EncoderLayers::new(module, "layer", RowEncoder::Gru, 7, 6));
     let flat: Vec<T> = real(&case.flat("weight", &parameters));
     let module = packed(&size, &flat, |packer| layers.pack(packer));
     let features: Vec<T> = case.real("input.window");
@@ -247,17 +262,17 @@ fn gru_case<T: Real>() {
         start: [&[], &[]],
     };
     let mut record = EncoderRecord::default();
-    record.fit(&layers, (rows, 4), None);
+    record.fit(&layers, rows, 4, None);
     let mut out = vec![T::ZERO; rows * 6];
-    let given = EncoderRows {
-        out: &mut out,
-        record: record.rows(&layers).map(|(array, _)| array),
+    let mut written = EncoderRows {
+        out: Rows::new(&mut out, 6),
+        record: record.rows(&layers),
         end: Default::default(),
     };
     let mut scratch = Scratch::default();
     scratch.fit(6, 28, 6);
     let weights = layer(&flat, &module);
-    layers.forward(weights, input, 0..rows, given, &mut scratch);
+    layers.forward(weights, input, 0..rows, &mut written, &mut scratch);
     case.compare("output", &out, &case.tensor("output.rows"));
     // All states of the second layer, and the last of both: the first state kept is the zero one.
     let size = rows * 6;
@@ -266,18 +281,25 @@ fn gru_case<T: Real>() {
     let last = states.map(|states| states[3 * size..].to_vec()).concat();
     case.compare("last states", &last, &case.tensor("output.last"));
     let mut gradient = vec![T::ZERO; flat.len()];
-    let mut sums = ModuleGradient::new(&mut gradient, 0);
     let mut by_input = vec![T::ZERO; features.len()];
-    let ends = EncoderEnds {
-        output: &mut case.real("cotangent.rows"),
-        to_input: &mut by_input,
-        end: [&[], &[]],
+    let mut cotangent = case.real("cotangent.rows");
+    let gradients = EncoderGradients {
+        output: Rows::new(&mut cotangent, 6),
+        input: Rows::new(&mut by_input, 28),
         start: Default::default(),
     };
     let mut scratch = GroupScratch::default();
     scratch.fit(6, 28, 6);
-    let group = (&mut scratch, &mut sums);
-    layers.backward(weights, input, (0..rows, &record), ends, group);
+    let mut group = GroupWork {
+        scratch: &mut scratch,
+        gradient: ModuleGradient::new(&mut gradient, 0),
+    };
+    let kept = EncoderKept {
+        rows: 0..rows,
+        record: &record,
+        end_gradient: [&[], &[]],
+    };
+    layers.backward(weights, input, kept, gradients, &mut group);
     // Row by row here, frame by frame there.
     let by_frame: Vec<T> = (0..4)
         .flat_map(|frame| {
@@ -296,57 +318,75 @@ fn gru_case<T: Real>() {
 fn block_case<T: Real>() {
     let mut case = Case::new::<T>("block");
     let (graph, order) = cloth();
-    let (block, parameters, size) = laid_out(|to| Block::new(to, "layer", 5));
+    let (block, parameters, size) = laid_out(|module| Block::new(module, "layer", 5));
     let flat: Vec<T> = real(&case.flat("weight", &parameters));
     let module = packed(&size, &flat, |packer| block.pack(packer));
     let weights = layer(&flat, &module);
     let mut nodes: Vec<T> = case.real("input.nodes");
     let arcs = |case: &Case, name: &str| reordered(&case.tensor(name), &order, 5);
     let mut edges: Vec<T> = real(&arcs(&case, "input.edges"));
-    let (vertices, [leaf]) = (nodes.len() / 5, &*graph.leaves) else {
-        panic!("one leaf");
+    let (vertices, [partition]) = (nodes.len() / 5, &*graph.partitions) else {
+        panic!("one partition");
     };
-    let mut at = vec![T::ZERO; vertices * 10];
-    block.products_per_vertex(weights, &nodes, &mut at);
+    let mut products = vec![T::ZERO; vertices * 10];
+    block.endpoint_products(weights, &nodes, &mut products);
     let mut record = BlockRecord::default();
     record.fit(&block, vertices, graph.arc_count());
-    let (node_record, edge_record) = record.rows(&block);
-    let rows = BlockRows {
-        nodes: &mut nodes,
-        edges: &mut edges,
-        node_record: node_record.map(|(array, _)| array),
-        edge_record: edge_record.map(|(array, _)| array),
+    let (node_record, arc_record) = record.rows(&block);
+    let mut node_rows = NodeRows {
+        nodes: Rows::new(&mut nodes, 5),
+        record: node_record,
+    };
+    let arc_rows = ArcRows {
+        arcs: Rows::new(&mut edges, 5),
+        record: arc_record,
     };
     let mut scratch = Scratch::default();
     scratch.fit(5, 0, 0);
-    block.forward(weights, (&graph, leaf), &at, rows, &mut scratch);
+    let input = BlockInput {
+        graph: &graph,
+        partition,
+        endpoint_products: &products,
+    };
+    block.forward(weights, input, &mut node_rows, arc_rows, &mut scratch);
     case.compare("nodes", &nodes, &case.tensor("output.nodes"));
     case.compare("edges", &edges, &arcs(&case, "output.edges"));
     let mut gradient = vec![T::ZERO; flat.len()];
-    let mut sums = ModuleGradient::new(&mut gradient, 0);
     let mut nodes: Vec<T> = case.real("cotangent.nodes");
     let mut edges: Vec<T> = real(&arcs(&case, "cotangent.edges"));
-    let mut first = vec![T::ZERO; edges.len()];
-    let rows = BlockGradients {
-        nodes: &mut nodes,
-        edges: &mut edges,
-        first: &mut first,
-        sums: &mut at,
-    };
+    let mut pre_activation = vec![T::ZERO; edges.len()];
     let mut scratch = GroupScratch::default();
     scratch.fit(5, 0, 0);
-    let group = (&mut scratch, &mut sums);
-    block.backward(weights, (&graph, leaf), &record, rows, group);
-    let kept = (&record, &*first);
-    let rows = [&mut *nodes, &mut *at];
-    block.ends_backward(weights, (&graph, leaf), kept, rows, &mut sums);
+    let mut group = GroupWork {
+        scratch: &mut scratch,
+        gradient: ModuleGradient::new(&mut gradient, 0),
+    };
+    let kept = BlockKept {
+        graph: &graph,
+        partition,
+        record: &record,
+    };
+    let by_nodes = NodeGradients {
+        nodes: Rows::new(&mut nodes, 5),
+        sums: Rows::new(&mut products, 10),
+    };
+    let by_arcs = ArcGradients {
+        arcs: Rows::new(&mut edges, 5),
+        pre_activation: Rows::new(&mut pre_activation, 5),
+    };
+    block.backward(weights, kept, by_nodes, by_arcs, &mut group);
+    let by_nodes = NodeGradients {
+        nodes: Rows::new(&mut nodes, 5),
+        sums: Rows::new(&mut products, 10),
+    };
+    block.endpoints_backward(weights, kept, &pre_activation, by_nodes, &mut group);
     case.compare("nodes", &nodes, &case.tensor("gradient.input.nodes"));
     case.compare("edges", &edges, &arcs(&case, "gradient.input.edges"));
     case.compare_weights(&parameters, &gradient);
     case.tell();
 }
 
-fn network_case<T: Real>(name: &'static str, encoder: Encoder) {
+fn network_case<T: NetworkScalar>(name: &'static str, encoder: Encoder) {
     let mut case = Case::new::<T>(name);
     let (graph, order) = cloth();
     let network = Network::new(&ModelSpec::physical(encoder, 6, 2)).expect("a valid spec");
@@ -355,7 +395,7 @@ fn network_case<T: Real>(name: &'static str, encoder: Encoder) {
     let edges: Vec<T> = real(&reordered(&case.tensor("input.edges"), &order, 10));
     let input = Input {
         nodes: &nodes,
-        edges: &edges,
+        arcs: &edges,
     };
     let mut workspace = Workspace::new();
     let out = network.forward(
@@ -369,21 +409,15 @@ fn network_case<T: Real>(name: &'static str, encoder: Encoder) {
     case.compare("output", &out, &case.tensor("output.rows"));
     let mut gradient = vec![T::ZERO; weights.len()];
     let [mut by_nodes, mut by_edges] = [&nodes, &edges].map(|x| vec![T::ZERO; x.len()]);
+    let output: Vec<T> = case.real("cotangent.rows");
     let gradients = Gradients {
-        weights: &mut gradient,
         input: Some(InputGradient {
             nodes: &mut by_nodes,
-            edges: &mut by_edges,
+            arcs: &mut by_edges,
         }),
+        ..Gradients::new(&output, &mut gradient)
     };
-    let output: Vec<T> = case.real("cotangent.rows");
-    network.backward(
-        (&weights, gradients),
-        &graph,
-        input,
-        &output,
-        &mut workspace,
-    );
+    network.backward(&weights, &graph, input, gradients, &mut workspace);
     case.compare("nodes", &by_nodes, &case.tensor("gradient.input.nodes"));
     let expected = reordered(&case.tensor("gradient.input.edges"), &order, 10);
     case.compare("edges", &by_edges, &expected);

@@ -3,8 +3,8 @@
 
 use selvedge_data::SectionRule;
 use selvedge_model::{
-    Connectivity, Dropout, Encoder, Gradients, Input, ModelSpec, Network, Pass, Place, Real,
-    Window, Workspace,
+    Connectivity, Dropout, Encoder, Gradients, Input, ModelSpec, Network, NetworkScalar, Pass,
+    Place, Window, Workspace,
 };
 
 use crate::config::TrainConfig;
@@ -149,7 +149,7 @@ fn whole(encoder: Encoder) -> Whole {
     Whole {
         connectivity: Connectivity::of(graph.topology()),
         nodes: wide(&window.nodes),
-        edges: wide(&window.edges),
+        edges: wide(&window.arcs),
         statistics: trainer.targets.freeze(),
         losses: LossEvaluator::new(cfg.losses, ComputedTerms::Weighted),
         weights: wide(model.weights()),
@@ -162,12 +162,12 @@ fn whole(encoder: Encoder) -> Whole {
 
 impl Whole {
     /// The loss with these weights, and its gradient if asked for.
-    fn loss<T: Real>(&mut self, weights: &[T], gradient: Option<&mut [T]>) -> f64 {
+    fn loss<T: NetworkScalar>(&mut self, weights: &[T], gradient: Option<&mut [T]>) -> f64 {
         let narrow = |x: &[f64]| x.iter().map(|&x| T::from_f64(x)).collect::<Vec<T>>();
         let (nodes, edges) = (narrow(&self.nodes), narrow(&self.edges));
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &edges,
         };
         let (network, graph) = (&self.network, &self.connectivity);
         let mut workspace = Workspace::new();
@@ -184,14 +184,8 @@ impl Whole {
         let losses = &mut self.losses;
         let terms = losses.evaluate(&triplet, statistics, &predicted, &mut output);
         if let Some(gradient) = gradient {
-            let both = (
-                weights,
-                Gradients {
-                    weights: gradient,
-                    input: None,
-                },
-            );
-            network.backward(both, graph, input, &output, &mut workspace);
+            let gradients = Gradients::new(&output, gradient);
+            network.backward(weights, graph, input, gradients, &mut workspace);
         }
         terms.total
     }

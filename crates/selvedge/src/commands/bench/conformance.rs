@@ -227,7 +227,7 @@ impl Conformance<'_> {
         let edges = numbers(spec.edge_window() * arcs.arc_count() * spec.edge_width());
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &edges,
         };
         let mut workspace = Workspace::new();
         let pass = Pass::Inference;

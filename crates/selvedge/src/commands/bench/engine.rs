@@ -194,10 +194,7 @@ fn measure(
         engine.learn()?;
     }
     let (vertices, arcs) = engine.counts();
-    let mut products = Products::new(
-        bare_products(spec, (vertices, arcs), what.purpose()),
-        threads,
-    );
+    let mut products = Products::new(bare_products(spec, vertices, arcs, what.purpose()), threads);
     let peer = args.against.as_deref();
     let mut peer = peer
         .map(|command| Peer::start(command, spec, &topology, threads))

@@ -259,7 +259,7 @@ impl Bench<'_> {
         let mut inference = Inference::new(self.device, case, self.precision)?;
         inference.put(Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &edges,
         })?;
         inference.put_state(0.1)?;
         let mut times = Vec::new();
@@ -296,7 +296,7 @@ impl Bench<'_> {
         let mut learning = Learning::new(self.device, case, self.precision)?;
         let input = Input {
             nodes: &nodes,
-            edges: &edges,
+            arcs: &edges,
         };
         learning.put(input, &vec![0.5; 3 * graph.vertex_count()])?;
         learning.put_state(0.1)?;

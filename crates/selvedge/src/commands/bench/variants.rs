@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_model::{
-    Connectivity, Encoder, EncoderState, Gradients, Input, Instructions, ModelSpec, Network,
-    PackedWeights, Pass, Purpose, StateGradients, Workspace,
+    Carried, Connectivity, Encoder, EncoderState, Gradients, Input, Instructions, ModelSpec,
+    Network, PackedWeights, Pass, Purpose, Workspace,
 };
 use selvedge_train::{Adam, AdamSettings};
 
@@ -127,13 +127,13 @@ impl Engine {
         let edges = numbers(edge_frames * arcs * spec.edge_width());
         let target = numbers(3 * vertices);
         let state = if network.streams() {
-            EncoderState::filled(0.1, [vertices, arcs], spec.latent)
+            EncoderState::filled(0.1, vertices, arcs, spec.latent)
         } else {
             EncoderState::new()
         };
         let purpose = Purpose::Inference;
         Ok(Self {
-            used: PackedWeights::new(&network, &weights, purpose, using),
+            used: network.pack(&weights, purpose, using),
             workspace: Workspace::with_instructions(using),
             using,
             learning: None,
@@ -156,9 +156,13 @@ impl Engine {
     pub(crate) fn frame(&mut self) {
         let input = Input {
             nodes: &self.nodes,
-            edges: &self.edges,
+            arcs: &self.edges,
         };
-        let (given, workspace) = ((input, &self.state), &mut self.workspace);
+        let workspace = &mut self.workspace;
+        let given = Carried {
+            input,
+            state: &self.state,
+        };
         self.network
             .forward_carried(&self.used, &self.graph, given, Pass::Inference, workspace);
     }
@@ -170,7 +174,7 @@ impl Engine {
     pub(crate) fn learn(&mut self) -> anyhow::Result<()> {
         let (network, purpose) = (&self.network, Purpose::Training);
         self.learning = Some(Learning {
-            weights: PackedWeights::new(network, &self.weights, purpose, self.using),
+            weights: network.pack(&self.weights, purpose, self.using),
             gradient: vec![0.0; self.weights.len()],
             by_output: vec![0.0; self.target.len()],
             adam: Adam::new(AdamSettings::default(), self.weights.len())?,
@@ -186,25 +190,24 @@ impl Engine {
             return;
         };
         let (network, workspace) = (&self.network, &mut learning.workspace);
-        learning.weights.update(network, &self.weights);
+        network.repack(&self.weights, &mut learning.weights);
         let input = Input {
             nodes: &self.nodes,
-            edges: &self.edges,
+            arcs: &self.edges,
         };
-        let (given, pass) = ((input, &self.state), Pass::Training(None));
+        let pass = Pass::Training(None);
+        let given = Carried {
+            input,
+            state: &self.state,
+        };
         let out = network.forward_carried(&learning.weights, &self.graph, given, pass, workspace);
         let scale = 2.0 / out.len() as f32;
         for ((to, x), y) in learning.by_output.iter_mut().zip(out).zip(&self.target) {
             *to = scale * (x - y);
         }
         learning.gradient.fill(0.0);
-        let gradients = Gradients {
-            weights: &mut learning.gradient,
-            input: None,
-        };
-        let given = (input, &self.state, StateGradients::default());
-        let (both, output) = ((&learning.weights, gradients), &learning.by_output);
-        network.backward_carried(both, &self.graph, given, output, workspace);
+        let gradients = Gradients::new(&learning.by_output, &mut learning.gradient);
+        network.backward_carried(&learning.weights, &self.graph, given, gradients, workspace);
         let adam = &mut learning.adam;
         adam.step(&mut self.weights, &learning.gradient, 1e-5);
     }

@@ -105,7 +105,7 @@ fn gradients(
     let target = numbers(3 * graph.vertex_count());
     let input = Input {
         nodes: &nodes,
-        edges: &edges,
+        arcs: &edges,
     };
     let case = NetworkCase {
         network: &network,
@@ -130,17 +130,8 @@ fn gradients(
     let pairs = out.iter().zip(&target);
     let by_output: Vec<f32> = pairs.map(|(x, y)| share * (x - y)).collect();
     let mut expected = vec![0.0; weights.len()];
-    let gradients = Gradients {
-        weights: &mut expected,
-        input: None,
-    };
-    network.backward(
-        (&*weights, gradients),
-        graph,
-        input,
-        &by_output,
-        &mut workspace,
-    );
+    let gradients = Gradients::new(&by_output, &mut expected);
+    network.backward(&weights, graph, input, gradients, &mut workspace);
     let of_arrays = network.parameters().iter().map(|parameter| {
         let range = parameter.range.clone();
         let pairs = found[range.clone()].iter().zip(&expected[range]);

@@ -1,0 +1,79 @@
+//! The arguments of a pass through the network: its input, its purpose, and the derivatives that a
+//! backward pass takes and leaves.
+
+use crate::kernels::dropout::Dropout;
+use crate::network::encoder_state::EncoderState;
+
+/// Columns of the output: an acceleration.
+pub(crate) const OUTPUTS: usize = 3;
+
+/// Normalised features of a window of frames, oldest first.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a, T> {
+    /// `[window, vertices, node width]`.
+    pub nodes: &'a [T],
+    /// `[window, arcs, edge width]`.
+    pub arcs: &'a [T],
+}
+
+/// The input of a network that streams, with the state of the frame before.
+#[derive(Clone, Copy, Debug)]
+pub struct Carried<'a, T> {
+    /// Features of the frames that the state has not seen: one frame, or a window for the zero state.
+    pub input: Input<'a, T>,
+    /// The encoders' state after the frame before.
+    pub state: &'a EncoderState<T>,
+}
+
+/// Purpose of a pass through the network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pass<'a> {
+    /// Only the output is used: activations are not kept.
+    Inference,
+    /// Activations are kept for [`crate::Network::backward`].
+    Training(Option<Dropout<'a>>),
+}
+
+/// Derivatives of a scalar, given for the output and computed for weights, input and states.
+pub struct Gradients<'a, T> {
+    /// With respect to the output, `[vertices, 3]`.
+    pub output: &'a [T],
+    /// With respect to the weights, laid out like them; added to.
+    pub weights: &'a mut [T],
+    /// With respect to the input, if wanted; overwritten.
+    pub input: Option<InputGradient<'a, T>>,
+    /// With respect to the encoders' states.
+    pub states: StateGradients<'a, T>,
+}
+
+impl<'a, T> Gradients<'a, T> {
+    /// From the gradient of the output to that of the weights alone.
+    pub fn new(output: &'a [T], weights: &'a mut [T]) -> Self {
+        Self {
+            output,
+            weights,
+            input: None,
+            states: StateGradients {
+                end: None,
+                start: None,
+            },
+        }
+    }
+}
+
+/// Derivatives with respect to an [`Input`].
+pub struct InputGradient<'a, T> {
+    /// `[window, vertices, node width]`.
+    pub nodes: &'a mut [T],
+    /// `[window, arcs, edge width]`.
+    pub arcs: &'a mut [T],
+}
+
+/// Derivatives with respect to the states that a streaming network carries from frame to frame.
+#[derive(Default)]
+pub struct StateGradients<'a, T> {
+    /// With respect to the state after the frame, through the later frames; `None` is zero.
+    pub end: Option<&'a EncoderState<T>>,
+    /// With respect to the state before the frame, if wanted; overwritten.
+    pub start: Option<&'a mut EncoderState<T>>,
+}
