@@ -1,4 +1,5 @@
 //! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
+//! `cargo xtask book` checks the documents against the program (see [`book`]),
 //! `cargo xtask ci` runs everything that must hold before a change is taken.
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
@@ -7,6 +8,7 @@
     reason = "a program that talks to people in a terminal"
 )]
 
+mod book;
 mod metadata;
 mod rust;
 mod tidy;
@@ -23,6 +25,11 @@ usage: cargo xtask COMMAND
   ci      run every step of .ci/run: tests, format, lints, docs, tidy
   tidy    check dependencies, circles, signatures, sizes, openings, prose, equation labels, marks,
           cards and documents
+  book    check README and book: links, summary, quotes, commands, which are parsed and, where
+          quick, run; build HTML where mdbook is installed
+            --write          bring quotes and the commands reference up to date
+            --no-run         parse the quick commands, too, instead of running them
+            --program PATH   ask this program instead of building one
   help    print this text";
 
 fn main() -> ExitCode {
@@ -31,6 +38,13 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
+        ["book", options @ ..] => match book::Options::parse(options) {
+            Some(options) => book::run(&options),
+            None => {
+                eprintln!("{HELP}");
+                return ExitCode::from(2);
+            }
+        },
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");
             Ok(())

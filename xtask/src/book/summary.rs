@@ -1,0 +1,58 @@
+//! Every page of the book stands in its summary, once.
+
+use super::fault::Fault;
+use super::{PAGES, links, markdown};
+use crate::tree::Tree;
+
+const SUMMARY: &str = "docs/src/SUMMARY.md";
+
+/// Pages that the summary lacks or has twice.
+pub(super) fn check(tree: &Tree) -> Vec<Fault> {
+    let Some(summary) = tree.text(SUMMARY) else {
+        return vec![Fault::new(SUMMARY, 0, "is missing")];
+    };
+    let page = markdown::page(&summary.text);
+    let listed: Vec<String> = markdown::links(&page)
+        .iter()
+        .filter_map(|link| links::resolve(links::folder_of(SUMMARY), link.path))
+        .collect();
+    let mut found = Vec::new();
+    for file in &tree.texts {
+        let is_page = file.path.starts_with(PAGES) && file.path.ends_with(".md");
+        if !is_page || file.path == SUMMARY {
+            continue;
+        }
+        match listed.iter().filter(|path| **path == file.path).count() {
+            1 => {}
+            0 => found.push(Fault::new(&file.path, 0, "is not in the summary")),
+            _ => found.push(Fault::new(&file.path, 0, "is in the summary twice")),
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tree::tree_of;
+
+    #[test]
+    fn every_page_is_in_the_summary_once() {
+        let whats = |summary: &str| -> Vec<String> {
+            let files = [
+                (SUMMARY, summary),
+                ("docs/src/x/a.md", ""),
+                ("README.md", ""),
+            ];
+            let found = check(&tree_of(&files));
+            found.into_iter().map(|fault| fault.what).collect()
+        };
+        assert!(whats("- [A](x/a.md)\n").is_empty());
+        assert_eq!(whats("# Summary\n"), ["is not in the summary"]);
+        assert_eq!(
+            whats("[A](x/a.md)\n- [A](x/a.md)\n"),
+            ["is in the summary twice"]
+        );
+        assert_eq!(check(&tree_of(&[])).len(), 1);
+    }
+}
