@@ -99,7 +99,15 @@ pub(crate) enum Command {
     Presets,
     /// Print this reference as Markdown, for the book.
     #[command(hide = true)]
-    Reference,
+    Reference(ReferenceArgs),
+}
+
+/// Arguments of the hidden command that serves the book.
+#[derive(Debug, Args)]
+pub(crate) struct ReferenceArgs {
+    /// Check that these words are a command, instead, and do not run it.
+    #[arg(last = true, value_name = "WORDS")]
+    pub(crate) words: Vec<String>,
 }
 
 /// Run a trained model on a scene, beside the physics.

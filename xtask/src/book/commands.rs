@@ -7,11 +7,11 @@ use anyhow::Result;
 
 use super::fault::Fault;
 use super::markdown::{self, Block, Line};
+use super::places::{NOTEBOOK, PAGES};
 use super::program::{Program, Understood};
-use super::{NOTEBOOK, PAGES};
 use crate::tree::{TextFile, Tree};
 
-/// How a command begins.
+/// Beginnings of a command.
 const CALLS: [&str; 2] = ["selvedge ", "cargo run --release -- "];
 /// Languages of blocks that hold commands.
 const LANGUAGES: [&str; 2] = ["console", "sh"];
@@ -29,9 +29,9 @@ pub(super) struct Command {
     pub(super) words: Vec<String>,
     /// Comment behind it, which says how long it takes.
     pub(super) comment: String,
-    /// Whether it is run.
+    /// True where it is run.
     pub(super) is_quick: bool,
-    /// Whether it stands in a sentence.
+    /// True where it stands in a sentence.
     is_span: bool,
 }
 

@@ -10,7 +10,8 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use super::{PAGES, links, markdown};
+use super::places::PAGES;
+use super::{links, markdown};
 use crate::tree::{TextFile, Tree};
 
 /// Folder of the copy, relative to the root.

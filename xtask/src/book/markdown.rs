@@ -94,7 +94,7 @@ pub(super) fn links<'a>(page: &Page<'a>) -> Vec<Link<'a>> {
     found
 }
 
-/// What stands before and after each `](` of a line.
+/// Texts before and after each `](` of a line.
 fn targets(line: &str) -> impl Iterator<Item = (&str, &str)> {
     let places = line.match_indices("](");
     places.map(|(place, opening)| (&line[..place], &line[place + opening.len()..]))

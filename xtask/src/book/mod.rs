@@ -10,6 +10,7 @@ mod fault;
 mod html;
 mod links;
 mod markdown;
+mod places;
 mod program;
 mod quick;
 mod quotes;
@@ -21,16 +22,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 
 use self::fault::Fault;
+use self::places::{PAGES, REFERENCE};
 use self::program::Program;
 use crate::metadata;
 use crate::tree::Tree;
-
-/// Folder of the book's pages.
-const PAGES: &str = "docs/src/";
-/// Experiments of the past, whose commands are those of the program of their day.
-const NOTEBOOK: &str = "docs/src/notebook/";
-/// Page that the program itself writes.
-const REFERENCE: &str = "docs/src/reference/commands.md";
 
 /// Options of the command.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -11,7 +11,7 @@ pub(super) struct Program {
     path: PathBuf,
 }
 
-/// Whether the program understands some words.
+/// Answer to the question whether words are a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Understood {
     /// They are a command.

@@ -1,5 +1,5 @@
-//! Runs the quick commands of the book, page by page, each page in an empty folder with `assets` and
-//! `docs` beside it.
+//! Runs the quick commands of the book, page by page, each page in an empty folder with `assets`
+//! and `docs` beside it.
 //!
 //! A block marked `toml file=NAME` is written to that file where it stands.
 
@@ -9,10 +9,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use super::PAGES;
 use super::commands::{self, Command};
 use super::fault::Fault;
 use super::markdown::{self, Block};
+use super::places::PAGES;
 use super::program::Program;
 use crate::tree::{TextFile, Tree};
 
@@ -20,10 +20,10 @@ use crate::tree::{TextFile, Tree};
 const FOLDER: &str = "target/book/run";
 /// Folders of the repository that commands may name.
 const BESIDE: [&str; 2] = ["assets", "docs"];
-/// How the attribute begins that names the file of a block.
+/// Beginning of the attribute that names the file of a block.
 const FILE: &str = "file=";
 
-/// What came of a run.
+/// Outcome of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outcome {
     /// Commands that ran.
@@ -131,7 +131,7 @@ fn try_command(command: &Command, folder: &Path, program: &Program) -> Result<Op
     Ok(Some(Fault::new(&command.path, command.line, what)))
 }
 
-/// Whether a comment begins with a duration, as `at once`, `3 s` or `1.4 s until it moves`.
+/// True where a comment begins with a duration, as `at once`, `3 s` or `1.4 s until it moves`.
 fn is_duration(comment: &str) -> bool {
     let mut words = comment.split([' ', ',', ':']);
     match (words.next(), words.next()) {

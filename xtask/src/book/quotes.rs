@@ -1,13 +1,13 @@
-//! Quoted examples are their files: the block after `<!-- quote PATH -->` is the text of the file at
-//! PATH, relative to the root.
+//! Quoted examples are their files: the block after `<!-- quote PATH -->` is the text of the file
+//! at PATH, relative to the root.
 
 use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::PAGES;
 use super::fault::Fault;
+use super::places::PAGES;
 use crate::tree::Tree;
 
 const OPENING: &str = "<!-- quote ";

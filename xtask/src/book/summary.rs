@@ -1,7 +1,8 @@
 //! Every page of the book stands in its summary, once.
 
 use super::fault::Fault;
-use super::{PAGES, links, markdown};
+use super::places::PAGES;
+use super::{links, markdown};
 use crate::tree::Tree;
 
 const SUMMARY: &str = "docs/src/SUMMARY.md";

@@ -42,7 +42,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Inspect(args) => inspect::run(args),
         Command::Convert(args) => convert::run(args),
         Command::Presets => presets::run(),
-        Command::Reference => reference::run(),
+        Command::Reference(args) => reference::run(args),
         Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
         Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),
         Command::Bench(BenchCommand::Gpu(args)) => bench::gpu(args),

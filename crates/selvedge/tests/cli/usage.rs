@@ -51,8 +51,28 @@ fn the_book_has_every_command_as_it_is() {
     assert!(
         kept == made.out,
         "docs/src/reference/commands.md is of another version: write it anew with \
-         `selvedge reference > docs/src/reference/commands.md`"
+         `cargo xtask book --write`"
     );
+}
+
+/// Commands of the book are asked about, without running them.
+#[test]
+fn words_are_checked_and_not_run() {
+    let desk = Desk::new();
+    let good = desk.run("reference -- rollout --frames 3 --out there");
+    assert_eq!((good.code, good.err.as_str()), (Some(0), ""));
+    let help = desk.run("reference -- help rollout");
+    assert_eq!(help.code, Some(0));
+    let bad = desk.run("reference -- rollout --frame 3");
+    assert_eq!(bad.code, Some(2));
+    assert!(
+        bad.err.contains("unexpected argument '--frame'"),
+        "{}",
+        bad.err
+    );
+    let lacks = desk.run("reference -- simulate default");
+    assert!(lacks.err.contains("required arguments were not provided"));
+    assert_eq!(desk.names(), Vec::<String>::new());
 }
 
 #[test]
