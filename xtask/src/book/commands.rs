@@ -15,6 +15,8 @@ use crate::tree::{TextFile, Tree};
 const CALLS: [&str; 2] = ["selvedge ", "cargo run --release -- "];
 /// Languages of blocks that hold commands.
 const LANGUAGES: [&str; 2] = ["console", "sh"];
+/// Signs of a call's pattern, which is no command.
+const PLACEHOLDERS: [char; 3] = ['<', '[', '…'];
 /// Attribute of a block whose commands are run.
 const QUICK: &str = "quick";
 
@@ -97,6 +99,9 @@ pub(super) fn of_block(path: &str, block: &Block<'_>) -> Vec<Command> {
 fn command(path: &str, line: Line<'_>) -> Option<Command> {
     let rest = CALLS.iter().find_map(|call| line.text.strip_prefix(call))?;
     let (call, comment) = rest.split_once(" #").unwrap_or((rest, ""));
+    if call.contains(PLACEHOLDERS) {
+        return None;
+    }
     Some(Command {
         path: path.to_owned(),
         line: line.number,
@@ -154,7 +159,7 @@ pub(super) fn check(commands: &[Command], program: &Program) -> Result<Vec<Fault
 mod tests {
     use super::*;
 
-    const PAGE: &str = "run `selvedge inspect a` or `other`\n\n```console quick\n\
+    const PAGE: &str = "run `selvedge inspect a` or `other`, `selvedge x <FILE>`\n\n```console quick\n\
         selvedge train x --set \"a = b\" \\\n    --steps 3    # 2 s\nother\n```\n\n\
         ```toml\nselvedge no\n```\n\n```sh\ncargo run --release -- rollout\n```\n";
 

@@ -3,6 +3,7 @@
 //! The page is made of what clap knows, so that it says the same as `--help`. With words after `--`
 //! it only says whether they are a command: `cargo xtask book` asks so for every command of the book.
 
+use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, Command, CommandFactory, Parser};
 use serde_json::json;
 
@@ -31,6 +32,9 @@ pub(crate) fn run(args: &ReferenceArgs) -> anyhow::Result<Answer> {
 fn check(words: &[String]) -> Result<(), WrongUsage> {
     let program = std::iter::once("selvedge").chain(words.iter().map(String::as_str));
     match Cli::try_parse_from(program) {
+        Err(error) if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            Err(WrongUsage::new("a subcommand is required"))
+        }
         Err(error) if error.use_stderr() => {
             let message = error.to_string();
             Err(WrongUsage::new(message.trim_start_matches("error: ")))

@@ -72,6 +72,8 @@ fn words_are_checked_and_not_run() {
     );
     let lacks = desk.run("reference -- simulate default");
     assert!(lacks.err.contains("required arguments were not provided"));
+    let lacks = desk.run("reference -- dataset");
+    assert!(lacks.err.contains("subcommand is required"));
     assert_eq!(desk.names(), Vec::<String>::new());
 }
 
