@@ -16,14 +16,14 @@ use crate::protocol::Push;
 
 /// What a hand may do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Limits {
+pub struct HandLimits {
     /// The greatest speed `[m/s]`.
     pub speed: f64,
     /// The greatest acceleration `[m/s²]`.
     pub acceleration: f64,
 }
 
-impl Default for Limits {
+impl Default for HandLimits {
     fn default() -> Self {
         Self {
             speed: PI / 2.0,
@@ -32,7 +32,7 @@ impl Default for Limits {
     }
 }
 
-impl Limits {
+impl HandLimits {
     /// The limits nearest to these that a hand can have: 0.05 to 10 m/s and 0.5 to 100 m/s².
     #[must_use]
     pub fn clamped(speed: f64, acceleration: f64) -> Self {
@@ -145,7 +145,7 @@ impl Hands {
     }
 
     /// Wants every handle where it will have come to rest if it brakes now.
-    pub fn brake(&mut self, limits: &Limits) {
+    pub fn brake(&mut self, limits: &HandLimits) {
         self.push = Push::default();
         for hand in &mut self.hands {
             let speed = hand.velocity.length();
@@ -168,10 +168,10 @@ impl Hands {
     }
 
     /// Goes on by `dt` `[s]`.
-    pub fn advance(&mut self, limits: &Limits, dt: f64) {
+    pub fn advance(&mut self, limits: &HandLimits, dt: f64) {
         let together = self.drive_together(limits, dt);
         // What the keys use up is not left for the way to the goals.
-        let left = Limits {
+        let left = HandLimits {
             speed: (limits.speed - together).max(0.0),
             ..*limits
         };
@@ -190,7 +190,7 @@ impl Hands {
     }
 
     /// Speeds all of them up as the keys say; the speed of the fastest `[m/s]`.
-    fn drive_together(&mut self, limits: &Limits, dt: f64) -> f64 {
+    fn drive_together(&mut self, limits: &HandLimits, dt: f64) -> f64 {
         let reach = self.reach();
         if reach > self.radius {
             // Handles that have come apart, or one that is new, would be too fast at this spin.
@@ -233,7 +233,7 @@ impl Hands {
 
 /// The velocity of a handle over the next `dt` `[s]`: towards its goal as fast as the limits let it,
 /// and as it can still brake, s = -a dt/2 + √((a dt/2)² + 2 a d) at a distance d. `[eq:hand-speed]`
-fn follow(hand: &Hand, limits: &Limits, dt: f64) -> DVec3 {
+fn follow(hand: &Hand, limits: &HandLimits, dt: f64) -> DVec3 {
     let way = hand.goal - hand.position;
     let distance = way.length();
     let half = 0.5 * limits.acceleration * dt;
@@ -262,7 +262,7 @@ mod tests {
             speed in 0.1..4.0_f64,
             acceleration in 1.0..20.0_f64,
         ) {
-            let limits = Limits::clamped(speed, acceleration);
+            let limits = HandLimits::clamped(speed, acceleration);
             let mut hands = Hands::at(&[DVec3::ZERO]);
             let mut before = (DVec3::ZERO, DVec3::ZERO);
             let mut last = DVec3::ZERO;
@@ -294,7 +294,7 @@ mod tests {
         fn keys_move_handles_as_one_body_within_the_limits(
             direction in vector(), turn in -1.0..1.0_f64, frames in 1_usize..120,
         ) {
-            let limits = Limits::default();
+            let limits = HandLimits::default();
             let start = [DVec3::new(0.0, 0.0, -0.5), DVec3::new(0.0, 0.2, 0.5), DVec3::X];
             let mut hands = Hands::at(&start);
             hands.push(Push { direction, turn });
@@ -323,7 +323,7 @@ mod tests {
     #[test]
     fn the_default_limits_are_those_of_an_eased_metre_in_a_second() {
         // p(t) = (1 - cos(π t))/2: p' peaks at t = 1/2, p'' at t = 0.
-        let limits = Limits::default();
+        let limits = HandLimits::default();
         let p = |t: f64| (1.0 - (PI * t).cos()) / 2.0;
         let h = 1e-4;
         assert!(((p(0.5 + h) - p(0.5 - h)) / (2.0 * h) - limits.speed).abs() < 1e-6);
@@ -333,7 +333,7 @@ mod tests {
 
     #[test]
     fn braking_ends_at_rest() {
-        let limits = Limits::default();
+        let limits = HandLimits::default();
         let mut hands = Hands::at(&[DVec3::ZERO]);
         hands.want(0, DVec3::X * 3.0);
         (0..40).for_each(|_| hands.advance(&limits, DT));
@@ -344,7 +344,7 @@ mod tests {
 
     #[test]
     fn hands_that_were_led_brake_within_their_limits() {
-        let limits = Limits::default();
+        let limits = HandLimits::default();
         let mut hands = Hands::at(&[DVec3::ZERO]);
         // A path at 1.2 m/s, left in its middle.
         for frame in 1..=30 {
@@ -370,7 +370,7 @@ mod tests {
 
     #[test]
     fn hands_that_come_apart_while_they_turn_keep_the_speed_limit() {
-        let limits = Limits::default();
+        let limits = HandLimits::default();
         let mut hands = Hands::at(&[DVec3::ZERO, DVec3::X * 0.004]);
         let (direction, turn) = (DVec3::ZERO, 0.5);
         hands.push(Push { direction, turn });
@@ -387,7 +387,7 @@ mod tests {
 
     #[test]
     fn a_hand_that_joins_those_that_turn_keeps_the_speed_limit() {
-        let limits = Limits::default();
+        let limits = HandLimits::default();
         let mut hands = Hands::at(&[DVec3::ZERO, DVec3::X * 0.004]);
         let (direction, turn) = (DVec3::ZERO, 1.0);
         hands.push(Push { direction, turn });
@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn hands_that_stay_keep_their_way() {
-        let limits = Limits::default();
+        let limits = HandLimits::default();
         let mut hands = Hands::at(&[DVec3::ZERO, DVec3::Z]);
         hands.want(1, DVec3::X);
         hands.advance(&limits, DT);

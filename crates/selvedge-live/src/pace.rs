@@ -16,6 +16,9 @@ pub(crate) struct Pace {
     kept: f64,
 }
 
+/// The rate of a session before its first cloth `[1/s]`: the default of scenes.
+pub(crate) use selvedge_cloth::DEFAULT_FRAME_RATE;
+
 /// A frame may be so late and the next still comes on time.
 const GRACE: Duration = Duration::from_millis(25);
 

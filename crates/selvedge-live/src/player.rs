@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_data::Trajectory;
 
-use crate::stage::StrainGauge;
-use crate::state::{Show, Track};
+use crate::state::{Show, TrackState};
+use crate::strain_gauge::StrainGauge;
 
 /// A recording with the name of who made it.
 #[derive(Clone, Debug)]
@@ -169,8 +169,8 @@ impl Player {
         }
     }
 
-    pub(crate) fn tracks(&self) -> Vec<Track> {
-        let track = |track: &NamedTrack| Track {
+    pub(crate) fn tracks(&self) -> Vec<TrackState> {
+        let track = |track: &NamedTrack| TrackState {
             name: track.name.clone(),
             kind: None,
             step_ms: 0.0,

@@ -1,55 +1,100 @@
-//! Recording what is shown: frames are kept in memory, up to a bound, and written as trajectories.
+//! Recordings: frames of the shown cloth are kept in memory, up to a bound, and written as trajectories.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_data::Trajectory;
+use selvedge_cloth::ClothError;
+use selvedge_data::{Trajectory, TrajectoryError, WriteError};
+use thiserror::Error;
 
-use crate::order::{Hold, MoverKind};
-use crate::player::{NamedTrack, Tape};
-use crate::stage::Stage;
+use crate::live_cloth::LiveCloth;
+use crate::mover::{Hold, MoverKind};
+use crate::player::{NamedTrack, Tape, TapeError};
 use crate::state::RecordingState;
+use crate::workshop::ProvenanceError;
 
 /// A recording ends by itself here `[bytes]`.
 const MOST_BYTES: usize = 512 << 20;
 
-/// Where the handles were is written into the header of its file, as text, and no reader takes a header
-/// of more than 100,000,000 bytes; what else stands there has room beside this `[bytes]`.
+/// The places of the handles in the header of a file, at most `[bytes]`. They stand there as text, and no
+/// reader takes a header of more than 100,000,000 bytes; the rest of the header has room beside this.
 const MOST_HEADER_BYTES: usize = 90_000_000;
-/// A place of a handle there: three numbers of at most 24 characters, their brackets and commas `[bytes]`.
+/// One such place: three numbers of at most 24 characters, with brackets and commas `[bytes]`.
 const PLACE_BYTES: usize = 80;
+
+/// The reason why a recording is lost.
+#[derive(Debug, Error)]
+pub(crate) enum RecordingError {
+    #[error(transparent)]
+    Provenance(#[from] ProvenanceError),
+    #[error("the recording: {0}")]
+    Cloth(#[from] ClothError),
+    #[error("the recording: {0}")]
+    Trajectory(#[from] TrajectoryError),
+    #[error("{}: the folder cannot be made: {cause}", folder.display())]
+    Folder { folder: PathBuf, cause: io::Error },
+    #[error("{}: {cause}", file.display())]
+    File { file: PathBuf, cause: WriteError },
+    #[error(transparent)]
+    Tape(#[from] TapeError),
+}
 
 /// A recording under way.
 pub(crate) struct Recorder {
     hold: Hold,
-    tracks: Vec<(MoverKind, String, Vec<Vec3>)>,
+    tracks: Vec<KeptTrack>,
     frames: usize,
     most: usize,
 }
 
+/// The kept frames of one mover.
+struct KeptTrack {
+    kind: MoverKind,
+    name: String,
+    /// `[frames * vertices]` `[m]`.
+    positions: Vec<Vec3>,
+}
+
+/// The trajectory of one mover.
+pub(crate) struct RecordedTrack {
+    kind: MoverKind,
+    track: NamedTrack,
+}
+
+/// A recording on disk.
+pub(crate) struct WrittenRecording {
+    pub(crate) tape: Tape,
+    pub(crate) files: Vec<PathBuf>,
+}
+
 impl Recorder {
     /// Begins with the frame that is shown.
-    pub(crate) fn new(stage: &Stage) -> Self {
-        let positions = stage.positions();
+    pub(crate) fn new(live: &LiveCloth) -> Self {
+        let positions = live.positions();
         let of_frame: usize = positions.iter().map(|track| size_of_val(*track)).sum();
-        let tracks = stage.tracks().into_iter().zip(stage.mover().kinds());
+        let tracks = live.tracks().into_iter().zip(live.mover().kinds());
         let mut recorder = Self {
-            hold: stage.hold().clone(),
+            hold: live.hold().clone(),
             tracks: tracks
-                .map(|(track, kind)| (*kind, track.name, Vec::new()))
+                .map(|(track, &kind)| KeptTrack {
+                    kind,
+                    name: track.name,
+                    positions: Vec::new(),
+                })
                 .collect(),
             frames: 0,
-            most: most_frames(of_frame, stage.hold().handles.len()),
+            most: most_frames(of_frame, live.hold().handles.len()),
         };
-        recorder.keep(stage);
+        recorder.keep(live);
         recorder
     }
 
     /// Keeps the frame that is shown.
-    pub(crate) fn keep(&mut self, stage: &Stage) {
-        for ((_, _, kept), now) in self.tracks.iter_mut().zip(stage.positions()) {
-            kept.extend_from_slice(now);
+    pub(crate) fn keep(&mut self, live: &LiveCloth) {
+        for (track, now) in self.tracks.iter_mut().zip(live.positions()) {
+            track.positions.extend_from_slice(now);
         }
         self.frames += 1;
     }
@@ -65,23 +110,28 @@ impl Recorder {
         }
     }
 
-    /// What was kept, as trajectories of the cloth of `stage`.
-    pub(crate) fn finish(self, stage: &Stage) -> Result<Vec<(MoverKind, NamedTrack)>, String> {
-        let bench = stage.bench();
-        let cloth = bench.cloth().clone();
-        let cloth = cloth
-            .with_handles(self.hold.handles.clone())
-            .map_err(|error| format!("the recording: {error}"))?;
+    /// Returns the kept frames as trajectories of `live`.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when the provenance cannot be told, or the frames are no trajectory.
+    pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<RecordedTrack>, RecordingError> {
+        let ready = live.ready();
+        let cloth = ready.cloth().clone();
+        let cloth = cloth.with_handles(self.hold.handles.clone())?;
         let vertices = cloth.vertex_count();
         let mut finished = Vec::new();
-        for (kind, name, positions) in self.tracks {
-            let handles = positions.chunks_exact(vertices);
-            let handles = handles.map(|frame| selected(&self.hold, frame)).collect();
-            let provenance = bench.provenance(&self.hold, handles)?;
-            let trajectory = Trajectory::new(cloth.clone(), positions, provenance)
-                .map_err(|error| format!("the recording: {error}"))?;
-            let trajectory = Arc::new(trajectory);
-            finished.push((kind, NamedTrack { name, trajectory }));
+        for track in self.tracks {
+            let frames = track.positions.chunks_exact(vertices);
+            let handles = frames.map(|frame| selected(&self.hold, frame)).collect();
+            let provenance = ready.provenance(&self.hold, handles)?;
+            let trajectory = Trajectory::new(cloth.clone(), track.positions, provenance)?;
+            finished.push(RecordedTrack {
+                kind: track.kind,
+                track: NamedTrack {
+                    name: track.name,
+                    trajectory: Arc::new(trajectory),
+                },
+            });
         }
         Ok(finished)
     }
@@ -99,15 +149,19 @@ fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
     positions.iter().map(|p| p.as_dvec3()).collect()
 }
 
-/// Writes the tracks of a recording into `folder`, under the first number that is free. Gives the tape
-/// and the files.
+/// Writes the tracks of a recording into `folder`, under the first number that is free.
+///
+/// # Errors
+/// [`RecordingError`] when a file or the folder cannot be written.
 pub(crate) fn write(
-    tracks: Vec<(MoverKind, NamedTrack)>,
+    tracks: Vec<RecordedTrack>,
     folder: &Path,
-) -> Result<(Tape, Vec<PathBuf>), String> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| format!("{}: the folder cannot be made: {error}", folder.display()))?;
-    let path = |number: u32, kind: &MoverKind| {
+) -> Result<WrittenRecording, RecordingError> {
+    std::fs::create_dir_all(folder).map_err(|cause| RecordingError::Folder {
+        folder: folder.to_owned(),
+        cause,
+    })?;
+    let path = |number: u32, kind: MoverKind| {
         let kind = match kind {
             MoverKind::Model => "model",
             MoverKind::Physics => "physics",
@@ -116,19 +170,20 @@ pub(crate) fn write(
     };
     let is_free = |number: &u32| {
         let kinds = [MoverKind::Model, MoverKind::Physics];
-        kinds.iter().all(|kind| !path(*number, kind).exists())
+        kinds.iter().all(|&kind| !path(*number, kind).exists())
     };
     let number = (1..=u32::MAX).find(is_free).unwrap_or(u32::MAX);
     let mut files = Vec::new();
-    for (kind, track) in &tracks {
-        let file = path(number, kind);
-        let written = track.trajectory.write(&file);
-        written.map_err(|error| format!("{}: {error}", file.display()))?;
+    for RecordedTrack { kind, track } in &tracks {
+        let file = path(number, *kind);
+        if let Err(cause) = track.trajectory.write(&file) {
+            return Err(RecordingError::File { file, cause });
+        }
         files.push(file);
     }
-    let tracks = tracks.into_iter().map(|(_, track)| track).collect();
-    let tape = Tape::new(format!("recording {number}"), tracks);
-    Ok((tape.map_err(|error| error.to_string())?, files))
+    let tracks = tracks.into_iter().map(|recorded| recorded.track).collect();
+    let tape = Tape::new(format!("recording {number}"), tracks)?;
+    Ok(WrittenRecording { tape, files })
 }
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use crate::hand::Limits;
-use crate::order::{Mover, MoverKind, Order};
+use crate::hand::HandLimits;
+use crate::mover::{Mover, MoverKind};
+use crate::order::Order;
 
 /// How things are.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -25,9 +26,9 @@ pub struct State {
     /// How fast it went over the last second, in parts of [`Self::rate`]; under 1 where a step takes too long.
     pub kept: f64,
     /// One per cloth that is shown.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<TrackState>,
     /// What hands may do.
-    pub limits: Limits,
+    pub limits: HandLimits,
     /// Velocity of the wind `[m/s]`.
     pub wind: [f64; 3],
     /// The motion that the handles follow, if they follow one.
@@ -69,7 +70,7 @@ pub enum Show {
 
 /// One cloth that is shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Track {
+pub struct TrackState {
     /// What it is called.
     pub name: String,
     /// Who moves it; nobody, if it is a recording.

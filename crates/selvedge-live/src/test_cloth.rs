@@ -1,14 +1,33 @@
-//! The cloth of this crate's tests, inside it and from outside: two triangles.
+//! A cloth of two triangles and movers that anyone can predict, for the tests of this crate, inside it
+//! and from outside: what nobody holds falls, and a handle goes where it is told.
 
-use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-/// Where the vertices of the mesh are `[m]`; the first two are handles.
+use std::time::Duration;
+
+use glam::{DVec3, Vec2, Vec3};
+use selvedge_cloth::{
+    Cloth, ClothArrays, Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion,
+    MotionError, RecordedMotion, StepError, Stepper, Topology, check_target_count,
+};
+use selvedge_data::Provenance;
+use selvedge_live::{
+    Hold, LiveStepper, MoverError, MoverKind, Order, ProvenanceError, ReadyCloth, Start,
+};
+use serde_json::Value;
+
+/// Positions of the mesh `[m]`; the first two vertices are handles.
 pub(crate) const CORNERS: [Vec3; 4] = [
     Vec3::ZERO,
     Vec3::new(0.0, 0.0, 1.0),
     Vec3::new(0.0, -1.0, 0.0),
     Vec3::new(0.0, -1.0, 1.0),
 ];
+
+/// The way of the scene's own motion along x in a frame `[m]`, and its frames.
+pub(crate) const PACE: f64 = 0.01;
+const FRAMES: usize = 12;
+
+/// The place of a handle along x beyond which the model fails `[m]`.
+const END_OF_MODEL: f64 = 0.205;
 
 /// The cloth.
 pub(crate) fn cloth() -> Cloth {
@@ -20,4 +39,213 @@ pub(crate) fn cloth() -> Cloth {
     };
     let topology = Topology::new(4, &[[0, 2, 1], [1, 2, 3]]).unwrap();
     Cloth::new(topology, Handles::new(&[0, 1], 4).unwrap(), arrays).unwrap()
+}
+
+/// Orders a scene.
+pub(crate) fn order(scene: &str) -> Order {
+    Order {
+        scene: scene.to_owned(),
+        mesh: None,
+        material: None,
+        model: String::new(),
+    }
+}
+
+/// The cloth, ready to be moved.
+pub(crate) struct TestCloth {
+    pub(crate) cloth: Cloth,
+    /// The times at which the scene's own motion lets handles go.
+    pub(crate) schedule: HandleSchedule,
+    /// Frames of that motion that have passed at the start.
+    pub(crate) start_frame: usize,
+    /// The fall of a free vertex in a frame `[m]`.
+    pub(crate) fall: f32,
+    /// The time that a step takes.
+    pub(crate) cost: Duration,
+}
+
+impl TestCloth {
+    /// A cloth whose free vertices stay where they are, with steps that take no time.
+    pub(crate) fn new() -> Self {
+        Self {
+            cloth: cloth(),
+            schedule: HandleSchedule::default(),
+            start_frame: 0,
+            fall: 0.0,
+            cost: Duration::ZERO,
+        }
+    }
+}
+
+impl ReadyCloth for TestCloth {
+    fn cloth(&self) -> &Cloth {
+        &self.cloth
+    }
+
+    fn frame_rate(&self) -> f64 {
+        60.0
+    }
+
+    fn environment(&self) -> Environment {
+        Environment::default()
+    }
+
+    fn scene_path(&self) -> Result<HandlePath, MotionError> {
+        let start: Vec<DVec3> = CORNERS[..2].iter().map(|p| p.as_dvec3()).collect();
+        let after = |frame: usize| DVec3::X * (PACE * frame as f64);
+        let places = |frame| -> Vec<DVec3> { start.iter().map(|p| *p + after(frame)).collect() };
+        let positions = (0..=FRAMES).map(places).collect();
+        let motion = Motion::Recorded(RecordedMotion { positions });
+        let path = motion.bind(&start, 60.0)?;
+        Ok(path.scheduled(self.schedule.clone()))
+    }
+
+    fn start_frame(&self) -> usize {
+        self.start_frame
+    }
+
+    fn remarks(&self) -> &[String] {
+        &[]
+    }
+
+    fn start(
+        &self,
+        kind: MoverKind,
+        start: Start<'_>,
+        hold: &Hold,
+    ) -> Result<Box<dyn LiveStepper>, MoverError> {
+        let passed = Vec3::X * (PACE * self.start_frame as f64) as f32;
+        let positions = match start {
+            Start::Beginning => CORNERS.map(|p| p + passed).to_vec(),
+            Start::Frames(frames) => frames.last().unwrap().clone(),
+        };
+        Ok(Box::new(Puppet {
+            kind,
+            fall: self.fall,
+            cost: self.cost,
+            ..Puppet::new(&self.cloth, hold, positions)
+        }))
+    }
+
+    fn provenance(&self, hold: &Hold, _: Vec<Vec<DVec3>>) -> Result<Provenance, ProvenanceError> {
+        Ok(Provenance {
+            frame_rate: 60.0,
+            scene: Value::from(hold.environment.wind.x),
+            made_by: "test".to_owned(),
+        })
+    }
+}
+
+/// Moves the cloth. As in the simulator, a handle that takes hold again does so of its vertex where the
+/// vertex is, and a stepper that is made anew knows nothing of it.
+struct Puppet {
+    kind: MoverKind,
+    fall: f32,
+    cost: Duration,
+    cloth: Cloth,
+    positions: Vec<Vec3>,
+    frame: usize,
+    /// The place that each handle was told `[m]`, whether it held, and its distance, `[handles]`.
+    told: Vec<Vec3>,
+    held: Vec<bool>,
+    offsets: Vec<Vec3>,
+}
+
+impl Puppet {
+    fn new(cloth: &Cloth, hold: &Hold, positions: Vec<Vec3>) -> Self {
+        let handles = hold.handles.clone();
+        Self {
+            kind: MoverKind::Physics,
+            fall: 0.0,
+            cost: Duration::ZERO,
+            told: handles.select(&positions),
+            held: vec![true; handles.len()],
+            offsets: vec![Vec3::ZERO; handles.len()],
+            cloth: cloth.clone().with_handles(handles).unwrap(),
+            positions,
+            frame: 0,
+        }
+    }
+}
+
+impl Stepper for Puppet {
+    fn topology(&self) -> &Topology {
+        self.cloth.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.cloth.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        check_target_count(self, targets)?;
+        if let Some(lost) = targets.end().iter().position(|p| !p.as_vec3().is_finite()) {
+            let vertex = self.cloth.handles().vertices()[lost];
+            let frame = self.frame + 1;
+            return Err(StepError::NonFinite { frame, vertex });
+        }
+        std::thread::sleep(self.cost);
+        let is_far = targets.end().iter().any(|target| target.x > END_OF_MODEL);
+        if self.kind == MoverKind::Model && is_far {
+            return Err(StepError::Solve {
+                frame: self.frame + 1,
+                cause: "too far".to_owned(),
+            });
+        }
+        let before = self.positions.clone();
+        for position in &mut self.positions {
+            position.y -= self.fall;
+        }
+        for (handle, vertex) in self.cloth.handles().vertices().iter().enumerate() {
+            let (vertex, target) = (vertex.index(), targets.end()[handle].as_vec3());
+            if targets.holds(handle) {
+                if !self.held[handle] {
+                    self.offsets[handle] = before[vertex] - self.told[handle];
+                }
+                self.positions[vertex] = target + self.offsets[handle];
+            }
+            self.told[handle] = target;
+            self.held[handle] = targets.holds(handle);
+        }
+        self.frame += 1;
+        Ok(())
+    }
+}
+
+impl LiveStepper for Puppet {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
+        let positions = self.positions.clone();
+        Ok(Box::new(Self {
+            kind: self.kind,
+            fall: self.fall,
+            cost: self.cost,
+            ..Self::new(&self.cloth, hold, positions)
+        }))
+    }
+}
+
+#[test]
+fn puppets_conform() {
+    use selvedge_cloth::conformance::{HandlesEnd, check};
+
+    let cloth = cloth();
+    let hold = Hold {
+        handles: cloth.handles().clone(),
+        environment: Environment::default(),
+    };
+    for kind in [MoverKind::Physics, MoverKind::Model] {
+        let make = || Puppet {
+            kind,
+            ..Puppet::new(&cloth, &hold, CORNERS.to_vec())
+        };
+        assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
+    }
 }

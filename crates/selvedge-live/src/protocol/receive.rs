@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{LONGEST, MOST_DRAGGED, VERSION, kind};
-use crate::order::{Mover, Order};
+use crate::mover::Mover;
+use crate::order::Order;
 
 /// What a page asks for.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,16 +1,21 @@
-//! What a session does when it is asked.
+//! The requests of a session: each is met, or its error told to the pages.
+
+use std::time::Instant;
 
 use glam::DVec3;
 use selvedge_cloth::Handles;
 
+use super::error::SessionError;
 use super::{Request, Session};
-use crate::hand::{Hands, Limits};
-use crate::order::{Bench, Mover, Order};
+use crate::hand::{HandLimits, Hands};
+use crate::live_cloth::LiveCloth;
+use crate::mover::Mover;
+use crate::order::Order;
 use crate::player::{Player, Tape};
 use crate::protocol::{ClientMessage, Command, Drag};
 use crate::recorder::{self, Recorder};
-use crate::stage::Stage;
 use crate::state::Level;
+use crate::workshop::ReadyCloth;
 
 /// The strongest wind that can be asked for `[m/s]`.
 const STRONGEST_WIND: f64 = 30.0;
@@ -20,67 +25,79 @@ const RATES: std::ops::RangeInclusive<f64> = 0.05..=4.0;
 const MOST_HANDLES: usize = 256;
 
 impl Session {
-    /// Does what is asked; what cannot be done is told to the pages.
+    /// Meets a request; an error is told to the pages.
     pub(super) fn take(&mut self, request: Request) {
         let done = match request {
-            Request::Page(client, ClientMessage::Drag(drag)) => self.drag(client, &drag),
-            Request::Page(client, ClientMessage::Keys(push)) => {
-                if self.following.is_none() {
-                    self.hands.push(push);
-                    self.pusher = Some(client);
-                }
-                Ok(())
-            }
-            Request::Page(_, ClientMessage::Command(command)) => {
-                self.tell_soon = true;
-                self.command(command)
-            }
-            Request::Page(_, ClientMessage::Ready(_)) | Request::Close => Ok(()),
+            Request::Page(client, message) => self.hear(client, message),
+            Request::Close => Ok(()),
             Request::Viewers { count, gone } => {
-                if self.viewers == 0 {
-                    self.pace.restart(std::time::Instant::now());
-                }
-                self.viewers = count;
-                // A page that went away holds no keys down.
-                if gone.is_some() && gone == self.pusher {
-                    self.hands.push(Default::default());
-                    self.pusher = None;
-                }
-                self.tell_soon = true;
+                self.count_viewers(count, gone);
                 Ok(())
             }
             Request::Progress(text) => {
                 self.busy = Some(text);
-                self.tell_soon = true;
+                self.outlets.tell_soon();
                 Ok(())
             }
-            Request::Prepared(order, Ok(bench)) => self.lay_out(order, bench),
+            Request::Prepared(order, Ok(ready)) => self.lay_out(order, ready),
             Request::Prepared(_, Err(error)) => {
                 self.busy = None;
-                Err(error)
+                Err(error.into())
             }
         };
-        if let Err(problem) = done {
-            self.notify(Level::Bad, problem);
+        if let Err(error) = done {
+            self.notify(Level::Bad, error.to_string());
         }
     }
 
-    fn command(&mut self, command: Command) -> Result<(), String> {
+    /// Meets the message of a page.
+    fn hear(&mut self, client: u32, message: ClientMessage) -> Result<(), SessionError> {
+        match message {
+            ClientMessage::Drag(drag) => self.drag(client, &drag),
+            ClientMessage::Keys(push) => {
+                if self.lead.following.is_none() {
+                    self.lead.hands.push(push);
+                    self.lead.pusher = Some(client);
+                }
+                Ok(())
+            }
+            ClientMessage::Command(command) => {
+                self.outlets.tell_soon();
+                self.command(command)
+            }
+            ClientMessage::Ready(_) => Ok(()),
+        }
+    }
+
+    fn count_viewers(&mut self, count: usize, gone: Option<u32>) {
+        if self.viewers == 0 {
+            self.time.pace.restart(Instant::now());
+        }
+        self.viewers = count;
+        // A page that went away holds no keys down.
+        if gone.is_some() && gone == self.lead.pusher {
+            self.lead.hands.push(Default::default());
+            self.lead.pusher = None;
+        }
+        self.outlets.tell_soon();
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), SessionError> {
         match command {
-            Command::Pause => self.running = false,
+            Command::Pause => self.time.running = false,
             Command::Resume => self.resume(),
             Command::Step => {
-                self.running = false;
+                self.time.running = false;
                 self.advance();
             }
             Command::Reset => return self.reset(),
             Command::Order { order } => self.place_order(order),
             Command::Mover { mover } => return self.set_mover(mover),
-            Command::Wind { wind } => return self.set_wind(wind),
+            Command::Wind { wind } => return self.set_wind(DVec3::from_array(wind)),
             Command::Limits {
                 speed,
                 acceleration,
-            } => self.limits = Limits::clamped(speed, acceleration),
+            } => self.lead.limits = HandLimits::clamped(speed, acceleration),
             Command::Hold { vertices } => return self.hold(&vertices),
             Command::LetGo { vertices } => return self.let_go(&vertices),
             Command::Motion { name } => return self.follow(name),
@@ -88,37 +105,46 @@ impl Session {
             Command::Record => return self.record(),
             Command::StopRecording => self.stop_recording(),
             Command::Replay => {
-                let tape = self.replay.clone().ok_or("nothing has been recorded yet")?;
-                self.play(tape);
+                let tape = self.recordings.tape.clone();
+                self.play(tape.ok_or(SessionError::NoRecording)?);
             }
             Command::Live => self.go_live(),
             Command::Seek { frame } => {
-                if let Some(player) = &mut self.player {
+                if let Some(player) = self.showing.player_mut() {
                     player.seek(frame);
                     self.publish_frame();
                 }
             }
-            Command::Rate { rate } if RATES.contains(&rate) => {
-                self.rate = rate;
-                let frames = self.frame_rate() * rate;
-                self.pace.set_rate(frames, std::time::Instant::now());
-            }
-            Command::Rate { rate } => return Err(format!("time cannot go {rate} times as fast")),
+            Command::Rate { rate } => return self.set_rate(rate),
         }
         Ok(())
     }
 
     fn resume(&mut self) {
-        if !self.running {
-            self.running = true;
-            self.pace.restart(std::time::Instant::now());
+        if !self.time.running {
+            self.time.running = true;
+            self.time.pace.restart(Instant::now());
         }
+    }
+
+    fn set_rate(&mut self, rate: f64) -> Result<(), SessionError> {
+        if !RATES.contains(&rate) {
+            return Err(SessionError::Rate {
+                rate,
+                slowest: *RATES.start(),
+                fastest: *RATES.end(),
+            });
+        }
+        self.time.rate = rate;
+        let frames = self.showing.frame_rate() * rate;
+        self.time.pace.set_rate(frames, Instant::now());
+        Ok(())
     }
 
     /// Has a cloth made ready.
     pub(super) fn place_order(&mut self, order: Order) {
         self.busy = Some("making the cloth ready".to_owned());
-        self.tell_soon = true;
+        self.outlets.tell_soon();
         if !self.orders.send(order) {
             self.busy = None;
             self.notify(
@@ -129,107 +155,106 @@ impl Session {
     }
 
     /// Puts a cloth that is ready on the table.
-    fn lay_out(&mut self, order: Order, bench: Box<dyn Bench>) -> Result<(), String> {
+    fn lay_out(&mut self, order: Order, ready: Box<dyn ReadyCloth>) -> Result<(), SessionError> {
         self.stop_recording();
         self.busy = None;
-        let mover = self.stage.as_ref().map_or(self.mover, Stage::mover);
-        let remarks = bench.remarks().join("; ");
-        let (mut stage, problem) = Stage::new(bench, mover)?;
-        if let (Some(before), true) = (&self.stage, order.scene == self.order.scene) {
+        let before = self.showing.live();
+        let mover = before.map_or(self.mover, LiveCloth::mover);
+        let remarks = ready.remarks().join("; ");
+        let (mut live, problem) = LiveCloth::new(ready, mover)?;
+        if let (Some(before), true) = (before, order.scene == self.order.scene) {
             // Another mesh or material in the same wind.
             let wind = before.hold().environment.wind;
-            if wind != stage.hold().environment.wind {
-                stage.set_wind(wind)?;
+            if wind != live.hold().environment.wind {
+                live.set_wind(wind)?;
             }
         }
         self.order = order;
-        self.following = None;
-        self.hands = Hands::at(&stage.places(&stage.hold().handles));
-        self.stage = Some(stage);
-        self.player = None;
+        self.lead.following = None;
+        self.lead.hands = Hands::at(&live.places(&live.hold().handles));
+        self.showing = super::Showing::Live(live);
         self.publish_cloth();
         match problem {
-            Some(problem) => self.notify(Level::Bad, problem),
+            Some(problem) => self.notify(Level::Bad, problem.to_string()),
             None if !remarks.is_empty() => self.notify(Level::Good, remarks),
             None => {}
         }
         Ok(())
     }
 
-    fn reset(&mut self) -> Result<(), String> {
-        if let Some(player) = &mut self.player {
+    fn reset(&mut self) -> Result<(), SessionError> {
+        if let Some(player) = self.showing.player_mut() {
             player.seek(0);
             self.publish_frame();
             return Ok(());
         }
         self.stop_recording();
-        let Some(stage) = &mut self.stage else {
+        let Some(live) = self.showing.live_mut() else {
             return Ok(());
         };
-        let mover = stage.mover();
-        stage.restart(mover)?;
-        self.following = None;
-        self.hands = Hands::at(&stage.places(&stage.hold().handles));
+        live.restart(live.mover())?;
+        self.lead.following = None;
+        self.lead.hands = Hands::at(&live.places(&live.hold().handles));
         self.publish_frame();
         Ok(())
     }
 
-    fn set_mover(&mut self, mover: Mover) -> Result<(), String> {
+    fn set_mover(&mut self, mover: Mover) -> Result<(), SessionError> {
         self.mover = mover;
         self.stop_recording();
-        if let Some(stage) = &mut self.stage {
-            stage.set_mover(mover)?;
+        if let Some(live) = self.showing.live_mut() {
+            live.set_mover(mover)?;
             self.publish_frame();
         }
         Ok(())
     }
 
-    fn set_wind(&mut self, wind: [f64; 3]) -> Result<(), String> {
-        let wind = DVec3::from_array(wind);
+    /// Changes the wind, of which `wind` is the velocity `[m/s]`.
+    fn set_wind(&mut self, wind: DVec3) -> Result<(), SessionError> {
         if !wind.is_finite() || wind.length() > STRONGEST_WIND {
-            return Err(format!("the wind is at most {STRONGEST_WIND} m/s"));
+            let most = STRONGEST_WIND;
+            return Err(SessionError::Wind { most });
         }
-        let Some(stage) = &mut self.stage else {
+        let Some(live) = self.showing.live_mut() else {
             return Ok(());
         };
-        if wind != stage.hold().environment.wind {
-            stage.set_wind(wind)?;
+        if wind != live.hold().environment.wind {
+            live.set_wind(wind)?;
             self.end_recording("a recording has the same wind from start to end: ");
         }
         Ok(())
     }
 
-    fn drag(&mut self, client: u32, drag: &Drag) -> Result<(), String> {
-        if self.player.is_some() || self.stage.is_none() {
+    fn drag(&mut self, client: u32, drag: &Drag) -> Result<(), SessionError> {
+        if !matches!(self.showing, super::Showing::Live(_)) {
             return Ok(());
         }
         let vertices: Vec<u32> = drag.goals.iter().map(|(vertex, _)| *vertex).collect();
         self.hold(&vertices)?;
         self.unfollow();
-        if let Some(stage) = &self.stage {
+        if let Some(live) = self.showing.live() {
             for (vertex, goal) in &drag.goals {
-                let mut handles = stage.hold().handles.vertices().iter();
+                let mut handles = live.hold().handles.vertices().iter();
                 if let Some(handle) = handles.position(|v| v.0 == *vertex) {
-                    self.hands.want(handle, *goal);
+                    self.lead.hands.want(handle, *goal);
                 }
             }
         }
-        self.drag = [client, drag.number];
+        self.lead.drag = [client, drag.number];
         Ok(())
     }
 
+    /// The vertices that are held now; none without a cloth.
+    fn held(&self) -> Option<Vec<u32>> {
+        let handles = &self.showing.live()?.hold().handles;
+        Some(handles.vertices().iter().map(|v| v.0).collect())
+    }
+
     /// Holds vertices that are not held yet.
-    fn hold(&mut self, vertices: &[u32]) -> Result<(), String> {
-        let Some(stage) = &self.stage else {
+    fn hold(&mut self, vertices: &[u32]) -> Result<(), SessionError> {
+        let Some(held) = self.held() else {
             return Ok(());
         };
-        let held: Vec<u32> = stage
-            .hold()
-            .handles
-            .vertices()
-            .iter()
-            .map(|v| v.0)
-            .collect();
         let mut all = held.clone();
         for vertex in vertices {
             if !all.contains(vertex) {
@@ -240,27 +265,18 @@ impl Session {
             return Ok(());
         }
         if all.len() > MOST_HANDLES {
-            return Err(format!("{MOST_HANDLES} handles are the most"));
+            let most = MOST_HANDLES;
+            return Err(SessionError::TooManyHandles { most });
         }
         self.set_handles(&all, &held)
     }
 
-    fn let_go(&mut self, vertices: &[u32]) -> Result<(), String> {
-        let Some(stage) = &self.stage else {
+    fn let_go(&mut self, vertices: &[u32]) -> Result<(), SessionError> {
+        let Some(held) = self.held() else {
             return Ok(());
         };
-        let held: Vec<u32> = stage
-            .hold()
-            .handles
-            .vertices()
-            .iter()
-            .map(|v| v.0)
-            .collect();
-        let kept: Vec<u32> = held
-            .iter()
-            .copied()
-            .filter(|v| !vertices.contains(v))
-            .collect();
+        let all = held.iter().copied();
+        let kept: Vec<u32> = all.filter(|v| !vertices.contains(v)).collect();
         if kept.len() == held.len() {
             return Ok(());
         }
@@ -268,38 +284,38 @@ impl Session {
     }
 
     /// Goes on with the vertices `all` held, where `held` were before.
-    fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), String> {
-        let Some(stage) = &self.stage else {
+    fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), SessionError> {
+        let Some(live) = self.showing.live() else {
             return Ok(());
         };
-        let vertices = stage.bench().cloth().topology().vertex_count();
-        let handles = Handles::new(all, vertices).map_err(|error| error.to_string())?;
+        let vertices = live.ready().cloth().vertex_count();
+        let handles = Handles::new(all, vertices)?;
         self.unfollow();
-        let Some(stage) = &mut self.stage else {
+        let Some(live) = self.showing.live_mut() else {
             return Ok(());
         };
         let kept: Vec<Option<usize>> = all
             .iter()
             .map(|v| held.iter().position(|w| w == v))
             .collect();
-        stage.set_handles(handles, &kept)?;
-        let places = stage.places(&stage.hold().handles);
-        self.hands = self.hands.rearranged(&places, &kept);
+        live.set_handles(handles, &kept)?;
+        let places = live.places(&live.hold().handles);
+        self.lead.hands = self.lead.hands.rearranged(&places, &kept);
         self.end_recording("a recording has the same handles from start to end: ");
-        self.tell_soon = true;
+        self.outlets.tell_soon();
         self.publish_frame();
         Ok(())
     }
 
-    fn record(&mut self) -> Result<(), String> {
-        if self.player.is_some() {
-            return Err("a recording is being played: go back to the cloth first".to_owned());
+    fn record(&mut self) -> Result<(), SessionError> {
+        if self.showing.player().is_some() {
+            return Err(SessionError::Playing);
         }
-        if self.recorder.is_some() {
-            return Err("a recording is under way: end it before the next".to_owned());
+        if self.recordings.recorder.is_some() {
+            return Err(SessionError::Recording);
         }
-        let stage = self.stage.as_ref().ok_or("there is no cloth yet")?;
-        self.recorder = Some(Recorder::new(stage));
+        let live = self.showing.live().ok_or(SessionError::NoCloth)?;
+        self.recordings.recorder = Some(Recorder::new(live));
         self.resume();
         Ok(())
     }
@@ -309,43 +325,45 @@ impl Session {
         self.end_recording("");
     }
 
-    /// As [`Self::stop_recording`]; `why` goes before what is told of it.
+    /// As [`Self::stop_recording`]; `why` goes before the notice of it.
     pub(super) fn end_recording(&mut self, why: &str) {
-        let (Some(recorder), Some(stage)) = (self.recorder.take(), &self.stage) else {
+        let recorder = self.recordings.recorder.take();
+        let (Some(recorder), Some(live)) = (recorder, self.showing.live()) else {
             return;
         };
         let frames = recorder.state().frames;
         let written = recorder
-            .finish(stage)
-            .and_then(|tracks| recorder::write(tracks, &self.folder));
+            .finish(live)
+            .and_then(|tracks| recorder::write(tracks, &self.recordings.folder));
         match written {
-            Ok((tape, files)) => {
-                let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
-                self.replay = Some(tape);
-                self.recorded = files;
+            Ok(written) => {
+                let files = written.files.iter();
+                let names: Vec<String> = files.map(|file| file.display().to_string()).collect();
+                self.recordings.tape = Some(written.tape);
+                self.recordings.files = written.files;
                 let names = names.join(" and ");
                 self.notify(
                     Level::Good,
                     format!("{why}wrote {frames} frames to {names}"),
                 );
             }
-            Err(problem) => self.notify(Level::Bad, problem),
+            Err(error) => self.notify(Level::Bad, error.to_string()),
         }
     }
 
     /// Plays a tape; the cloth on the table waits.
     pub(super) fn play(&mut self, tape: Tape) {
         self.stop_recording();
-        self.player = Some(Player::new(tape));
+        self.showing.play(Player::new(tape));
         self.resume();
         self.publish_cloth();
     }
 
-    /// Back from a recording to the cloth on the table.
+    /// Returns from a recording to the cloth on the table.
     fn go_live(&mut self) {
-        if self.player.take().is_some() {
+        if self.showing.stop_playing() {
             self.resume();
-            match self.stage {
+            match self.showing.live() {
                 Some(_) => self.publish_cloth(),
                 None => self.place_order(self.order.clone()),
             }

@@ -1,5 +1,5 @@
-//! How the cloth of a session is moved on by one frame: where its handles go, by hand or along a
-//! motion, and what is kept of it.
+//! One frame of the cloth of a session: the handles go by hand or along a motion, the movers step, and
+//! the recorder keeps the frame.
 //!
 //! A motion may let handles go. Where one takes hold again, or the motion ends, the hand is put where the
 //! cloth has the vertex by then, and the rest of the path goes on from there.
@@ -8,251 +8,203 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{HandleError, HandlePath, HandleTargets};
+use selvedge_cloth::{HandlePath, HandleTargets, Motion};
 
 use super::Session;
+use super::error::SessionError;
+use super::following::{Following, let_go};
 use crate::hand::Hands;
-use crate::order::MoverKind;
-use crate::state::{Level, MotionState};
+use crate::mover::MoverKind;
+use crate::recorder::Recorder;
+use crate::state::{Level, TrackState};
 
 /// The name of the motion that is the scene's own.
-pub(super) const SCENE_MOTION: &str = "scene";
-
-/// Targets per frame.
-const SAMPLES: usize = 4;
-
-/// A motion that the handles follow, or will as soon as they have come to rest.
-#[derive(Clone)]
-pub(super) struct Following {
-    name: String,
-    /// Where they go; not known yet while they brake.
-    path: Option<Arc<HandlePath>>,
-    frame: usize,
-    /// Whether each handle was let go in the last frame, `[handles]`; empty before the first.
-    free: Vec<bool>,
-    /// How far each is from its path, since it took hold again `[m]`, `[handles]`; empty where none did.
-    offsets: Vec<DVec3>,
-}
-
-impl Following {
-    /// From `frame` of the motion on, along `path` if that is known.
-    fn new(name: String, path: Option<Arc<HandlePath>>, frame: usize) -> Self {
-        Self {
-            name,
-            path,
-            frame,
-            free: Vec::new(),
-            offsets: Vec::new(),
-        }
-    }
-
-    pub(super) fn state(&self) -> MotionState {
-        let frames = self.path.as_ref().map(|path| path.frame_count());
-        MotionState {
-            name: self.name.clone(),
-            frame: self.frame,
-            frames: frames.unwrap_or(0),
-        }
-    }
-
-    /// Where `path` has the handles `frames` after its start, `rate` in a second `[m]`, `[handles]`.
-    fn places(&self, path: &HandlePath, frames: f64, rate: f64) -> Vec<DVec3> {
-        let mut places = path.at(frames / rate);
-        for (place, offset) in places.iter_mut().zip(&self.offsets) {
-            *place += *offset;
-        }
-        places
-    }
-
-    /// The targets of the next frame along `path`.
-    fn targets(&self, path: &HandlePath, rate: f64) -> Result<HandleTargets, HandleError> {
-        let targets = path.targets(self.frame, SAMPLES)?;
-        if self.offsets.is_empty() {
-            return Ok(targets);
-        }
-        let at = |k: usize| self.frame as f64 + k as f64 / SAMPLES as f64;
-        let samples = (1..=SAMPLES).flat_map(|k| self.places(path, at(k), rate));
-        let shifted = HandleTargets::sampled(samples.collect(), targets.handle_count())?;
-        shifted.releasing(let_go(&targets))
-    }
-
-    /// The rest of `path` goes on from where the hands are now, `places` `[m]`, `[handles]`.
-    fn go_on_from(&mut self, places: &[DVec3], path: &HandlePath, rate: f64) {
-        let led = self.places(path, self.frame as f64, rate);
-        self.offsets.resize(led.len(), DVec3::ZERO);
-        let moves = places.iter().zip(&led).map(|(place, led)| *place - *led);
-        for (offset, change) in self.offsets.iter_mut().zip(moves) {
-            *offset += change;
-        }
-    }
-}
-
-/// Whether each handle is let go, `[handles]`.
-fn let_go(targets: &HandleTargets) -> Vec<bool> {
-    let handles = 0..targets.handle_count();
-    handles.map(|handle| !targets.holds(handle)).collect()
-}
+const SCENE_MOTION: &str = "scene";
 
 impl Session {
-    /// Follows the motion of that name: the scene's own from where the scene starts, another from where the
-    /// handles come to rest.
-    pub(super) fn follow(&mut self, name: String) -> Result<(), String> {
+    /// Follows the motion of that name: the scene's own from the start of the scene, another from the
+    /// place where the handles come to rest.
+    pub(super) fn follow(&mut self, name: String) -> Result<(), SessionError> {
         if name == SCENE_MOTION {
             self.end_recording("the scene's own motion starts from its beginning: ");
         }
-        let stage = self.stage.as_mut().ok_or("there is no cloth yet")?;
-        self.following = Some(if name == SCENE_MOTION {
-            let path = Arc::new(stage.bench().scene_path()?);
-            let mover = stage.mover();
-            stage.restart(mover)?;
-            self.hands = Hands::at(&stage.places(&stage.hold().handles));
-            Following::new(name, Some(path), stage.bench().start_frame())
+        let live = self.showing.live_mut().ok_or(SessionError::NoCloth)?;
+        let following = if name == SCENE_MOTION {
+            let path = Arc::new(live.ready().scene_path()?);
+            live.restart(live.mover())?;
+            self.lead.hands = Hands::at(&live.places(&live.hold().handles));
+            Following::new(name, Some(path), live.ready().start_frame())
         } else {
-            let motion = named::by_name(&name);
-            let motion = motion.ok_or_else(|| format!("there is no motion {name:?}"))?;
-            let rate = stage.bench().frame_rate();
-            let trial = motion.bind(&self.hands.positions(), rate);
-            trial.map_err(|error| error.to_string())?;
+            let rate = live.ready().frame_rate();
+            // A trial: the path itself is bound where the handles come to rest.
+            motion_called(&name)?.bind(&self.lead.hands.positions(), rate)?;
             self.unfollow();
-            self.hands.brake(&self.limits);
+            self.lead.hands.brake(&self.lead.limits);
             Following::new(name, None, 0)
-        });
-        self.tell_soon = true;
+        };
+        self.lead.following = Some(following);
+        self.outlets.tell_soon();
         Ok(())
     }
 
-    /// The motion ends where it is; the handles brake.
+    /// Ends the motion where it is; the handles brake.
     pub(super) fn unfollow(&mut self) {
-        if let Some(following) = self.following.take() {
+        if let Some(following) = self.lead.following.take() {
             if following.path.is_some() {
-                if let Err(problem) = self.take_hold(&following.free) {
-                    self.notify(Level::Bad, problem);
+                if let Err(error) = self.take_hold(&following.free) {
+                    self.notify(Level::Bad, error.to_string());
                 }
-                self.hands.brake(&self.limits);
+                self.lead.hands.brake(&self.lead.limits);
             }
-            self.tell_soon = true;
+            self.outlets.tell_soon();
         }
     }
 
-    /// Hands whose handles were let go, as `free` says, `[handles]`, take hold of the cloth where it is.
-    fn take_hold(&mut self, free: &[bool]) -> Result<(), String> {
-        let Some(stage) = &mut self.stage else {
+    /// Hands whose handles were `free`, `[handles]`, take hold of the cloth where it is.
+    fn take_hold(&mut self, free: &[bool]) -> Result<(), SessionError> {
+        let Some(live) = self.showing.live_mut() else {
             return Ok(());
         };
         if !free.contains(&true) {
             return Ok(());
         }
-        stage.take_hold_again(free)?;
-        let places = stage.places(&stage.hold().handles);
+        live.take_hold_again(free)?;
+        let places = live.places(&live.hold().handles);
         for (handle, (place, free)) in places.into_iter().zip(free).enumerate() {
             if *free {
-                self.hands.put(handle, place);
+                self.lead.hands.put(handle, place);
             }
         }
         Ok(())
     }
 
-    /// The cloth by one frame.
+    /// Moves the cloth by one frame.
     pub(super) fn move_cloth(&mut self) {
-        let Some(rate) = self.stage.as_ref().map(|s| s.bench().frame_rate()) else {
+        let Some(rate) = self.showing.live().map(|live| live.ready().frame_rate()) else {
             return;
         };
-        let hands_before = (self.hands.clone(), self.following.clone());
+        let before = (self.lead.hands.clone(), self.lead.following.clone());
         let targets = match self.next_targets(rate) {
             Ok(targets) => targets,
             Err(error) => {
                 self.unfollow();
-                return self.notify(Level::Bad, error);
+                return self.notify(Level::Bad, error.to_string());
             }
         };
-        let Some(stage) = &mut self.stage else { return };
-        let stopped = |tracks: Vec<crate::state::Track>| {
-            let of = |t: crate::state::Track| t.stopped.map(|why| (t.name, t.kind, why));
-            tracks.into_iter().filter_map(of).collect::<Vec<_>>()
+        let Some(live) = self.showing.live_mut() else {
+            return;
         };
-        let before = stopped(stage.tracks());
-        stage.step(&targets);
-        let after = stopped(stage.tracks());
-        if !stage.is_moving() {
-            // Whoever takes over makes this frame.
-            (self.hands, self.following) = hands_before;
+        let stopped_before = stopped(live.tracks());
+        live.step(&targets);
+        let stopped_now = stopped(live.tracks());
+        if !live.is_moving() {
+            // The mover that takes over makes this frame.
+            (self.lead.hands, self.lead.following) = before;
         }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.keep(stage);
+        if let Some(recorder) = &mut self.recordings.recorder {
+            recorder.keep(live);
         }
-        if let Some((name, kind, why)) = after.into_iter().find(|s| !before.contains(s)) {
-            let remedy = match kind {
-                Some(MoverKind::Model) => "reset, or let the physics take over",
-                _ => "reset",
-            };
+        let newly = stopped_now
+            .into_iter()
+            .find(|s| !stopped_before.contains(s));
+        if let Some(stopped) = newly {
             self.stop_recording();
-            self.notify(Level::Bad, format!("{name} stopped: {why} ({remedy})"));
+            self.notify(Level::Bad, stopped.text());
         }
-        if self
-            .recorder
-            .as_ref()
-            .is_some_and(crate::recorder::Recorder::is_full)
-        {
+        let recorder = self.recordings.recorder.as_ref();
+        if recorder.is_some_and(Recorder::is_full) {
             self.stop_recording();
         }
     }
 
-    fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, String> {
+    fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, SessionError> {
         self.begin_motion(rate)?;
-        let path = self.following.as_ref().and_then(|f| f.path.clone());
+        let path = self.lead.following.as_ref().and_then(|f| f.path.clone());
         if let Some(path) = path
-            && let Some(mut following) = self.following.take()
+            && let Some(mut following) = self.lead.following.take()
         {
             if following.frame < path.frame_count() {
-                let targets = self.lead(&mut following, &path, rate);
-                self.following = Some(following);
+                let targets = self.follow_path(&mut following, &path, rate);
+                self.lead.following = Some(following);
                 return targets;
             }
             let last = following.places(&path, following.frame as f64, rate);
-            self.hands = Hands::at(&last);
-            self.tell_soon = true;
+            self.lead.hands = Hands::at(&last);
+            self.outlets.tell_soon();
             self.take_hold(&following.free)?;
         }
-        self.hands.advance(&self.limits, 1.0 / rate);
-        let positions: Vec<DVec3> = self.hands.positions();
-        HandleTargets::at_frame_end(positions).map_err(|error| error.to_string())
+        self.lead.hands.advance(&self.lead.limits, 1.0 / rate);
+        let positions: Vec<DVec3> = self.lead.hands.positions();
+        Ok(HandleTargets::at_frame_end(positions)?)
     }
 
     /// Leads the hands along `path` by one frame.
-    fn lead(
+    fn follow_path(
         &mut self,
         following: &mut Following,
         path: &HandlePath,
         rate: f64,
-    ) -> Result<HandleTargets, String> {
-        let text = |error: HandleError| error.to_string();
-        let mut targets = following.targets(path, rate).map_err(text)?;
+    ) -> Result<HandleTargets, SessionError> {
+        let mut targets = following.targets(path, rate)?;
         let before = std::mem::replace(&mut following.free, let_go(&targets));
         let now = before.iter().zip(&following.free);
         let taken: Vec<bool> = now.map(|(before, now)| *before && !now).collect();
         if taken.contains(&true) {
             self.take_hold(&taken)?;
-            following.go_on_from(&self.hands.positions(), path, rate);
-            targets = following.targets(path, rate).map_err(text)?;
+            following.go_on_from(&self.lead.hands.positions(), path, rate);
+            targets = following.targets(path, rate)?;
         }
         following.frame += 1;
-        self.hands = self.hands.led_to(targets.end(), 1.0 / rate);
+        self.lead.hands = self.lead.hands.led_to(targets.end(), 1.0 / rate);
         Ok(targets)
     }
 
     /// Binds the motion that waits, once the handles are at rest.
-    fn begin_motion(&mut self, rate: f64) -> Result<(), String> {
-        if let Some(following) = &mut self.following
+    fn begin_motion(&mut self, rate: f64) -> Result<(), SessionError> {
+        if let Some(following) = &mut self.lead.following
             && following.path.is_none()
-            && self.hands.is_at_rest()
+            && self.lead.hands.is_at_rest()
         {
-            let motion = named::by_name(&following.name);
-            let motion =
-                motion.ok_or_else(|| format!("there is no motion {:?}", following.name))?;
-            let path = motion.bind(&self.hands.positions(), rate);
-            let path = path.map_err(|error| error.to_string())?;
+            let motion = motion_called(&following.name)?;
+            let path = motion.bind(&self.lead.hands.positions(), rate)?;
             following.path = Some(Arc::new(path));
         }
         Ok(())
     }
+}
+
+fn motion_called(name: &str) -> Result<Motion, SessionError> {
+    named::by_name(name).ok_or_else(|| SessionError::UnknownMotion {
+        name: name.to_owned(),
+    })
+}
+
+/// A cloth that moves no more.
+#[derive(PartialEq, Eq)]
+struct Stopped {
+    name: String,
+    kind: Option<MoverKind>,
+    reason: String,
+}
+
+impl Stopped {
+    fn text(&self) -> String {
+        let remedy = match self.kind {
+            Some(MoverKind::Model) => "reset, or let the physics take over",
+            Some(MoverKind::Physics) | None => "reset",
+        };
+        format!("{} stopped: {} ({remedy})", self.name, self.reason)
+    }
+}
+
+/// Those of `tracks` that move no more.
+fn stopped(tracks: Vec<TrackState>) -> Vec<Stopped> {
+    let of = |track: TrackState| {
+        Some(Stopped {
+            reason: track.stopped?,
+            name: track.name,
+            kind: track.kind,
+        })
+    };
+    tracks.into_iter().filter_map(of).collect()
 }

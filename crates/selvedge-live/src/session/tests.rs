@@ -1,5 +1,7 @@
 //! A session by itself: frames are made when a test says so, without a clock or a socket.
 
+use std::time::Duration;
+
 use glam::{DVec3, Vec3};
 use selvedge_cloth::Release;
 use selvedge_data::Trajectory;
@@ -7,8 +9,18 @@ use serde_json::Value;
 
 use super::*;
 use crate::protocol::{Command, Drag};
-use crate::test_bench::{FALL, PACE, TestBench, order};
-use crate::test_cloth::CORNERS;
+use crate::test_cloth::{CORNERS, PACE, TestCloth, order};
+
+/// The fall of a free vertex in a frame `[m]`.
+const FALL: f32 = 0.01;
+
+/// A cloth whose free vertices fall.
+fn falling() -> TestCloth {
+    TestCloth {
+        fall: FALL,
+        ..TestCloth::new()
+    }
+}
 
 fn opening(scene: &str, mover: Mover) -> Opening {
     Opening {
@@ -19,17 +31,12 @@ fn opening(scene: &str, mover: Mover) -> Opening {
     }
 }
 
-/// A session with the cloth of `bench` on the table.
-fn session(bench: TestBench, mover: Mover) -> Session {
-    let slot = || watch::channel(Slot::default()).0;
-    let outlets = Outlets {
-        cloth: slot(),
-        state: slot(),
-        frame: slot(),
-    };
+/// A session with the cloth `ready` on the table.
+fn session(ready: TestCloth, mover: Mover) -> Session {
+    let (outlets, _) = Outlets::new();
     let (orders, _) = order_slot();
     let mut session = Session::new(opening("corners", mover), orders, outlets);
-    session.take(Request::Prepared(order("corners"), Ok(Box::new(bench))));
+    session.take(Request::Prepared(order("corners"), Ok(Box::new(ready))));
     session
 }
 
@@ -55,17 +62,17 @@ fn blow(session: &mut Session, x: f64) {
 
 /// Positions of the cloth of that number `[m]`, `[vertices]`.
 fn track(session: &Session, number: usize) -> Vec<Vec3> {
-    session.stage.as_ref().unwrap().positions()[number].to_vec()
+    session.showing.live().unwrap().positions()[number].to_vec()
 }
 
 fn assert_told(session: &Session, what: &str) {
-    let text = &session.notice.as_ref().unwrap().text;
+    let text = &session.outlets.notice().unwrap().text;
     assert!(text.contains(what), "{text}");
 }
 
 #[test]
 fn another_mover_takes_over_where_the_one_before_has_stopped() {
-    let mut session = session(TestBench::new(), Mover::Model);
+    let mut session = session(falling(), Mover::Model);
     let corner = CORNERS[3].as_dvec3();
     drag(&mut session, &[(0, DVec3::X), (3, corner)]);
     (0..60).for_each(|_| session.advance());
@@ -79,7 +86,10 @@ fn another_mover_takes_over_where_the_one_before_has_stopped() {
     let after = track(&session, 0);
     // The next frame of the drag, no faster than a hand may be.
     let way = f64::from(after[0].distance(before[0]));
-    assert!(way > 0.01 && way < session.limits.speed / 60.0, "{way}");
+    assert!(
+        way > 0.01 && way < session.lead.limits.speed / 60.0,
+        "{way}"
+    );
     assert_eq!(after[3], CORNERS[3]);
     (0..120).for_each(|_| session.advance());
     assert!(track(&session, 0)[0].distance(Vec3::X) < 1e-5);
@@ -87,7 +97,7 @@ fn another_mover_takes_over_where_the_one_before_has_stopped() {
 
 #[test]
 fn hands_go_by_the_cloth_that_moves_where_the_other_has_stopped() {
-    let mut session = session(TestBench::new(), Mover::Both);
+    let mut session = session(falling(), Mover::Both);
     drag(&mut session, &[(0, DVec3::X)]);
     (0..60).for_each(|_| session.advance());
     let apart = track(&session, 0)[3].distance(track(&session, 1)[3]);
@@ -95,7 +105,7 @@ fn hands_go_by_the_cloth_that_moves_where_the_other_has_stopped() {
     let vertices = vec![3];
     ask(&mut session, Command::Hold { vertices });
     let held = track(&session, 1)[3];
-    assert_eq!(session.hands.positions()[2], held.as_dvec3());
+    assert_eq!(session.lead.hands.positions()[2], held.as_dvec3());
     (0..10).for_each(|_| session.advance());
     assert_eq!(track(&session, 1)[3], held);
 }
@@ -104,11 +114,11 @@ fn hands_go_by_the_cloth_that_moves_where_the_other_has_stopped() {
 fn a_handle_that_a_motion_has_let_go_stays_where_it_is() {
     // For three frames or for good; the motion stopped by hand while it is free, after that, or never.
     for (to, stop) in [(Some(0.1), 99), (None, 99), (Some(0.1), 5), (Some(0.1), 8)] {
-        let mut bench = TestBench::new();
+        let mut ready = falling();
         let (handles, from) = (vec![1], 0.05);
         let release = Release { handles, from, to };
-        bench.schedule.releases.push(release);
-        let mut session = session(bench, Mover::Physics);
+        ready.schedule.releases.push(release);
+        let mut session = session(ready, Mover::Physics);
         play_scene(&mut session);
         for frame in 0..40 {
             match frame {
@@ -129,23 +139,23 @@ fn a_handle_that_a_motion_has_let_go_stays_where_it_is() {
                 "{way} m in frame {frame}, {to:?}, {stop}"
             );
         }
-        assert!(session.following.is_none());
+        assert!(session.lead.following.is_none());
         let there = track(&session, 0)[1].as_dvec3();
-        assert!(session.hands.positions()[1].distance(there) < 1e-6);
+        assert!(session.lead.hands.positions()[1].distance(there) < 1e-6);
         assert!(there.y < -0.019, "{there}");
     }
 }
 
 #[test]
 fn the_motion_of_a_scene_goes_on_from_where_the_scene_starts() {
-    let mut bench = TestBench::new();
-    bench.start_frame = 4;
-    let mut session = session(bench, Mover::Physics);
+    let mut ready = falling();
+    ready.start_frame = 4;
+    let mut session = session(ready, Mover::Physics);
     play_scene(&mut session);
     session.advance();
     let way = f64::from(track(&session, 0)[0].x);
     assert!((way - 5.0 * PACE).abs() < 1e-6, "{way} m");
-    let following = session.following.as_ref().map(Following::state);
+    let following = session.lead.following.as_ref().map(Following::state);
     assert_eq!(
         following.map(|state| (state.frame, state.frames)),
         Some((5, 12))
@@ -155,28 +165,29 @@ fn the_motion_of_a_scene_goes_on_from_where_the_scene_starts() {
 #[test]
 fn a_recording_ends_where_the_wind_changes() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = session(TestBench::new(), Mover::Physics);
-    session.folder = folder.path().to_owned();
+    let mut session = session(falling(), Mover::Physics);
+    session.recordings.folder = folder.path().to_owned();
     ask(&mut session, Command::Record);
     (0..3).for_each(|_| session.advance());
     // The wind that blows already.
     blow(&mut session, 0.0);
-    assert!(session.recorder.is_some());
+    assert!(session.recordings.recorder.is_some());
     blow(&mut session, 3.0);
-    assert!(session.recorder.is_none());
+    assert!(session.recordings.recorder.is_none());
     assert_told(&session, "the same wind from start to end: wrote 4 frames");
-    let recorded = Trajectory::read(&session.recorded[0]).unwrap();
+    let recorded = Trajectory::read(&session.recordings.files[0]).unwrap();
     assert_eq!(recorded.provenance().scene, Value::from(0.0));
 }
 
 #[test]
 fn a_recording_is_not_begun_twice() {
-    let mut session = session(TestBench::new(), Mover::Physics);
+    let mut session = session(falling(), Mover::Physics);
     ask(&mut session, Command::Record);
     (0..3).for_each(|_| session.advance());
     ask(&mut session, Command::Record);
     assert_told(&session, "under way");
     let frames = session
+        .recordings
         .recorder
         .take()
         .map(|recorder| recorder.state().frames);
@@ -185,7 +196,7 @@ fn a_recording_is_not_begun_twice() {
 
 #[test]
 fn a_vertex_that_is_not_there_ends_nothing() {
-    let mut session = session(TestBench::new(), Mover::Physics);
+    let mut session = session(falling(), Mover::Physics);
     play_scene(&mut session);
     ask(&mut session, Command::Record);
     session.advance();
@@ -194,9 +205,13 @@ fn a_vertex_that_is_not_there_ends_nothing() {
     assert_told(&session, "vertex 9");
     drag(&mut session, &[(9, DVec3::X)]);
     session.advance();
-    let following = session.following.as_ref().map(Following::state);
+    let following = session.lead.following.as_ref().map(Following::state);
     assert_eq!(following.map(|state| state.frame), Some(2));
-    let recorder = session.recorder.take().map(|recorder| recorder.state());
+    let recorder = session
+        .recordings
+        .recorder
+        .take()
+        .map(|recorder| recorder.state());
     assert_eq!(recorder.map(|state| state.frames), Some(3));
 }
 
@@ -214,15 +229,15 @@ impl Workshop for SlowWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn Bench>, String> {
+    ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
         if order.scene == "slow" {
             self.begun.send(()).unwrap();
             while progress("it sags".to_owned()).is_continue() {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            return Err("it was stopped".to_owned());
+            return Err(PrepareError::new("it was stopped"));
         }
-        Ok(Box::new(TestBench::new()))
+        Ok(Box::new(falling()))
     }
 }
 
@@ -237,7 +252,7 @@ fn an_order_that_a_later_one_overtakes_is_stopped() {
     let port = running.port();
     port.requests.send(Request::Page(1, later)).unwrap();
     let started = Instant::now();
-    while port.cloth.borrow().generation == 0 {
+    while port.inlets.cloth.borrow().generation == 0 {
         assert!(started.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -1,7 +1,7 @@
 //! What the live viewer shows: cloths made ready from scenes, and who moves them, the physics or a model.
 
-mod bench;
 mod movers;
+mod scene_cloth;
 mod workshop;
 
 pub(crate) use workshop::ViewWorkshop;

@@ -4,12 +4,13 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
+use selvedge_data::SavedState;
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::models;
-use selvedge_live::{Hold, LiveStepper};
+use selvedge_live::{Hold, LiveStepper, MoverError};
 use selvedge_model::Model;
 use selvedge_sim::Simulator;
 
@@ -20,24 +21,21 @@ pub(super) struct LivePhysics {
 }
 
 impl LivePhysics {
-    /// Starts at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, frames counted from `frame`.
+    /// Starts in `state`.
     pub(super) fn start(
         scene: &Arc<Scene>,
         hold: &Hold,
-        state: (Vec<DVec3>, Vec<DVec3>),
-        frame: usize,
-    ) -> Result<Self, String> {
+        state: SavedState,
+    ) -> Result<Self, MoverError> {
         let held = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let simulator = Simulator::with_state(&held, state.0, state.1);
+        let simulator = Simulator::with_state(&held, state.positions, state.velocities);
         Ok(Self {
             scene: Arc::clone(scene),
-            simulator: simulator
-                .map_err(|error| error.to_string())?
-                .at_frame(frame),
+            simulator: simulator.map_err(MoverError::new)?.at_frame(state.frame),
         })
     }
 }
@@ -51,23 +49,29 @@ impl Stepper for LivePhysics {
 }
 
 impl LiveStepper for LivePhysics {
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
         let simulator = &self.simulator;
-        let state = (
-            simulator.positions_f64().to_vec(),
-            simulator.velocities_f64().to_vec(),
-        );
-        let changed = Self::start(&self.scene, hold, state, simulator.frame())?;
-        Ok(Box::new(changed))
+        let state = SavedState {
+            positions: simulator.positions_f64().to_vec(),
+            velocities: simulator.velocities_f64().to_vec(),
+            frame: simulator.frame(),
+        };
+        Ok(Box::new(Self::start(&self.scene, hold, state)?))
     }
+}
+
+/// A model, and the machine that runs it.
+#[derive(Clone)]
+pub(super) struct ModelOnMachine {
+    pub(super) model: Arc<Model>,
+    pub(super) machine: Machine,
 }
 
 /// A model under a guard, with the last frames, from which it goes on when its graph changes.
 pub(super) struct LiveModel {
-    model: Arc<Model>,
+    model: ModelOnMachine,
     scene: Arc<Scene>,
     cloth: Arc<Cloth>,
-    machine: Machine,
     stepper: Guard<Mover>,
     /// As many as the model looks at, oldest first.
     recent: VecDeque<Vec<Vec3>>,
@@ -77,32 +81,34 @@ impl LiveModel {
     /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. The rest pose
     /// that the model compares with stays that of the scene's own handles in the scene's own wind.
     pub(super) fn start(
-        (model, machine): (&Arc<Model>, &Machine),
+        model: &ModelOnMachine,
         scene: &Arc<Scene>,
         cloth: &Arc<Cloth>,
         hold: &Hold,
         frames: &[&[Vec3]],
-    ) -> Result<Self, String> {
+    ) -> Result<Self, MoverError> {
         let held = Cloth::clone(cloth).with_handles(hold.handles.clone());
-        let held = held.map_err(|error| error.to_string())?;
+        let held = held.map_err(MoverError::new)?;
         let held_scene = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let text = |error: anyhow::Error| crate::failure::chain(&error);
+        let text = |error: anyhow::Error| MoverError::new(crate::failure::chain(&error));
         let graph = models::graph_of_scene(&held_scene, &held).map_err(text)?;
-        let stepper = machine.start(model, graph, frames).map_err(text)?;
+        let stepper = model
+            .machine
+            .start(&model.model, graph, frames)
+            .map_err(text)?;
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
         let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);
-        let needed = model.spec().history();
+        let needed = model.model.spec().history();
         let first = frames.len().saturating_sub(needed);
         Ok(Self {
-            model: Arc::clone(model),
+            model: model.clone(),
             scene: Arc::clone(scene),
             cloth: Arc::clone(cloth),
-            machine: machine.clone(),
-            stepper: stepper.map_err(|error| error.to_string())?,
+            stepper: stepper.map_err(MoverError::new)?,
             recent: frames[first..].iter().map(|frame| frame.to_vec()).collect(),
         })
     }
@@ -113,7 +119,7 @@ impl Stepper for LiveModel {
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.stepper.step(targets)?;
-        if self.recent.len() >= self.model.spec().history() {
+        if self.recent.len() >= self.model.model.spec().history() {
             self.recent.pop_front();
         }
         self.recent.push_back(self.stepper.positions().to_vec());
@@ -122,10 +128,16 @@ impl Stepper for LiveModel {
 }
 
 impl LiveStepper for LiveModel {
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
         let frames: Vec<&[Vec3]> = self.recent.iter().map(Vec::as_slice).collect();
-        let (model, scene, cloth) = ((&self.model, &self.machine), &self.scene, &self.cloth);
-        Ok(Box::new(Self::start(model, scene, cloth, hold, &frames)?))
+        let (scene, cloth) = (&self.scene, &self.cloth);
+        Ok(Box::new(Self::start(
+            &self.model,
+            scene,
+            cloth,
+            hold,
+            &frames,
+        )?))
     }
 }
 
@@ -133,6 +145,7 @@ impl LiveStepper for LiveModel {
 mod tests {
     use super::*;
     use crate::view::ViewWorkshop;
+    use glam::DVec3;
     use selvedge_cloth::conformance::{HandlesEnd, check};
     use selvedge_live::{MoverKind, Start, Workshop};
     use std::ops::ControlFlow;
@@ -149,14 +162,14 @@ mod tests {
     fn difference(kind: MoverKind) -> f32 {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
-        let bench = workshop
+        let ready = workshop
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         let hold = Hold {
-            handles: bench.cloth().handles().clone(),
-            environment: bench.environment(),
+            handles: ready.cloth().handles().clone(),
+            environment: ready.environment(),
         };
-        let mut one = bench.start(kind, Start::Beginning, &hold).unwrap();
+        let mut one = ready.start(kind, Start::Beginning, &hold).unwrap();
         let start = hold.handles.select(one.positions());
         for frame in 1..=10 {
             one.step(&pulled(&start, frame)).unwrap();
@@ -175,15 +188,15 @@ mod tests {
     fn movers_conform() {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
-        let bench = workshop
+        let ready = workshop
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         let hold = Hold {
-            handles: bench.cloth().handles().clone(),
-            environment: bench.environment(),
+            handles: ready.cloth().handles().clone(),
+            environment: ready.environment(),
         };
         for kind in [MoverKind::Model, MoverKind::Physics] {
-            let make = || bench.start(kind, Start::Beginning, &hold).unwrap();
+            let make = || ready.start(kind, Start::Beginning, &hold).unwrap();
             // The physics of the viewer holds by springs.
             let end = match kind {
                 MoverKind::Physics => HandlesEnd::Elsewhere,
@@ -209,18 +222,18 @@ mod tests {
     fn a_model_that_is_shaken_keeps_its_edges() {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
-        let bench = workshop
+        let ready = workshop
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         let hold = Hold {
-            handles: bench.cloth().handles().clone(),
-            environment: bench.environment(),
+            handles: ready.cloth().handles().clone(),
+            environment: ready.environment(),
         };
-        let mut stepper = bench
+        let mut stepper = ready
             .start(MoverKind::Model, Start::Beginning, &hold)
             .unwrap();
         let start = hold.handles.select(stepper.positions());
-        let material = bench.cloth().material_coordinates();
+        let material = ready.cloth().material_coordinates();
         let mut worst = 0.0_f32;
         for frame in 0..60 {
             // To and fro by half a metre, at eight times the speed of any motion learned from.

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use selvedge_lab::machine::Machine;
-use selvedge_live::{MeshOrder, Order, Workshop};
+use selvedge_live::{MeshOrder, Order, PrepareError, Workshop};
 
 use super::ViewWorkshop;
 
@@ -13,7 +13,7 @@ fn refused(change: impl FnOnce(&mut Order)) -> String {
     change(&mut order);
     match workshop.prepare(&order, &mut |_| ControlFlow::Continue(())) {
         Ok(_) => panic!("{order:?} was made"),
-        Err(problem) => problem,
+        Err(problem) => problem.to_string(),
     }
 }
 
@@ -41,23 +41,23 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
         material: Some("11oz-black-denim".to_owned()),
         ..workshop.first_order()
     };
-    let bench = workshop
+    let ready = workshop
         .prepare(&order, &mut |_| ControlFlow::Continue(()))
         .unwrap();
-    assert!(bench.cloth().handles().len() > 2);
+    assert!(ready.cloth().handles().len() > 2);
     assert!(
-        bench
+        ready
             .remarks()
             .iter()
             .any(|remark| remark.contains("a guess"))
     );
     // The one that it was trained on is not.
     let first = workshop.first_order();
-    let bench = workshop
+    let ready = workshop
         .prepare(&first, &mut |_| ControlFlow::Continue(()))
         .unwrap();
-    assert!(bench.remarks().is_empty(), "{:?}", bench.remarks());
-    assert_eq!(bench.cloth().handles().len(), 2);
+    assert!(ready.remarks().is_empty(), "{:?}", ready.remarks());
+    assert_eq!(ready.cloth().handles().len(), 2);
 }
 
 #[test]
@@ -74,8 +74,8 @@ fn a_cloth_whose_rest_pose_is_neither_needed_nor_found_is_shown_with_a_remark() 
         std::fs::write(&file, text).unwrap();
         let mut workshop = ViewWorkshop::new(&name, &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
-        let bench = workshop.prepare(&order, &mut |_| flow)?;
-        Ok::<_, String>((bench.remarks().join("; "), bench.cloth().clone()))
+        let ready = workshop.prepare(&order, &mut |_| flow)?;
+        Ok::<_, PrepareError>((ready.remarks().join("; "), ready.cloth().clone()))
     };
     let (held, on) = ("{ label = \"upper-corners\" }", ControlFlow::Continue(()));
     let hasty = "sag = { max_steps = 3 }\n";
@@ -84,10 +84,11 @@ fn a_cloth_whose_rest_pose_is_neither_needed_nor_found_is_shown_with_a_remark() 
     assert!(remarks.contains("sag.max_steps"), "{remarks}");
     // As it was generated: flat and upright.
     assert!(cloth.rest_positions().iter().all(|p| p.x == 0.0));
-    let problem = prepare(held, hasty, on).unwrap_err();
+    let problem = prepare(held, hasty, on).unwrap_err().to_string();
     assert!(problem.contains("sag.max_steps"), "{problem}");
     // Nobody waits for it: no more is done.
-    let stopped = prepare(held, &from_mesh, ControlFlow::Break(())).unwrap_err();
+    let stopped = prepare(held, &from_mesh, ControlFlow::Break(()));
+    let stopped = stopped.unwrap_err().to_string();
     assert!(stopped.contains("stopped"), "{stopped}");
     // Nothing holds it at the start.
     let free = "{ groups = [{ name = \"all\", select = { label = \"upper-corners\" }, \

@@ -17,10 +17,11 @@ use selvedge_data::{
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::{assets, physics};
-use selvedge_live::{Bench, Catalogue, MeshOrder, Order, Workshop};
+use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
 use selvedge_sim::{SagError, sag_with_progress};
 
-use super::bench::SceneBench;
+use super::movers::ModelOnMachine;
+use super::scene_cloth::SceneCloth;
 use crate::scenes;
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
@@ -72,11 +73,11 @@ impl ViewWorkshop {
         }
     }
 
-    fn bench(
+    fn make_ready(
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> anyhow::Result<SceneBench> {
+    ) -> anyhow::Result<SceneCloth> {
         // Only what was named at the start may be opened, whatever a page asks for.
         if !self.scenes.contains(&order.scene) {
             bail!("there is no scene {:?} here", order.scene);
@@ -97,14 +98,16 @@ impl ViewWorkshop {
             schedule: HandleSchedule::default(),
             ..scene.clone()
         };
-        Ok(SceneBench {
+        Ok(SceneCloth {
             cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?),
             spec,
             scene,
             led: Arc::new(led),
             start,
-            model,
-            machine: self.machine.clone(),
+            model: ModelOnMachine {
+                model,
+                machine: self.machine.clone(),
+            },
             remarks,
         })
     }
@@ -189,10 +192,10 @@ impl Workshop for ViewWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn Bench>, String> {
-        match self.bench(order, progress) {
-            Ok(bench) => Ok(Box::new(bench)),
-            Err(error) => Err(crate::failure::chain(&error)),
+    ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
+        match self.make_ready(order, progress) {
+            Ok(ready) => Ok(Box::new(ready)),
+            Err(error) => Err(PrepareError::new(crate::failure::chain(&error))),
         }
     }
 }

@@ -1,20 +1,14 @@
 //! A session of a cloth that anyone can predict, served to a client that speaks the wire by hand.
-//!
-//! Each step the free vertices go where the mean of the handles has gone.
 
 use std::net::{SocketAddr, TcpStream};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use glam::{DVec3, Vec3};
-use selvedge_cloth::{
-    Cloth, Environment, HandlePath, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
-};
-use selvedge_data::Provenance;
+use glam::Vec3;
 use selvedge_live::{
-    Bench, Catalogue, Hold, LiveStepper, Mover, MoverKind, Opening, Order, RunningServer,
-    RunningSession, ServerSettings, Start, Workshop, serve, start,
+    Catalogue, Mover, Opening, Order, PrepareError, ReadyCloth, RunningServer, RunningSession,
+    ServerSettings, Workshop, serve, start,
 };
 use serde_json::Value;
 use tungstenite::client::IntoClientRequest;
@@ -25,127 +19,12 @@ use tungstenite::{Message, WebSocket};
 mod test_cloth;
 
 pub(crate) use test_cloth::CORNERS;
-use test_cloth::cloth;
+use test_cloth::{TestCloth, order};
 
-/// Free vertices follow the mean of the handles.
-struct Follower {
-    cloth: Cloth,
-    positions: Vec<Vec3>,
-    frame: usize,
-    cost: Duration,
-}
+/// Makes the test cloth ready, with steps that take this time.
+struct TestWorkshop(Duration);
 
-impl Stepper for Follower {
-    fn topology(&self) -> &Topology {
-        self.cloth.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        self.cloth.handles()
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        &self.positions
-    }
-
-    fn frame(&self) -> usize {
-        self.frame
-    }
-
-    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        std::thread::sleep(self.cost);
-        let before = self.cloth.handles().select(&self.positions);
-        let moves = targets
-            .end()
-            .iter()
-            .zip(&before)
-            .map(|(t, p)| t.as_vec3() - *p);
-        let mean = moves.sum::<Vec3>() / before.len().max(1) as f32;
-        self.positions.iter_mut().for_each(|p| *p += mean);
-        for (vertex, target) in self.cloth.handles().vertices().iter().zip(targets.end()) {
-            self.positions[vertex.index()] = target.as_vec3();
-        }
-        self.frame += 1;
-        Ok(())
-    }
-}
-
-impl LiveStepper for Follower {
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, String> {
-        let cloth = self.cloth.clone();
-        let cloth = cloth.with_handles(hold.handles.clone()).unwrap();
-        Ok(Box::new(Self {
-            cloth,
-            positions: self.positions.clone(),
-            ..*self
-        }))
-    }
-}
-
-struct FollowerBench {
-    cloth: Cloth,
-    cost: Duration,
-}
-
-impl Bench for FollowerBench {
-    fn cloth(&self) -> &Cloth {
-        &self.cloth
-    }
-
-    fn frame_rate(&self) -> f64 {
-        60.0
-    }
-
-    fn environment(&self) -> Environment {
-        Environment::default()
-    }
-
-    fn scene_path(&self) -> Result<HandlePath, String> {
-        let start = CORNERS[..2].iter().map(|p| p.as_dvec3());
-        let path = Motion::still(1.0).bind(&start.collect::<Vec<_>>(), 60.0);
-        path.map_err(|error| error.to_string())
-    }
-
-    fn start_frame(&self) -> usize {
-        0
-    }
-
-    fn remarks(&self) -> &[String] {
-        &[]
-    }
-
-    fn start(
-        &self,
-        _: MoverKind,
-        start: Start<'_>,
-        hold: &Hold,
-    ) -> Result<Box<dyn LiveStepper>, String> {
-        let positions = match start {
-            Start::Beginning => CORNERS.to_vec(),
-            Start::Frames(frames) => frames.last().unwrap().clone(),
-        };
-        let cloth = self.cloth.clone();
-        let cloth = cloth.with_handles(hold.handles.clone()).unwrap();
-        Ok(Box::new(Follower {
-            cloth,
-            positions,
-            frame: 0,
-            cost: self.cost,
-        }))
-    }
-
-    fn provenance(&self, _: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, String> {
-        Ok(Provenance {
-            frame_rate: 60.0,
-            scene: Value::from(handles.len()),
-            made_by: "test".to_owned(),
-        })
-    }
-}
-
-struct FollowerWorkshop(Duration);
-
-impl Workshop for FollowerWorkshop {
+impl Workshop for TestWorkshop {
     fn catalogue(&self) -> Catalogue {
         Catalogue::default()
     }
@@ -154,16 +33,16 @@ impl Workshop for FollowerWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn Bench>, String> {
+    ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
         if progress("half way".to_owned()).is_break() {
-            return Err("it was stopped".to_owned());
+            return Err(PrepareError::new("it was stopped"));
         }
         if order.scene == "none" {
-            return Err("there is no scene \"none\"".to_owned());
+            return Err(PrepareError::new("there is no scene \"none\""));
         }
-        Ok(Box::new(FollowerBench {
-            cloth: cloth(),
+        Ok(Box::new(TestCloth {
             cost: self.0,
+            ..TestCloth::new()
         }))
     }
 }
@@ -177,17 +56,12 @@ pub(crate) struct Served {
 /// Serves a session of which a step takes `cost`, recording to `folder`.
 pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
     let opening = Opening {
-        order: Order {
-            scene: "corners".to_owned(),
-            mesh: None,
-            material: None,
-            model: String::new(),
-        },
+        order: order("corners"),
         mover: Mover::Physics,
         tape: None,
         folder,
     };
-    let session = start(Box::new(FollowerWorkshop(cost)), opening).unwrap();
+    let session = start(Box::new(TestWorkshop(cost)), opening).unwrap();
     let settings = ServerSettings {
         address: SocketAddr::from(([127, 0, 0, 1], 0)),
         names: Vec::new(),

@@ -75,7 +75,7 @@ impl OrderReceiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_bench::order;
+    use crate::test_cloth::order;
 
     #[test]
     fn only_the_latest_order_waits() {

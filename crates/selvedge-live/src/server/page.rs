@@ -14,22 +14,22 @@ const FILES: [PageFile; 4] = [
     PageFile {
         path: "/",
         content_type: "text/html; charset=utf-8",
-        bytes: include_bytes!("../page/index.html"),
+        bytes: include_bytes!("../../page/index.html"),
     },
     PageFile {
         path: "/viewer.js",
         content_type: "text/javascript; charset=utf-8",
-        bytes: include_bytes!("../page/viewer.js"),
+        bytes: include_bytes!("../../page/viewer.js"),
     },
     PageFile {
         path: "/viewer.css",
         content_type: "text/css; charset=utf-8",
-        bytes: include_bytes!("../page/viewer.css"),
+        bytes: include_bytes!("../../page/viewer.css"),
     },
     PageFile {
         path: "/icon.svg",
         content_type: "image/svg+xml",
-        bytes: include_bytes!("../page/icon.svg"),
+        bytes: include_bytes!("../../page/icon.svg"),
     },
 ];
 

@@ -1,12 +1,18 @@
 //! The web server: the page, and one socket for each that watches.
 //!
-//! One thread serves all. It keeps nothing per page but what is on its way to it; how many pages there
-//! may be, how many connections, how long a message and how many in a second are bounded.
+//! One thread serves all. It keeps nothing per page but the messages on their way to it. The numbers of
+//! pages, of connections and of messages per second are bounded, and so is the length of a message.
+
+mod gate;
+mod listener;
+mod page;
+mod shared;
+mod socket;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 
 use axum::Router;
@@ -16,16 +22,16 @@ use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::any;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::watch;
 
-use crate::gate::Gate;
-use crate::listener::BoundedListener;
-use crate::page;
+use self::gate::Gate;
+use self::listener::BoundedListener;
+pub use self::shared::MOST_PAGES;
+use self::shared::Shared;
 use crate::protocol::{LONGEST, SUBPROTOCOL};
-use crate::session::{RunningSession, SessionPort};
-use crate::socket;
+use crate::session::RunningSession;
 
-/// Where and for whom to serve.
+/// The address of a server, and its names.
 #[derive(Clone, Debug)]
 pub struct ServerSettings {
     /// The address to listen at.
@@ -41,22 +47,8 @@ pub struct RunningServer {
     thread: JoinHandle<()>,
 }
 
-/// Pages that may watch at once.
-pub const MOST_PAGES: usize = 32;
-
 /// Connections at once: a browser opens a few per page before it has its socket.
 const MOST_CONNECTIONS: usize = 128;
-
-/// What every connection shares.
-#[derive(Clone)]
-pub(crate) struct Shared {
-    pub(crate) session: SessionPort,
-    gate: Arc<Gate>,
-    places: Arc<Semaphore>,
-    next_client: Arc<AtomicU32>,
-    pub(crate) stop: watch::Receiver<bool>,
-    pub(crate) viewers: Arc<watch::Sender<usize>>,
-}
 
 /// Starts to serve `session`.
 ///
@@ -67,16 +59,10 @@ pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<R
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
     let (stop, stopped) = watch::channel(false);
-    let shared = Shared {
-        session: session.port().clone(),
-        gate: Arc::new(Gate {
-            names: settings.names,
-        }),
-        places: Arc::new(Semaphore::new(MOST_PAGES)),
-        next_client: Arc::new(AtomicU32::new(1)),
-        stop: stopped,
-        viewers: Arc::new(watch::channel(0).0),
+    let gate = Gate {
+        names: settings.names,
     };
+    let shared = Shared::new(session.port().clone(), gate, stopped);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -91,7 +77,7 @@ pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<R
 }
 
 impl RunningServer {
-    /// Where it listens.
+    /// The address at which the server listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -120,13 +106,13 @@ async fn answer(listener: TcpListener, shared: Shared) {
     tokio::select! {
         _ = serving => {}
         _ = stop.wait_for(|stop| *stop) => {
-            // What tells the pages that the program ends is on its way.
+            // The farewell to the pages is on its way.
             tokio::time::sleep(std::time::Duration::from_millis(100)).await;
         }
     }
 }
 
-/// Turns away who is not addressed to us, and says what a browser may do with what we send.
+/// Refuses requests to other names, and tells browsers the bounds of the page.
 async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Response {
     if let Err(refusal) = shared.gate.check(request.headers()) {
         return (StatusCode::FORBIDDEN, refusal.text()).into_response();

@@ -13,8 +13,8 @@ use axum::extract::ws::{CloseCode, CloseFrame, Message, WebSocket, close_code};
 use tokio::time::{Instant, timeout};
 
 use crate::protocol::{self, ClientMessage, Hello, kind};
-use crate::server::Shared;
-use crate::session::Request;
+use crate::server::shared::Shared;
+use crate::session::{Inlets, Request};
 
 /// Frames on their way to a page at most.
 const AHEAD: u32 = 3;
@@ -83,6 +83,7 @@ async fn count(shared: &Shared, change: isize, gone: Option<u32>) {
 
 enum Never {}
 
+/// Talks with a page until there is a reason to close it.
 async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Never, Closing> {
     let hello = Hello {
         client,
@@ -90,12 +91,10 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
         catalogue: &shared.session.catalogue,
     };
     send(socket, protocol::json(kind::HELLO, &hello).into()).await?;
-    let mut cloth = shared.session.cloth.clone();
-    let mut state = shared.session.state.clone();
-    let mut frame = shared.session.frame.clone();
+    let mut latest = shared.session.inlets.clone();
     let mut stop = shared.stop.clone();
-    state.mark_changed();
-    frame.mark_changed();
+    latest.state.mark_changed();
+    latest.frame.mark_changed();
     let mut shown = 0;
     let mut intake = Intake::new();
     loop {
@@ -105,45 +104,58 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
                 return Err(Closing::new(close_code::AWAY, "the program has ended"));
             }
             message = socket.recv() => {
-                let message = match message {
-                    Some(Ok(message)) => message,
-                    // Longer than allowed, or no WebSocket at all.
-                    Some(Err(error)) => {
-                        return Err(Closing::new(close_code::SIZE, error.to_string()));
-                    }
-                    None => return Err(Closing::gone()),
-                };
-                if let Some(message) = intake.take(message)? {
+                if let Some(message) = intake.take(received(message)?)? {
                     pass_on(shared, client, message)?;
                 }
             }
-            changed = state.changed() => {
+            changed = latest.state.changed() => {
                 changed.map_err(|_| over())?;
-                let bytes = state.borrow_and_update().bytes.clone();
+                let bytes = latest.state.borrow_and_update().bytes.clone();
                 // Empty where the session has not said anything yet.
                 if !bytes.is_empty() {
                     send(socket, bytes).await?;
                 }
             }
-            changed = frame.changed(), if intake.on_the_way < AHEAD => {
+            changed = latest.frame.changed(), if intake.on_the_way < AHEAD => {
                 changed.map_err(|_| over())?;
-                let latest = frame.borrow_and_update().clone();
-                if latest.number == 0 {
-                    continue;
-                }
-                if latest.generation != shown {
-                    let of = cloth.borrow_and_update().clone();
-                    send(socket, of.bytes).await?;
-                    shown = of.generation;
-                }
-                // The cloth may have changed once more since: the frame of that one is to come.
-                if latest.generation == shown {
-                    send(socket, latest.bytes).await?;
-                    intake.on_the_way += 1;
-                }
+                intake.on_the_way += send_frame(socket, &mut latest, &mut shown).await?;
             }
         }
     }
+}
+
+/// The message that has come.
+fn received(message: Option<Result<Message, axum::Error>>) -> Result<Message, Closing> {
+    match message {
+        Some(Ok(message)) => Ok(message),
+        // Longer than allowed, or no WebSocket at all.
+        Some(Err(error)) => Err(Closing::new(close_code::SIZE, error.to_string())),
+        None => Err(Closing::gone()),
+    }
+}
+
+/// Sends the latest frame, and before it the cloth where that is not the one of the generation `shown`.
+/// Returns the number of frames sent, 0 or 1.
+async fn send_frame(
+    socket: &mut WebSocket,
+    latest: &mut Inlets,
+    shown: &mut u32,
+) -> Result<u32, Closing> {
+    let frame = latest.frame.borrow_and_update().clone();
+    if frame.number == 0 {
+        return Ok(0);
+    }
+    if frame.generation != *shown {
+        let cloth = latest.cloth.borrow_and_update().clone();
+        send(socket, cloth.bytes).await?;
+        *shown = cloth.generation;
+    }
+    // The cloth may have changed once more since: its own frame is to come.
+    if frame.generation != *shown {
+        return Ok(0);
+    }
+    send(socket, frame.bytes).await?;
+    Ok(1)
 }
 
 /// Waits until the program is to end.

@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, HandleTargets, Handles};
-use selvedge_data::metrics::material_edge_lengths;
+use selvedge_cloth::{HandleTargets, Handles};
 
-use crate::order::{Bench, Hold, LiveStepper, Mover, MoverKind, Start};
-use crate::state::Track;
+use crate::mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
+use crate::state::TrackState;
+use crate::strain_gauge::StrainGauge;
+use crate::workshop::ReadyCloth;
 
 /// Frames that are remembered, so that another stepper can take over in mid-motion.
 const REMEMBERED: usize = 16;
@@ -21,8 +22,8 @@ const NEAR: f64 = 1e-4;
 const SMOOTHING: f64 = 0.1;
 
 /// The cloth that moves.
-pub(crate) struct Stage {
-    bench: Box<dyn Bench>,
+pub(crate) struct LiveCloth {
+    ready: Box<dyn ReadyCloth>,
     mover: Mover,
     hold: Hold,
     all: Vec<Driven>,
@@ -45,19 +46,19 @@ struct Driven {
     reached: usize,
 }
 
-impl Stage {
+impl LiveCloth {
     /// A cloth at its beginning. Where `mover` cannot move it the physics does, and the reason is given too.
     pub(crate) fn new(
-        bench: Box<dyn Bench>,
+        ready: Box<dyn ReadyCloth>,
         mover: Mover,
-    ) -> Result<(Self, Option<String>), String> {
+    ) -> Result<(Self, Option<MoverError>), MoverError> {
         let hold = Hold {
-            handles: bench.cloth().handles().clone(),
-            environment: bench.environment(),
+            handles: ready.cloth().handles().clone(),
+            environment: ready.environment(),
         };
-        let gauge = StrainGauge::new(bench.cloth());
+        let gauge = StrainGauge::new(ready.cloth());
         let mut stage = Self {
-            bench,
+            ready,
             mover,
             hold,
             all: Vec::new(),
@@ -75,23 +76,23 @@ impl Stage {
     }
 
     /// Back to the beginning, with the handles of the scene; the wind stays.
-    pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), String> {
+    pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), MoverError> {
         let hold = Hold {
-            handles: self.bench.cloth().handles().clone(),
+            handles: self.ready.cloth().handles().clone(),
             environment: self.hold.environment,
         };
         let one = |&kind: &MoverKind| {
-            let stepper = self.bench.start(kind, Start::Beginning, &hold)?;
+            let stepper = self.ready.start(kind, Start::Beginning, &hold)?;
             Ok(Driven::new(kind, stepper, VecDeque::new(), &self.gauge))
         };
-        let all: Result<Vec<Driven>, String> = mover.kinds().iter().map(one).collect();
+        let all: Result<Vec<Driven>, MoverError> = mover.kinds().iter().map(one).collect();
         (self.all, self.hold, self.mover, self.frame) = (all?, hold, mover, 0);
         Ok(())
     }
 
     /// Lets `mover` go on from here. Who moves the cloth already stays; who joins takes up the motion of
     /// the one that leads, also where that has stopped.
-    pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), String> {
+    pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), MoverError> {
         let Some(leader) = self.leader() else {
             return self.restart(mover);
         };
@@ -100,7 +101,7 @@ impl Stage {
         let mut joining = Vec::new();
         for &kind in mover.kinds() {
             if !self.all.iter().any(|one| one.is_usable(kind)) {
-                let stepper = self.bench.start(kind, Start::Frames(&frames), &self.hold)?;
+                let stepper = self.ready.start(kind, Start::Frames(&frames), &self.hold)?;
                 let recent = frames.iter().cloned().collect();
                 joining.push(Driven {
                     offsets: offsets.clone(),
@@ -124,7 +125,7 @@ impl Stage {
         &mut self,
         handles: Handles,
         kept: &[Option<usize>],
-    ) -> Result<(), String> {
+    ) -> Result<(), MoverError> {
         let hold = Hold {
             handles,
             ..self.hold
@@ -133,7 +134,7 @@ impl Stage {
     }
 
     /// Goes on in another wind `[m/s]`.
-    pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), String> {
+    pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), MoverError> {
         let mut hold = self.hold.clone();
         hold.environment.wind = wind;
         let kept: Vec<Option<usize>> = (0..hold.handles.len()).map(Some).collect();
@@ -142,14 +143,14 @@ impl Stage {
 
     /// Goes on with the same handles, of which those that were `free`, `[handles]`, take hold of the cloth
     /// where it is.
-    pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), String> {
+    pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), MoverError> {
         let kept = |(handle, free): (usize, &bool)| (!free).then_some(handle);
         let kept: Vec<Option<usize>> = free.iter().enumerate().map(kept).collect();
         self.change(self.hold.clone(), &kept)
     }
 
-    fn change(&mut self, hold: Hold, kept: &[Option<usize>]) -> Result<(), String> {
-        let changed: Result<Vec<_>, String> = self
+    fn change(&mut self, hold: Hold, kept: &[Option<usize>]) -> Result<(), MoverError> {
+        let changed: Result<Vec<_>, MoverError> = self
             .all
             .iter()
             .map(|one| one.stepper.changed(&hold))
@@ -198,8 +199,8 @@ impl Stage {
         self.all.iter().any(|one| one.stopped.is_none())
     }
 
-    pub(crate) fn bench(&self) -> &dyn Bench {
-        &*self.bench
+    pub(crate) fn ready(&self) -> &dyn ReadyCloth {
+        &*self.ready
     }
 
     pub(crate) fn mover(&self) -> Mover {
@@ -231,7 +232,7 @@ impl Stage {
         }
     }
 
-    pub(crate) fn tracks(&self) -> Vec<Track> {
+    pub(crate) fn tracks(&self) -> Vec<TrackState> {
         self.all.iter().map(Driven::track).collect()
     }
 }
@@ -305,48 +306,17 @@ impl Driven {
         shifted.releasing(released).ok()
     }
 
-    fn track(&self) -> Track {
+    fn track(&self) -> TrackState {
         let name = match self.kind {
             MoverKind::Model => "Learned model",
             MoverKind::Physics => "Physics",
         };
-        Track {
+        TrackState {
             name: name.to_owned(),
             kind: Some(self.kind),
             step_ms: self.step_ms.unwrap_or(0.0),
             strain: self.strain,
             stopped: self.stopped.clone(),
         }
-    }
-}
-
-/// Measures the largest strain of an edge against the material.
-pub(crate) struct StrainGauge {
-    edges: Vec<[u32; 2]>,
-    /// One over the material length of each edge.
-    inverse: Vec<f32>,
-}
-
-impl StrainGauge {
-    pub(crate) fn new(cloth: &Cloth) -> Self {
-        let edges = cloth.topology().edges().iter();
-        let lengths = material_edge_lengths(cloth.topology(), cloth.material_coordinates());
-        Self {
-            edges: edges.map(|edge| edge.vertices.map(|v| v.0)).collect(),
-            inverse: lengths
-                .iter()
-                .map(|&length| (1.0 / length) as f32)
-                .collect(),
-        }
-    }
-
-    /// max (l - l₀)/l₀ at `positions` `[m]`, `[vertices]`; as `selvedge_data::metrics::largest_strain`
-    /// of one frame, but in f32, sixty times a second.
-    pub(crate) fn largest(&self, positions: &[Vec3]) -> f64 {
-        let stretch = |(&[a, b], inverse): (&[u32; 2], &f32)| {
-            positions[a as usize].distance(positions[b as usize]) * inverse
-        };
-        let most = self.edges.iter().zip(&self.inverse).map(stretch);
-        f64::from(most.fold(0.0, f32::max)) - 1.0
     }
 }

@@ -1,0 +1,81 @@
+//! Movers: the steppers of a session, as the program behind this crate supplies them. A session never
+//! asks whether a mover is the physics or a model.
+
+use std::error::Error;
+
+use glam::Vec3;
+use selvedge_cloth::{Environment, Handles, Stepper};
+use serde::{Deserialize, Serialize};
+
+/// The movers that a page asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mover {
+    /// The learned model.
+    Model,
+    /// The simulator.
+    Physics,
+    /// Each its own cloth, side by side, under the same hands.
+    Both,
+}
+
+impl Mover {
+    /// The single movers, one per cloth.
+    #[must_use]
+    pub fn kinds(self) -> &'static [MoverKind] {
+        match self {
+            Self::Model => &[MoverKind::Model],
+            Self::Physics => &[MoverKind::Physics],
+            Self::Both => &[MoverKind::Model, MoverKind::Physics],
+        }
+    }
+}
+
+/// The mover of one cloth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MoverKind {
+    /// The learned model.
+    Model,
+    /// The simulator.
+    Physics,
+}
+
+/// The influences on a cloth from outside, which may change while it moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hold {
+    /// The held vertices.
+    pub handles: Handles,
+    /// Gravity and air.
+    pub environment: Environment,
+}
+
+/// The frames from which a mover starts.
+#[derive(Clone, Copy, Debug)]
+pub enum Start<'a> {
+    /// The start of the scene, by default the rest pose.
+    Beginning,
+    /// The last frames before now, oldest first `[m]`, `[frames][vertices]`; at least one.
+    Frames(&'a [Vec<Vec3>]),
+}
+
+/// A [`Stepper`] that can continue under other handles and in another wind.
+pub trait LiveStepper: Stepper + Send {
+    /// Returns the same cloth in the same motion, under `hold`.
+    ///
+    /// # Errors
+    /// [`MoverError`] when this mover cannot continue under `hold`.
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError>;
+}
+
+/// The reason why a mover cannot start or continue, in words for people.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct MoverError(Box<dyn Error + Send + Sync>);
+
+impl MoverError {
+    /// An error with the message of `cause`.
+    pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self(cause.into())
+    }
+}

@@ -1,0 +1,40 @@
+//! The reasons why a session does not do what it was asked, as pages are told them.
+
+use selvedge_cloth::{HandleError, MotionError};
+use thiserror::Error;
+
+use crate::mover::MoverError;
+use crate::workshop::PrepareError;
+
+/// The reason why a request was not met; everything goes on as before.
+#[derive(Debug, Error)]
+pub(crate) enum SessionError {
+    #[error("there is no cloth yet")]
+    NoCloth,
+    #[error("nothing has been recorded yet")]
+    NoRecording,
+    #[error("a recording is being played: go back to the cloth first")]
+    Playing,
+    #[error("a recording is under way: end it before the next")]
+    Recording,
+    #[error("time cannot go {rate} times as fast: {slowest} to {fastest} times are possible")]
+    Rate {
+        rate: f64,
+        slowest: f64,
+        fastest: f64,
+    },
+    #[error("the wind is at most {most} m/s")]
+    Wind { most: f64 },
+    #[error("{most} handles are the most")]
+    TooManyHandles { most: usize },
+    #[error("there is no motion {name:?}")]
+    UnknownMotion { name: String },
+    #[error(transparent)]
+    Handles(#[from] HandleError),
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    #[error(transparent)]
+    Mover(#[from] MoverError),
+    #[error(transparent)]
+    Prepare(#[from] PrepareError),
+}

@@ -1,0 +1,338 @@
+//! A session: one cloth that moves, whoever watches. A thread of its own owns the steppers, runs at the
+//! rate of the scene, and leaves the latest frame where every page can take it.
+//!
+//! Requests come through one bounded queue. Three slots (cloth, state, frame) hold only the latest of
+//! each, so that nothing grows with the number or the slowness of readers. Another thread makes cloths
+//! ready; it gets its orders through such a slot, too, and meanwhile the cloth on the table goes on.
+//! While nobody watches and nothing is recorded, time stands still.
+
+mod commands;
+mod error;
+mod following;
+mod motion;
+mod order_slot;
+mod outlets;
+mod showing;
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use self::following::Following;
+use self::order_slot::{OrderReceiver, OrderSender, order_slot};
+pub(crate) use self::outlets::Inlets;
+use self::outlets::{Outlets, TELL_EVERY};
+use self::showing::Showing;
+use crate::hand::{HandLimits, Hands};
+use crate::live_cloth::LiveCloth;
+use crate::mover::Mover;
+use crate::order::{Catalogue, Order};
+use crate::pace::{DEFAULT_FRAME_RATE, Pace};
+use crate::player::Tape;
+use crate::protocol::{self, ClientMessage, FrameParts};
+use crate::recorder::Recorder;
+use crate::state::{Level, State};
+use crate::workshop::{PrepareError, ReadyCloth, Workshop};
+
+/// The beginning of a session.
+pub struct Opening {
+    /// The cloth to make ready.
+    pub order: Order,
+    /// The mover of the cloth.
+    pub mover: Mover,
+    /// A recording to play first; the cloth is then made ready when it is asked for.
+    pub tape: Option<Tape>,
+    /// The folder for recordings.
+    pub folder: PathBuf,
+}
+
+/// A request to a session.
+pub(crate) enum Request {
+    /// A message of the page of this number.
+    Page(u32, ClientMessage),
+    /// The number of pages that watch, now that one has come or, with its number, gone.
+    Viewers { count: usize, gone: Option<u32> },
+    /// The progress of the workshop.
+    Progress(String),
+    /// The end of an order in the workshop.
+    Prepared(Order, Result<Box<dyn ReadyCloth>, PrepareError>),
+    /// The end of the session.
+    Close,
+}
+
+/// The way to a session, for a server.
+#[derive(Clone)]
+pub(crate) struct SessionPort {
+    pub(crate) requests: SyncSender<Request>,
+    pub(crate) catalogue: Arc<Catalogue>,
+    pub(crate) inlets: Inlets,
+}
+
+/// A session that runs.
+pub struct RunningSession {
+    port: SessionPort,
+    thread: JoinHandle<()>,
+}
+
+/// Requests that wait; a page that finds the queue full is told so.
+const QUEUE: usize = 4096;
+
+/// Starts a session.
+///
+/// # Errors
+/// When the system has no thread for it.
+pub fn start(workshop: Box<dyn Workshop>, opening: Opening) -> std::io::Result<RunningSession> {
+    let (requests, inbox) = mpsc::sync_channel(QUEUE);
+    let (orders, to_make) = order_slot();
+    let catalogue = Arc::new(workshop.catalogue());
+    let back = requests.clone();
+    std::thread::Builder::new()
+        .name("workshop".to_owned())
+        .spawn(move || work(workshop, &to_make, &back))?;
+    let (outlets, inlets) = Outlets::new();
+    let port = SessionPort {
+        requests,
+        catalogue,
+        inlets,
+    };
+    let session = Session::new(opening, orders, outlets);
+    let thread = std::thread::Builder::new()
+        .name("session".to_owned())
+        .spawn(move || session.run(&inbox))?;
+    Ok(RunningSession { port, thread })
+}
+
+impl RunningSession {
+    pub(crate) fn port(&self) -> &SessionPort {
+        &self.port
+    }
+
+    /// Ends the session; a recording under way is written.
+    pub fn close(self) {
+        if self.port.requests.send(Request::Close).is_ok() {
+            // A session that has panicked has said so on standard error.
+            let _ = self.thread.join();
+        }
+    }
+}
+
+/// Makes cloths ready, the latest order only, until the session has gone. An order that a later one
+/// overtakes is stopped.
+fn work(mut workshop: Box<dyn Workshop>, orders: &OrderReceiver, back: &SyncSender<Request>) {
+    while let Some(order) = orders.wait() {
+        let prepared = workshop.prepare(&order, &mut |text| {
+            // Progress that does not fit in the queue is not missed.
+            let told = back.try_send(Request::Progress(text));
+            let is_over = matches!(told, Err(TrySendError::Disconnected(_)));
+            match is_over || orders.is_one_waiting() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        if prepared.is_err() && orders.is_one_waiting() {
+            continue;
+        }
+        if back.send(Request::Prepared(order, prepared)).is_err() {
+            return;
+        }
+    }
+}
+
+/// The state of a session.
+struct Session {
+    orders: OrderSender,
+    outlets: Outlets,
+    /// The cloth on the table, as it was ordered.
+    order: Order,
+    mover: Mover,
+    showing: Showing,
+    lead: Lead,
+    time: Time,
+    recordings: Recordings,
+    viewers: usize,
+    busy: Option<String>,
+}
+
+/// The lead of the handles: by hands, by keys, or along a motion.
+struct Lead {
+    hands: Hands,
+    limits: HandLimits,
+    following: Option<Following>,
+    /// The last drag that was followed: the page, and its number.
+    drag: [u32; 2],
+    /// The page whose keys the handles follow.
+    pusher: Option<u32>,
+}
+
+/// The time of a session.
+struct Time {
+    running: bool,
+    /// Parts of real time.
+    rate: f64,
+    pace: Pace,
+}
+
+/// The recordings of a session.
+struct Recordings {
+    folder: PathBuf,
+    recorder: Option<Recorder>,
+    /// The last recording, and its files.
+    tape: Option<Tape>,
+    files: Vec<PathBuf>,
+}
+
+impl Session {
+    fn new(opening: Opening, orders: OrderSender, outlets: Outlets) -> Self {
+        let mut session = Self {
+            orders,
+            outlets,
+            order: opening.order,
+            mover: opening.mover,
+            showing: Showing::Nothing,
+            lead: Lead {
+                hands: Hands::default(),
+                limits: HandLimits::default(),
+                following: None,
+                drag: [0; 2],
+                pusher: None,
+            },
+            time: Time {
+                running: true,
+                rate: 1.0,
+                pace: Pace::new(DEFAULT_FRAME_RATE, Instant::now()),
+            },
+            recordings: Recordings {
+                folder: opening.folder,
+                recorder: None,
+                tape: None,
+                files: Vec::new(),
+            },
+            viewers: 0,
+            busy: None,
+        };
+        match opening.tape {
+            Some(tape) => session.play(tape),
+            None => session.place_order(session.order.clone()),
+        }
+        session
+    }
+
+    /// The loop: requests as they come, frames as they are due.
+    fn run(mut self, inbox: &Receiver<Request>) {
+        self.tell();
+        loop {
+            let now = Instant::now();
+            let wait = if self.is_due_ever() {
+                self.time.pace.wait(now)
+            } else {
+                TELL_EVERY
+            };
+            match inbox.recv_timeout(wait) {
+                Ok(Request::Close) | Err(RecvTimeoutError::Disconnected) => break,
+                Ok(request) => self.take(request),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            // A flood of requests must not keep frames from being made.
+            if self.is_due_ever() && self.time.pace.wait(Instant::now()).is_zero() {
+                self.advance();
+                self.time.pace.made(Instant::now());
+            }
+            if self.outlets.is_state_due() {
+                self.tell();
+            }
+        }
+        self.stop_recording();
+    }
+
+    /// Whether time goes on.
+    fn is_due_ever(&self) -> bool {
+        let watched = self.viewers > 0 || self.recordings.recorder.is_some();
+        self.time.running && watched && self.showing.is_moving()
+    }
+
+    /// Makes one frame.
+    fn advance(&mut self) {
+        match self.showing.player_mut() {
+            Some(player) => player.advance(),
+            None => self.move_cloth(),
+        }
+        self.publish_frame();
+    }
+
+    /// Shows another cloth: a new generation.
+    fn publish_cloth(&mut self) {
+        let Some(cloth) = self.showing.cloth() else {
+            return;
+        };
+        self.outlets
+            .publish_cloth(|generation| protocol::cloth(generation, cloth));
+        let rate = self.showing.frame_rate() * self.time.rate;
+        self.time.pace.set_rate(rate, Instant::now());
+        self.time.pace.restart(Instant::now());
+        self.publish_frame();
+    }
+
+    fn publish_frame(&mut self) {
+        let Some(frame) = self.showing.frame(&self.lead.hands) else {
+            return;
+        };
+        let vertices = frame.handles.vertices().iter().map(|v| v.0);
+        let goals: Vec<_> = vertices.zip(frame.goals).collect();
+        let time = frame.number as f64 / self.showing.frame_rate();
+        self.outlets.publish_frame(|generation, number| {
+            protocol::frame(&FrameParts {
+                generation,
+                number,
+                time,
+                drag: self.lead.drag,
+                goals: &goals,
+                tracks: &frame.positions,
+            })
+        });
+    }
+
+    /// Tells something to all pages.
+    fn notify(&mut self, level: Level, text: impl Into<String>) {
+        self.outlets.notify(level, text);
+    }
+
+    /// Tells the state to all pages.
+    fn tell(&mut self) {
+        let state = self.state();
+        self.outlets
+            .publish_state(protocol::json(protocol::kind::STATE, &state));
+    }
+
+    fn state(&self) -> State {
+        let live = self.showing.live();
+        let wind = live.map(|live| live.hold().environment.wind);
+        let files = self.recordings.files.iter();
+        State {
+            generation: self.outlets.generation(),
+            order: self.order.clone(),
+            mover: live.map_or(self.mover, LiveCloth::mover),
+            show: self.showing.show(),
+            running: self.time.running,
+            frame_rate: self.showing.frame_rate(),
+            rate: self.time.rate,
+            kept: self.time.pace.kept(),
+            tracks: self.showing.tracks(),
+            limits: self.lead.limits,
+            wind: wind.unwrap_or_default().to_array(),
+            motion: self.lead.following.as_ref().map(Following::state),
+            recording: self.recordings.recorder.as_ref().map(Recorder::state),
+            recorded: files.map(|file| file.display().to_string()).collect(),
+            can_replay: self.recordings.tape.is_some(),
+            can_live: self.showing.player().is_some(),
+            busy: self.busy.clone(),
+            notice: self.outlets.notice().cloned(),
+            viewers: self.viewers,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

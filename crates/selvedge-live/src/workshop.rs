@@ -1,0 +1,99 @@
+//! The workshop: makes the cloths of a session ready, and starts their movers. The program behind this
+//! crate implements it.
+
+use std::error::Error;
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use selvedge_cloth::{Cloth, Environment, HandlePath, MotionError};
+use selvedge_data::Provenance;
+
+use crate::mover::{Hold, LiveStepper, MoverError, MoverKind, Start};
+use crate::order::{Catalogue, Order};
+
+/// A cloth that is ready to be moved: its mesh is made, its rest pose found.
+pub trait ReadyCloth: Send {
+    /// The constant part of the cloth, with the handles of the scene.
+    fn cloth(&self) -> &Cloth;
+
+    /// Frames per second.
+    fn frame_rate(&self) -> f64;
+
+    /// Gravity and air of the scene.
+    fn environment(&self) -> Environment;
+
+    /// The way of the handles along the scene's own motion, from its start.
+    ///
+    /// # Errors
+    /// [`MotionError`] when the motion cannot drive the handles.
+    fn scene_path(&self) -> Result<HandlePath, MotionError>;
+
+    /// Frames of that motion that have passed at the start of the cloth.
+    fn start_frame(&self) -> usize;
+
+    /// Remarks for people, such as parts of the scene that are not available here.
+    fn remarks(&self) -> &[String];
+
+    /// Starts a mover. This must be quick: the session waits.
+    ///
+    /// # Errors
+    /// [`MoverError`] when the mover cannot start.
+    fn start(
+        &self,
+        kind: MoverKind,
+        start: Start<'_>,
+        hold: &Hold,
+    ) -> Result<Box<dyn LiveStepper>, MoverError>;
+
+    /// The provenance of a recording of this cloth with its handles at `handles` `[m]`,
+    /// `[frames][handles]`.
+    ///
+    /// # Errors
+    /// [`ProvenanceError`] when the scene cannot be written beside the recording.
+    fn provenance(
+        &self,
+        hold: &Hold,
+        handles: Vec<Vec<DVec3>>,
+    ) -> Result<Provenance, ProvenanceError>;
+}
+
+/// Makes cloths ready, on a thread of its own.
+pub trait Workshop: Send {
+    /// The names that an order may use.
+    fn catalogue(&self) -> Catalogue;
+
+    /// Makes a cloth ready. This may take seconds, and `progress` is told how far it is. Where
+    /// `progress` breaks, nobody waits for this cloth any more, and the work stops.
+    ///
+    /// # Errors
+    /// [`PrepareError`] when the order cannot be met, or `progress` has stopped the work.
+    fn prepare(
+        &mut self,
+        order: &Order,
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
+    ) -> Result<Box<dyn ReadyCloth>, PrepareError>;
+}
+
+/// The reason why a cloth cannot be made ready, in words for people.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct PrepareError(Box<dyn Error + Send + Sync>);
+
+impl PrepareError {
+    /// An error with the message of `cause`.
+    pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self(cause.into())
+    }
+}
+
+/// The reason why the provenance of a recording cannot be told, in words for people.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct ProvenanceError(Box<dyn Error + Send + Sync>);
+
+impl ProvenanceError {
+    /// An error with the message of `cause`.
+    pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self(cause.into())
+    }
+}
