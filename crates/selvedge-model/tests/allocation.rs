@@ -1,7 +1,7 @@
 //! Frames after the first allocate nothing, on any thread.
 //!
-//! The counter is of the whole process, so this program has one test. Frames are taken on a thread of the
-//! pool: from outside, the queue of the pool grows by a block every few dozen calls.
+//! The counter is of the whole process, so this program has one test. Frames are taken on a thread
+//! of the pool: from outside, the queue of the pool grows by a block every few dozen calls.
 #![allow(unsafe_code, reason = "a counting allocator is an unsafe trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -116,7 +116,8 @@ fn frames_after_the_first_allocate_nothing() {
         let mut stepper =
             LearnedStepper::new(Arc::new(model(encoder)), graph, &[&rest]).expect("a start");
         pool.install(|| {
-            // A stream begins with a window and goes on with a frame, into the buffers of two states.
+            // A stream begins with a window and goes on with a frame, into the buffers of two
+            // states.
             for _ in 0..3 {
                 stepper.step(&targets).expect("a frame");
             }

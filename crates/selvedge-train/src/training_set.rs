@@ -29,7 +29,7 @@ impl Motion {
                 trajectory,
             },
             None => Self {
-                connectivity: Arc::new(Connectivity::of_cloth(&graph)),
+                connectivity: Arc::new(graph.connectivity().clone()),
                 graph: Arc::new(graph),
                 trajectory,
             },

@@ -196,7 +196,7 @@ impl ClothArrays {
         assert_eq!(UnionSizes::of(graphs), self.sizes, "sizes of the cloths");
         let parts: Vec<Connectivity> = graphs
             .iter()
-            .map(|graph| Connectivity::of_cloth(graph))
+            .map(|graph| graph.connectivity().clone())
             .collect();
         self.graph.upload(loaded, &Connectivity::union(&parts))?;
         let mut statics = Statics::default();

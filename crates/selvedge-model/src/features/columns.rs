@@ -1,9 +1,9 @@
-//! What the network sees of a cloth: the columns of a vertex and of an arc (paper §5.1, §5.2),
+//! The input columns of the network, those of a node and those of an arc (paper §5.1, §5.2),
 //! computed from the positions of two frames in one local frame.
 //!
-//! The tables below are the only place where columns are listed: widths, the layout of the
-//! normaliser and the check of a weight file derive from them. Everything is f32 and written into
-//! slices of the caller; nothing is allocated. Normalisation is not done here.
+//! The tables below are the only list of columns: widths, the layout of the normaliser and the
+//! check of a weight file derive from them. Everything is f32 and written into slices of the
+//! caller; nothing is allocated. Normalisation is not done here.
 //!
 //! Bending angle: 0 where two faces are flat and on the boundary, ±π where they fold onto each
 //! other, positive for a ridge seen from the side of the normals: the negative of
@@ -18,7 +18,7 @@ use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 /// One column of the network's input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// What it is.
+    /// Quantity and component.
     pub name: &'static str,
     /// Its unit; empty for a plain number.
     pub unit: &'static str,
@@ -125,10 +125,10 @@ pub struct Pose<'a> {
     pub previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
     pub current: &'a [Vec3],
-    /// What uniform motion to the next frame starts from in the model's integration `[m]`,
-    /// `[vertices]`; only expected moves need it.
+    /// Positions from which uniform motion leads to the next frame in the model's integration
+    /// `[m]`, `[vertices]`; only expected moves need them.
     pub reference: &'a [Vec3],
-    /// The rest pose where the handles have carried it `[m]`, `[vertices]`; only rest offsets need it.
+    /// The rest pose, carried along by the handles `[m]`, `[vertices]`; only rest offsets need it.
     pub rest: &'a [Vec3],
     /// The local frame that features are expressed in: that of the *newest* frame of the window.
     pub yaw: Yaw,
@@ -189,7 +189,8 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
 /// Fills `out` (`[arcs, edge_width]`) with the features of every arc, in the graph's order.
 ///
 /// # Panics
-/// When a slice does not have the size of the cloth, or the cloth has other coarse levels than the spec.
+/// When a slice does not have the size of the cloth, or the cloth has other coarse levels than the
+/// spec.
 pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
     let width = spec.edge_width();
     assert_eq!(
@@ -240,7 +241,7 @@ fn acceleration(pose: Pose<'_>, mut out: Columns<'_>) {
     }
 }
 
-/// What the external force has to do with the air.
+/// Properties of the air that the external force depends on.
 pub(super) struct Air {
     /// `[kg/m³]`.
     pub(super) density: f32,
@@ -409,7 +410,8 @@ pub(super) fn edge_ends<'a>(
 
 /// `d` and `length` for the first arc, the opposite for its reverse.
 #[inline]
-fn put_vector(out: &mut Columns<'_>, [forward, back]: [u32; 2], d: Vec3, length: f32) {
+fn put_vector(out: &mut Columns<'_>, arcs: [u32; 2], d: Vec3, length: f32) {
+    let [forward, back] = arcs;
     out.put(forward as usize, [d.x, d.y, d.z, length]);
     out.put(back as usize, [-d.x, -d.y, -d.z, length]);
 }

@@ -1,30 +1,33 @@
-//! What the frames of a window are compared with: the positions that accelerations, expected moves
-//! and rest offsets are measured from. Each is computed only where the spec has the feature.
+//! Positions that the frames of a window are compared with, from which accelerations, expected
+//! moves and rest offsets are measured. Each is computed only if the spec has the feature.
 
 use glam::Vec3;
 
-use super::window::Frames;
 use crate::features::Pose;
+use crate::features::frames::Frames;
 use crate::graph::ClothGraph;
 use crate::spec::integration::{LastFrames, ReferenceSlope, carried_rest};
 use crate::spec::{ModelSpec, NodeFeature};
 
+/// Buffers of the positions that one frame is compared with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Compared {
-    /// Where the past acceleration would have led from, had the network had to predict it,
+    /// Reference of the previous frame, from which the past acceleration is measured,
     /// `[vertices]`.
     before: Vec<Vec3>,
-    /// What uniform motion to the next frame starts from, `[vertices]`.
+    /// Reference of the current frame, from which uniform motion leads to the next frame,
+    /// `[vertices]`.
     reference: Vec<Vec3>,
-    /// The rest pose where the handles have carried it, `[vertices]`.
+    /// The rest pose, carried along by the handles, `[vertices]`.
     rest: Vec<Vec3>,
-    /// Where the handles are now, and where they go, `[handles]`.
+    /// Current and next positions of the handles, `[handles]`.
     handles: [Vec<Vec3>; 2],
-    /// How `before` and `reference` depend on the positions.
+    /// Derivatives of `before` and `reference` with respect to the positions.
     slopes: [Option<ReferenceSlope>; 2],
 }
 
 impl Compared {
+    /// Computes the positions that frame `current` is compared with.
     pub(super) fn compute<F: AsRef<[Vec3]>>(
         &mut self,
         spec: &ModelSpec,
@@ -93,7 +96,7 @@ impl Compared {
     pub(super) fn backward(&self, gradients: [&[Vec3]; 2], to: &mut [Vec<Vec3>]) {
         for (steps_back, (slope, gradient)) in self.slopes.iter().zip(gradients).enumerate() {
             let Some(slope) = slope else { continue };
-            // Those of the acceleration are one frame older.
+            // The frames of the acceleration are one frame older.
             let current = to.len() - 2 + steps_back;
             let (earlier, later) = to.split_at_mut(current);
             slope.backward(gradient, &mut earlier[current - 1], &mut later[0]);

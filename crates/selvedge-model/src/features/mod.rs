@@ -1,9 +1,10 @@
-//! The features of nodes and edges: the table of their columns, their gradient, the window of frames
+//! The features of nodes and arcs: the table of their columns, their gradient, the window of frames
 //! that they are computed for, and their normalisation.
 
 pub(crate) mod backward;
 pub(crate) mod columns;
 mod compared;
+pub(crate) mod frames;
 pub(crate) mod normalizer;
 pub(crate) mod window;
 
@@ -12,5 +13,6 @@ pub use columns::{
     Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,
     node_groups,
 };
+pub use frames::Frames;
 pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
-pub use window::{Extent, Frames, Place, Window};
+pub use window::{Extent, Place, Window};

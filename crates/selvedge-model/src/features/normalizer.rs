@@ -243,8 +243,8 @@ impl Normalizer {
         &self.deviation
     }
 
-    /// What [`Self::normalize`] takes off, multiplies by (0 for a constant component), and what
-    /// [`Self::denormalize`] multiplies by, `[width]` each.
+    /// The term that [`Self::normalize`] subtracts, its factor (0 for a constant component), and
+    /// the factor of [`Self::denormalize`], `[width]` each.
     #[must_use]
     pub fn factors(&self) -> [&[f32]; 3] {
         [&self.shift, &self.scale, &self.spread]

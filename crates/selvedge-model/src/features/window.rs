@@ -1,19 +1,18 @@
-//! The normalised features of a window of frames, as the network takes them; the same code in
-//! training and in use; and the way back of their gradient.
+//! The normalised features of a window of frames, as the network takes them, and the way back of
+//! their gradient. Training and rollouts share this code.
 
 use glam::Vec3;
 
 use crate::features::backward::{PoseGradient, edge_features_backward, node_features_backward};
+use crate::features::compared::Compared;
+use crate::features::frames::Frames;
 use crate::features::normalizer::Normalizer;
 use crate::features::{edge_features, node_features};
 use crate::graph::ClothGraph;
-use crate::graph::frame::Yaw;
 use crate::network::InputGradient;
-
-use super::compared::Compared;
 use crate::spec::ModelSpec;
 
-/// Where one cloth stands in a disjoint union.
+/// Place of one cloth in a disjoint union.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Number of its first vertex.
@@ -59,38 +58,13 @@ impl Place {
     }
 }
 
-/// What a window of one cloth is made from.
-#[derive(Clone, Copy, Debug)]
-pub struct Frames<'a, F> {
-    /// Positions `[m]` in the frames before the window and in each frame of it, oldest first,
-    /// `[history][vertices]` with [`ModelSpec::history`] frames.
-    pub positions: &'a [F],
-    /// Where the handles go after the newest of them `[m]`, `[handles]`.
-    pub next_handles: &'a [Vec3],
-    /// The local frame of the newest of them.
-    pub yaw: Yaw,
-}
-
-impl<F: AsRef<[Vec3]>> Frames<'_, F> {
-    pub(crate) fn at(&self, number: usize) -> &[Vec3] {
-        self.positions[number].as_ref()
-    }
-
-    /// The numbers of the last `count` frames.
-    fn last(&self, spec: &ModelSpec, count: usize) -> std::ops::Range<usize> {
-        let history = self.positions.len();
-        assert_eq!(history, spec.history(), "frames of a window");
-        history - count..history
-    }
-}
-
-/// Which frames of a window there are features of.
+/// Frames of a window that have features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extent {
-    /// All that the encoder sees.
+    /// All frames that the encoder sees.
     #[default]
     Whole,
-    /// The newest: where the encoder's states of those before are carried over.
+    /// The newest frame, if the encoder's states of the frames before are carried over.
     Newest,
 }
 
@@ -111,7 +85,7 @@ impl Window {
         self.fit_extent(spec, place, Extent::Whole);
     }
 
-    /// Makes room for these frames of a union.
+    /// Makes room for the frames `extent` of a union.
     pub fn fit_extent(&mut self, spec: &ModelSpec, place: &Place, extent: Extent) {
         self.extent = extent;
         let [nodes, edges] = self.counts(spec);
@@ -121,7 +95,7 @@ impl Window {
             .resize(edges * place.arc_count * spec.edge_width(), 0.0);
     }
 
-    /// Frames of vertices and of arcs.
+    /// Frames of nodes and of arcs.
     fn counts(&self, spec: &ModelSpec) -> [usize; 2] {
         match self.extent {
             Extent::Whole => [spec.node_window(), spec.edge_window()],
@@ -148,7 +122,7 @@ impl Window {
             let row = step * place.vertex_count + place.first_vertex;
             let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
             node_features(spec, graph, pose, rows);
-            // Of the last frames only, where arcs have fewer.
+            // Arcs may have the last frames only.
             let Some(step) = (step + edges).checked_sub(nodes) else {
                 continue;
             };
@@ -158,9 +132,9 @@ impl Window {
         }
     }
 
-    /// Adds to `to` (`[history][vertices]`, in the world) what the gradient of features means for
-    /// the positions of a cloth by itself that [`Self::write`] took. `gradient` is that of the
-    /// features before normalisation ([`Normalizer::scale_gradient`]).
+    /// Adds to `to` (`[history][vertices]`, in the world) the gradient of the positions that
+    /// [`Self::write`] took, for a cloth by itself. `gradient` is that of the features before
+    /// normalisation ([`Normalizer::scale_gradient`]).
     ///
     /// # Panics
     /// When there are not `history` frames, or `gradient` does not have the size of the cloth.

@@ -1,5 +1,5 @@
-//! A cloth as the features see it: everything about it that does not change, checked once in
-//! [`ClothGraph::new`], and what can be computed ahead (arcs, hinges, rest vectors).
+//! A cloth as the features see it: its constant properties, checked once in [`ClothGraph::new`],
+//! and the arcs, hinges and rest vectors that are computed from them ahead.
 //!
 //! Rest vectors are in the local frame of the rest pose, not in world axes: a rest pose that was
 //! turned about the vertical has the same ones. The network's own view of the arcs, for one cloth
@@ -9,6 +9,7 @@ use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Topology, VertexId};
 use thiserror::Error;
 
+use crate::graph::connectivity::Connectivity;
 use crate::graph::frame::LocalFrame;
 use crate::graph::levels::{Arcs, Link, links};
 
@@ -28,7 +29,7 @@ pub struct Hinge {
     pub right: u32,
 }
 
-/// A cloth with what can be computed of it ahead of a motion, valid by construction.
+/// A cloth with all that is computed from it ahead of a motion, valid by construction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothGraph {
     cloth: Cloth,
@@ -36,8 +37,7 @@ pub struct ClothGraph {
     frame_rate: f64,
     handle_mask: Vec<bool>,
     frame: LocalFrame,
-    pub(crate) senders: Vec<u32>,
-    pub(crate) receivers: Vec<u32>,
+    connectivity: Connectivity,
     pub(crate) arc_edges: Vec<u32>,
     pub(crate) edge_arcs: Vec<[u32; 2]>,
     pub(crate) hinges: Vec<Hinge>,
@@ -47,7 +47,7 @@ pub struct ClothGraph {
     coarse_levels: usize,
 }
 
-/// Why parts do not make a graph.
+/// An environment or a frame rate that the features cannot express.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GraphError {
@@ -93,8 +93,12 @@ impl ClothGraph {
         Ok(Self {
             handle_mask: cloth.handles().mask(topology.vertex_count()),
             frame,
-            senders: arcs.senders,
-            receivers: arcs.receivers,
+            connectivity: Connectivity::of_arcs(
+                topology.vertex_count(),
+                arcs.senders,
+                arcs.receivers,
+                &arcs.pairs,
+            ),
             arc_edges: arcs.numbers,
             edge_arcs: arcs.pairs,
             hinges: hinges(topology),
@@ -108,8 +112,8 @@ impl ClothGraph {
         })
     }
 
-    /// The same cloth with so many coarse levels, whose links are arcs too; fewer where it has too few
-    /// vertices for them.
+    /// The same cloth with up to `levels` coarse levels, whose links are arcs too. A cloth with too
+    /// few vertices for a level gets fewer.
     #[must_use]
     pub fn with_coarse_levels(mut self, levels: usize) -> Self {
         let topology = self.cloth.topology();
@@ -127,7 +131,7 @@ impl ClothGraph {
             .map(|edge| flat(edge.vertices[0]).distance(flat(edge.vertices[1])))
             .collect();
         if lengths.iter().all(|&length| length == 0.0) {
-            // Nobody said where it lies flat.
+            // The flat coordinates are unknown.
             lengths.copy_from_slice(&self.rest_lengths);
         }
         let links = links(topology, &lengths, &handles, levels);
@@ -147,8 +151,12 @@ impl ClothGraph {
             .collect();
         self.coarse_levels = levels;
         self.edge_arcs = of_edges.to_vec();
-        self.receivers = arcs.receivers;
-        self.senders = arcs.senders;
+        self.connectivity = Connectivity::of_arcs(
+            topology.vertex_count(),
+            arcs.senders,
+            arcs.receivers,
+            &arcs.pairs,
+        );
         self.arc_edges = arcs.numbers;
         self
     }
@@ -171,7 +179,7 @@ impl ClothGraph {
         self.cloth.handles()
     }
 
-    /// Whether each vertex is a handle, `[vertices]`.
+    /// True for each vertex that is a handle, `[vertices]`.
     #[must_use]
     pub fn handle_mask(&self) -> &[bool] {
         &self.handle_mask
@@ -213,10 +221,16 @@ impl ClothGraph {
         self.frame_rate
     }
 
-    /// How the local frame follows the handles.
+    /// The local frame, which follows the handles.
     #[must_use]
     pub fn frame(&self) -> &LocalFrame {
         &self.frame
+    }
+
+    /// All arcs, as the network takes them.
+    #[must_use]
+    pub fn connectivity(&self) -> &Connectivity {
+        &self.connectivity
     }
 
     /// Number of vertices.
@@ -228,19 +242,19 @@ impl ClothGraph {
     /// Number of arcs, two per edge and two per link.
     #[must_use]
     pub fn arc_count(&self) -> usize {
-        self.senders.len()
+        self.connectivity.arc_count()
     }
 
     /// The vertex that each arc comes from, `[arcs]`.
     #[must_use]
     pub fn senders(&self) -> &[u32] {
-        &self.senders
+        self.connectivity.senders()
     }
 
     /// The vertex that each arc arrives at, in ascending order, `[arcs]`.
     #[must_use]
     pub fn receivers(&self) -> &[u32] {
-        &self.receivers
+        self.connectivity.receivers()
     }
 
     /// The edge of each arc, `[arcs]`; from the number of edges on, the link.
@@ -261,13 +275,13 @@ impl ClothGraph {
         &self.hinges
     }
 
-    /// How many coarse levels were asked for.
+    /// Number of coarse levels that were asked for.
     #[must_use]
     pub fn coarse_levels(&self) -> usize {
         self.coarse_levels
     }
 
-    /// The edges of the coarse levels, level by level; none unless [`Self::with_coarse_levels`] made some.
+    /// The edges of the coarse levels, level by level; none before [`Self::with_coarse_levels`].
     #[must_use]
     pub fn links(&self) -> &[Link] {
         &self.links

@@ -3,12 +3,12 @@
 
 use selvedge_cloth::Topology;
 
-use crate::graph::ClothGraph;
 use crate::graph::levels::Arcs;
 use crate::graph::partition::{Partition, partitions};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
-/// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `reverse_arcs[a]` is the same edge the other way.
+/// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `reverse_arcs[a]` is the same edge the other
+/// way.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Connectivity {
     pub(crate) vertex_count: usize,
@@ -35,24 +35,15 @@ impl Connectivity {
     pub fn of(topology: &Topology) -> Self {
         let arcs = Arcs::new(topology, &[]);
         let count = topology.vertex_count();
-        Self::from_arcs(count, arcs.senders, arcs.receivers, arcs.pairs.iter())
+        Self::of_arcs(count, arcs.senders, arcs.receivers, &arcs.pairs)
     }
 
-    /// The arcs of a cloth with its coarse levels.
-    #[must_use]
-    pub fn of_cloth(graph: &ClothGraph) -> Self {
-        let of_links = graph.links().iter().map(|link| &link.arcs);
-        let pairs = graph.edge_arcs().iter().chain(of_links);
-        let (senders, receivers) = (graph.senders().to_vec(), graph.receivers().to_vec());
-        Self::from_arcs(graph.vertex_count(), senders, receivers, pairs)
-    }
-
-    /// From the senders and the receivers of arcs, and the two arcs of every edge and link.
-    fn from_arcs<'a>(
+    /// Arcs from `senders` to `receivers`, and the two arcs of every edge and link.
+    pub(crate) fn of_arcs(
         vertex_count: usize,
         senders: Vec<u32>,
         receivers: Vec<u32>,
-        pairs: impl Iterator<Item = &'a [u32; 2]>,
+        pairs: &[[u32; 2]],
     ) -> Self {
         let mut reverse_arcs = vec![0; senders.len()];
         for &[forward, back] in pairs {
@@ -126,7 +117,7 @@ impl Connectivity {
         self.senders.len()
     }
 
-    /// The vertex that each arc comes from, `[arcs]`.
+    /// Vertex that each arc comes from, `[arcs]`.
     #[must_use]
     pub fn senders(&self) -> &[u32] {
         &self.senders
@@ -138,19 +129,19 @@ impl Connectivity {
         &self.receivers
     }
 
-    /// The first arc into each vertex, and the number of arcs, `[vertices + 1]`.
+    /// First arc into each vertex, and the number of arcs, `[vertices + 1]`.
     #[must_use]
     pub fn first_arc(&self) -> &[u32] {
         &self.first_arc
     }
 
-    /// The same edge the other way, of each arc, `[arcs]`.
+    /// Reverse of each arc, the same edge or link the other way, `[arcs]`.
     #[must_use]
     pub fn reverse_arcs(&self) -> &[u32] {
         &self.reverse_arcs
     }
 
-    /// The cloths in order.
+    /// Sizes of the cloths, in order.
     #[must_use]
     pub fn cloths(&self) -> &[ClothSize] {
         &self.cloths

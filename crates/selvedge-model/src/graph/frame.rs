@@ -112,7 +112,7 @@ impl Yaw {
     }
 }
 
-/// How the local frame of one cloth follows its handles.
+/// The local frame of one cloth, which follows its handles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocalFrame {
     rest_yaw: Yaw,

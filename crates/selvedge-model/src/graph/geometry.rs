@@ -20,7 +20,8 @@ pub fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
 
 /// The bending angle `[rad]` of the hinge `[from, to, left, right]`, as the feature has it.
 #[must_use]
-pub fn bending_angle([from, to, left, right]: [DVec3; 4]) -> f64 {
+pub fn bending_angle(hinge: [DVec3; 4]) -> f64 {
+    let [from, to, left, right] = hinge;
     let (along, to_right) = (to - from, right - from);
     let normal_left = along.cross(left - from);
     let sine = 0.0 - along.length() * normal_left.dot(to_right);
@@ -53,7 +54,7 @@ pub fn bending_angle_with_gradient(hinge: [DVec3; 4]) -> (f64, [DVec3; 4]) {
     (bending_angle(hinge), [by_from, by_to, by_left, by_right])
 }
 
-/// The angle difference that is meant: wrapped into (-π, π], the shorter way round.
+/// An angle difference wrapped into (-π, π], the shorter way round.
 #[must_use]
 pub fn wrapped(difference: f64) -> f64 {
     use std::f64::consts::{PI, TAU};

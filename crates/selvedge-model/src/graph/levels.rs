@@ -1,15 +1,17 @@
-//! Coarse levels of a cloth: fewer and fewer of its vertices, joined by links, so that what a handle does
-//! reaches the far end of the cloth in a few blocks instead of one edge at a time.
+//! Coarse levels of a cloth: fewer and fewer of its vertices, joined by links, so that the motion
+//! of a handle reaches the far end of the cloth in a few blocks instead of one edge at a time.
 //!
-//! Each level has a quarter of the vertices of the one before, one after another the farthest from those
-//! that are chosen already (farthest-point sampling, Gonzalez 1985), along the edges of the flat cloth, so that
-//! no pose has a say in it `[eq:coarse-levels]`; of equally far ones the one with the smaller number. Handles come
-//! first, where they are more than half of a level the first of them alone. Every vertex of the level before belongs to the chosen one that is nearest; two
-//! chosen ones are linked where their cells touch, as Delaunay's triangulation links the centres of Voronoi's
-//! cells. Pieces that do not hang together are never linked.
+//! Each level has a quarter of the vertices of the level before, chosen by farthest-point sampling
+//! (Gonzalez 1985) `[eq:coarse-levels]`. Distances run along the edges of the flat cloth, so that
+//! no pose changes the choice; ties go to the smaller number. Handles come first; if they are more
+//! than half of a level, only the first of them does. Every vertex of the level before belongs to
+//! the nearest chosen vertex. Two chosen vertices are linked if their cells touch, as in Delaunay's
+//! triangulation of the centres of Voronoi cells. Pieces of cloth that are not connected are never
+//! linked.
 //!
-//! The links of all levels and the edges of the mesh are one graph, as in GraphCast (Lam et al. 2023): a block
-//! passes messages on all levels at once. It is not a U, in which the levels follow one another.
+//! The links of all levels and the edges of the mesh are one graph, as in GraphCast (Lam et al.
+//! 2023): a block passes messages on all levels at once. It is not a U, in which the levels follow
+//! one another.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
@@ -34,14 +36,15 @@ pub struct Link {
 pub(crate) struct Arcs {
     pub(crate) senders: Vec<u32>,
     pub(crate) receivers: Vec<u32>,
-    /// The number of the edge of each; of a link, the number of edges more than its own.
+    /// Number of the edge of each arc; for a link, the number of edges plus its own number.
     pub(crate) numbers: Vec<u32>,
-    /// The arcs of each edge and then of each link: that sent by its first vertex, and its reverse.
+    /// Arcs of each edge and then of each link: the arc that its first vertex sends, and its
+    /// reverse.
     pub(crate) pairs: Vec<[u32; 2]>,
 }
 
 impl Arcs {
-    /// Those of a mesh and of links with their levels.
+    /// The arcs of a mesh and of links with their levels.
     pub(crate) fn new(topology: &Topology, links: &[([u32; 2], u32)]) -> Self {
         let edges = topology
             .edges()
@@ -69,17 +72,18 @@ impl Arcs {
     }
 }
 
-/// Each level has one of so many vertices of the level before.
+/// Vertices of the level before for each vertex of a level.
 const RATIO: usize = 4;
 
-/// Nobody's cell.
-const NOBODY: u32 = u32::MAX;
+/// Owner of a vertex that belongs to no cell.
+const NO_OWNER: u32 = u32::MAX;
 
-/// Which vertices are joined and at which distance, by the pair, the smaller one first.
+/// Distances of joined vertices, by the pair, the smaller vertex first.
 type Lengths = BTreeMap<[u32; 2], f64>;
 
-/// The links of up to `levels` coarse levels, in the order of the levels: their vertices and their level.
-/// Fewer where a level would have a single vertex. No pair stands twice, nor one that is an edge.
+/// The links of up to `levels` coarse levels, in the order of the levels: their vertices and their
+/// level. The levels end before one with a single vertex. No pair occurs twice, and none is an
+/// edge.
 pub(crate) fn links(
     topology: &Topology,
     edge_lengths: &[f32],
@@ -108,17 +112,18 @@ pub(crate) fn links(
     out
 }
 
-fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
+fn sorted(ends: [u32; 2]) -> [u32; 2] {
+    let [a, b] = ends;
     [a.min(b), a.max(b)]
 }
 
 /// The nearest chosen vertex of every vertex.
 struct Cells {
-    /// `[vertices]`, with the distance to it.
+    /// Neighbours of each vertex with their distances, `[vertices]`.
     neighbours: Vec<Vec<(u32, f64)>>,
     owner: Vec<u32>,
     distance: Vec<f64>,
-    /// Members by their distances, among others that have become shorter since.
+    /// Members by their distances; also holds outdated, longer distances.
     far: BinaryHeap<(Far, Reverse<u32>)>,
 }
 
@@ -150,14 +155,14 @@ impl Cells {
         let far = members.iter().map(|&v| (Far(f64::INFINITY), Reverse(v)));
         Self {
             neighbours,
-            owner: vec![NOBODY; vertices],
+            owner: vec![NO_OWNER; vertices],
             distance: vec![f64::INFINITY; vertices],
             far: far.collect(),
         }
     }
 
-    /// Chooses `count` of the members, fewer where the others lie where they do, and gives every member that can be
-    /// reached from one of them to the nearest.
+    /// Chooses `count` of the members, fewer if the others coincide with them, and gives every
+    /// reachable member to the nearest chosen one.
     fn choose(&mut self, count: usize, handles: &[u32]) -> Vec<u32> {
         let mut chosen = Vec::with_capacity(count);
         let first = if 2 * handles.len() <= count {
@@ -182,7 +187,8 @@ impl Cells {
         chosen
     }
 
-    /// Makes `seed` a chosen one: takes all vertices that are nearer to it than to their own (Dijkstra 1959).
+    /// Chooses `seed`: takes all vertices that are nearer to it than to their owners (Dijkstra
+    /// 1959).
     fn add(&mut self, seed: u32) {
         let mut near = BinaryHeap::from([(Reverse(Far(0.0)), seed)]);
         self.take(seed, seed, 0.0);
@@ -207,13 +213,14 @@ impl Cells {
         self.far.push((Far(distance), Reverse(vertex)));
     }
 
-    /// The chosen ones whose cells touch, with the shortest way from one to the other over such a place.
+    /// Pairs of chosen vertices whose cells touch, with the shortest way from one to the other
+    /// through a contact.
     fn touching(&self, lengths: &Lengths) -> Lengths {
         let mut all = Lengths::new();
         for (ends, length) in lengths {
             let ends = ends.map(|v| v as usize);
             let [a, b] = ends.map(|v| self.owner[v]);
-            if a != b && a != NOBODY && b != NOBODY {
+            if a != b && a != NO_OWNER && b != NO_OWNER {
                 let way = self.distance[ends[0]] + length + self.distance[ends[1]];
                 let shortest = all.entry(sorted([a, b])).or_insert(way);
                 *shortest = shortest.min(way);

@@ -1,8 +1,8 @@
 //! Partitions the graph into contiguous vertex ranges. Arcs are sorted by receiver, so a range's
 //! incoming arcs are contiguous too; one thread owns one partition.
 //!
-//! A partition's results do not depend on the thread that computes them, so no result depends on the
-//! number of threads.
+//! A partition's results do not depend on the thread that computes them, so no result depends on
+//! the number of threads.
 
 use std::ops::Range;
 

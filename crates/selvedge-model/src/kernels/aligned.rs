@@ -1,5 +1,6 @@
-//! Arrays that begin where a vector of the widest instructions does: one that straddles two lines of the
-//! first cache takes two reads, and an array of the allocator's begins 16 bytes after such a line.
+//! Arrays that begin where a vector of the widest instructions does: one that straddles two lines
+//! of the first cache takes two reads, and an array of the allocator's begins 16 bytes after such a
+//! line.
 
 use std::ops::{Deref, DerefMut};
 

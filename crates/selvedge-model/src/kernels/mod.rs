@@ -1,5 +1,5 @@
-//! The arithmetic of the network on plain slices, compiled once per instruction set. No kernel knows
-//! the network.
+//! The arithmetic of the network on plain slices, compiled once per instruction set. No kernel
+//! knows the network.
 
 pub(crate) mod aligned;
 pub(crate) mod dropout;

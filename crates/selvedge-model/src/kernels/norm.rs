@@ -1,7 +1,7 @@
 //! Layer normalisation, forward and backward.
 //!
-//! The forward pass ends in the update that the output is for: it is written, added to the rows that
-//! it updates, or added to an arc and to the sum of the arc's receiver.
+//! The forward pass ends in the update that the output is for: it is written, added to the rows
+//! that it updates, or added to an arc and to the sum of the arc's receiver.
 
 use pulp::{Simd, WithSimd};
 

@@ -87,8 +87,8 @@ pub(crate) fn sum_incoming<T: Real>(
     );
 }
 
-/// to\[vertex\]\[columns\] ← Σ rows\[a\] over the arcs that leave the vertex. These are the reverse arcs
-/// of `first_arc[v]..first_arc[v + 1]`.
+/// to\[vertex\]\[columns\] ← Σ rows\[a\] over the arcs that leave the vertex. These are the reverse
+/// arcs of `first_arc[v]..first_arc[v + 1]`.
 pub(crate) fn sum_outgoing<T: Real>(
     instructions: Instructions,
     to: &mut [T],
@@ -118,7 +118,8 @@ pub(crate) fn sum_outgoing<T: Real>(
     );
 }
 
-/// to\[a\] ← rows\[a\] + at_receiver\[receiver\], rows of `width` numbers: the gradient of a message.
+/// to\[a\] ← rows\[a\] + at_receiver\[receiver\], rows of `width` numbers: the gradient of a
+/// message.
 pub(crate) fn gather_receivers<T: Real>(
     instructions: Instructions,
     to: &mut [T],

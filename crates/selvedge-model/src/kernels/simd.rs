@@ -5,7 +5,7 @@
 
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
-/// Which instructions the kernels use. Results differ in the last bits: only the wide ones fuse a
+/// Instructions that the kernels use. Results differ in the last bits: only the wide ones fuse a
 /// multiplication with its addition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Instructions {
@@ -22,8 +22,8 @@ impl Instructions {
     pub(crate) fn run<K: WithSimd>(self, kernel: K) -> K::Output {
         match self {
             Self::Detected => Arch::new().dispatch(kernel),
-            // What is detected where there is nothing wide. Not one of `pulp`'s emulated vectors: their
-            // fused products are calls of a function.
+            // What is detected where there is nothing wide. Not one of `pulp`'s emulated vectors:
+            // their fused products are calls of a function.
             Self::Plain => kernel.with_simd(Scalar),
         }
     }
@@ -256,7 +256,7 @@ impl Lanes for f64 {
     }
 }
 
-/// What [`exps`] computes with: bounds of x; log2 e; 1.5 · 2^23, which rounds to an integer when it is
+/// Constants of [`exps`]: bounds of x; log2 e; 1.5 · 2^23, which rounds to an integer when it is
 /// added; - ln 2, its high and its low part; the Taylor coefficients from the seventh down.
 const EXP: [f32; 14] = [
     87.0,
@@ -275,12 +275,12 @@ const EXP: [f32; 14] = [
     1.0,
 ];
 
-/// e^x for |x| ≤ 87 (clamped beyond, not a number where x is none), relative error below 2e-7: 2^n times
-/// the Taylor series of e^r, |r| ≤ ln 2 / 2, to the seventh order.
+/// e^x for |x| ≤ 87 (clamped beyond, not a number where x is none), relative error below 2e-7: 2^n
+/// times the Taylor series of e^r, |r| ≤ ln 2 / 2, to the seventh order.
 #[inline(always)]
 fn exps<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
-    // Read anew each time: held in registers throughout the loops around this, constants would drive the
-    // sums of the products out of them.
+    // Read anew each time: held in registers throughout the loops around this, constants would
+    // drive the sums of the products out of them.
     let [
         most,
         least,

@@ -19,7 +19,8 @@ pub struct Input<'a, T> {
 /// The input of a network that streams, with the state of the frame before.
 #[derive(Clone, Copy, Debug)]
 pub struct Carried<'a, T> {
-    /// Features of the frames that the state has not seen: one frame, or a window for the zero state.
+    /// Features of the frames that the state has not seen: one frame, or a window for the zero
+    /// state.
     pub input: Input<'a, T>,
     /// The encoders' state after the frame before.
     pub state: &'a EncoderState<T>,

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{Partition, counted_from};
 use crate::graph::share::{Rows, Share, SplitRows};
+use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Gradients, InputGradient, OUTPUTS};
@@ -102,15 +103,28 @@ impl Network {
         gradient: &mut [T],
         w: &mut Workspace<T>,
     ) {
+        let module = FIRST_BLOCK + number;
+        self.updates_backward(weights, graph, number, w);
+        self.endpoints_backward(weights, graph, number, w);
+        add_groups(&w.groups, &mut gradient[self.weights_of(module, module)]);
+    }
+
+    /// Through the updates of arcs and nodes.
+    fn updates_backward<T: Real>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        number: usize,
+        w: &mut Workspace<T>,
+    ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
         let (block, record) = (&self.blocks[number], &w.blocks[number]);
-        let [sums, _] = &mut w.endpoint_products;
         w.pre_activation.resize(w.arcs.len());
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
-                sums: Rows::new(sums, 2 * latent),
+                sums: Rows::new(&mut w.endpoint_products[0], 2 * latent),
             },
             arcs: ArcGradients {
                 arcs: Rows::new(&mut w.arcs, latent),
@@ -136,10 +150,23 @@ impl Network {
             }
         };
         share.among(&graph.partitions, &mut w.groups, &work);
+    }
+
+    /// Through the endpoint products, which need the arcs of all partitions.
+    fn endpoints_backward<T: Real>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        number: usize,
+        w: &mut Workspace<T>,
+    ) {
+        let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
+        let (layer, range) = (weights.layer(module), self.weights_of(module, module));
+        let (block, record) = (&self.blocks[number], &w.blocks[number]);
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
-                sums: Rows::new(sums, 2 * latent),
+                sums: Rows::new(&mut w.endpoint_products[0], 2 * latent),
             },
             arcs: (),
         };
@@ -161,7 +188,6 @@ impl Network {
             }
         };
         share.among(&graph.partitions, &mut w.groups, &work);
-        add_groups(&w.groups, &mut gradient[range]);
     }
 
     /// The gradients of both encoders' weights, and of input and states where wanted.
@@ -192,16 +218,16 @@ impl Network {
             None => &mut nowhere,
         };
         let share = Share {
-            vertices: EncoderGradients {
-                output: Rows::new(&mut w.nodes, latent),
-                input: Rows::new(to_nodes, node_width),
-                start: start.nodes.each_mut().map(|s| Rows::new(s, latent)),
-            },
-            arcs: EncoderGradients {
-                output: Rows::new(&mut w.arcs, latent),
-                input: Rows::new(to_arcs, arc_width),
-                start: start.arcs.each_mut().map(|s| Rows::new(s, latent)),
-            },
+            vertices: both_ends(
+                Rows::new(&mut w.nodes, latent),
+                Rows::new(to_nodes, node_width),
+                &mut start.nodes,
+            ),
+            arcs: both_ends(
+                Rows::new(&mut w.arcs, latent),
+                Rows::new(to_arcs, arc_width),
+                &mut start.arcs,
+            ),
         };
         let zero = EncoderState::new();
         let end = gradients.states.end.unwrap_or(&zero);
@@ -210,14 +236,14 @@ impl Network {
             layer: weights.layer(NODE_ENCODER),
             input: nodes,
             record: &w.node_encoder,
-            end_gradient: end.nodes.each_ref().map(|s| &**s),
+            end_gradient: &end.nodes,
         };
         let of_arcs = EncoderBackward {
             layers: &self.arc_encoder,
             layer: weights.layer(ARC_ENCODER),
             input: arcs,
             record: &w.arc_encoder,
-            end_gradient: end.arcs.each_ref().map(|s| &**s),
+            end_gradient: &end.arcs,
         };
         let range = self.weights_of(NODE_ENCODER, ARC_ENCODER);
         let work = |partitions: &[Partition],
@@ -238,13 +264,27 @@ impl Network {
     }
 }
 
+/// The gradients at both ends of an encoder.
+fn both_ends<'a, T>(
+    output: Rows<'a, T>,
+    input: Rows<'a, T>,
+    start: &'a mut States<Aligned<T>>,
+) -> EncoderGradients<'a, T> {
+    let latent = output.width();
+    EncoderGradients {
+        output,
+        input,
+        start: start.each_mut().map(|states| Rows::new(states, latent)),
+    }
+}
+
 /// The backward pass of one encoder.
 struct EncoderBackward<'a, T> {
     layers: &'a EncoderLayers,
     layer: LayerWeights<'a, T>,
     input: EncoderInput<'a, T>,
     record: &'a EncoderRecord<T>,
-    end_gradient: States<&'a [T]>,
+    end_gradient: &'a States<Aligned<T>>,
 }
 
 impl<T: Real> EncoderBackward<'_, T> {
@@ -262,7 +302,7 @@ impl<T: Real> EncoderBackward<'_, T> {
             let kept = EncoderKept {
                 rows: range.clone(),
                 record: self.record,
-                end_gradient: self.end_gradient,
+                end_gradient: self.end_gradient.each_ref().map(|states| &**states),
             };
             let gradients = gradients.part(&counted_from(range, first));
             self.layers

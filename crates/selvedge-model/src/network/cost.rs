@@ -1,14 +1,14 @@
 //! How much arithmetic a network needs for a frame, and how much memory to learn from one, from its
 //! spec alone.
 //!
-//! Of the arithmetic the products are counted, two operations for each multiplication with its
-//! addition, as is common; features, activations, normalisation and sums of messages are left out,
-//! which are a few percent. Of the memory all is counted that a [`Workspace`](crate::Workspace) holds.
+//! The arithmetic counts matrix products, two operations for each multiplication with its addition.
+//! Features, activations, normalisation and sums of messages, a few percent, are left out. The
+//! memory counts all that a [`Workspace`](crate::Workspace) holds.
 
 use crate::network::arguments::OUTPUTS;
 use crate::spec::{Encoder, ModelSpec, RowEncoder};
 
-/// Floating-point operations of one frame, by what they grow with.
+/// Floating-point operations of one frame, for each vertex and each arc.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Flops {
     /// For each vertex.
@@ -17,17 +17,17 @@ pub struct Flops {
     pub arc: u64,
 }
 
-/// How the first layer of an edge update, W [v_s, v_r, e], is computed.
+/// Computation of the first layer of an arc update, W [v_s, v_r, e].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FirstEdgeLayer {
-    /// As it is written: three products for each arc.
+    /// Three products for each arc, as the equation is written.
     Whole,
-    /// As it is computed here: A v_s + B v_r + C e, of which the first two for each vertex.
+    /// A v_s + B v_r + C e, with the first two products for each vertex: the engine's way.
     Split,
 }
 
 impl Flops {
-    /// Those of a frame of a cloth.
+    /// Operations of a frame of a cloth.
     #[must_use]
     pub fn per_frame(self, vertices: usize, arcs: usize) -> u64 {
         self.vertex * vertices as u64 + self.arc * arcs as u64
@@ -75,7 +75,7 @@ fn encoder(spec: &ModelSpec, rows: RowEncoder, width: usize) -> u64 {
     }
 }
 
-/// Numbers that a pass to learn from keeps, by what they grow with.
+/// Numbers that a training pass keeps, for each vertex and each arc.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Activations {
     /// For each vertex.
@@ -85,15 +85,15 @@ pub struct Activations {
 }
 
 impl Activations {
-    /// Those of a cloth.
+    /// Numbers that a cloth needs.
     #[must_use]
     pub fn of(self, vertices: usize, arcs: usize) -> u64 {
         self.vertex * vertices as u64 + self.arc * arcs as u64
     }
 }
 
-/// What a workspace of this spec holds for the rows of its graph after a pass to learn from, with
-/// dropout, and its way back.
+/// Numbers that a workspace of this spec holds for the rows of its graph after a training pass with
+/// dropout and its backward pass.
 #[must_use]
 pub fn activations(spec: &ModelSpec) -> Activations {
     let (latent, blocks, window) = (spec.latent as u64, spec.blocks as u64, spec.window() as u64);
@@ -101,7 +101,8 @@ pub fn activations(spec: &ModelSpec) -> Activations {
     let perceptron = 3 * latent + 1;
     let [of_vertex, of_arc] = spec.encoder.rows().map(|rows| match rows {
         RowEncoder::Mlp(_) => perceptron,
-        // Of each of two layers the states and four gates; what is dropped between them; the output.
+        // Of each of two layers the states and four gates; what is dropped between them; the
+        // output.
         RowEncoder::Gru => (2 * (window + 1 + 4 * window) + window + 1) * latent + 1,
     });
     let carried = match spec.encoder {
@@ -177,8 +178,8 @@ mod tests {
         // 12 columns of a vertex, 7 of an arc, latent 4, 2 blocks.
         let spec = ModelSpec::mesh_graph_nets(4, 2);
         assert_eq!((spec.node_width(), spec.edge_width()), (12, 7));
-        // Encoder 12·4 + 4·4 + 4·4 = 80, two updates of 8·4 + 4·4 + 4·4 = 64, decoder 4·4 + 4·4 + 4·3 = 44.
-        // Arcs: 7·4 + 16 + 16 = 60, two updates of 12·4 + 16 + 16 = 80.
+        // Encoder 12·4 + 4·4 + 4·4 = 80, two updates of 8·4 + 4·4 + 4·4 = 64, decoder 4·4 + 4·4 +
+        // 4·3 = 44. Arcs: 7·4 + 16 + 16 = 60, two updates of 12·4 + 16 + 16 = 80.
         let whole = Flops {
             vertex: 2 * (80 + 2 * 64 + 44),
             arc: 2 * (60 + 2 * 80),

@@ -3,8 +3,8 @@
 use crate::kernels::aligned::Aligned;
 use crate::kernels::real::Real;
 
-/// States of the recurrent encoders of nodes and arcs, both layers, which a streaming network carries
-/// from frame to frame. Empty arrays are zero.
+/// States of the recurrent encoders of nodes and arcs, both layers, which a streaming network
+/// carries from frame to frame. Empty arrays are zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EncoderState<T> {
     /// `[vertices, latent]` each.

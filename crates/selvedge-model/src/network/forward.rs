@@ -1,5 +1,5 @@
-//! The forward pass: the partitions are shared among threads once for the encoders and once for each
-//! block. The last block also decodes.
+//! The forward pass: the partitions are shared among threads once for the encoders and once for
+//! each block. The last block also decodes.
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::Partition;
@@ -81,8 +81,9 @@ impl Network {
         &self,
         carried: Carried<'a, T>,
         windows: Windows,
-        [of_nodes, of_arcs]: &'a [RowMasks; 2],
+        masks: &'a [RowMasks; 2],
     ) -> [EncoderInput<'a, T>; 2] {
+        let [of_nodes, of_arcs] = masks;
         let Carried { input, state } = carried;
         let nodes = EncoderInput {
             window: windows.nodes,
@@ -206,16 +207,27 @@ impl Network {
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
                 block.forward(layer, input, &mut rows.block, share.arcs, scratch);
-                match self.blocks.get(number + 1) {
-                    Some(next) => {
-                        let layer = weights.layer(FIRST_BLOCK + number + 1);
-                        next.endpoint_products(layer, &rows.block.nodes, &mut rows.next_products);
-                    }
-                    None => self.decode(weights, rows, scratch),
-                }
+                self.after_block(weights, number, rows, scratch);
             });
         };
         share.among(&graph.partitions, &mut one_each(graph), &work);
+    }
+
+    /// The endpoint products for the next block, or the decoder.
+    fn after_block<T: Real>(
+        &self,
+        weights: &PackedWeights<T>,
+        number: usize,
+        mut rows: ProcessedNodes<'_, T>,
+        scratch: &mut Scratch<T>,
+    ) {
+        match self.blocks.get(number + 1) {
+            Some(next) => {
+                let layer = weights.layer(FIRST_BLOCK + number + 1);
+                next.endpoint_products(layer, &rows.block.nodes, &mut rows.next_products);
+            }
+            None => self.decode(weights, rows, scratch),
+        }
     }
 
     /// Latent nodes of a partition to accelerations.

@@ -20,7 +20,8 @@ pub enum Purpose {
     Training,
 }
 
-/// The packed weights of a [`Network`](crate::Network), with the plain ones that need no packing beside them.
+/// The packed weights of a [`Network`](crate::Network), with the plain ones that need no packing
+/// beside them.
 #[derive(Clone, Debug)]
 pub struct PackedWeights<T> {
     pub(crate) instructions: Instructions,

@@ -1,7 +1,8 @@
 //! Passes through a network and the packing of its weights, for each of the two scalars.
 //!
-//! The public methods are generic over [`NetworkScalar`], whose two implementations stand here. Their
-//! kernels, one of every kind for every instruction set, are therefore compiled once, in this crate.
+//! The public methods are generic over [`NetworkScalar`], whose two implementations stand here.
+//! Their kernels, one of every kind for every instruction set, are therefore compiled once, in this
+//! crate.
 
 use crate::graph::connectivity::Connectivity;
 use crate::kernels::real::Real;

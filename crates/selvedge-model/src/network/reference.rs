@@ -1,5 +1,5 @@
-//! The network as its equations are written, in `f64`, with no split layer, no tiles and no
-//! shared code: the slow obvious version that every fast one is tested against.
+//! The network as its equations are written, in `f64`, with no split layer, no tiles and no shared
+//! code: the slow obvious version that every fast one is tested against.
 //!
 //! Weights are found by name, as a PyTorch module would find them.
 
@@ -102,8 +102,9 @@ impl Weights<'_> {
     }
 }
 
-/// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent encoder goes
-/// from zero through as many frames as the input has: what a stream carries is what those before left.
+/// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent
+/// encoder starts from zero and takes all frames of the input; a stream's state is that of the
+/// frames before.
 #[must_use]
 pub fn forward(
     network: &Network,

@@ -1,9 +1,9 @@
-//! What the arithmetic of a network would take if there were nothing but its matrix products: the
-//! roofline that `selvedge bench engine` holds the engine against.
+//! The roofline of a network: its matrix products alone, with which `selvedge bench engine`
+//! compares the engine.
 //!
-//! The products are listed from the spec alone, with the shapes in which they are computed (split first
-//! edge layer, no product with a state that is zero), and run on the engine's own kernel, over whole
-//! arrays that lie ready and packed.
+//! The products are listed from the spec alone, with the shapes in which they are computed (split
+//! first arc layer, no product with a zero state), and run on the engine's own kernel, over whole
+//! arrays that are packed beforehand.
 
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ use crate::spec::{Encoder, ModelSpec, RowEncoder};
 /// Some products of one shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BareProduct {
-    /// What is multiplied.
+    /// Kind of the product.
     pub kind: ProductKind,
     /// Rows of vertices or arcs.
     pub rows: usize,
@@ -27,11 +27,11 @@ pub struct BareProduct {
     pub depth: usize,
     /// Numbers in a row of the result, or of the second operand.
     pub columns: usize,
-    /// How many of them.
+    /// Number of these products.
     pub times: usize,
 }
 
-/// Which of the two kinds of products of the engine.
+/// Kind of a product of the engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProductKind {
     /// `[rows, depth]` times a matrix `[depth, columns]`.
@@ -74,7 +74,7 @@ pub fn bare_products(
                 columns: depth,
                 ..product
             });
-            // Nobody asks for the gradient of the features.
+            // The gradient of the features is not wanted.
             if !first {
                 list.push(BareProduct {
                     depth: columns,

@@ -1,8 +1,8 @@
 //! Room for all that a pass through the network writes: allocated on the first pass of a size, then
 //! reused.
 //!
-//! Inference takes the latent vectors, the endpoint products of two blocks, and a few chunks of rows
-//! for each thread. Training takes the activations of every layer as well.
+//! Inference takes the latent vectors, the endpoint products of two blocks, and a few chunks of
+//! rows for each thread. Training takes the activations of every layer as well.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};

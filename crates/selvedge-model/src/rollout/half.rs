@@ -1,7 +1,7 @@
 //! Weights in half precision, for files: IEEE 754 binary16 (11 bits of precision, up to 65504) and
 //! bfloat16 (8 bits, the range of f32). Rounded to nearest, ties to even.
 
-/// How the weights of a model file are written.
+/// Number type of the weights in a model file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeightType {
     /// As they are.

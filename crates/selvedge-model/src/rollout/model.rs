@@ -23,7 +23,7 @@ pub struct Model {
     network: Network,
     weights: Vec<f32>,
     normalizers: Normalizers,
-    /// How it was trained, as JSON; free text where it was not.
+    /// Account of its training, as JSON; free text for a model that was not trained.
     pub training: String,
 }
 
@@ -72,7 +72,7 @@ impl Model {
         &self.network
     }
 
-    /// What the network is made of.
+    /// The spec of the network.
     #[must_use]
     pub fn spec(&self) -> &ModelSpec {
         self.network.spec()

@@ -11,9 +11,8 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
-use crate::features::window::{Extent, Frames, Place, Window};
+use crate::features::{Extent, Frames, Place, Window};
 use crate::graph::ClothGraph;
-use crate::graph::connectivity::Connectivity;
 use crate::graph::frame::Yaw;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
@@ -28,7 +27,6 @@ use crate::spec::integration::LastFrames;
 pub struct LearnedStepper {
     model: Arc<Model>,
     graph: ClothGraph,
-    connectivity: Connectivity,
     /// Positions of the frames before the window and of each frame of it, oldest first; the
     /// oldest buffer receives the next frame.
     history: Vec<Vec<Vec3>>,
@@ -43,8 +41,8 @@ pub struct LearnedStepper {
     features: Window,
     weights: PackedWeights<f32>,
     workspace: Workspace<f32>,
-    /// What a streaming network's encoders carry; that before the last step is kept until the step
-    /// is known to be good.
+    /// State of a streaming network's encoders. The state before the last step is kept until the
+    /// step is known to be good.
     state: EncoderState<f32>,
     acceleration: Vec<f32>,
 }
@@ -105,7 +103,6 @@ impl LearnedStepper {
         let vertices = graph.vertex_count();
         let graph = graph.with_coarse_levels(model.spec().coarse_levels);
         Ok(Self {
-            connectivity: Connectivity::of_cloth(&graph),
             history: opening_frames(model.spec(), vertices, start)?,
             next: vec![Vec3::ZERO; vertices],
             next_handles: Vec::new(),
@@ -156,7 +153,7 @@ impl LearnedStepper {
         };
         let out = self.model.network().forward_carried(
             &self.weights,
-            &self.connectivity,
+            self.graph.connectivity(),
             Carried {
                 input,
                 state: &self.state,
@@ -230,8 +227,9 @@ impl Stepper for LearnedStepper {
     }
 }
 
-/// What a streaming network carries has seen the frames before the newest one: it stays where that
-/// one is replaced. A frame that is taken has passed it by, so it starts anew from the window.
+/// The state of a streaming network has seen the frames before the newest one, so it stays when the
+/// newest frame is replaced. It has not seen a frame that is taken, so it starts anew from the
+/// window.
 impl Correctable for LearnedStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         check_frame(self.frame, positions, self.graph.vertex_count())?;

@@ -19,7 +19,7 @@ pub struct EdgeLimits {
     pub least: f64,
     /// The longest.
     pub most: f64,
-    /// How often all edges are gone through, at most.
+    /// Most sweeps over all edges.
     pub sweeps: u32,
 }
 

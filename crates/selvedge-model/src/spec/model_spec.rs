@@ -1,5 +1,5 @@
-//! What a network is made of: features, encoder, sizes. Closed enums, so that a combination that
-//! makes no sense cannot be written.
+//! The spec of a network: features, encoder, sizes. Its enums are closed, so that a combination
+//! without meaning cannot be written.
 
 use std::collections::BTreeSet;
 
@@ -14,26 +14,26 @@ use crate::spec::limits::EdgeLimits;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
-    /// What the network sees of a vertex.
+    /// Features of a node.
     #[serde(deserialize_with = "each_once")]
     pub node_features: BTreeSet<NodeFeature>,
-    /// What the network sees of an arc.
+    /// Features of an arc.
     #[serde(deserialize_with = "each_once")]
     pub edge_features: BTreeSet<EdgeFeature>,
-    /// How features become latent vectors.
+    /// Encoder of features to latent vectors.
     pub encoder: Encoder,
     /// Width of every latent vector.
     pub latent: usize,
     /// Number of message-passing blocks.
     pub blocks: usize,
-    /// Coarse levels, each of a quarter of the vertices of the one before, whose links pass messages beside
-    /// the edges of the mesh; none in the paper.
+    /// Number of coarse levels, each of a quarter of the vertices of the level before. Their links
+    /// pass messages beside the edges of the mesh. The paper has none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub coarse_levels: usize,
-    /// Where the cloth goes without the network.
+    /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
-    /// What keeps a rollout's edges within bounds; without it nothing does, as in the paper.
+    /// Bounds of the lengths of a rollout's edges; none in the paper.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge_limits: Option<EdgeLimits>,
 }
@@ -53,10 +53,11 @@ pub enum NodeFeature {
     /// p^t - 2 p^{t-1} + p^{t-2} `[m/frame²]`, 3 columns: not in the paper, whose networks have to
     /// take the small difference of two large velocities themselves.
     Acceleration,
-    /// Where the integration leads without the network, minus p^t `[m/frame]`, 3 columns: not in the
-    /// paper. It looks ahead to where the handles go; with carried integration every vertex does.
+    /// The next position by the integration without the network, minus p^t `[m/frame]`, 3 columns:
+    /// not in the paper. It knows the next positions of the handles; with carried integration
+    /// every vertex follows them.
     ExpectedMove,
-    /// p^t minus the rest pose where the handles have carried it `[m]`, 3 columns; 0 without handles.
+    /// p^t minus the rest pose that the handles carry along `[m]`, 3 columns; 0 without handles.
     /// Not in the paper, whose networks have to add up edges to know how far the cloth swings out.
     RestOffset,
 }
@@ -73,16 +74,17 @@ pub enum EdgeFeature {
     MaterialVector,
     /// Elongation against the sagged rest pose `[m]`, 1 column.
     Elongation,
-    /// Signed dihedral angle `[rad]`, 1 column.
+    /// Signed bending angle of an edge between two faces `[rad]`, 1 column: the negative of
+    /// [`selvedge_cloth::geometry::dihedral_angle`], 0 on the boundary.
     BendingAngle,
-    /// The vector of a link of a coarse level and its length `[m]`, 4 columns; 0 for an edge of the mesh, as
-    /// all columns above are for a link.
+    /// The vector of a link of a coarse level and its length `[m]`, 4 columns; 0 for an edge of the
+    /// mesh. All columns above are 0 for a link.
     CoarseVector,
     /// The same in the sagged rest pose `[m]`, 4 columns.
     CoarseRestVector,
 }
 
-/// How features become latent vectors.
+/// Encoder of features to latent vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Encoder {
@@ -98,16 +100,16 @@ pub enum Encoder {
         /// Frames in the window, at least 1.
         window: usize,
     },
-    /// The recurrent network for vertices only; arcs, of which there are six times as many, go through
-    /// the perceptron with their current frame.
+    /// The recurrent network for nodes only. The arcs, six times as many, go through the perceptron
+    /// with their current frame.
     NodeGru {
         /// Frames in the window of the vertices, at least 1.
         window: usize,
     },
-    /// The recurrent network, but its states are carried from frame to frame instead of begun anew for
-    /// every window: a frame costs one step of it.
+    /// The recurrent network with states that are carried from frame to frame, not begun anew for
+    /// every window. A frame costs one step.
     StreamingGru {
-        /// Frames that the states are begun with where there are none to carry, at least 1.
+        /// Frames that the first states are computed from, at least 1.
         window: usize,
     },
 }
@@ -129,7 +131,7 @@ fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 
-/// A list in which nothing may stand twice.
+/// Reads a list without repetitions.
 fn each_once<'de, D, T>(list: D) -> Result<BTreeSet<T>, D::Error>
 where
     D: Deserializer<'de>,
@@ -242,11 +244,27 @@ impl ModelSpec {
         }
     }
 
-    /// Checks sizes and that the features without which nothing can be predicted are there.
+    /// Checks the sizes, the parts of the integration, the limits, and the features without which
+    /// nothing can be predicted.
     ///
     /// # Errors
     /// Names the field.
     pub fn validate(&self) -> Result<(), SpecError> {
+        self.check_sizes()?;
+        if let Integration::Carried { damping, stiffness } = self.integration {
+            for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
+                if !(0.0..=1.0).contains(&found) {
+                    return Err(SpecError::Part { field, found });
+                }
+            }
+        }
+        if let Some(limits) = &self.edge_limits {
+            check_limits(limits)?;
+        }
+        self.check_features()
+    }
+
+    fn check_sizes(&self) -> Result<(), SpecError> {
         let sizes = [
             ("latent", self.latent, 4, 4096),
             ("blocks", self.blocks, 1, 256),
@@ -263,44 +281,10 @@ impl ModelSpec {
                 });
             }
         }
-        if let Integration::Carried { damping, stiffness } = self.integration {
-            for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
-                if !(0.0..=1.0).contains(&found) {
-                    return Err(SpecError::Part { field, found });
-                }
-            }
-        }
-        if let Some(limits) = self.edge_limits {
-            let sweeps = f64::from(limits.sweeps);
-            for (field, expected, found, holds) in [
-                (
-                    "least",
-                    "from 0 to 1",
-                    limits.least,
-                    (0.0..=1.0).contains(&limits.least),
-                ),
-                (
-                    "most",
-                    "from 1 to 100",
-                    limits.most,
-                    (1.0..=100.0).contains(&limits.most),
-                ),
-                (
-                    "sweeps",
-                    "from 1 to 1000",
-                    sweeps,
-                    (1.0..=1000.0).contains(&sweeps),
-                ),
-            ] {
-                if !holds {
-                    return Err(SpecError::Limit {
-                        field,
-                        expected,
-                        found,
-                    });
-                }
-            }
-        }
+        Ok(())
+    }
+
+    fn check_features(&self) -> Result<(), SpecError> {
         let missing = |field, needed| Err(SpecError::Missing { field, needed });
         if !self.node_features.contains(&NodeFeature::Velocity) {
             return missing("node_features", "velocity");
@@ -365,4 +349,22 @@ impl ModelSpec {
     pub fn edge_width(&self) -> usize {
         self.edge_features.iter().map(|f| f.width()).sum()
     }
+}
+
+fn check_limits(limits: &EdgeLimits) -> Result<(), SpecError> {
+    let sweeps = f64::from(limits.sweeps);
+    for (field, found, range, expected) in [
+        ("least", limits.least, 0.0..=1.0, "from 0 to 1"),
+        ("most", limits.most, 1.0..=100.0, "from 1 to 100"),
+        ("sweeps", sweeps, 1.0..=1000.0, "from 1 to 1000"),
+    ] {
+        if !range.contains(&found) {
+            return Err(SpecError::Limit {
+                field,
+                expected,
+                found,
+            });
+        }
+    }
+    Ok(())
 }

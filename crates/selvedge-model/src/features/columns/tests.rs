@@ -38,7 +38,7 @@ fn graph(parts: Hanging) -> ClothGraph {
     parts.graph()
 }
 
-/// What two frames are enough for.
+/// Features that two frames are enough for.
 fn pose<'a>(previous: &'a [Vec3], current: &'a [Vec3], yaw: Yaw) -> Pose<'a> {
     Pose {
         before: &[],

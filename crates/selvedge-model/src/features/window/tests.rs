@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::graph::ClothGraph;
+use crate::graph::frame::Yaw;
 use crate::spec::integration::Integration;
 use crate::spec::{EdgeFeature, Encoder, NodeFeature};
 use crate::test_cloth::{parts, shaken};

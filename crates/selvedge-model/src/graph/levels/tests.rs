@@ -72,8 +72,9 @@ fn the_first_level_lies_as_farthest_points_do() {
         for handle in graph.handles().vertices() {
             assert!(chosen.contains(&handle.0), "handles come first");
         }
-        // Nobody is farther from the chosen ones than two of those that were chosen by distance are from
-        // each other: else that vertex would have been chosen. Here the handles are the width apart.
+        // Nobody is farther from the chosen ones than two of those that were chosen by distance are
+        // from each other: else that vertex would have been chosen. Here the handles are the width
+        // apart.
         let all = distances(&graph);
         let to_nearest = |v: usize| {
             let others = chosen.iter().map(|&c| c as usize).filter(|&c| c != v);
@@ -164,7 +165,8 @@ fn handles_that_are_too_many_for_a_level_leave_room_for_others() {
     let handles = Handles::new(&many, 64).expect("a row and a half");
     few.cloth = few.cloth.with_handles(handles).expect("handles");
     let graph = few.graph();
-    // 64 → 16 → 4: twelve are more than half of sixteen, so that only the first of them comes first.
+    // 64 → 16 → 4: twelve are more than half of sixteen, so that only the first of them comes
+    // first.
     let graph = graph.with_coarse_levels(2);
     let chosen = joined(&graph, 1);
     assert_eq!(chosen.len(), 16);
@@ -196,10 +198,10 @@ fn whole_cloths_are_a_few_arcs_across() {
     let start = |graph: &ClothGraph| graph.handles().vertices()[0].0;
     let hops = [0, 1, 2, 3].map(|levels| {
         let graph = levelled(20, 1, levels);
-        most_hops(&Connectivity::of_cloth(&graph), start(&graph))
+        most_hops(graph.connectivity(), start(&graph))
     });
-    // Edges: across and down at least, since no edge is longer than a diagonal of its grid. What a level saves
-    // is half of the way on it, but for the way up and down the levels.
+    // Edges: across and down at least, since no edge is longer than a diagonal of its grid. What a
+    // level saves is half of the way on it, but for the way up and down the levels.
     assert!(hops[0] >= 19, "{hops:?}");
     assert!(hops.is_sorted_by(|a, b| a > b), "{hops:?}");
     assert!(hops[3] <= 6, "{hops:?}");
@@ -208,7 +210,7 @@ fn whole_cloths_are_a_few_arcs_across() {
 #[test]
 fn arcs_of_edges_and_links_name_each_other() {
     let graph = levelled(9, 2, 2);
-    let connectivity = Connectivity::of_cloth(&graph);
+    let connectivity = graph.connectivity();
     let edges = graph.topology().edges().iter();
     let of_edges = edges
         .map(|e| e.vertices.map(|v| v.0))
@@ -241,10 +243,7 @@ fn arcs_of_edges_and_links_name_each_other() {
 #[test]
 fn without_levels_a_cloth_is_its_mesh() {
     let graph = parts(7, 3).graph();
-    assert_eq!(
-        Connectivity::of_cloth(&graph),
-        Connectivity::of(graph.topology())
-    );
+    assert_eq!(*graph.connectivity(), Connectivity::of(graph.topology()));
     let arcs = graph.topology().arcs().iter();
     let ends = graph.senders().iter().zip(graph.receivers());
     assert!(arcs.map(|arc| (&arc.sender.0, &arc.receiver.0)).eq(ends));

@@ -3,9 +3,9 @@
 //! residual is added.
 //!
 //! The first arc layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
-//! applied once per vertex instead of once per arc. These **endpoint products** of all vertices must
-//! be there before a block begins; then one thread takes a partition through all of it. The tests
-//! compare the split update with the update on concatenated rows.
+//! applied once per vertex instead of once per arc. These **endpoint products** of all vertices
+//! must be there before a block begins; then one thread takes a partition through all of it. The
+//! tests compare the split update with the update on concatenated rows.
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{Partition, chunks, counted_from, of_rows};
@@ -271,8 +271,9 @@ impl Block {
         self.node.forward(weights, tile, Normalised::Add(nodes));
     }
 
-    /// Takes the gradients of a partition's latent vectors from after the block to before it, except
-    /// for the way through A and B ([`Self::endpoints_backward`]). Adds the gradients of the weights.
+    /// Takes the gradients of a partition's latent vectors from after the block to before it,
+    /// except for the way through A and B ([`Self::endpoints_backward`]). Adds the gradients of the
+    /// weights.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
@@ -333,8 +334,8 @@ impl Block {
         }
     }
 
-    /// The gradient of the nodes through their own update; leaves that of the sums of messages in the
-    /// scratch.
+    /// The gradient of the nodes through their own update; leaves that of the sums of messages in
+    /// the scratch.
     fn nodes_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,

@@ -1,7 +1,7 @@
 //! The layers and whole networks against PyTorch: tests/pytorch/layers.safetensors, which
-//! tests/pytorch/generate.py wrote beside it. PyTorch's outputs and gradients are f64: ours in f64 must be the same
-//! but for the order of sums, ours in f32 within 1e-5 of the largest entry of each tensor.
-//! `cargo test -p selvedge-model pytorch -- --nocapture` prints the largest differences.
+//! tests/pytorch/generate.py wrote beside it. PyTorch's outputs and gradients are f64: ours in f64
+//! must be the same but for the order of sums, ours in f32 within 1e-5 of the largest entry of each
+//! tensor. `cargo test -p selvedge-model pytorch -- --nocapture` prints the largest differences.
 
 // What is measured is there to be read.
 #![allow(clippy::print_stdout)]
@@ -109,7 +109,8 @@ impl Case {
     }
 }
 
-/// A layer by itself, its parameters under PyTorch's names without a path, and room for its matrices.
+/// A layer by itself, its parameters under PyTorch's names without a path, and room for its
+/// matrices.
 fn laid_out<L>(make: impl FnOnce(&mut ModuleBuilder) -> L) -> (L, Vec<Parameter>, ModuleSize) {
     let mut module = ModuleBuilder::default();
     let layer = make(&mut module);
@@ -246,6 +247,12 @@ fn mlp_case<T: Real>() {
     case.tell();
 }
 
+/// Rows of four frames of seven columns, frame by frame as the fixture has them.
+fn frame_by_frame<T: Real>(rows: &[T]) -> Vec<T> {
+    let frame = |frame: usize| rows.chunks_exact(28).map(move |row| &row[frame * 7..][..7]);
+    (0..4).flat_map(frame).flatten().copied().collect()
+}
+
 fn gru_case<T: Real>() {
     let mut case = Case::new::<T>("gru");
     let (layers, parameters, size) =
@@ -300,19 +307,17 @@ fn gru_case<T: Real>() {
         end_gradient: [&[], &[]],
     };
     layers.backward(weights, input, kept, gradients, &mut group);
-    // Row by row here, frame by frame there.
-    let by_frame: Vec<T> = (0..4)
-        .flat_map(|frame| {
-            by_input
-                .chunks_exact(28)
-                .map(move |row| &row[frame * 7..][..7])
-        })
-        .flatten()
-        .copied()
-        .collect();
+    let by_frame = frame_by_frame(&by_input);
     case.compare("input", &by_frame, &case.tensor("gradient.input.window"));
     case.compare_weights(&parameters, &gradient);
     case.tell();
+}
+
+fn block_nodes<'a, T>(nodes: &'a mut [T], sums: &'a mut [T]) -> NodeGradients<'a, T> {
+    NodeGradients {
+        nodes: Rows::new(nodes, 5),
+        sums: Rows::new(sums, 10),
+    }
 }
 
 fn block_case<T: Real>() {
@@ -366,19 +371,13 @@ fn block_case<T: Real>() {
         partition,
         record: &record,
     };
-    let by_nodes = NodeGradients {
-        nodes: Rows::new(&mut nodes, 5),
-        sums: Rows::new(&mut products, 10),
-    };
+    let by_nodes = block_nodes(&mut nodes, &mut products);
     let by_arcs = ArcGradients {
         arcs: Rows::new(&mut edges, 5),
         pre_activation: Rows::new(&mut pre_activation, 5),
     };
     block.backward(weights, kept, by_nodes, by_arcs, &mut group);
-    let by_nodes = NodeGradients {
-        nodes: Rows::new(&mut nodes, 5),
-        sums: Rows::new(&mut products, 10),
-    };
+    let by_nodes = block_nodes(&mut nodes, &mut products);
     block.endpoints_backward(weights, kept, &pre_activation, by_nodes, &mut group);
     case.compare("nodes", &nodes, &case.tensor("gradient.input.nodes"));
     case.compare("edges", &edges, &arcs(&case, "gradient.input.edges"));

@@ -86,7 +86,8 @@ pub(crate) fn pick<'a, T>(record: &'a mut [T], scratch: &'a mut [T], length: usi
     }
 }
 
-/// Room for the values of a backward pass that no later pass reads; one for each group of partitions.
+/// Room for the values of a backward pass that no later pass reads; one for each group of
+/// partitions.
 #[derive(Default)]
 pub(crate) struct GroupScratch<T> {
     /// Gradient of a chunk's output, `[CHUNK, latent]`.

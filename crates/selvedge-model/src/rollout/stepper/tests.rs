@@ -86,7 +86,7 @@ fn targets(positions: Vec<DVec3>) -> HandleTargets {
     HandleTargets::at_frame_end(positions).expect("finite targets")
 }
 
-/// Where the handles of `parts` are `frame` frames after rest: they swing and turn.
+/// Positions of the handles of `parts` `frame` frames after rest: they swing and turn.
 fn swing(parts: &Hanging, frame: usize) -> Vec<DVec3> {
     let phase = 0.2 * frame as f64;
     let yaw = Yaw::from_angle(0.3 * phase.sin());

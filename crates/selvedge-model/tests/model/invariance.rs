@@ -3,9 +3,9 @@
 //! which way its edges run.
 //!
 //! An edge runs counter-clockwise through the first of its faces, so the order of faces turns the
-//! edges between two of them round; those on the boundary run as their only face does, and turn only
-//! with all faces. A hinge begins at its smaller vertex, so renumbering turns hinges round. Arcs are
-//! matched by their ends.
+//! edges between two of them round; those on the boundary run as their only face does, and turn
+//! only with all faces. A hinge begins at its smaller vertex, so renumbering turns hinges round.
+//! Arcs are matched by their ends.
 
 use std::collections::BTreeMap;
 
@@ -18,8 +18,8 @@ use selvedge_model::{
     Yaw,
 };
 
-/// Every feature but those of coarse levels (whose vertices are chosen by their numbers where they are as
-/// far), over a window of two frames, carried.
+/// Every feature but those of coarse levels (whose vertices are chosen by their numbers where they
+/// are as far), over a window of two frames, carried.
 fn spec() -> ModelSpec {
     let mut spec = ModelSpec::physical(Encoder::Mlp { window: 2 }, 4, 1);
     spec.node_features.extend([
@@ -293,7 +293,7 @@ proptest! {
     }
 }
 
-/// What each column of an arc becomes in the reverse arc: vectors turn round, scalars stay.
+/// Change of each column of an arc in the reverse arc: vectors turn round, scalars stay.
 fn signs_of_reversal() -> Vec<f32> {
     let spec = spec();
     let signs = spec.edge_features.iter().flat_map(|feature| match feature {
@@ -305,7 +305,7 @@ fn signs_of_reversal() -> Vec<f32> {
     signs.collect()
 }
 
-/// What each column of an arc becomes when all faces are turned over: a ridge is then a valley.
+/// Change of each column of an arc when all faces are turned over: a ridge is then a valley.
 fn signs_of_turning_over() -> Vec<f32> {
     let spec = spec();
     let signs = spec.edge_features.iter().flat_map(|feature| match feature {

@@ -1,0 +1,5 @@
+//! Tests of the crate from outside: the network, the features, and the example.
+
+mod embed;
+mod invariance;
+mod network;
