@@ -1,6 +1,6 @@
 //! The network on a GPU: a second engine beside `selvedge_model`'s, for the same weights and the
 //! same files. [`rollout::stepper::GpuStepper`] moves one cloth as any `Stepper` does,
-//! [`rollout::Rollout`] several at once, and [`training::engine`] makes the engine of a training.
+//! [`rollout::Rollout`] several at once, and [`training::OnDevice`] makes the engine of a training.
 //!
 //! # Terms
 //!

@@ -157,27 +157,20 @@ pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
     Model::new(spec, weights, normalizers, String::new()).expect("a model")
 }
 
-/// The device of the tests: the host, or what the environment variable `SELVEDGE_TEST_DEVICE`
-/// names, `cuda` with the feature. Where there is no C compiler they say so and are not run; where
-/// there is no GPU that was asked for, they fail.
-pub(crate) fn device() -> Option<&'static dyn Device> {
-    static DEVICE: OnceLock<Option<Box<dyn Device>>> = OnceLock::new();
-    DEVICE
-        .get_or_init(|| match wanted().as_str() {
-            "host" => match Host::new() {
-                Ok(host) => Some(Box::new(host)),
-                Err(error) => {
-                    eprintln!("NOT TESTED: {error}");
-                    None
-                }
-            },
-            #[cfg(feature = "cuda")]
-            "cuda" => Some(Box::new(crate::device::cuda::Cuda::new(0).expect("a GPU"))),
-            other => panic!(
-                "SELVEDGE_TEST_DEVICE={other}: there are host and, with the feature cuda, cuda"
-            ),
-        })
-        .as_deref()
+/// The device of the tests: the host, or the one that the environment variable
+/// `SELVEDGE_TEST_DEVICE` names, `cuda` with the feature. A test fails where that device, or the C
+/// compiler of the host, is missing.
+pub(crate) fn device() -> &'static dyn Device {
+    static DEVICE: OnceLock<Box<dyn Device>> = OnceLock::new();
+    let device = DEVICE.get_or_init(|| match wanted().as_str() {
+        "host" => Box::new(Host::new().expect("a C compiler")),
+        #[cfg(feature = "cuda")]
+        "cuda" => Box::new(crate::device::cuda::Cuda::new(0).expect("a GPU")),
+        other => {
+            panic!("SELVEDGE_TEST_DEVICE={other}: there are host and, with the feature cuda, cuda")
+        }
+    });
+    &**device
 }
 
 fn wanted() -> String {

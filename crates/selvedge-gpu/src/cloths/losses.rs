@@ -1,7 +1,7 @@
 //! The losses on the device: their arrays, and the schedule from predicted accelerations to the
 //! terms of every rollout slot and their gradient.
 //!
-//! All rollout slots have the same size ([`PlaceSizes`]). A smaller cloth is padded: with vertices
+//! All rollout slots have the same size ([`SlotSizes`]). A smaller cloth is padded: with vertices
 //! that are handles at the origin, and with edges from one of them to itself.
 
 use selvedge_train::{LossStatistics, LossWeights};
@@ -24,7 +24,7 @@ const PER_PART: usize = 256;
 
 /// Sizes of a rollout slot in the union.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PlaceSizes {
+pub struct SlotSizes {
     /// Vertices.
     pub vertices: usize,
     /// Arcs, two per edge.
@@ -33,7 +33,7 @@ pub struct PlaceSizes {
     pub faces: usize,
 }
 
-impl PlaceSizes {
+impl SlotSizes {
     /// Edges.
     #[must_use]
     pub fn edges(self) -> usize {
@@ -45,9 +45,9 @@ impl PlaceSizes {
 #[derive(Clone, Copy, Debug)]
 pub struct LossArrays {
     /// The number of rollout slots.
-    pub lanes: usize,
+    pub slots: usize,
     /// The sizes of each slot.
-    pub place: PlaceSizes,
+    pub slot: SlotSizes,
     /// Both vertices of the edges, `[edges, 2]`.
     pub ends: Region,
     /// From, to, left and right of the hinges, `[edges, 4]`; four equal vertices at a border.
@@ -69,19 +69,18 @@ pub struct LossArrays {
 
 impl LossArrays {
     /// Room for `slots` rollout slots of one size.
-    pub fn new(plan: &mut Plan, lanes: usize, place: PlaceSizes) -> Self {
-        let [vertices, arcs, edges] =
-            [place.vertices, place.arcs, place.edges()].map(|n| n * lanes);
+    pub fn new(plan: &mut Plan, slots: usize, slot: SlotSizes) -> Self {
+        let [vertices, arcs, edges] = [slot.vertices, slot.arcs, slot.edges()].map(|n| n * slots);
         Self {
-            lanes,
-            place,
+            slots,
+            slot,
             ends: plan.indices("edges", 2 * edges),
             hinges: plan.indices("hinges of edges", 4 * edges),
             arc_edges: plan.indices("edges of arcs", arcs),
             edge_arcs: plan.indices("arcs of edges", 2 * edges),
             corner_ends: plan.indices("corners of vertices", 2 * vertices),
             corners: plan.indices("corners of hinges", 4 * edges),
-            shares: plan.doubles("shares of losses", 2 * lanes),
+            shares: plan.doubles("shares of losses", 2 * slots),
             numbers: plan.doubles("statistics of losses", NUMBERS),
         }
     }
@@ -89,13 +88,13 @@ impl LossArrays {
     /// The vertices of all slots.
     #[must_use]
     pub fn vertices(&self) -> usize {
-        self.lanes * self.place.vertices
+        self.slots * self.slot.vertices
     }
 
     /// The edges of all slots.
     #[must_use]
     pub fn edges(&self) -> usize {
-        self.lanes * self.place.edges()
+        self.slots * self.slot.edges()
     }
 
     /// The arrays that are written from outside.
@@ -244,7 +243,7 @@ fn judge_edges(schedule: &mut Schedule, losses: &LossArrays, what: Judged<'_>, b
         ends: losses.ends,
         hinges: losses.hinges,
         shares: losses.shares,
-        per_slot: losses.place.edges(),
+        per_slot: losses.slot.edges(),
         numbers: losses.numbers,
         by_edge: between.by_edge,
         by_hinge: between.by_hinge,
@@ -271,7 +270,7 @@ fn judge_vertices(
         corners: losses.corners,
         by_hinge: between.by_hinge,
         shares: losses.shares,
-        per_slot: losses.place.vertices,
+        per_slot: losses.slot.vertices,
         gradient: what.gradient,
         terms: between.of_vertices,
     };
@@ -286,26 +285,26 @@ fn sum_terms(
     between: &Between,
     terms: Region,
 ) {
-    let (lanes, place) = (losses.lanes, losses.place);
-    let parts = place.vertices.max(place.edges());
+    let (slots, slot) = (losses.slots, losses.slot);
+    let parts = slot.vertices.max(slot.edges());
     let parts = parts.div_ceil(PER_PART).max(1);
-    let sums = plan.doubles("losses of parts", TERMS * parts * lanes);
+    let sums = plan.doubles("losses of parts", TERMS * parts * slots);
     let arguments = args! {
         of_vertices: between.of_vertices,
         of_edges: between.of_edges,
-        vertices: place.vertices,
-        edges: place.edges(),
+        vertices: slot.vertices,
+        edges: slot.edges(),
         per_part: PER_PART,
         parts,
         sums,
     };
-    schedule.launch(&LOSS_PARTS, lanes * parts, arguments);
+    schedule.launch(&LOSS_PARTS, slots * parts, arguments);
     let arguments = args! { sums, shares: losses.shares, parts, terms };
-    schedule.launch(&LOSS_TERMS, lanes, arguments);
+    schedule.launch(&LOSS_TERMS, slots, arguments);
 }
 
 /// Multiplies the gradient of each slot by its weight, `[slots]`.
 pub fn weigh(schedule: &mut Schedule, losses: &LossArrays, gradient: Region, weights: Region) {
-    let arguments = args! { gradient, weights, per_slot: losses.place.vertices };
+    let arguments = args! { gradient, weights, per_slot: losses.slot.vertices };
     schedule.launch(&WEIGH, losses.vertices(), arguments);
 }

@@ -57,20 +57,20 @@ KERNEL(sum_ends, ROW,
 
 // One step of a gated recurrent unit. `state` holds the gradient of the state after, and then that part of the
 // gradient of the state before which does not pass through the gates. `sums` takes the pre-activation gradients of
-// the gates in the order SUM_N, SUM_R, SUM_Z, SUM_RECURRENT; `kept` is in the order of the forward pass.
+// the gates in the order GRADIENT_NEW, GRADIENT_RESET, GRADIENT_UPDATE, GRADIENT_RECURRENT; `kept` is in the order of the forward pass.
 KERNEL(gates_backward, ROW,
        const float *kept EACH(4 * LATENT), const float *before EACH(LATENT), float *state EACH(LATENT),
        OUT float *sums EACH(4 * LATENT)) {
     const float *gates = ROW_OF(kept, 4 * LATENT);
     float *out = ROW_OF(sums, 4 * LATENT);
     FOR_COLUMNS(j, k) {
-        const float r = gates[KEPT_R * LATENT + k], z = gates[KEPT_Z * LATENT + k], n = gates[KEPT_N * LATENT + k];
+        const float r = gates[KEPT_RESET * LATENT + k], z = gates[KEPT_UPDATE * LATENT + k], n = gates[KEPT_NEW * LATENT + k];
         const float recurrent = gates[KEPT_RECURRENT * LATENT + k], g = ROW_OF(state, LATENT)[k];
         const float by_n = g * (1.0f - z) * (1.0f - n * n);
-        out[SUM_N * LATENT + k] = by_n;
-        out[SUM_R * LATENT + k] = by_n * recurrent * r * (1.0f - r);
-        out[SUM_Z * LATENT + k] = g * (ROW_OF(before, LATENT)[k] - n) * z * (1.0f - z);
-        out[SUM_RECURRENT * LATENT + k] = by_n * r;
+        out[GRADIENT_NEW * LATENT + k] = by_n;
+        out[GRADIENT_RESET * LATENT + k] = by_n * recurrent * r * (1.0f - r);
+        out[GRADIENT_UPDATE * LATENT + k] = g * (ROW_OF(before, LATENT)[k] - n) * z * (1.0f - z);
+        out[GRADIENT_RECURRENT * LATENT + k] = by_n * r;
         ROW_OF(state, LATENT)[k] = g * z;
     }
 }
@@ -80,9 +80,9 @@ KERNEL(gates_backward, ROW,
 KERNEL(gate_biases, ELEMENT,
        const float *sums ALL(4 * LATENT), float *to_input EACH(1), float *to_recurrent EACH(1)) {
     const unsigned gate = ELEMENT / LATENT, k = ELEMENT % LATENT;
-    const unsigned shared = gate == WEIGHT_R ? SUM_R : SUM_Z;
-    to_input[ELEMENT] += sums[(gate == WEIGHT_N ? SUM_N : shared) * LATENT + k];
-    to_recurrent[ELEMENT] += sums[(gate == WEIGHT_N ? SUM_RECURRENT : shared) * LATENT + k];
+    const unsigned shared = gate == WEIGHT_RESET ? GRADIENT_RESET : GRADIENT_UPDATE;
+    to_input[ELEMENT] += sums[(gate == WEIGHT_NEW ? GRADIENT_NEW : shared) * LATENT + k];
+    to_recurrent[ELEMENT] += sums[(gate == WEIGHT_NEW ? GRADIENT_RECURRENT : shared) * LATENT + k];
 }
 
 // Adds one array to another.

@@ -82,11 +82,8 @@ fn every_file_is_read_by_itself() {
             .args(include_str!("compile_flags.txt").lines())
             .args(["-fsyntax-only", part.name])
             .current_dir(folder)
-            .output();
-        let Ok(answer) = answer else {
-            eprintln!("NOT TESTED: there is no C compiler {compiler}");
-            return;
-        };
+            .output()
+            .expect("a C compiler");
         let messages = String::from_utf8_lossy(&answer.stderr);
         assert!(answer.status.success(), "{}:\n{messages}", part.name);
     }

@@ -1,5 +1,6 @@
-//! Dropout between the layers of the recurrent encoders, with the masks of the CPU: a value's fate
-//! follows from its cloth's seed, its row within the cloth, its frame and its column.
+//! Dropout between the layers of the recurrent encoders, with the masks of the processor. The mask
+//! of a value follows from the seed of its rollout slot, its row in the slot, its frame and its
+//! column.
 
 use selvedge_model::Dropout as CpuDropout;
 
@@ -8,42 +9,42 @@ use crate::kernels::layers::DROPOUT;
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, args};
 
-/// Dropout of a union whose cloths have places of one size.
+/// Dropout of a union of rollout slots of one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dropout {
     /// Probability of a zero.
     pub rate: f64,
-    /// Vertices and arcs in the place of each cloth.
-    pub place: [usize; 2],
+    /// Vertices and arcs of each slot.
+    pub slot: [usize; 2],
     /// Frames of vertices and of arcs that the encoders see.
     pub steps: [usize; 2],
-    /// Seeds of vertices and of arcs of each cloth, low half first, `[cloths, 2]`.
+    /// The seeds of vertices and of arcs of each slot, low half first, `[slots, 2]`.
     pub seeds: [Region; 2],
 }
 
-/// Sizes of a union whose cloths have places of one size.
+/// Sizes of a union of rollout slots of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DropoutSizes {
-    /// Number of places.
-    pub cloths: usize,
-    /// Vertices and arcs of a place.
-    pub place: [usize; 2],
+    /// The number of slots.
+    pub slots: usize,
+    /// Vertices and arcs of a slot.
+    pub slot: [usize; 2],
     /// Frames of vertices and of arcs.
     pub steps: [usize; 2],
 }
 
 impl Dropout {
-    /// Room for the seeds of a union; none are needed where nothing is dropped.
+    /// Room for the seeds of a union; none where nothing is dropped.
     pub fn new(plan: &mut Plan, rate: f64, sizes: DropoutSizes) -> Option<Self> {
         (rate > 0.0).then(|| Self {
             rate,
-            place: sizes.place,
+            slot: sizes.slot,
             steps: sizes.steps,
-            seeds: [(); 2].map(|()| plan.indices("dropout seeds", 2 * sizes.cloths)),
+            seeds: [(); 2].map(|()| plan.indices("dropout seeds", 2 * sizes.slots)),
         })
     }
 
-    /// Writes the seed of each cloth.
+    /// Writes the seed of each slot.
     ///
     /// # Errors
     /// When the device fails.
@@ -71,7 +72,7 @@ pub(super) fn drop_out(
     // As selvedge_model rounds them.
     let scale = (1.0 / (1.0 - dropout.rate)) as f32;
     let threshold = (dropout.rate * (1_u64 << 32) as f64) as u32;
-    let (seeds, slot_rows) = (dropout.seeds[kind], dropout.place[kind]);
+    let (seeds, slot_rows) = (dropout.seeds[kind], dropout.slot[kind]);
     let [before, after] = rows;
     let arguments = args! {
         before,

@@ -44,7 +44,7 @@ enum Next {
     FromState(usize),
 }
 
-/// What a step takes away from the cloths and [`Rollout::undo_step`] gives back.
+/// The state before a step, which [`Rollout::undo_step`] restores.
 struct Undo {
     next: Next,
     slot: usize,
@@ -309,11 +309,11 @@ impl Rollout {
         Ok(())
     }
 
-    /// Undoes the last step, also if its frame was replaced since. Gives whether there was a step to
-    /// undo: not unless a step came last and succeeded.
+    /// Undoes the last step, also if its frame was replaced since. Returns true if a step was
+    /// undone: one that came last and succeeded.
     ///
-    /// The device needs no call: the slot that a step writes is none of its window, and its states
-    /// alternate between two arrays.
+    /// The device needs no call: a step writes a slot outside its window, and its states alternate
+    /// between two arrays.
     pub fn undo_step(&mut self) -> bool {
         let Some(before) = self.undo.take() else {
             return false;

@@ -29,10 +29,10 @@ fn farthest(a: &[Vec3], b: &[Vec3]) -> f32 {
     pairs.map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
 }
 
-fn gpu(model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> Option<GpuStepper> {
+fn gpu(model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> GpuStepper {
     let model = Arc::clone(model);
-    let stepper = GpuStepper::new(device()?, model, graph, start, Precision::Full);
-    Some(stepper.expect("a stepper"))
+    let stepper = GpuStepper::new(device(), model, graph, start, Precision::Full);
+    stepper.expect("a stepper")
 }
 
 #[test]
@@ -72,9 +72,7 @@ fn a_rollout_is_that_of_the_cpu() {
         let start: [&[Vec3]; 2] = [graph.rest_positions(), &start];
         let mut cpu =
             LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
-        let Some(mut device) = gpu(&model, graph.clone(), &start) else {
-            return;
-        };
+        let mut device = gpu(&model, graph.clone(), &start);
         for frame in 1..=12 {
             let targets = handle_targets(&graph, frame);
             cpu.step(&targets).expect("a frame");
@@ -97,7 +95,7 @@ fn several_cloths_move_as_each_alone() {
     let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 2);
     let model = Arc::new(model(&spec, 1e-3, 7));
     let graphs = [cloth(4, 1), cloth(6, 2), cloth(5, 3)];
-    let Some(device) = device() else { return };
+    let device = device();
     let starts: Vec<Vec<Vec3>> = graphs
         .iter()
         .map(|graph| shaken(graph.rest_positions(), 0.003, 4))
@@ -113,7 +111,7 @@ fn several_cloths_move_as_each_alone() {
     let mut alone: Vec<GpuStepper> = graphs
         .iter()
         .zip(&starts)
-        .map(|(graph, start)| gpu(&model, graph.clone(), start).expect("a device"))
+        .map(|(graph, start)| gpu(&model, graph.clone(), start))
         .collect();
     for frame in 1..=6 {
         let goals: Vec<Vec<Vec3>> = graphs.iter().map(|graph| targets(graph, frame)).collect();
@@ -138,10 +136,7 @@ fn a_stepper_on_a_device_conforms() {
     ] {
         let spec = ModelSpec::physical(encoder, 12, 1);
         let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
-        if device().is_none() {
-            return;
-        }
-        let make = || gpu(&model, graph.clone(), &[graph.rest_positions()]).expect("a device");
+        let make = || gpu(&model, graph.clone(), &[graph.rest_positions()]);
         assert_eq!(check_correctable(make, HandlesEnd::AtTargets), Ok(()));
     }
 }
@@ -150,10 +145,8 @@ fn a_stepper_on_a_device_conforms() {
 fn a_frame_that_is_not_finite_is_not_taken() {
     let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 1);
     let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
-    let Some(mut stepper) = gpu(&model, graph.clone(), &[graph.rest_positions()]) else {
-        return;
-    };
-    let mut other = gpu(&model, graph.clone(), &[graph.rest_positions()]).expect("a device");
+    let mut stepper = gpu(&model, graph.clone(), &[graph.rest_positions()]);
+    let mut other = gpu(&model, graph.clone(), &[graph.rest_positions()]);
     for frame in 1..=3 {
         let targets = handle_targets(&graph, frame);
         stepper.step(&targets).expect("a frame");
@@ -197,9 +190,7 @@ fn frames_of_somebody_else_are_gone_on_from_as_on_the_cpu() {
         let start: [&[Vec3]; 1] = [graph.rest_positions()];
         let mut cpu =
             LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
-        let Some(mut device) = gpu(&model, graph.clone(), &start) else {
-            return;
-        };
+        let mut device = gpu(&model, graph.clone(), &start);
         for frame in 1..=9 {
             let mut both: [&mut dyn Correctable; 2] = [&mut cpu, &mut device];
             for stepper in &mut both {
@@ -269,10 +260,8 @@ fn edges_are_limited_colour_by_colour() {
     let graph = cloth(6, 2);
     let start = shaken(graph.rest_positions(), 0.04, 0);
     let start: [&[Vec3]; 1] = [&start];
-    let Some(mut free) = gpu(&free, graph.clone(), &start) else {
-        return;
-    };
-    let mut limited = gpu(&limited, graph.clone(), &start).expect("a device");
+    let mut free = gpu(&free, graph.clone(), &start);
+    let mut limited = gpu(&limited, graph.clone(), &start);
     for frame in 1..=4 {
         let targets = handle_targets(&graph, frame);
         free.step(&targets).expect("a frame");

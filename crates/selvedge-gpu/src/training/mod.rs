@@ -22,8 +22,10 @@ use selvedge_train::{
 };
 
 use crate::cloths::frames::{FrameNumbers, HandleFrames};
-use crate::cloths::losses::{TERMS, loss_numbers};
-use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
+use crate::cloths::losses::{SlotSizes, TERMS, loss_numbers};
+use crate::device::{
+    Device, DeviceError, Loaded, Precision, Prepared, largest_fit, require_memory,
+};
 use crate::network::OUTPUTS;
 use crate::schedule::plan::Region;
 
@@ -41,7 +43,7 @@ pub struct Training {
     update: Prepared,
     spec: ModelSpec,
     losses: LossWeights,
-    /// The cloth in the place of each slot.
+    /// The cloth that was written to each slot.
     cloths: Vec<Option<Arc<ClothGraph>>>,
 }
 
@@ -55,10 +57,10 @@ impl Training {
         precision: Precision,
         setup: Setup<'_>,
     ) -> Result<Self, DeviceError> {
-        let place = slot_arrays::sizes_of(setup.graphs());
-        let plan = TrainingPlan::new(setup.cfg, setup.network, place);
+        let slot = slot_arrays::sizes_of(setup.graphs());
+        let plan = TrainingPlan::new(setup.cfg, setup.network, slot);
         require_memory(device, "this training", plan.plan.bytes(), |free| {
-            what_fits(setup, place, free)
+            what_fits(setup, slot, free)
         })?;
         let mut loaded = device.load(&plan.program, &plan.plan, precision)?;
         upload(&plan, &mut *loaded, setup)?;
@@ -86,7 +88,7 @@ impl Training {
         })
     }
 
-    /// Writes the cloths of samples whose places hold another one.
+    /// Writes the cloths of samples into slots that hold another one.
     fn place_cloths(&mut self, slots: &[SlotRun<'_>]) -> Result<(), DeviceError> {
         let arrays = slot_arrays::SlotArrays {
             cloths: &self.plan.cloths,
@@ -108,8 +110,8 @@ impl Training {
     /// Writes the samples of frame `number` of a step.
     fn upload_frame(&mut self, slots: &[SlotRun<'_>], number: usize) -> Result<(), DeviceError> {
         let (frame, loaded) = (&self.plan.frames[number], &mut *self.loaded);
-        let place = self.plan.losses.place.vertices;
-        let size = OUTPUTS * place * slots.len();
+        let vertices = self.plan.losses.slot.vertices;
+        let size = OUTPUTS * vertices * slots.len();
         // The first frame brings its whole history, later ones the predicted positions.
         let rows = if number == 0 {
             0..frame.newest + 1
@@ -119,7 +121,7 @@ impl Training {
         let positions_in = |row: usize| {
             slots.iter().flat_map(move |slot| {
                 let frames = &slot.sample().frames;
-                in_place(&frames[row - number], place, Vec3::to_array)
+                padded(&frames[row - number], vertices, Vec3::to_array)
             })
         };
         let positions: Vec<f32> = rows.clone().flat_map(positions_in).flatten().collect();
@@ -128,7 +130,7 @@ impl Training {
         for (part, region) in frame.triplet.regions().into_iter().enumerate() {
             let rows = slots
                 .iter()
-                .flat_map(|slot| in_place(&slot.sample().local[part], place, DVec3::to_array));
+                .flat_map(|slot| padded(&slot.sample().local[part], vertices, DVec3::to_array));
             loaded.put_doubles(region, &rows.flatten().collect::<Vec<f64>>())?;
         }
         let mut numbers = FrameNumbers::default();
@@ -213,8 +215,12 @@ impl FramePasses for Training {
         }
         self.loaded.run(self.forward[frame])?;
         let (terms, output) = self.judged(frame)?;
-        let place = OUTPUTS * self.plan.losses.place.vertices;
-        for ((slot, rows), terms) in slots.iter_mut().zip(output.chunks_exact(place)).zip(terms) {
+        let numbers = OUTPUTS * self.plan.losses.slot.vertices;
+        for ((slot, rows), terms) in slots
+            .iter_mut()
+            .zip(output.chunks_exact(numbers))
+            .zip(terms)
+        {
             let count = OUTPUTS * slot.graph().vertex_count();
             slot.receive(&rows[..count], terms);
         }
@@ -281,21 +287,21 @@ fn failed(error: DeviceError) -> EngineError {
     EngineError(Box::new(error))
 }
 
-/// Rows of a cloth, then zeros up to the size of its place.
-fn in_place<'a, T, V: Copy, const N: usize>(
+/// Rows of a cloth, then zeros up to `count` rows.
+fn padded<'a, T, V: Copy, const N: usize>(
     rows: &'a [V],
-    place: usize,
+    count: usize,
     array: impl Fn(&V) -> [T; N] + 'a,
 ) -> impl Iterator<Item = [T; N]> + 'a
 where
     T: Copy + Default + 'a,
 {
-    let left_over = place - rows.len();
+    let left_over = count - rows.len();
     let zeros = std::iter::repeat_n([T::default(); N], left_over);
     rows.iter().map(array).chain(zeros)
 }
 
-/// Writes what a training starts with.
+/// Writes the arrays that a training starts with.
 fn upload(
     plan: &TrainingPlan,
     loaded: &mut dyn Loaded,
@@ -324,22 +330,13 @@ fn upload(
 }
 
 /// The most samples per step for which there is room.
-fn what_fits(setup: Setup<'_>, place: crate::cloths::losses::PlaceSizes, free: usize) -> String {
+fn what_fits(setup: Setup<'_>, slot: SlotSizes, free: usize) -> String {
     let fits = |samples: usize| {
         let mut cfg: TrainConfig = setup.cfg.clone();
         cfg.batch.samples = samples;
-        TrainingPlan::new(&cfg, setup.network, place).plan.bytes() <= free
+        TrainingPlan::new(&cfg, setup.network, slot).plan.bytes() <= free
     };
-    let (mut least, mut most) = (0, setup.cfg.batch.samples);
-    while most - least > 1 {
-        let middle = least.midpoint(most);
-        if fits(middle) {
-            least = middle;
-        } else {
-            most = middle;
-        }
-    }
-    match least {
+    match largest_fit(setup.cfg.batch.samples, fits) {
         0 => "not even batch.samples = 1 fits: lower unroll.frames, model.latent, model.blocks or \
               the window"
             .to_owned(),

@@ -8,7 +8,7 @@ use crate::cloths::ClothArrays;
 use crate::cloths::features::{FeatureSources, NormalizerArrays, features};
 use crate::cloths::features_backward::FrameBack;
 use crate::cloths::frames::FrameArrays;
-use crate::cloths::losses::{self, Judged, LossArrays, PlaceSizes, TERMS, TripletArrays};
+use crate::cloths::losses::{self, Judged, LossArrays, SlotSizes, TERMS, TripletArrays};
 use crate::kernels::{self, Program, Sizes, layers};
 use crate::network::{
     BackwardPass, Dropout, DropoutSizes, ForwardPass, InputArrays, Keep, OUTPUTS, Record,
@@ -58,7 +58,7 @@ pub struct TrainingPlan {
     pub adam: AdamArrays,
     /// The cloths of the slots.
     pub cloths: ClothArrays,
-    /// The same for the losses.
+    /// The arrays of the losses.
     pub losses: LossArrays,
     /// The statistics.
     pub normalizers: NormalizerArrays,
@@ -66,18 +66,22 @@ pub struct TrainingPlan {
     pub positions: Region,
     /// The frames, in order.
     pub frames: Vec<FramePlan>,
-    /// To run once, when the weights are there.
+    /// To run once, after the weights were written.
     pub pack: Schedule,
     /// To run before the first frame of a step goes back.
     pub begin: Schedule,
-    /// To run when all have gone back.
+    /// To run after all frames have gone back.
     pub update: Schedule,
 }
 
 /// Parts that the frames of a step share while they are planned.
 struct Shared<'a> {
     network: &'a Network,
+    /// The most frames of a step.
+    most: usize,
+    /// The rate of dropout.
     rate: f64,
+    /// The gradient of the ring of positions, where there are several frames.
     by_position: Option<Region>,
 }
 
@@ -85,17 +89,24 @@ struct Shared<'a> {
 struct Room {
     input: InputArrays,
     output_gradient: Region,
-    /// The states that it goes on from, and those that it leaves.
-    states: [Option<StateArrays>; 2],
+    /// The states before the frame and after it, of a streaming network.
+    states: StatesAround,
+}
+
+/// States before and after a frame, or their gradients; none where a network carries none.
+#[derive(Clone, Copy, Default)]
+struct StatesAround {
+    start: Option<StateArrays>,
+    end: Option<StateArrays>,
 }
 
 impl TrainingPlan {
-    /// That of a configuration, for cloths that fit into places of these sizes.
+    /// The plan for a configuration, for cloths that fit into slots of one size.
     #[must_use]
-    pub fn new(cfg: &TrainConfig, network: &Network, place: PlaceSizes) -> Self {
+    pub fn new(cfg: &TrainConfig, network: &Network, slot: SlotSizes) -> Self {
         let (spec, slots) = (network.spec(), cfg.batch.samples);
         let most = cfg.unroll.most();
-        let sizes = union_sizes(slots, place);
+        let sizes = union_sizes(slots, slot);
         let mut plan = Plan::new();
         let ring = spec.history() + most;
         let positions = plan.floats("positions", ring * sizes.vertices * 3);
@@ -107,7 +118,7 @@ impl TrainingPlan {
             ones: plan.floats("ones", sizes.vertices.max(sizes.arcs)),
             adam: AdamArrays::new(&mut plan, parameters),
             cloths: ClothArrays::new(&mut plan, sizes),
-            losses: LossArrays::new(&mut plan, slots, place),
+            losses: LossArrays::new(&mut plan, slots, slot),
             normalizers: NormalizerArrays::new(&mut plan, spec),
             weights,
             positions,
@@ -129,12 +140,12 @@ impl TrainingPlan {
         if let Some(by_position) = by_position {
             built.begin.clear(by_position);
         }
-        let shared = Shared {
+        built.add_frames(&Shared {
             network,
+            most,
             rate: cfg.dropout,
             by_position,
-        };
-        built.add_frames(&shared, most);
+        });
         let (weights, gradient) = (built.weights.flat(), built.gradient);
         built
             .adam
@@ -143,12 +154,13 @@ impl TrainingPlan {
         built
     }
 
-    fn add_frames(&mut self, shared: &Shared<'_>, most: usize) {
-        // What is written from outside first: nothing else may lie in its place.
+    fn add_frames(&mut self, shared: &Shared<'_>) {
+        let most = shared.most;
+        // Arrays that are written from outside come first: no other array may take their place.
         let mut rooms: Vec<Room> = Vec::with_capacity(most);
         for number in 0..most {
-            let start = rooms.last().and_then(|before| before.states[1]);
-            let (frame, room) = self.room(shared, number, (start, most));
+            let start = rooms.last().and_then(|before| before.states.end);
+            let (frame, room) = self.room(shared, number, start);
             self.frames.push(frame);
             rooms.push(room);
         }
@@ -163,7 +175,7 @@ impl TrainingPlan {
             (shared.network.streams() && most > 1)
                 .then(|| StateArrays::new(&mut self.plan, shared.network, &graph))
         });
-        // Nothing comes after the last frame of a step, whichever that is.
+        // The last frame of a step, whichever it is, gets no gradient from later ones.
         for states in turns.iter().flatten() {
             for region in states.regions() {
                 self.begin.clear(region);
@@ -172,22 +184,22 @@ impl TrainingPlan {
         let mark = self.plan.mark();
         for number in (0..most).rev() {
             let [start, end] = [turns[number % 2], turns[(number + 1) % 2]];
-            let ends = [
-                start.filter(|_| number > 0),
-                end.filter(|_| number + 1 < most),
-            ];
-            let left = (&rooms[number], &records[number]);
-            self.frames[number].backward = self.back(shared, number, left, ends);
+            let gradients = StatesAround {
+                start: start.filter(|_| number > 0),
+                end: end.filter(|_| number + 1 < most),
+            };
+            let (room, record) = (&rooms[number], &records[number]);
+            self.frames[number].backward = self.back(shared, number, room, record, gradients);
             self.plan.release(mark);
         }
     }
 
-    /// Room for frame `number`. A streaming network goes on from the states of the frame before.
+    /// Room for frame `number`. A streaming network starts from the states of the frame before.
     fn room(
         &mut self,
         shared: &Shared<'_>,
         number: usize,
-        (start, most): (Option<StateArrays>, usize),
+        start: Option<StateArrays>,
     ) -> (FramePlan, Room) {
         let (network, spec) = (shared.network, shared.network.spec());
         let (plan, graph, sizes) = (&mut self.plan, self.cloths.graph, self.cloths.sizes);
@@ -195,10 +207,10 @@ impl TrainingPlan {
             Some(_) => [1, 1],
             None => [spec.node_window(), spec.edge_window()],
         };
-        let place = self.losses.place;
+        let slot = self.losses.slot;
         let dropout = DropoutSizes {
-            cloths: sizes.cloths,
-            place: [place.vertices, place.arcs],
+            slots: sizes.cloths,
+            slot: [slot.vertices, slot.arcs],
             steps,
         };
         let frame = FramePlan {
@@ -213,12 +225,12 @@ impl TrainingPlan {
             forward: Schedule::new("a frame forward"),
             backward: Schedule::default(),
         };
-        let streams = network.streams() && most > 1;
+        let streams = network.streams() && shared.most > 1;
         let end = streams.then(|| StateArrays::new(plan, network, &graph));
         let room = Room {
             input: InputArrays::new(plan, network, &graph, steps),
             output_gradient: plan.floats("gradient of the output", sizes.vertices * OUTPUTS),
-            states: [start, end],
+            states: StatesAround { start, end },
         };
         (frame, room)
     }
@@ -226,7 +238,7 @@ impl TrainingPlan {
     /// Frame `number` up to its terms.
     fn forth(&mut self, shared: &Shared<'_>, number: usize, room: &Room) -> Record {
         let (graph, frame) = (self.cloths.graph, &self.frames[number]);
-        let [start, end] = &room.states;
+        let StatesAround { start, end } = &room.states;
         let mut schedule = Schedule::new("a frame forward");
         features(&mut schedule, self.sources(&frame.frames), &room.input);
         let pass = ForwardPass {
@@ -260,14 +272,14 @@ impl TrainingPlan {
         }
     }
 
-    /// Frame `number` back, with the gradients of the states that it goes on from and that it
-    /// leaves.
+    /// Frame `number` back, with the gradients of the states around it.
     fn back(
         &mut self,
         shared: &Shared<'_>,
         number: usize,
-        (room, record): (&Room, &Record),
-        [start, end]: [Option<StateArrays>; 2],
+        room: &Room,
+        record: &Record,
+        gradients: StatesAround,
     ) -> Schedule {
         let mut schedule = Schedule::new("a frame backward");
         let (graph, frame) = (self.cloths.graph, &self.frames[number]);
@@ -275,7 +287,7 @@ impl TrainingPlan {
         let (gradient, newest) = (room.output_gradient, frame.newest);
         losses::weigh(&mut schedule, &self.losses, gradient, frame.weights);
         let positions = shared.by_position.map(|by_position| (by_position, newest));
-        // What the first frame starts from is given.
+        // The positions before the first frame are given: they need no gradient.
         let to_input = (number > 0)
             .then(|| InputArrays::new(&mut self.plan, shared.network, &graph, room.input.steps));
         let from = FeatureSources {
@@ -303,8 +315,8 @@ impl TrainingPlan {
             dropout,
             output: gradient,
             to_input: to_input.as_ref(),
-            end: end.as_ref(),
-            start: start.as_ref(),
+            end: gradients.end.as_ref(),
+            start: gradients.start.as_ref(),
         };
         backward(&mut self.plan, &mut schedule, &pass);
         if let (Some(back), Some(to_input)) = (back, to_input) {
@@ -313,7 +325,7 @@ impl TrainingPlan {
         schedule
     }
 
-    /// All that is written from outside before a step.
+    /// The arrays that are written from outside before a step.
     #[must_use]
     pub fn given(&self) -> Vec<Region> {
         let mut given = vec![self.weights.flat(), self.ones, self.positions];

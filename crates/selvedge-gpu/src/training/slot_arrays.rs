@@ -1,80 +1,122 @@
-//! The places of rollout slots in a union, all of the same sizes: schedules stay the same whatever
-//! cloths the slots show. A cloth that changes is written to its slot's place alone.
+//! The arrays of rollout slots in a union. All slots have the same sizes, so that schedules stay
+//! the same whatever cloths the slots show. A cloth that changes is written to its own slot alone.
 //!
-//! Where cloths differ, every place has at least one vertex more than its cloth. The rest of a
-//! place belongs to such vertices: arcs and edges from one to itself, faces without area. They are
+//! Where cloths differ, every slot has at least one vertex more than its cloth. The padding of a
+//! slot belongs to such vertices: arcs and edges from one to itself, faces without area. They are
 //! handles, and none of them reaches a loss or the gradient of a weight.
 
 use std::sync::Arc;
 
 use selvedge_model::{ClothGraph, Connectivity};
 
-use crate::cloths::losses::{LossArrays, PlaceSizes};
+use crate::cloths::losses::{LossArrays, SlotSizes};
 use crate::cloths::{ClothArrays, Statics, UnionSizes};
 use crate::device::{DeviceError, Loaded};
 use crate::schedule::plan::Region;
 
-/// Handle of a vertex that is left over.
+/// The handle number of a vertex of the padding.
 const SOME_HANDLE: u32 = 0;
 
-/// Sizes that every one of some cloths fits into.
-pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>) -> PlaceSizes {
-    let sizes: Vec<PlaceSizes> = graphs
+/// The sizes of a slot that fits every one of some cloths.
+pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>) -> SlotSizes {
+    let sizes: Vec<SlotSizes> = graphs
         .into_iter()
-        .map(|graph| PlaceSizes {
+        .map(|graph| SlotSizes {
             vertices: graph.vertex_count(),
             arcs: graph.arc_count(),
             faces: graph.topology().faces().len(),
         })
         .collect();
-    let most = |of: fn(&PlaceSizes) -> usize| sizes.iter().map(of).max().unwrap_or(0);
-    let most = PlaceSizes {
+    let most = |of: fn(&SlotSizes) -> usize| sizes.iter().map(of).max().unwrap_or(0);
+    let most = SlotSizes {
         vertices: most(|s| s.vertices),
         arcs: most(|s| s.arcs),
         faces: most(|s| s.faces),
     };
     let same = sizes.iter().all(|sizes| *sizes == most);
-    PlaceSizes {
+    SlotSizes {
         vertices: most.vertices + usize::from(!same),
         ..most
     }
 }
 
-/// The sizes of a union of so many places; edges are known to the losses alone, and handles to
-/// nobody.
-pub(super) fn union_sizes(slots: usize, place: PlaceSizes) -> UnionSizes {
+/// The sizes of a union of slots. It has no edges and handles of its own: the losses have the
+/// edges, and handles are uploaded as positions.
+pub(super) fn union_sizes(slots: usize, slot: SlotSizes) -> UnionSizes {
     UnionSizes {
         cloths: slots,
-        vertices: slots * place.vertices,
-        arcs: slots * place.arcs,
-        faces: slots * place.faces,
+        vertices: slots * slot.vertices,
+        arcs: slots * slot.arcs,
+        faces: slots * slot.faces,
         ..UnionSizes::default()
     }
 }
 
-/// Numbers for a region of which every place has a part.
+/// Contents of one slot's part of a region.
 enum Words {
     Floats(Vec<f32>),
     Doubles(Vec<f64>),
-    /// Each grows by this from place to place.
-    Indices(Vec<u32>, usize),
+    Indices {
+        /// The indices in the first slot.
+        words: Vec<u32>,
+        /// The difference between the indices of two slots.
+        step: usize,
+    },
 }
 
+/// One slot's part of a region.
 struct Part {
     region: Region,
-    /// Elements from place to place.
+    /// Elements between two slots.
     apart: usize,
     words: Words,
 }
 
-/// A cloth as it is written to any place.
+impl Part {
+    /// `apart` floats per slot, `padding` after those of a cloth.
+    fn floats(region: Region, mut values: Vec<f32>, apart: usize, padding: f32) -> Self {
+        values.resize(apart, padding);
+        Self {
+            region,
+            apart,
+            words: Words::Floats(values),
+        }
+    }
+
+    /// All indices of a slot, which grow by `step` from slot to slot.
+    fn indices(region: Region, words: Vec<u32>, apart: usize, step: usize) -> Self {
+        let words = Words::Indices { words, step };
+        Self {
+            region,
+            apart,
+            words,
+        }
+    }
+
+    /// Writes the part of a slot.
+    fn upload(self, loaded: &mut dyn Loaded, slot: usize) -> Result<(), DeviceError> {
+        let first = slot * self.apart;
+        let region = |count: usize| self.region.part(first..first + count);
+        match self.words {
+            Words::Floats(values) => loaded.put(region(values.len()), &values),
+            Words::Doubles(values) => loaded.put_doubles(region(values.len()), &values),
+            Words::Indices { mut words, step } => {
+                let offset = (slot * step) as u32;
+                words.iter_mut().for_each(|word| *word += offset);
+                loaded.upload(region(words.len()), &words)
+            }
+        }
+    }
+}
+
+/// The arrays of a union into which cloths are written slot by slot.
 pub(super) struct SlotArrays<'a> {
     pub(super) cloths: &'a ClothArrays,
     pub(super) losses: &'a LossArrays,
 }
 
 impl SlotArrays<'_> {
-    /// Writes a cloth to the place of a slot.
+    /// Writes a cloth to a slot.
     pub(super) fn upload(
         &self,
         loaded: &mut dyn Loaded,
@@ -82,153 +124,131 @@ impl SlotArrays<'_> {
         graph: &ClothGraph,
         connectivity: &Connectivity,
     ) -> Result<(), DeviceError> {
-        let mut parts = self.of_cloth(graph);
-        parts.extend(self.of_arcs(connectivity));
-        parts.extend(self.of_losses(graph));
-        for part in parts {
-            let first = slot * part.apart;
-            let region = |count: usize| part.region.part(first..first + count);
-            match part.words {
-                Words::Floats(values) => loaded.put(region(values.len()), &values)?,
-                Words::Doubles(values) => loaded.put_doubles(region(values.len()), &values)?,
-                Words::Indices(mut words, step) => {
-                    words
-                        .iter_mut()
-                        .for_each(|word| *word += (slot * step) as u32);
-                    loaded.upload(region(words.len()), &words)?;
-                }
-            }
+        let parts = [
+            self.vertices(graph),
+            self.faces(graph),
+            self.arcs(graph),
+            self.connectivity(connectivity),
+            self.edges(graph),
+            self.hinges(graph),
+        ];
+        for part in parts.into_iter().flatten() {
+            part.upload(loaded, slot)?;
         }
         Ok(())
     }
 
-    fn of_cloth(&self, graph: &ClothGraph) -> Vec<Part> {
-        let (cloths, place) = (self.cloths, self.losses.place);
-        let PlaceSizes {
-            vertices, faces, ..
-        } = place;
-        let mut statics = Statics::default();
-        statics.add_vertices(0, graph);
-        statics.add_faces(0, graph);
-        statics.add_arcs(0, graph);
-        let left_over = graph.vertex_count();
-        let padded = |values: Vec<f32>, count: usize, value: f32| {
-            let mut values = values;
-            values.resize(count, value);
-            Words::Floats(values)
-        };
-        let indices = |words: Vec<u32>, count: usize, value: usize, step: usize| {
-            let mut words = words;
-            words.resize(count, value as u32);
-            Words::Indices(words, step)
-        };
-        let bounds = csr(
-            statics.first_face,
-            statics.faces.len(),
-            [vertices, 3 * faces],
-        );
-        let arcs = place.arcs;
-        let all = [
-            (
-                cloths.cloth_of,
-                vertices,
-                indices(statics.cloth_of, vertices, 0, 1),
-            ),
-            (
-                cloths.handle_of,
-                vertices,
-                indices(statics.handle_of, vertices, SOME_HANDLE as usize, 0),
-            ),
-            (cloths.mass, vertices, padded(statics.mass, vertices, 1.0)),
-            (
-                cloths.inverse_mass,
-                vertices,
-                padded(statics.inverse_mass, vertices, 0.0),
-            ),
-            (
-                cloths.rest,
-                3 * vertices,
-                padded(statics.rest, 3 * vertices, 0.0),
-            ),
-            (cloths.air, 6, Words::Floats(statics.air)),
-            (
-                cloths.corners,
-                3 * faces,
-                indices(statics.corners, 3 * faces, left_over, vertices),
-            ),
-            (cloths.areas, faces, padded(statics.areas, faces, 0.0)),
-            (
-                cloths.first_face,
-                vertices,
-                Words::Indices(bounds, 3 * faces),
-            ),
-            (
-                cloths.faces,
-                3 * faces,
-                indices(statics.faces, 3 * faces, faces.saturating_sub(1), faces),
-            ),
-            (
-                cloths.arc_rest,
-                4 * arcs,
-                padded(statics.arc_rest, 4 * arcs, 0.0),
-            ),
-            (
-                cloths.arc_material,
-                3 * arcs,
-                padded(statics.arc_material, 3 * arcs, 0.0),
-            ),
-            (
-                cloths.hinges,
-                4 * arcs,
-                indices(statics.hinges, 4 * arcs, 0, vertices),
-            ),
-        ];
-        all.map(Part::new).into()
+    fn vertices(&self, graph: &ClothGraph) -> Vec<Part> {
+        let (cloths, vertices) = (self.cloths, self.losses.slot.vertices);
+        let mut of = Statics::default();
+        of.add_vertices(0, graph);
+        let mut cloth_of = of.cloth_of;
+        cloth_of.resize(vertices, 0);
+        let mut handle_of = of.handle_of;
+        handle_of.resize(vertices, SOME_HANDLE);
+        vec![
+            Part::indices(cloths.cloth_of, cloth_of, vertices, 1),
+            Part::indices(cloths.handle_of, handle_of, vertices, 0),
+            Part::floats(cloths.mass, of.mass, vertices, 1.0),
+            Part::floats(cloths.inverse_mass, of.inverse_mass, vertices, 0.0),
+            Part::floats(cloths.rest, of.rest, 3 * vertices, 0.0),
+            Part::floats(cloths.air, of.air, 6, 0.0),
+        ]
     }
 
-    fn of_arcs(&self, connectivity: &Connectivity) -> Vec<Part> {
-        let (graph, place) = (&self.cloths.graph, self.losses.place);
-        let PlaceSizes { vertices, arcs, .. } = place;
+    fn faces(&self, graph: &ClothGraph) -> Vec<Part> {
+        let cloths = self.cloths;
+        let SlotSizes {
+            vertices, faces, ..
+        } = self.losses.slot;
+        let mut of = Statics::default();
+        of.add_faces(0, graph);
+        let first_face = offsets(of.first_face, of.faces.len(), vertices, 3 * faces);
+        // Faces of the padding have the first vertex of the padding as corners, and no area.
+        let mut corners = of.corners;
+        corners.resize(3 * faces, graph.vertex_count() as u32);
+        let mut of_vertices = of.faces;
+        of_vertices.resize(3 * faces, faces.saturating_sub(1) as u32);
+        vec![
+            Part::indices(cloths.corners, corners, 3 * faces, vertices),
+            Part::floats(cloths.areas, of.areas, faces, 0.0),
+            Part::indices(cloths.first_face, first_face, vertices, 3 * faces),
+            Part::indices(cloths.faces, of_vertices, 3 * faces, faces),
+        ]
+    }
+
+    fn arcs(&self, graph: &ClothGraph) -> Vec<Part> {
+        let cloths = self.cloths;
+        let SlotSizes { vertices, arcs, .. } = self.losses.slot;
+        let mut of = Statics::default();
+        of.add_arcs(0, graph);
+        let mut hinges = of.hinges;
+        hinges.resize(4 * arcs, 0);
+        vec![
+            Part::floats(cloths.arc_rest, of.arc_rest, 4 * arcs, 0.0),
+            Part::floats(cloths.arc_material, of.arc_material, 3 * arcs, 0.0),
+            Part::indices(cloths.hinges, hinges, 4 * arcs, vertices),
+        ]
+    }
+
+    fn connectivity(&self, connectivity: &Connectivity) -> Vec<Part> {
+        let graph = &self.cloths.graph;
+        let SlotSizes { vertices, arcs, .. } = self.losses.slot;
         let (real, count) = (connectivity.vertex_count(), connectivity.arc_count());
-        let first_arc = csr(
-            connectivity.first_arc()[..real].to_vec(),
-            count,
-            [vertices, arcs],
-        );
-        // Vertices that are left over have arcs from themselves.
+        let first_arc = connectivity.first_arc()[..real].to_vec();
+        let first_arc = offsets(first_arc, count, vertices, arcs);
+        // Arcs of the padding lead from a vertex of the padding to itself.
         let ends = |of: &[u32]| {
             let mut ends = of.to_vec();
             for v in real..vertices {
                 let own = first_arc[v + 1] - first_arc[v];
                 ends.extend(std::iter::repeat_n(v as u32, own as usize));
             }
-            Words::Indices(ends, vertices)
+            ends
         };
-        let mut twins = connectivity.reverse_arcs().to_vec();
-        twins.extend(count as u32..arcs as u32);
-        let all = [
-            (graph.senders, arcs, ends(connectivity.senders())),
-            (graph.receivers, arcs, ends(connectivity.receivers())),
-            (graph.reverse_arcs, arcs, Words::Indices(twins, arcs)),
-            (
-                graph.first_arc,
-                vertices,
-                Words::Indices(first_arc.clone(), arcs),
-            ),
-        ];
-        all.map(Part::new).into()
+        let (senders, receivers) = (ends(connectivity.senders()), ends(connectivity.receivers()));
+        let mut reverse_arcs = connectivity.reverse_arcs().to_vec();
+        reverse_arcs.extend(count as u32..arcs as u32);
+        vec![
+            Part::indices(graph.senders, senders, arcs, vertices),
+            Part::indices(graph.receivers, receivers, arcs, vertices),
+            Part::indices(graph.reverse_arcs, reverse_arcs, arcs, arcs),
+            Part::indices(graph.first_arc, first_arc, vertices, arcs),
+        ]
     }
 
-    fn of_losses(&self, graph: &ClothGraph) -> Vec<Part> {
-        let (losses, place) = (self.losses, self.losses.place);
-        let (vertices, edges) = (place.vertices, place.edges());
+    fn edges(&self, graph: &ClothGraph) -> Vec<Part> {
+        let (losses, slot) = (self.losses, self.losses.slot);
+        let (vertices, edges, arcs) = (slot.vertices, slot.edges(), slot.arcs);
         let of_graph = graph.topology().edges();
-        let left_over = graph.vertex_count().min(vertices.saturating_sub(1)) as u32;
-        let mut ends: Vec<u32> = of_graph
-            .iter()
-            .flat_map(|e| e.vertices.map(|v| v.0))
-            .collect();
-        ends.resize(2 * edges, left_over);
+        // Edges of the padding lead from the first vertex of the padding to itself.
+        let padding = graph.vertex_count().min(vertices.saturating_sub(1)) as u32;
+        let ends = of_graph.iter().flat_map(|e| e.vertices.map(|v| v.0));
+        let mut ends: Vec<u32> = ends.collect();
+        ends.resize(2 * edges, padding);
+        let mut arc_edges = graph.arc_edges().to_vec();
+        let extra = arc_edges.len()..arcs;
+        arc_edges.extend(extra.map(|arc| (arc / 2) as u32));
+        let mut edge_arcs = graph.edge_arcs().concat();
+        edge_arcs.extend(edge_arcs.len() as u32..arcs as u32);
+        let share = |count: usize| 1.0 / count.max(1) as f64;
+        let handles = graph.handle_mask().iter();
+        let free = handles.filter(|handle| !**handle).count();
+        vec![
+            Part::indices(losses.ends, ends, 2 * edges, vertices),
+            Part::indices(losses.arc_edges, arc_edges, arcs, edges),
+            Part::indices(losses.edge_arcs, edge_arcs, 2 * edges, arcs),
+            Part {
+                region: losses.shares,
+                apart: 2,
+                words: Words::Doubles(vec![share(free), share(of_graph.len())]),
+            },
+        ]
+    }
+
+    fn hinges(&self, graph: &ClothGraph) -> Vec<Part> {
+        let (losses, slot) = (self.losses, self.losses.slot);
+        let (vertices, edges) = (slot.vertices, slot.edges());
         let mut hinges = vec![0; 4 * edges];
         let mut of_vertex = vec![Vec::new(); vertices];
         for hinge in graph.hinges() {
@@ -247,68 +267,22 @@ impl SlotArrays<'_> {
             corner_ends.extend([first as u32, corners.len() as u32]);
         }
         corners.resize(4 * edges, 0);
-        let mut arc_edges = graph.arc_edges().to_vec();
-        let extra = arc_edges.len()..place.arcs;
-        arc_edges.extend(extra.map(|arc| (arc / 2) as u32));
-        let mut edge_arcs = graph.edge_arcs().concat();
-        edge_arcs.extend(edge_arcs.len() as u32..place.arcs as u32);
-        let share = |count: usize| 1.0 / count.max(1) as f64;
-        let free = graph
-            .handle_mask()
-            .iter()
-            .filter(|handle| !**handle)
-            .count();
-        let all = [
-            (losses.ends, 2 * edges, Words::Indices(ends, vertices)),
-            (losses.hinges, 4 * edges, Words::Indices(hinges, vertices)),
-            (
-                losses.arc_edges,
-                place.arcs,
-                Words::Indices(arc_edges, edges),
-            ),
-            (
-                losses.edge_arcs,
-                2 * edges,
-                Words::Indices(edge_arcs, place.arcs),
-            ),
-            (
-                losses.corner_ends,
-                2 * vertices,
-                Words::Indices(corner_ends, 4 * edges),
-            ),
-            (
-                losses.corners,
-                4 * edges,
-                Words::Indices(corners, 4 * edges),
-            ),
-            (
-                losses.shares,
-                2,
-                Words::Doubles(vec![share(free), share(of_graph.len())]),
-            ),
-        ];
-        all.map(Part::new).into()
+        vec![
+            Part::indices(losses.hinges, hinges, 4 * edges, vertices),
+            Part::indices(losses.corner_ends, corner_ends, 2 * vertices, 4 * edges),
+            Part::indices(losses.corners, corners, 4 * edges, 4 * edges),
+        ]
     }
 }
 
-impl Part {
-    fn new((region, apart, words): (Region, usize, Words)) -> Self {
-        Self {
-            region,
-            apart,
-            words,
-        }
-    }
-}
-
-/// Where the lists of vertices begin, and where the last one ends: those of `first` (a number per
-/// vertex of the cloth), `count` entries in all, and for what is left over of `entries` and
-/// `vertices`, shares of about the same size.
-fn csr(first: Vec<u32>, count: usize, [vertices, entries]: [usize; 2]) -> Vec<u32> {
+/// Offsets of the lists of a slot's vertices, and the end of the last list. `first` has the offsets
+/// of a cloth's vertices, whose lists have `count` entries. The vertices of the padding share the
+/// rest of `entries` about equally.
+fn offsets(first: Vec<u32>, count: usize, vertices: usize, entries: usize) -> Vec<u32> {
     let mut all = first;
-    let left_over = vertices - all.len();
+    let padding = vertices - all.len();
     let more = entries - count;
-    all.extend((0..left_over).map(|k| (count + k * more / left_over) as u32));
+    all.extend((0..padding).map(|k| (count + k * more / padding) as u32));
     all.push(entries as u32);
     all
 }

@@ -14,7 +14,7 @@ use selvedge_train::{
 use super::slot_arrays::{sizes_of, union_sizes};
 use super::{OnDevice, TrainingPlan};
 use crate::bench::conformance::{TrainingCheck, training};
-use crate::cloths::losses::PlaceSizes;
+use crate::cloths::losses::SlotSizes;
 use crate::device::Precision;
 use crate::schedule::Trace;
 use crate::test_graphs::device;
@@ -76,16 +76,16 @@ fn busy(model: ModelSpec, frames: usize) -> TrainConfig {
     cfg
 }
 
-fn check(data: &Swinging, cfg: &TrainConfig, steps: usize) -> Option<TrainingCheck> {
-    let device = device()?;
+fn check(data: &Swinging, cfg: &TrainConfig, steps: usize) -> TrainingCheck {
+    let device = device();
     let mut make = |engine: &dyn EngineMaker| Trainer::new(cfg.clone(), &data.dataset, engine);
     let checked = training(device, Precision::Full, &mut make, steps);
-    Some(checked.expect("both trainings"))
+    checked.expect("both trainings")
 }
 
 #[test]
 fn plans_read_what_they_wrote_whatever_the_encoder_and_the_frames() {
-    let place = PlaceSizes {
+    let slot = SlotSizes {
         vertices: 13,
         arcs: 52,
         faces: 16,
@@ -93,7 +93,7 @@ fn plans_read_what_they_wrote_whatever_the_encoder_and_the_frames() {
     for (encoder, frames) in encoders().into_iter().flat_map(|e| [(e, 1), (e, 3)]) {
         let cfg = busy(everything(encoder), frames);
         let network = Network::new(&cfg.model).expect("a spec");
-        let plan = TrainingPlan::new(&cfg, &network, place);
+        let plan = TrainingPlan::new(&cfg, &network, slot);
         for count in 1..=frames {
             let mut trace = Trace::new(&plan.plan, plan.program.sizes());
             plan.given()
@@ -114,10 +114,10 @@ fn plans_read_what_they_wrote_whatever_the_encoder_and_the_frames() {
 }
 
 #[test]
-fn places_hold_the_largest_cloth_and_one_vertex_more_where_cloths_differ() {
+fn slots_hold_the_largest_cloth_and_one_vertex_more_where_cloths_differ() {
     let data = two_cloths();
     /// Makes nothing, but looks at the cloths.
-    struct Look(Cell<PlaceSizes>);
+    struct Look(Cell<SlotSizes>);
     impl EngineMaker for Look {
         fn arithmetic(&self) -> Arithmetic {
             Arithmetic::OnDevice
@@ -127,16 +127,16 @@ fn places_hold_the_largest_cloth_and_one_vertex_more_where_cloths_differ() {
             Err(EngineError("looked at".into()))
         }
     }
-    let look = Look(Cell::new(PlaceSizes::default()));
+    let look = Look(Cell::new(SlotSizes::default()));
     let refused = Trainer::new(config(everything(Encoder::MLP)), &data.dataset, &look);
     let message = refused.err().map(|error| error.to_string());
     assert_eq!(message.as_deref(), Some("looked at"));
-    let place = look.0.get();
-    assert_eq!(place.vertices, 12 + 1);
-    let union = union_sizes(3, place);
+    let slot = look.0.get();
+    assert_eq!(slot.vertices, 12 + 1);
+    let union = union_sizes(3, slot);
     assert_eq!(
         [union.cloths, union.vertices, union.arcs],
-        [3, 39, 3 * place.arcs]
+        [3, 39, 3 * slot.arcs]
     );
 }
 
@@ -145,9 +145,7 @@ fn a_step_has_the_loss_and_the_gradient_of_the_cpu() {
     let data = two_cloths();
     for encoder in encoders() {
         for frames in [1, 3] {
-            let Some(found) = check(&data, &busy(everything(encoder), frames), 1) else {
-                return;
-            };
+            let found = check(&data, &busy(everything(encoder), frames), 1);
             let what = format!("{encoder:?}, {frames} frames: {found:?}");
             // The losses are f64, of predictions that are off by 1e-6.
             assert!(found.first_loss < 1e-4, "{what}");
@@ -161,9 +159,7 @@ fn the_baseline_has_the_gradient_of_the_cpu_too() {
     let data = two_cloths();
     for frames in [1, 2] {
         let cfg = busy(ModelSpec::mesh_graph_nets(8, 2), frames);
-        let Some(found) = check(&data, &cfg, 1) else {
-            return;
-        };
+        let found = check(&data, &cfg, 1);
         assert!(found.gradient < 1e-4, "{frames} frames: {found:?}");
     }
 }
@@ -173,9 +169,7 @@ fn a_hundred_steps_from_one_seed_have_the_losses_of_the_cpu() {
     let data = two_cloths();
     for (encoder, frames) in [(Encoder::Gru { window: 3 }, 1), (Encoder::MLP, 2)] {
         let cfg = busy(everything(encoder), frames);
-        let Some(found) = check(&data, &cfg, 100) else {
-            return;
-        };
+        let found = check(&data, &cfg, 100);
         // Rounding grows with every step that is taken and every prediction that is gone on from;
         // another draw or another term would be off by the whole at once.
         assert!(found.losses < 0.02, "{encoder:?}: {found:?}");
@@ -186,7 +180,7 @@ fn a_hundred_steps_from_one_seed_have_the_losses_of_the_cpu() {
 #[test]
 fn a_checkpoint_goes_on_from_one_device_on_the_other() {
     let data = two_cloths();
-    let Some(device) = device() else { return };
+    let device = device();
     let cfg = busy(everything(Encoder::NodeGru { window: 3 }), 1);
     let checkpoint = data.folder.path().join("checkpoint");
     let take = |trainer: &mut Trainer| {

@@ -1,5 +1,7 @@
 //! The backward pass of the encoders, to the features and to the states that they started from.
 
+use selvedge_model::Gate;
+
 use super::Back;
 use super::mlp::NormBack;
 use crate::kernels::backward::{GATE_BIASES, GATES_BACKWARD};
@@ -247,20 +249,27 @@ impl Back<'_> {
     }
 }
 
-/// The pre-activation gradients of r, z and the recurrent part of n, in the order of the weights.
+/// The pre-activation gradients of `count` gates from `first` on, in the order of
+/// [`Gate::GRADIENTS`].
+fn part(gates: Rows, latent: usize, first: Gate, count: usize) -> Rows {
+    gates.columns(Gate::GRADIENTS.offset(first) * latent, count * latent)
+}
+
+/// The pre-activation gradients of the gates that the state enters, in the order of the weights.
 fn of_recurrent(gates: Rows, latent: usize) -> Rows {
-    gates.columns(latent, 3 * latent)
+    part(gates, latent, Gate::Reset, 3)
 }
 
 /// The pre-activation gradients of the gates that the input enters, with the rows of a matrix
-/// `[3 latent, inputs]` that belong to them: r and z, then n.
+/// `[3 latent, inputs]` that belong to them: reset and update, then new.
 fn of_input(gates: Rows, latent: usize, matrix: Matrix) -> [(Rows, Matrix); 2] {
-    let rows = |range: std::ops::Range<usize>| Matrix {
-        region: matrix.region.rows(range, matrix.leading),
-        ..matrix
+    let both = |first: Gate, count: usize| {
+        let row = Gate::WEIGHTS.offset(first) * latent;
+        let rows = Matrix {
+            region: matrix.region.rows(row..row + count * latent, matrix.leading),
+            ..matrix
+        };
+        (part(gates, latent, first, count), rows)
     };
-    [
-        (gates.columns(latent, 2 * latent), rows(0..2 * latent)),
-        (gates.columns(0, latent), rows(2 * latent..3 * latent)),
-    ]
+    [both(Gate::Reset, 2), both(Gate::New, 1)]
 }
