@@ -57,14 +57,15 @@ KERNEL(sum_ends, ROW,
 
 // One step of a gated recurrent unit. `state` holds the gradient of the state after, and then that part of the
 // gradient of the state before which does not pass through the gates. `sums` takes the pre-activation gradients of
-// the gates in the order GRADIENT_NEW, GRADIENT_RESET, GRADIENT_UPDATE, GRADIENT_RECURRENT; `kept` is in the order of the forward pass.
+// the gates in the order of GRADIENT_*; `kept` is in the order of KEPT_*.
 KERNEL(gates_backward, ROW,
        const float *kept EACH(4 * LATENT), const float *before EACH(LATENT), float *state EACH(LATENT),
        OUT float *sums EACH(4 * LATENT)) {
     const float *gates = ROW_OF(kept, 4 * LATENT);
     float *out = ROW_OF(sums, 4 * LATENT);
     FOR_COLUMNS(j, k) {
-        const float r = gates[KEPT_RESET * LATENT + k], z = gates[KEPT_UPDATE * LATENT + k], n = gates[KEPT_NEW * LATENT + k];
+        const float r = gates[KEPT_RESET * LATENT + k], z = gates[KEPT_UPDATE * LATENT + k];
+        const float n = gates[KEPT_NEW * LATENT + k];
         const float recurrent = gates[KEPT_RECURRENT * LATENT + k], g = ROW_OF(state, LATENT)[k];
         const float by_n = g * (1.0f - z) * (1.0f - n * n);
         out[GRADIENT_NEW * LATENT + k] = by_n;

@@ -89,15 +89,16 @@ KERNEL(norm_messages, ROW,
 
 // One step of a gated recurrent unit, from the products of its weights with input and state:
 // n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before. The state before is zero where it is
-// not given. Weights have their rows in the order WEIGHT_RESET, WEIGHT_UPDATE, WEIGHT_NEW; `kept` takes the gates in the order
-// KEPT_RESET, KEPT_UPDATE, KEPT_NEW, KEPT_RECURRENT, of which the last is the recurrent part of n.
+// not given. Weights have their rows in the order of WEIGHT_*. `kept` takes the gates r, z, n and the recurrent part
+// of n in the order of KEPT_*.
 KERNEL(gates, ROW,
        const float *input EACH(3 * LATENT), MAYBE const float *recurrent EACH(3 * LATENT),
        const float *bias_input ALL(3 * LATENT), const float *bias_recurrent ALL(3 * LATENT),
        MAYBE const float *before EACH(LATENT), OUT float *after EACH(LATENT), MAYBE OUT float *kept EACH(4 * LATENT)) {
     const float *in = ROW_OF(input, 3 * LATENT), *back = recurrent ? ROW_OF(recurrent, 3 * LATENT) : 0;
     FOR_COLUMNS(j, k) {
-        const unsigned r_at = WEIGHT_RESET * LATENT + k, z_at = WEIGHT_UPDATE * LATENT + k, n_at = WEIGHT_NEW * LATENT + k;
+        const unsigned r_at = WEIGHT_RESET * LATENT + k, z_at = WEIGHT_UPDATE * LATENT + k;
+        const unsigned n_at = WEIGHT_NEW * LATENT + k;
         const float of_r = back ? back[r_at] : 0.0f, of_z = back ? back[z_at] : 0.0f;
         const float r = sigmoid(in[r_at] + bias_input[r_at] + of_r + bias_recurrent[r_at]);
         const float z = sigmoid(in[z_at] + bias_input[z_at] + of_z + bias_recurrent[z_at]);

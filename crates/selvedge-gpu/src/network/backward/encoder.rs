@@ -266,7 +266,9 @@ fn of_input(gates: Rows, latent: usize, matrix: Matrix) -> [(Rows, Matrix); 2] {
     let both = |first: Gate, count: usize| {
         let row = Gate::WEIGHTS.offset(first) * latent;
         let rows = Matrix {
-            region: matrix.region.rows(row..row + count * latent, matrix.leading),
+            region: matrix
+                .region
+                .rows(row..row + count * latent, matrix.leading),
             ..matrix
         };
         (part(gates, latent, first, count), rows)
