@@ -1,11 +1,11 @@
 //! The guard: a stepper around a stepper that measures every frame and corrects it if necessary.
 //!
-//! A frame within its bounds is passed on bit for bit. A frame beyond them is relaxed by the physics
-//! ([`Correction::Physics`]), and its edges are brought back; the inner stepper continues from the
-//! corrected frame. A lost frame is replaced by a step of the physics from the last two frames, or
-//! without a scene by the last frame, carried by the handles. So a step fails only for its caller
-//! (targets that do not fit, a recording that has ended) or for a device. Edges stay too long where
-//! handles are farther apart than the cloth can reach.
+//! A frame within its bounds is passed on bit for bit. A frame beyond them is relaxed by the
+//! physics ([`Correction::Physics`]), and its edges are brought back; the inner stepper continues
+//! from the corrected frame. A lost frame is replaced by a step of the physics from the last two
+//! frames, or without a scene by the last frame, carried by the handles. So a step fails only for
+//! its caller (targets that do not fit, a recording that has ended) or for a device. Edges stay too
+//! long where handles are farther apart than the cloth can reach.
 //!
 //! No failure of the physics is silent: it is in [`Trust::physics_failed`] and, with its reason, in
 //! [`Guard::physics_failure`].
@@ -70,8 +70,8 @@ pub struct Guard<S> {
     gauge: Gauge,
     limiter: EdgeLimiter,
     scene: Option<Arc<Scene>>,
-    /// Physics of the scene; set up at the start if every correction needs it, else at the first lost
-    /// frame.
+    /// Physics of the scene; set up at the start if every correction needs it, else at the first
+    /// lost frame.
     physics: Option<Result<Physics, SimulatorError>>,
     physics_failure: Option<PhysicsFailure>,
     /// The last two frames that were given on, the newest last `[m]`, `[vertices]`.
@@ -81,8 +81,8 @@ pub struct Guard<S> {
 }
 
 impl<S: Correctable> Guard<S> {
-    /// Guards `inner`, which moves `cloth` by `frame_rate` frames per second and stands still so far.
-    /// With the `scene` of that cloth, lost frames are replaced by the physics.
+    /// Guards `inner`, which moves `cloth` by `frame_rate` frames per second and stands still so
+    /// far. With the `scene` of that cloth, lost frames are replaced by the physics.
     ///
     /// # Errors
     /// [`GuardError`] names the setting or the part that does not fit; [`GuardError::Physics`] if

@@ -1,6 +1,6 @@
-//! Bounds of edge lengths, the last part of a correction. Each edge beyond its bounds is brought back
-//! to them; its ends move in inverse proportion to their masses. Sweeps visit edge by edge, to and
-//! fro `[eq:guard-limits]`. Handles do not move.
+//! Bounds of edge lengths, the last part of a correction. Each edge beyond its bounds is brought
+//! back to them; its ends move in inverse proportion to their masses. Sweeps visit edge by edge, to
+//! and fro `[eq:guard-limits]`. Handles do not move.
 //!
 //! Positions in which no edge is too long form a convex set, and each move is a projection onto the
 //! set of one edge (in the metric of the masses). So the sweeps converge whenever the handles leave
@@ -46,8 +46,8 @@ impl EdgeLimiter {
         })
     }
 
-    /// Moves free vertices `[m]`, `[vertices]`, until no edge is too long by more than [`SLACK`], in
-    /// at most `sweeps` sweeps. Returns true if that was reached.
+    /// Moves free vertices `[m]`, `[vertices]`, until no edge is too long by more than [`SLACK`],
+    /// in at most `sweeps` sweeps. Returns true if that was reached.
     pub(crate) fn apply(&self, positions: &mut [Vec3], sweeps: u32) -> bool {
         for sweep in 0..sweeps {
             let is_short = sweep < BOTH;
@@ -79,8 +79,8 @@ impl LimitedEdge {
         positions[self.ends[0] as usize] - positions[self.ends[1] as usize]
     }
 
-    /// Brings the edge back between `least` `[m]` and its longest length, if it is beyond them by more
-    /// than half the slack; less is not worth a sweep. Returns true if it was.
+    /// Brings the edge back between `least` `[m]` and its longest length, if it is beyond them by
+    /// more than half the slack; less is not worth a sweep. Returns true if it was.
     fn limit(&self, least: f32, positions: &mut [Vec3]) -> bool {
         let most = self.most;
         let apart = self.vector(positions);

@@ -1,7 +1,8 @@
 //! The physics beside a guard: frames in place of lost ones, and solves that relax a prediction.
 //!
 //! It is the scene's own simulator with two changes. The air is implicit, which adds no energy at
-//! any velocity. The number of substeps is fixed: edges that strain too much are limited afterwards.
+//! any velocity. The number of substeps is fixed: edges that strain too much are limited
+//! afterwards.
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Substepping};
@@ -35,8 +36,8 @@ impl Physics {
         })
     }
 
-    /// Computes the frame after `frame`. `current` `[m]`, `[vertices]`, is that frame and `previous`
-    /// the one before it; their difference gives the velocity.
+    /// Computes the frame after `frame`. `current` `[m]`, `[vertices]`, is that frame and
+    /// `previous` the one before it; their difference gives the velocity.
     pub(crate) fn step(
         &mut self,
         frame: usize,
@@ -55,8 +56,8 @@ impl Physics {
         Ok(self.simulator.positions())
     }
 
-    /// Relaxes `positions` `[m]`, `[vertices]`, of frame `frame` in `solves` solves, each from rest:
-    /// p ← argmin over x of Σ m |x - p|²/(2 dt²) + E(x), to first order, with E the energy of
+    /// Relaxes `positions` `[m]`, `[vertices]`, of frame `frame` in `solves` solves, each from
+    /// rest: p ← argmin over x of Σ m |x - p|²/(2 dt²) + E(x), to first order, with E the energy of
     /// strain, bending and weight `[eq:guard-relaxation]`. Strong strains recede most; smooth cloth
     /// hardly moves. Handles go to `handles` `[m]`. On an error `positions` stay.
     pub(crate) fn relax(

@@ -25,17 +25,18 @@ pub enum When {
     Always,
 }
 
-/// Settings of a guard. The default bounds are the extremes of the physics itself: on the 31 motions of
-/// the paper's kind of the data set `first`, edges have stretches of 0.853 to 1.282 (one frame in a
-/// thousand of 39,091 has one over 1.263). A run counts as diverged above a strain of 30 %.
+/// Settings of a guard. The default bounds are the extremes of the physics itself: on the 31
+/// motions of the paper's kind of the data set `first`, edges have stretches of 0.853 to 1.282 (one
+/// frame in a thousand of 39,091 has one over 1.263). A run counts as diverged above a strain of 30
+/// %.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuardSettings {
     /// Correction of a frame that is beyond its bounds.
     pub correction: Correction,
     /// Selection of the frames that are corrected.
     pub when: When,
-    /// Shortest stretch l/l₀ of an edge, against the material. A goal, not a promise: a fold between
-    /// vertices shortens edges.
+    /// Shortest stretch l/l₀ of an edge, against the material. A goal, not a promise: a fold
+    /// between vertices shortens edges.
     pub least_stretch: f64,
     /// Longest stretch l/l₀ of an edge, against the material.
     pub most_stretch: f64,

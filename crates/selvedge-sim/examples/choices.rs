@@ -1,9 +1,10 @@
-//! What the choices of the physics do to a motion: the table of `docs/src/concepts/physics.md`.
+//! The effect of the choices of the physics on a motion: the table of
+//! `docs/src/concepts/physics.md`.
 //!
 //! `cargo run --release -p selvedge-sim --example choices`. A square of gray interlock with 289
-//! vertices, held by two corners, starts in its rest pose and is moved diagonally for 90 frames. Each
-//! row is one choice: the root mean square distance, over all vertices and frames, to the motion
-//! with short substeps and to that with the default settings, and what a frame took.
+//! vertices, held by two corners, starts in its rest pose and is moved diagonally for 90 frames.
+//! Each row is one choice, with the root mean square distance over all vertices and frames to the
+//! motion with short substeps and to that with the default settings, and with the time of a frame.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,

@@ -1,8 +1,8 @@
-//! Which handles hold the cloth, and the system that goes with them: a handle that is let go becomes
-//! an unknown like any other vertex, so that the pattern of the system changes.
+//! The active handles, those that hold the cloth now, with the system that fits them. A handle that
+//! lets go becomes an unknown like any other vertex, which changes the pattern of the system.
 //!
-//! A handle that takes hold again does so of its vertex where it then is: its target is moved by the
-//! difference to its path, which stays until it lets go again.
+//! A handle that takes hold again takes its vertex at its present place. From then on its target is
+//! offset from its path by that difference, until it lets go again.
 
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Integrator, Scene, VertexId};
@@ -13,29 +13,29 @@ use crate::solver::Newton;
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
-/// The handles that hold, and what solves for the rest.
+/// The active handles and the solvers of all other vertices.
 pub(crate) struct ActiveHandles {
-    /// Whether each handle holds, `[handles]`.
+    /// True for each handle that holds, `[handles]`.
     holds: Vec<bool>,
-    /// What each handle's target is moved by `[m]`, `[handles]`.
+    /// Offset of each handle's target from its path `[m]`, `[handles]`.
     offsets: Vec<DVec3>,
-    /// The system of the cloth with those that hold, in their order.
+    /// System of the cloth with the active handles, in their order.
     pub(crate) system: System,
-    /// The limits of its faces, where the material has some.
+    /// Limits of the faces, if the material has any.
     limiter: Option<StrainLimiter>,
-    /// What solves a substep's equations to the end, where that is asked for.
+    /// Solver of a substep's nonlinear equations, if the scene asks for it.
     newton: Option<Newton>,
 }
 
 impl ActiveHandles {
-    /// All handles of `scene`, on their paths.
+    /// All handles of `scene` active, on their paths.
     pub(crate) fn all(scene: &Scene) -> Result<Self, FactorError> {
         let count = scene.handles.len();
         Self::new(scene, vec![true; count], vec![DVec3::ZERO; count])
     }
 
-    /// The handles that hold in `targets`, which those that did not before take hold of `state`;
-    /// `paths` is where all of them were told to be last `[m]`, `[handles]`.
+    /// The handles that hold in `targets`. Those that did not hold before take their vertex at its
+    /// place in `state`; `paths` are their last places on the paths `[m]`, `[handles]`.
     pub(crate) fn changed(
         &self,
         scene: &Scene,
@@ -53,7 +53,7 @@ impl ActiveHandles {
         Self::new(scene, holds, offsets)
     }
 
-    /// The handles of `scene` that hold, each moved off its path by its offset `[m]`, `[handles]`.
+    /// The handles of `scene` that hold, each with its offset from its path `[m]`, `[handles]`.
     pub(crate) fn new(
         scene: &Scene,
         holds: Vec<bool>,
@@ -82,13 +82,13 @@ impl ActiveHandles {
         })
     }
 
-    /// Whether every handle holds, and where its path is.
+    /// Returns true if every handle holds, and without an offset.
     pub(crate) fn holds_all(&self) -> bool {
         let mut pairs = self.holds.iter().zip(&self.offsets);
         pairs.all(|(holds, offset)| *holds && *offset == DVec3::ZERO)
     }
 
-    /// Whether the handles that hold are those of `targets`.
+    /// Returns true if the active handles are those of `targets`.
     pub(crate) fn fits(&self, targets: &HandleTargets) -> bool {
         let holds = self.holds.iter().enumerate();
         holds
@@ -96,8 +96,9 @@ impl ActiveHandles {
             .all(|(h, holds)| *holds == targets.holds(h))
     }
 
-    /// Moves `state` by one substep over `dt` `[s]`, those that hold to `targets` `[m]`, and then within
-    /// the limits of the material; on an error the state is unusable and the caller restores it.
+    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`, and then
+    /// within the limits of the material. On an error the state is unusable and the caller restores
+    /// it.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
@@ -124,13 +125,14 @@ impl ActiveHandles {
         }
     }
 
-    /// Moves `state` within the limits of the material; whether that was needed.
+    /// Moves `state` within the limits of the material. Returns true if that was needed.
     pub(crate) fn limit(&self, dt: f64, state: &mut State) -> bool {
         let limiter = self.limiter.as_ref();
         limiter.is_some_and(|limiter| limiter.limit(dt, state) > 0)
     }
 
-    /// The targets of those that hold `[m]`, put into `targets`; `path` gives that of a handle.
+    /// Puts the targets of the active handles `[m]` into `targets`; `path` gives the place of a
+    /// handle on its path.
     pub(crate) fn put_targets(&self, targets: &mut Vec<DVec3>, path: impl Fn(usize) -> DVec3) {
         targets.clear();
         for (handle, holds) in self.holds.iter().enumerate() {

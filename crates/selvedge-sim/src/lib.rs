@@ -2,9 +2,67 @@
 //! linearly implicit integrator (Baraff and Witkin 1998), in the form in which ARCSim (Narain et
 //! al. 2012, 2013) solves it, without remeshing.
 //!
-//! [`Simulator`] is a [`selvedge_cloth::Stepper`]; [`sag`] finds the static equilibrium from which
-//! motions start. Everything that decides a result is in the [`selvedge_cloth::Scene`]. Units are SI
-//! throughout; the state is f64.
+//! The input is a [`Scene`](selvedge_cloth::Scene), which decides every result: mesh, **handles**
+//! (the vertices that are held), material, air, motion and physics settings. The **rest pose** is
+//! the static equilibrium in which the cloth hangs from its handles; [`sag`] finds it. A
+//! [`Simulator`] moves the cloth. It is a [`Stepper`](selvedge_cloth::Stepper): each **step** takes
+//! targets for the handles and leads to the next **frame**. A step consists of **substeps**, each
+//! with one linear **solve** (or several, with Newton's method). The **laws** of stretching,
+//! bending and air, with their derivatives, are in [`laws`].
+//!
+//! ```
+//! use glam::DVec3;
+//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::{
+//!     Environment, HandleSchedule, HandleTargets, Handles, Isotropic, Material, Motion,
+//!     PhysicsSettings, SagSettings, Scene, Stepper,
+//! };
+//! use selvedge_sim::{Simulator, sag};
+//!
+//! // A sheet of 49 vertices, 1 m wide, held at its upper corners.
+//! let sheet = square(&SquareSpec { vertices: 49, size: 1.0, seed: 1 })?;
+//! let elastic = Isotropic { youngs_modulus: 1e6, poissons_ratio: 0.3, thickness: 5e-4 };
+//! let scene = Scene {
+//!     name: "a first cloth".to_owned(),
+//!     handles: Handles::new(&sheet.labels["upper-corners"], 49)?,
+//!     mesh: sheet.mesh,
+//!     schedule: HandleSchedule::default(),
+//!     material: Material {
+//!         name: "rubbery".to_owned(),
+//!         source: String::new(),
+//!         density: 0.2, // kg/m²
+//!         damping: 0.0,
+//!         stretch: elastic.stretch_table(),
+//!         bend: elastic.bend_table(),
+//!         strain_limits: None,
+//!     },
+//!     environment: Environment::default(),
+//!     motion: Motion::still(1.0),
+//!     physics: PhysicsSettings::default(),
+//!     sag: SagSettings::default(),
+//!     frame_rate: 60.0,
+//! };
+//!
+//! // The rest pose, then ten frames in which both handles move sideways by 1 cm each.
+//! let rest = sag(&scene)?;
+//! assert!(rest.residual <= scene.sag.tolerance);
+//! let start = scene.handles.select(&rest.positions);
+//! let still = vec![DVec3::ZERO; rest.positions.len()];
+//! let mut simulator = Simulator::with_state(&scene, rest.positions, still)?;
+//! for frame in 1..=10 {
+//!     let aside = DVec3::X * 0.01 * f64::from(frame);
+//!     let targets = start.iter().map(|handle| *handle + aside).collect();
+//!     simulator.step(&HandleTargets::at_frame_end(targets)?)?;
+//! }
+//! assert_eq!(simulator.frame(), 10);
+//! assert!(simulator.kinetic_energy() > 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Units are SI throughout. The state is f64; [`Stepper::positions`](selvedge_cloth::Stepper) gives
+//! f32 copies. The same scene and targets give the same bytes with any number of threads.
+//!
+//! There is no contact, no remeshing and no plasticity. The crate reads and writes no files.
 
 mod active_handles;
 pub mod laws;

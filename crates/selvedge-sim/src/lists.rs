@@ -1,4 +1,4 @@
-//! Many short lists of numbers in two arrays: for each key, the entries that belong to it.
+//! Many short lists of numbers in two arrays: the entries of each key.
 
 /// The lists of keys 0, 1, ….
 #[derive(Clone, Debug, Default)]
@@ -8,7 +8,7 @@ pub(crate) struct Lists {
 }
 
 impl Lists {
-    /// The lists of `count` keys, from pairs (key, entry); a list keeps the order of its entries.
+    /// The lists of `count` keys, from pairs (key, entry). A list keeps the order of its entries.
     pub(crate) fn group(count: usize, pairs: &[(u32, u32)]) -> Self {
         let mut starts = vec![0_u32; count + 1];
         for (key, _) in pairs {

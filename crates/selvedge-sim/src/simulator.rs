@@ -1,9 +1,8 @@
 //! The reference physics as a [`Stepper`]: one step is one frame of `substeps` solves.
 //!
-//! The state is f64; [`Stepper::positions`] gives its f32 copies. The answer depends on nothing but
-//! scene, start and targets: any number of threads gives the same bytes. The wind is that of the frame,
-//! held over its step; handles may let go and take hold again between frames. Contact is not part of
-//! it.
+//! The state is f64; [`Stepper::positions`] gives its f32 copies. The result depends only on scene,
+//! start and targets: any number of threads gives the same bytes. The wind of a frame is held over
+//! its step. Handles may let go and take hold again between frames. There is no contact.
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
@@ -18,7 +17,7 @@ use crate::state::State;
 use crate::strain_watch::{Overstrained, StrainWatch};
 use crate::threads::Threads;
 
-/// Cloth that moves by its measured stiffness, gravity and air.
+/// A cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
     scene: Scene,
     active: ActiveHandles,
@@ -26,17 +25,17 @@ pub struct Simulator {
     saved: State,
     rounded: Vec<Vec3>,
     frame: usize,
-    /// Where the paths of the handles were at the end of the last frame, `[handles]`.
+    /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
-    /// Targets of the handles that hold.
+    /// Targets of the active handles `[m]`.
     targets: Vec<DVec3>,
     threads: Threads,
     watch: Option<StrainWatch>,
-    /// Positions before the substep, where strains are watched `[m]`.
+    /// Positions before the substep, for the watch on strains `[m]`.
     before: Vec<DVec3>,
 }
 
-/// Why a simulator cannot be made.
+/// Reason why a simulator cannot be made or resumed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum SimulatorError {
@@ -69,10 +68,12 @@ impl Simulator {
         Self::with_state(scene, positions, velocities)
     }
 
-    /// A simulator of `scene` that starts at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`.
+    /// A simulator of `scene` that starts at `positions` `[m]` with `velocities` `[m/s]`,
+    /// `[vertices]`.
     ///
     /// # Errors
-    /// As for [`Self::new`]; also a count that does not match, or a value that is not finite.
+    /// As for [`Self::new`]; also a count that does not match, or a value that is not finite in
+    /// f32.
     pub fn with_state(
         scene: &Scene,
         positions: Vec<DVec3>,
@@ -112,9 +113,9 @@ impl Simulator {
         Ok(simulator)
     }
 
-    /// The same cloth, with frames counted from `frame`: the next step has the targets, the wind and
-    /// the releases of that frame of the scene. All handles are taken to be where their paths are; for
-    /// those of a run that is taken up again see [`Self::taken_up_at`].
+    /// The same cloth with frames counted from `frame`: the next step has the targets, the wind and
+    /// the releases of that frame of the scene. All handles count as on their paths; for a run that
+    /// is taken up again see [`Self::taken_up_at`].
     #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
@@ -122,9 +123,9 @@ impl Simulator {
         self
     }
 
-    /// As [`Self::at_frame`], where a run along the scene's own motion is taken up again: a handle that
-    /// had let go by then is free, and one that took hold again after that holds the cloth where it
-    /// now is, its spring without tension.
+    /// Takes up a run along the scene's own motion again, with frames counted from `frame`. A
+    /// handle that had let go by then is free. A handle that took hold again after that holds its
+    /// vertex at its present place, its spring without tension.
     ///
     /// # Errors
     /// A motion that does not fit the handles, or a system that does not fit in memory.
@@ -158,12 +159,12 @@ impl Simulator {
         Ok(simulator)
     }
 
-    /// Goes on from frame `frame` at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, in the
-    /// place of where it was; all handles hold, and are taken to be where their paths are.
+    /// Continues from frame `frame` at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`.
+    /// All handles hold and count as on their paths.
     ///
     /// # Errors
-    /// [`SimulatorError`] for a count that does not match or a value that is not finite; the cloth is
-    /// then left as it was.
+    /// [`SimulatorError`] for a count that does not match or a value that is not finite in f32; the
+    /// cloth is left as it was.
     pub fn resume(
         &mut self,
         frame: usize,
@@ -192,7 +193,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Says who is to work from now on; without it, the threads of rayon's current pool.
+    /// Sets the threads of the steps that follow. The default is [`Threads::Pool`].
     pub fn set_threads(&mut self, threads: Threads) {
         self.threads = threads;
     }
@@ -225,22 +226,23 @@ impl Simulator {
             .sum()
     }
 
-    /// Iterations of the last linear solve; none where it was a complete factorisation.
+    /// Iterations of the last linear solve; none if it was a complete factorisation.
     #[must_use]
     pub fn solver_iterations(&self) -> Option<u32> {
         self.active.system.iterations()
     }
 
-    /// One substep over `dt` `[s]`, the handles to `targets` `[m]`, `[handles]`, as far as they hold.
-    /// The frame count stays, and with it the wind.
+    /// Moves the cloth by one substep over `dt` `[s]`, its active handles to `targets` `[m]`,
+    /// `[handles]`. The frame count stays, and with it the wind.
     ///
-    /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and
-    /// b = dt f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v);
-    /// an exact handle's row is v = (target - x)/dt instead. `[eq:backward-euler]` With Newton's method
-    /// as integrator, solved again until the equations hold.
+    /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and b = dt
+    /// f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v); the row
+    /// of an exact handle is v = (target - x)/dt instead. `[eq:backward-euler]` With Newton's
+    /// method as integrator, the solve is repeated until the equations hold.
     ///
     /// # Errors
-    /// As for [`Stepper::step`]; the cloth is then left as it was.
+    /// As for [`Stepper::step`], with the number of the frame under way; the cloth is left as it
+    /// was.
     pub fn substep(&mut self, dt: f64, targets: &[DVec3]) -> Result<(), StepError> {
         let (expected, found) = (self.scene.handles.len(), targets.len());
         if expected != found {
@@ -271,14 +273,14 @@ impl Simulator {
         self.active.system.restore();
     }
 
-    /// Who is to work on the step that begins.
+    /// Hands the threads of this step to the system.
     fn enter(&mut self) -> Threads {
         let threads = self.threads.for_cloth(self.rounded.len());
         self.active.system.set_threads(threads);
         threads
     }
 
-    /// The wind of the step from this frame to the next.
+    /// Sets the wind of the step from this frame to the next.
     fn update_wind(&mut self) {
         let environment = &self.scene.environment;
         let now = environment.during_step(self.frame, self.scene.frame_rate);
@@ -301,7 +303,7 @@ impl Simulator {
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 
-    /// All of a frame, in so many substeps; when it fails the state is unusable.
+    /// Moves the state by a frame in `substeps` substeps. On an error the state is unusable.
     fn advance(&mut self, targets: &HandleTargets, substeps: u32) -> Result<(), SubstepError> {
         let dt = 1.0 / self.scene.frame_rate / f64::from(substeps);
         for substep in 1..=substeps {
@@ -314,7 +316,8 @@ impl Simulator {
         Ok(())
     }
 
-    /// A substep over `dt` towards `self.targets`; when it fails the state is unusable.
+    /// Moves the state by a substep over `dt` towards `self.targets`. On an error the state is
+    /// unusable.
     fn solve(&mut self, dt: f64) -> Result<(), SubstepError> {
         let Some(watch) = &self.watch else {
             return Ok(self.active.advance(dt, &mut self.state, &self.targets)?);
@@ -324,7 +327,8 @@ impl Simulator {
         Ok(watch.check(&self.before, &self.state.positions)?)
     }
 
-    /// A frame in as many substeps as it takes, from the scene's number on by doubling.
+    /// Moves the state by a frame. Doubles the scene's number of substeps until edges strain little
+    /// enough. On an error the state is restored.
     fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let threads = self.enter();
         let most = self.watch.as_ref().map_or(0, StrainWatch::max_substeps);
@@ -414,7 +418,7 @@ impl Stepper for Simulator {
     }
 }
 
-/// Why a substep failed.
+/// Reason for a failed substep.
 enum SubstepError {
     Solve(SolveError),
     Strain(Overstrained),

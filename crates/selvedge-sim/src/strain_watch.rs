@@ -1,10 +1,10 @@
-//! Watches how much edges strain within a substep, so that a frame can be computed again with more
-//! of them.
+//! A watch on the strain of edges within a substep. If one strains too much, the frame is computed
+//! again with more substeps.
 
 use glam::DVec3;
 use selvedge_cloth::{AdaptiveSubsteps as Settings, Handles, Mesh, VertexId};
 
-/// The edges of a cloth that are watched: all but those between two handles.
+/// The watched edges of a cloth: all except those between two handles.
 pub(crate) struct StrainWatch {
     settings: Settings,
     edges: Vec<WatchedEdge>,
@@ -19,14 +19,14 @@ struct WatchedEdge {
 /// An edge that strained too much.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Overstrained {
-    /// Its ends.
+    /// Ends of the edge.
     pub(crate) vertices: [VertexId; 2],
     /// Change of its stretch l/l₀.
     pub(crate) change: f64,
 }
 
 impl StrainWatch {
-    /// Of the cloth of `mesh`.
+    /// The watch on the cloth of `mesh`.
     pub(crate) fn new(settings: Settings, mesh: &Mesh, handles: &Handles) -> Self {
         let held = handles.mask(mesh.topology().vertex_count());
         let uv = mesh.material_coordinates();
@@ -46,18 +46,20 @@ impl StrainWatch {
         }
     }
 
-    /// Most substeps of a frame.
+    /// Largest number of substeps of a frame.
     pub(crate) fn max_substeps(&self) -> u32 {
         self.settings.max_substeps
     }
 
-    /// Largest change of an edge's stretch that is let pass.
+    /// Largest change of an edge's stretch that passes.
     pub(crate) fn max_change(&self) -> f64 {
         self.settings.max_change
     }
 
-    /// The edge whose stretch changed most from `before` to `after` `[m]`, `[vertices]`, if by more
-    /// than is let pass: |l - l'|/l₀ > bound. `[eq:substep-strain]`
+    /// Checks the edges between `before` and `after` `[m]`, `[vertices]`.
+    ///
+    /// # Errors
+    /// The edge whose stretch changed most, if |l - l'|/l₀ > bound. `[eq:substep-strain]`
     pub(crate) fn check(&self, before: &[DVec3], after: &[DVec3]) -> Result<(), Overstrained> {
         let length = |[a, b]: [VertexId; 2], of: &[DVec3]| of[a.index()].distance(of[b.index()]);
         let mut worst = None;

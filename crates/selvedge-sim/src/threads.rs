@@ -1,17 +1,17 @@
-//! Loops over slices on one thread or on all of a pool, with the same result: every entry is
-//! computed by itself, from what no other entry of the loop writes.
+//! Loops over slices on one thread or on a pool, with the same result: every entry is computed by
+//! itself, from data that no other entry of the loop writes.
 //!
-//! The pool is rayon's current one. Where it has one thread, and for a small cloth, the loop runs on
+//! The pool is rayon's current one. If it has one thread, or the cloth is small, the loop runs on
 //! the caller's thread.
 
 use rayon::prelude::*;
 
-/// Who does the work of a cloth. The result is the same, byte for byte.
+/// Threads that compute a cloth. The result is the same, byte for byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Threads {
     /// The caller's thread alone: best where many cloths are simulated side by side.
     One,
-    /// The threads of rayon's current pool, where the cloth is large enough.
+    /// The threads of rayon's current pool, if the cloth is large enough.
     Pool,
 }
 
@@ -22,7 +22,7 @@ const CHUNK: usize = 128;
 const FEWEST_VERTICES: usize = 2000;
 
 impl Threads {
-    /// Who is to work on a cloth of `vertices` vertices when called from here.
+    /// Threads for a cloth of `vertices` vertices, from the calling thread.
     pub(crate) fn for_cloth(self, vertices: usize) -> Self {
         if vertices < FEWEST_VERTICES || rayon::current_num_threads() < 2 {
             Self::One
@@ -31,7 +31,7 @@ impl Threads {
         }
     }
 
-    /// Runs `work`, inside the pool where that is who works: entered once, loops start quickly.
+    /// Runs `work`, for [`Self::Pool`] inside the pool: once inside, loops start quickly.
     pub(crate) fn run<R: Send>(self, work: impl FnOnce() -> R + Send) -> R {
         match self {
             Self::One => work(),
@@ -39,7 +39,7 @@ impl Threads {
         }
     }
 
-    /// `work` on each entry with its number.
+    /// Calls `work` for each entry with its number.
     pub(crate) fn each<A: Send>(self, a: &mut [A], work: impl Fn(usize, &mut A) + Sync) {
         match self {
             Self::One => a.iter_mut().enumerate().for_each(|(k, a)| work(k, a)),
@@ -51,7 +51,7 @@ impl Threads {
         }
     }
 
-    /// `work` on each pair of entries with its number; slices of the same length.
+    /// Calls `work` for each pair of entries with its number. The slices have the same length.
     pub(crate) fn each_pair<A: Send, B: Send>(
         self,
         a: &mut [A],
@@ -74,12 +74,13 @@ impl Threads {
         }
     }
 
-    /// `work` on each entry of `few`, large pieces of work, with the entries of `many` that belong
-    /// to it, `share` of them each (the last may have fewer).
+    /// Calls `work` for each entry of `few`, large pieces of work, with its `share` entries of
+    /// `many` (the last may have fewer).
     pub(crate) fn each_share<A: Send, B: Send>(
         self,
         few: &mut [A],
-        (many, share): (&mut [B], usize),
+        many: &mut [B],
+        share: usize,
         work: impl Fn(&mut A, &mut [B]) + Sync,
     ) {
         if self == Self::One || few.len() < 2 {
@@ -93,7 +94,7 @@ impl Threads {
         }
     }
 
-    /// `work` on each entry of `few`, large pieces of work.
+    /// Calls `work` for each entry of `few`, large pieces of work.
     pub(crate) fn each_large<A: Send>(self, few: &mut [A], work: impl Fn(&mut A) + Sync) {
         if self == Self::One || few.len() < 2 {
             few.iter_mut().for_each(work);

@@ -1,17 +1,17 @@
 //! Resistance to bending, per interior edge, of the data-driven model of Wang, O'Brien and
 //! Ramamoorthi 2011 as ARCSim integrates it.
 //!
-//! Corners of an edge are in the order: its ends 0 → 1 (counter-clockwise in the left face), the
-//! opposite vertex of the left face, that of the right face. The angle θ is positive where the
+//! The four corners of an edge are its ends 0 → 1 (counter-clockwise in the left face), the
+//! opposite vertex of the left face, and that of the right face. The angle θ is positive if the
 //! wings rise towards the normals; rest angles are 0. Bending stiffness and edge length are held
-//! constant when differentiating. Degenerate faces (height below 10⁻³ of the edge) are treated as
-//! if they had that height.
+//! constant when differentiating. Degenerate faces (height below 10⁻³ of the edge) count as if they
+//! had that height.
 
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::{dihedral_angle, signed_area_2d};
 use selvedge_cloth::{BendTable, BendingLaw};
 
-/// An interior edge's rest shape and the row of the material's table that it reads.
+/// An interior edge's rest shape and its row of the material's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BendElement {
     /// Bending stiffness at curvatures 0 to 4 for this edge's direction `[N·m]`.
@@ -35,7 +35,7 @@ pub struct BendResponse {
 const COLUMNS: usize = 5;
 
 impl BendElement {
-    /// The element of an edge whose corners are here in material space `[m]`.
+    /// The element of an edge with these corners in material space `[m]`.
     ///
     /// Rows of the table are read at the edge's direction, folded into 0 to 90° from the course
     /// axis and linear between 0, 45 and 90°. `[eq:bend-direction]`
@@ -127,10 +127,10 @@ impl BendResponse {
     }
 }
 
-/// Derivative of the dihedral angle by the four corners `[1/m]`: with unit normals n, heights h over
-/// the edge and foot points w along it (0 at corner 0, 1 at corner 1),
-/// ∂θ/∂x2 = n_A/h_A, ∂θ/∂x3 = n_B/h_B, ∂θ/∂x0 = -((1-w_A) n_A/h_A + (1-w_B) n_B/h_B),
-/// ∂θ/∂x1 = -(w_A n_A/h_A + w_B n_B/h_B). `[eq:bend-gradient]`
+/// Derivative of the dihedral angle by the four corners `[1/m]`. With unit normals n, heights h
+/// over the edge and foot points w along it (0 at corner 0, 1 at corner 1), ∂θ/∂x2 = n_A/h_A,
+/// ∂θ/∂x3 = n_B/h_B, ∂θ/∂x0 = -((1-w_A) n_A/h_A + (1-w_B) n_B/h_B), ∂θ/∂x1 = -(w_A n_A/h_A + w_B
+/// n_B/h_B). `[eq:bend-gradient]`
 #[must_use]
 #[inline]
 pub fn angle_gradient(corners: [DVec3; 4]) -> [DVec3; 4] {

@@ -1,13 +1,13 @@
-//! Gravity and air (Narain et al. 2012), and how the air resists a change of velocity.
+//! The force of the air (Narain et al. 2012), and its resistance to a change of velocity.
 //!
-//! Air acts on each face with its material area and its current unit normal (that the area is not
-//! the current one is a finding: only so ARCSim's substeps are met); a third goes to each corner.
+//! Air acts on each face with its material area and its current unit normal; a third goes to each
+//! corner. With the current area, ARCSim's substeps are not met.
 
 use glam::DVec3;
 use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{AirLaw, Environment};
 
-/// The air's force on a face, and what it adds to the matrix of an implicit step.
+/// The air's force on a face, and its contribution to the matrix of an implicit step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AirResponse {
     /// Force on the face `[N]`.
@@ -18,7 +18,8 @@ pub struct AirResponse {
     pub resistance: [f64; 2],
 }
 
-/// Force of the air on a face of material `area` `[m²]` with corners at `positions` `[m]` moving at `velocities` `[m/s]`, `[N]`.
+/// Force of the air on a face `[N]` of material `area` `[m²]`, its corners at `positions` `[m]`
+/// with `velocities` `[m/s]`.
 ///
 /// v_rel = wind - mean corner velocity, n the unit normal, v_n = n·v_rel, v_t = v_rel - v_n n:
 /// F = density · area · |v_n| v_n n + drag · area · v_t. `[eq:air-drag]`
@@ -40,11 +41,11 @@ pub fn air_force(
         + tangential * (environment.air_drag * area)
 }
 
-/// Force as of [`air_force`], and the resistance D of the air at these velocities.
+/// Force of [`air_force`], and the resistance D of the air at these velocities.
 ///
-/// [`AirLaw::Explicit`]: none. [`AirLaw::Implicit`]: D = density · area · |v_n| n nᵀ + drag · area ·
-/// (I - n nᵀ), so that the force on the face after the step is F - D Δv, Δv the change of the mean
-/// corner velocity. With still air and |v_n| of the start its power at the end of the step,
+/// With [`AirLaw::Explicit`] D = 0. With [`AirLaw::Implicit`] D = density · area · |v_n| n nᵀ +
+/// drag · area · (I - n nᵀ); the force on the face after the step is F - D Δv, Δv the change of the
+/// mean corner velocity. In still air, with |v_n| of the start, its power at the end of the step,
 /// -v·D v, is never positive. `[eq:air-implicit]`
 #[must_use]
 #[inline]
@@ -75,7 +76,7 @@ pub fn air_response(
 }
 
 impl AirResponse {
-    /// D `velocity`, `velocity` a change of the mean corner velocity `[m/s]`.
+    /// D times `velocity`, a change of the mean corner velocity `[m/s]`.
     #[must_use]
     #[inline]
     pub fn resist(&self, velocity: DVec3) -> DVec3 {

@@ -1,7 +1,9 @@
-//! The laws of the material and of what acts on it: forces with their derivatives, and strain limits.
+//! The laws of a cloth: forces of stretching, bending and air with their derivatives, and strain
+//! limits.
 
 pub mod bend;
 pub mod external;
+pub mod strain;
 pub(crate) mod strain_limit;
 pub mod stretch;
 pub mod stretch_table;

@@ -1,12 +1,13 @@
-//! Strain limiting: after a solve, vertices are moved as little as possible so that every face's
-//! principal stretches are within the material's limits (Thomaszewski, Pabst and Straßer 2009 and
-//! Narain et al. 2012 describe the purpose; the projection here is position-based, Müller et al. 2007).
+//! Strain limiting: after a solve, vertices are moved as little as possible until every face's
+//! principal stretches are within the material's limits. Thomaszewski, Pabst and Straßer 2009 and
+//! Narain et al. 2012 describe the purpose; the projection here is position-based (Müller et al.
+//! 2007).
 //!
-//! Faces are visited in order, again and again, each left with its nearest allowed shape, until none
-//! is beyond its limits or [`MOST_SWEEPS`] have passed; what is then left is left to the next solve.
-//! A face keeps its centre of mass, and turns so that its corners' moves have no angular momentum.
-//! Exact handles do not move: a face all of whose corners are held cannot be limited, one with two
-//! only as far as its third corner can. Velocities take the moves up, v += Δx/dt.
+//! Sweeps visit the faces in order and give each its nearest allowed shape, until no face is beyond
+//! its limits or [`MOST_SWEEPS`] have passed. The rest is left to the next solve. A face keeps its
+//! centre of mass, and turns so that its corners' moves have no angular momentum. Exact handles do
+//! not move: a face with three held corners cannot be limited, one with two only by its third
+//! corner. Velocities follow the moves, v += Δx/dt.
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{HandleConstraint, Scene, StrainLimits};
@@ -16,12 +17,12 @@ use crate::state::State;
 
 /// Sweeps over all faces per solve.
 pub(crate) const MOST_SWEEPS: usize = 100;
-/// How far beyond its limits a stretch may stay.
+/// Distance beyond its limits that a stretch may keep.
 const TOLERANCE: f64 = 1e-6;
-/// A face thinner than this of its rest width has no direction in which to widen it.
+/// Stretch below which a face has no direction in which it could be widened.
 const THINNEST: f64 = 1e-6;
 
-/// The limits of a cloth, ready to be applied.
+/// The limits of a cloth.
 pub(crate) struct StrainLimiter {
     limits: StrainLimits,
     faces: Vec<LimitedFace>,
@@ -32,7 +33,7 @@ struct LimitedFace {
     /// Material coordinates `[m]`.
     rest: [DVec2; 3],
     element: StretchElement,
-    /// Share of each corner in the face's pivot: its mass, or all of it at a held corner.
+    /// Share of each corner in the face's pivot: by mass, or all of it at held corners.
     shares: [f64; 3],
     /// Masses of the corners that may move `[kg]`, 0 where held.
     masses: [f64; 3],
@@ -71,8 +72,8 @@ impl StrainLimiter {
         })
     }
 
-    /// Moves `state`, which a solve over `dt` `[s]` has reached, within the limits; the number of
-    /// sweeps that it took.
+    /// Moves `state`, the result of a solve over `dt` `[s]`, within the limits. Gives the number of
+    /// sweeps.
     pub(crate) fn limit(&self, dt: f64, state: &mut State) -> usize {
         for sweep in 0..MOST_SWEEPS {
             let mut moved = false;
@@ -88,7 +89,7 @@ impl StrainLimiter {
 }
 
 impl LimitedFace {
-    /// A face with the masses of its corners, none where held.
+    /// A face with the masses of its corners; a held corner has none.
     fn new(corners: [u32; 3], rest: [DVec2; 3], free: [Option<f64>; 3]) -> Self {
         let held = free.iter().filter(|mass| mass.is_none()).count();
         let masses = free.map(Option::unwrap_or_default);
@@ -109,7 +110,7 @@ impl LimitedFace {
         }
     }
 
-    /// Moves the corners to the nearest allowed shape; whether that was needed.
+    /// Moves the corners to the nearest allowed shape. Returns true if that was needed.
     fn limit(&self, limits: StrainLimits, dt: f64, state: &mut State) -> bool {
         let corners = self.corners.map(|v| state.positions[v as usize]);
         let (along_u, along_v) = self.element.gradient(corners);
@@ -127,8 +128,8 @@ impl LimitedFace {
         true
     }
 
-    /// How far each corner moves to the allowed shape, which is put on the pivot and turned by the
-    /// angle α about the normal for which Σ m x × Δx = 0 over the free corners. `[m]`
+    /// Moves of the corners to the allowed shape `[m]`. The shape is put on the pivot and turned
+    /// about the normal by the angle for which Σ m x × Δx = 0 over the free corners.
     fn moves(&self, corners: [DVec3; 3], allowed: &Allowed, normal: DVec3) -> [DVec3; 3] {
         let pivot: DVec3 = (0..3).map(|k| corners[k] * self.shares[k]).sum();
         let rest_pivot: DVec2 = (0..3).map(|k| self.rest[k] * self.shares[k]).sum();
@@ -156,8 +157,8 @@ impl LimitedFace {
     }
 }
 
-/// F with its singular values σ clamped to the limits, F V diag(σ'/σ) Vᵀ; none if it is within them
-/// already. `[eq:strain-limit]`
+/// F with its singular values σ clamped to the limits, F V diag(σ'/σ) Vᵀ; none if they are within
+/// the limits. `[eq:strain-limit]`
 fn allowed(limits: StrainLimits, along_u: DVec3, along_v: DVec3) -> Option<Allowed> {
     let (uu, vv) = (along_u.length_squared(), along_v.length_squared());
     let uv = along_u.dot(along_v);

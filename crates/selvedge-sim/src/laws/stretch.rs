@@ -3,27 +3,17 @@
 //!
 //! With F = ∂x/∂(u, v) (columns f_u, f_v), G = (FᵀF - I)/2 and the shape derivatives d_u, d_v of
 //! the three corners, force and Jacobian are those of an anisotropic Green strain energy whose
-//! stiffness k(G) is held constant when differentiating. In the part of the Jacobian that stems
-//! from the stress only tension counts, so that it stays positive semidefinite wherever
-//! k0 k2 ≥ k1². The look-up of k is in [`crate::laws::stretch_table`].
+//! stiffness k(G) is held constant when differentiating. The part of the Jacobian that stems from
+//! the stress counts only tension, and so stays positive semidefinite if k0 k2 ≥ k1². The look-up
+//! of k is in [`crate::laws::stretch_table`].
 
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::signed_area_2d;
 
+use crate::laws::strain::Strain;
 use crate::laws::stretch_table::StretchStiffness;
 
-/// Green strain G of a face in material axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Strain {
-    /// G00, along the course axis u.
-    pub uu: f64,
-    /// G11, along the wale axis v.
-    pub vv: f64,
-    /// G01, half the shear.
-    pub uv: f64,
-}
-
-/// A face's rest shape: what turns corner positions into a deformation gradient.
+/// A face's rest shape, which turns corner positions into a deformation gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StretchElement {
     /// ∂x/∂u = Σ shape_u\[a\] x_a `[1/m]`.

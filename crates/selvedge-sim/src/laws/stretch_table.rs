@@ -1,18 +1,18 @@
-//! Reads a measured fabric's in-plane stiffness k = (k0, k1, k2, k3) at a strain (Wang, O'Brien and
-//! Ramamoorthi 2011): the table itself, or ARCSim's 30³ samples of it.
+//! Look-up of a measured fabric's in-plane stiffness k = (k0, k1, k2, k3) at a strain (Wang,
+//! O'Brien and Ramamoorthi 2011), from the table itself or from ARCSim's 30³ samples of it.
 //!
 //! Conventions: k in N/m after the law's factor 2, never negative; the sign of the shear does not
-//! matter. The samples do not hit zero strain, so the two differ even at rest. ARCSim takes two
-//! absolute values in single precision, that of the direction of a sample and that of the shear that
-//! is looked up; its own numbers are met to 2e-15 with these roundings and to 2e-8 without.
+//! matter. No sample is at zero strain, so the two differ even at rest. ARCSim takes two absolute
+//! values in single precision, of a sample's direction and of the shear in a look-up. With these
+//! roundings its numbers are met to 2e-15, without them to 2e-8.
 
 use std::f64::consts::PI;
 
 use selvedge_cloth::StretchTable;
 
-use crate::laws::stretch::Strain;
+use crate::laws::strain::Strain;
 
-/// Anything that gives a stiffness at a strain.
+/// A law of in-plane stiffness.
 pub trait StretchStiffness {
     /// Stiffness (k0, k1, k2, k3) `[N/m]` at `strain`.
     fn at(&self, strain: Strain) -> [f64; 4];
@@ -30,13 +30,15 @@ pub struct GridStiffness {
     samples: Vec<[f64; 4]>,
 }
 
-/// Samples per axis, and samples per unit of strain.
+/// Samples per axis.
 const GRID: usize = 30;
+/// Samples per unit of strain.
 const SAMPLES_PER_STRAIN: f64 = GRID as f64;
 /// Strain of the first sample of the two normal components.
 const GRID_START: f64 = -0.25;
-/// Keeps an index below the last sample or row, so that the next one exists.
+/// Margin that keeps an index below the last sample, so that the next one exists.
 const INDEX_MARGIN: f64 = 1e-5;
+/// Margin that keeps an index below the last row.
 const ROW_MARGIN: f64 = 1e-6;
 
 impl ExactStiffness {
@@ -57,7 +59,7 @@ impl StretchStiffness for ExactStiffness {
     }
 }
 
-/// Largest eigenvalue of C = 2G + I and the direction of its vector as a part of π, from 0 to 1/2.
+/// Largest eigenvalue of C = 2G + I, and the direction of its vector as a part of π, from 0 to 1/2.
 fn principal(strain: Strain) -> (f64, f64) {
     let mean = strain.uu + strain.vv;
     let half_difference = strain.uu - strain.vv;
@@ -66,7 +68,7 @@ fn principal(strain: Strain) -> (f64, f64) {
     (largest, 0.5 * shear.atan2(half_difference) / PI)
 }
 
-/// The stiffness at an eigenvalue of C and a direction (part of π), linear between the rows.
+/// Stiffness at an eigenvalue of C and a direction (part of π), linear between the rows.
 fn between_rows(table: &StretchTable, largest: f64, direction: f64) -> [f64; 4] {
     let weight = (6.0 * (largest.max(0.0).sqrt() - 1.0)).clamp(0.0, 1.0 - ROW_MARGIN);
     let angle = (8.0 * direction).clamp(0.0, 4.0 - ROW_MARGIN);
@@ -109,8 +111,8 @@ impl GridStiffness {
 }
 
 impl StretchStiffness for GridStiffness {
-    /// Trilinear between the samples at (G00, G11, |G01| in single precision), at the grid's rim
-    /// beyond it. `[eq:stretch-grid]`
+    /// Trilinear between the samples at (G00, G11, |G01| in single precision); beyond the grid,
+    /// that of its rim. `[eq:stretch-grid]`
     #[inline]
     fn at(&self, strain: Strain) -> [f64; 4] {
         let (i, s) = place((strain.uu - GRID_START) * SAMPLES_PER_STRAIN);

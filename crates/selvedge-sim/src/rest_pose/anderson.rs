@@ -1,12 +1,12 @@
 //! Anderson's acceleration of a fixed point iteration x ← x + f(x) (Anderson 1965, Iterative
-//! procedures for nonlinear integral equations): the next step is the one that would have cancelled
-//! f, had f been linear in the last few steps.
+//! procedures for nonlinear integral equations). The next step is the one that would cancel f if f
+//! were linear in the last few steps.
 
 use std::collections::VecDeque;
 
 use glam::DVec3;
 
-/// The last steps and how f answered to them.
+/// The last steps and the changes of f over them.
 #[derive(Clone, Debug)]
 pub(crate) struct Anderson {
     depth: usize,
@@ -31,7 +31,7 @@ struct Last {
 const REGULARISATION: f64 = 1e-12;
 
 impl Anderson {
-    /// Remembers up to `depth` steps.
+    /// An acceleration that stores up to `depth` steps.
     pub(crate) fn new(depth: usize) -> Self {
         Self {
             depth,
@@ -40,14 +40,14 @@ impl Anderson {
         }
     }
 
-    /// Forgets everything.
+    /// Discards all stored steps.
     pub(crate) fn restart(&mut self) {
         self.history.clear();
         self.last = None;
     }
 
-    /// The step s = f - (ΔX + ΔF) γ, γ = argmin |f - ΔF γ|, for f = `correction` at the point where
-    /// the last step has led. `[eq:anderson]`
+    /// The step s = f - (ΔX + ΔF) γ, γ = argmin |f - ΔF γ|, with f the `correction` at the end of
+    /// the last step. `[eq:anderson]`
     pub(crate) fn step(&mut self, correction: &[DVec3]) -> Vec<DVec3> {
         if let Some(last) = self.last.take() {
             let change = zip_map(correction, &last.correction, |now, before| now - before);
@@ -68,7 +68,7 @@ impl Anderson {
         step
     }
 
-    /// Remembers what step was taken after `correction` was found.
+    /// Stores the step that was taken from the point with this `correction`.
     pub(crate) fn taken(&mut self, step: Vec<DVec3>, correction: Vec<DVec3>) {
         self.last = Some(Last { step, correction });
     }
@@ -99,8 +99,8 @@ fn zip_map(a: &[DVec3], b: &[DVec3], f: impl Fn(DVec3, DVec3) -> DVec3) -> Vec<D
     a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
 }
 
-/// Solves a small symmetric positive definite system by elimination; a direction without a positive
-/// pivot gets no weight.
+/// Solves a small symmetric positive definite system by elimination. A direction without a positive
+/// pivot gets the weight 0.
 fn solve_positive(mut matrix: Vec<Vec<f64>>, mut right_side: Vec<f64>) -> Vec<f64> {
     let count = right_side.len();
     for k in 0..count {

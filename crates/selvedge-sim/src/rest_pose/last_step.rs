@@ -1,12 +1,12 @@
-//! What the last step of a fixed point iteration x ← x + f(x) says about the next: on a slow way a
-//! part of it is added (Polyak 1964, heavy ball); where f has turned against it, the iteration has
-//! gone too far and the step is halved.
+//! Inertia and damping of a fixed point iteration x ← x + f(x) by its last step. On a slow way a
+//! part of the last step is added to the next (Polyak 1964, heavy ball). If f has turned against
+//! the last step, the iteration has gone too far and the next step is halved.
 //!
-//! Without halving, an iteration whose f falls twice as steeply as x rises steps to and fro over the
-//! solution for ever: across a kink of the material law the cloth is stiffer than the matrix knows,
-//! which holds the looked-up stiffness constant. A kink is a matter of few vertices: each has its own
-//! brake. Inertia is a matter of the whole cloth, and keeps few vertices from coming to rest: there
-//! is one or the other.
+//! Without halving, an iteration whose f falls twice as steeply as x rises steps to and fro over
+//! the solution for ever. This happens at a kink of the material law: across it the cloth is
+//! stiffer than the matrix, which holds the looked-up stiffness constant. A kink concerns few
+//! vertices, so damping works per vertex. Inertia concerns the whole cloth and keeps single
+//! vertices from coming to rest. So only one of the two is used at a time.
 
 use glam::DVec3;
 
@@ -16,18 +16,18 @@ pub(crate) struct LastStep(Vec<DVec3>);
 
 /// Part of the last step that is added to the next one.
 const KEPT: f64 = 0.95;
-/// What a step is multiplied by that turns against the last one.
+/// Factor of a step that turns against the last one.
 const TURNED: f64 = 0.5;
 
 impl LastStep {
-    /// Before the first step of a cloth of so many vertices.
+    /// No step yet of a cloth with this number of vertices.
     pub(crate) fn new(vertices: usize) -> Self {
         Self(vec![DVec3::ZERO; vertices])
     }
 
-    /// Changes `step`, f being `correction`: with d = Σ s₋·f, s₋ the last step, s ← s + 0.95 s₋
-    /// where d > 0, s ← s/2 where d < 0. `[eq:sag-inertia]`
-    pub(crate) fn push(&self, correction: &[DVec3], step: &mut [DVec3]) {
+    /// Gives `step` inertia. With f the `correction`, s₋ the last step and d = Σ s₋·f:
+    /// s ← s + 0.95 s₋ if d > 0, s ← s/2 if d < 0. `[eq:sag-inertia]`
+    pub(crate) fn accelerate(&self, correction: &[DVec3], step: &mut [DVec3]) {
         let pairs = self.0.iter().zip(correction);
         let forward: f64 = pairs.map(|(last, next)| last.dot(*next)).sum();
         if forward > 0.0 {
@@ -39,9 +39,9 @@ impl LastStep {
         }
     }
 
-    /// Changes `step`, f being `correction`: s ← s/2 for each vertex whose s₋·f < 0.
-    /// `[eq:sag-brake]`
-    pub(crate) fn brake(&self, correction: &[DVec3], step: &mut [DVec3]) {
+    /// Damps `step`, with f the `correction`: s ← s/2 at each vertex with s₋·f < 0.
+    /// `[eq:sag-damping]`
+    pub(crate) fn damp(&self, correction: &[DVec3], step: &mut [DVec3]) {
         for ((entry, last), next) in step.iter_mut().zip(&self.0).zip(correction) {
             if last.dot(*next) < 0.0 {
                 *entry *= TURNED;
@@ -49,7 +49,7 @@ impl LastStep {
         }
     }
 
-    /// Remembers what step was taken.
+    /// Stores the step that was taken.
     pub(crate) fn taken(&mut self, step: &[DVec3]) {
         self.0.copy_from_slice(step);
     }
@@ -61,8 +61,7 @@ mod tests {
 
     type Change = fn(&LastStep, &[DVec3], &mut [DVec3]);
 
-    /// Where `count` steps lead from (1, 1, 1), with f(x) = -r x and a rate of its own for each of
-    /// two vertices.
+    /// Two vertices after `count` steps from (1, 1, 1) with f(x) = -r x, each with its own rate r.
     fn iterated(change: Change, rates: [f64; 2], count: usize) -> [f64; 2] {
         let (mut x, mut last) = ([DVec3::ONE; 2], LastStep::new(2));
         for _ in 0..count {
@@ -77,41 +76,41 @@ mod tests {
 
     /// The first step leads to 1 - r. Each later one turns against the last, because the one before
     /// it led past the solution (r > 2: 1 - r/2 < 0) or, with r = 2, onto it.
-    fn braked(rate: f64, count: i32) -> f64 {
+    fn damped(rate: f64, count: i32) -> f64 {
         (1.0 - rate) * (1.0 - 0.5 * rate).powi(count - 1)
     }
 
     #[test]
     fn an_iteration_that_steps_to_and_fro_comes_to_its_end() {
         for rate in [2.0_f64, 2.4, 3.6] {
-            for change in [LastStep::push as Change, LastStep::brake] {
+            for change in [LastStep::accelerate as Change, LastStep::damp] {
                 let [x, y] = iterated(change, [rate; 2], 8);
-                assert!((x - braked(rate, 8)).abs() < 1e-14, "{rate}");
+                assert!((x - damped(rate, 8)).abs() < 1e-14, "{rate}");
                 assert_eq!(x, y);
             }
         }
     }
 
     #[test]
-    fn the_brake_is_each_vertexs_own() {
+    fn damping_is_per_vertex() {
         let (steep, slow) = (2.4, 0.01);
-        let [x, y] = iterated(LastStep::brake, [steep, slow], 8);
-        assert!((x - braked(steep, 8)).abs() < 1e-14);
+        let [x, y] = iterated(LastStep::damp, [steep, slow], 8);
+        assert!((x - damped(steep, 8)).abs() < 1e-14);
         assert!((y - (1.0_f64 - slow).powi(8)).abs() < 1e-14);
     }
 
     #[test]
-    fn on_a_slow_way_steps_grow_by_what_the_last_one_was() {
+    fn on_a_slow_way_steps_grow_by_the_last_one() {
         // s₁ = r, s₂ = r (1 - r) + 0.95 s₁.
         let rate = 0.01;
         let expected = 1.0 - rate - (rate * (1.0 - rate) + 0.95 * rate);
-        let [x, y] = iterated(LastStep::push, [rate; 2], 2);
+        let [x, y] = iterated(LastStep::accelerate, [rate; 2], 2);
         assert!((x - expected).abs() < 1e-15 && x == y);
     }
 
     #[test]
     fn the_first_step_is_the_correction() {
-        for change in [LastStep::push as Change, LastStep::brake] {
+        for change in [LastStep::accelerate as Change, LastStep::damp] {
             let mut step = [DVec3::new(0.3, -0.2, 0.1)];
             let correction = step;
             change(&LastStep::new(1), &correction, &mut step);

@@ -1,45 +1,46 @@
-//! How a cloth comes to rest by itself: its motion from the start, solve by solve, until it is slow.
+//! Dynamic relaxation by the cloth's own motion: the motion from the start, solve by solve, until
+//! it is slow.
 //!
-//! A cloth may have several rest poses near each other; which one it reaches depends on the way. This
-//! is the way of a simulation that waits, slower than the search for an equilibrium in
-//! [`crate::rest_pose`], which takes over from the slow cloth.
+//! A cloth may have several rest poses near each other, and the way decides which one it reaches.
+//! This is the way of a simulation that waits. It is slower than [`super::equilibrium`], which
+//! takes over from the slow cloth.
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
 
 use crate::active_handles::ActiveHandles;
-use crate::rest_pose::{Listener, SagError, SagProgress, tell};
+use crate::rest_pose::progress::{Approach, Listener, SagError, SagProgress, tell};
 use crate::state::State;
 
-/// The cloth has come to rest when no vertex is faster than this `[m/s]`, but not in the first
-/// moments, in which it may not have begun to move out of its plane.
+/// Speed below which a cloth counts as at rest `[m/s]`.
 const SLOW: f64 = 2e-3;
+/// Time in which a cloth may not yet have begun to move out of its plane, and is never at rest
+/// `[s]`.
 const FIRST_MOMENTS: f64 = 3.0;
-/// Longest time that is waited `[s]`.
+/// Longest time that the motion takes `[s]`.
 const LONGEST: f64 = 30.0;
 
-/// Where `scene`'s cloth, let go at `positions` `[m]`, `[vertices]`, is when it has become slow, and the
-/// solves that it took.
-pub(crate) fn fall(
+/// Moves `scene`'s cloth, released at `positions` `[m]`, `[vertices]`, until it is slow.
+pub(super) fn relax_by_motion(
     scene: &Scene,
     positions: Vec<DVec3>,
     progress: Listener<'_>,
-) -> Result<(Vec<DVec3>, u32), SagError> {
-    let failed = |solves: u32, cause: String| SagError::Solve { solves, cause };
-    let mut active = ActiveHandles::all(scene).map_err(|cause| failed(0, cause.to_string()))?;
+) -> Result<Approach, SagError> {
+    let mut active =
+        ActiveHandles::all(scene).map_err(|cause| SagError::failed_solve(0, &cause))?;
     let dt = 1.0 / scene.frame_rate / f64::from(scene.physics.substeps);
     let targets = scene.handles.select(scene.mesh.positions());
     let mut state = State {
         velocities: vec![DVec3::ZERO; positions.len()],
         positions,
     };
-    let last = (LONGEST / dt) as u32;
+    let last = ((LONGEST / dt) as u32).min(scene.sag.max_steps);
     let mut before = state.velocities.clone();
-    for solves in 1..=last.min(scene.sag.max_steps) {
+    for solves in 1..=last {
         before.copy_from_slice(&state.velocities);
         active
             .advance(dt, &mut state, &targets)
-            .map_err(|cause| failed(solves, cause.to_string()))?;
+            .map_err(|cause| SagError::failed_solve(solves, &cause))?;
         let change = largest(state.velocities.iter().zip(&before).map(|(a, b)| *a - *b));
         let now = SagProgress {
             solves,
@@ -49,10 +50,16 @@ pub(crate) fn fall(
         tell(progress, now)?;
         let slow = largest(state.velocities.iter().copied()) < SLOW;
         if slow && f64::from(solves) * dt > FIRST_MOMENTS {
-            return Ok((state.positions, solves));
+            return Ok(Approach {
+                positions: state.positions,
+                solves,
+            });
         }
     }
-    Ok((state.positions, last.min(scene.sag.max_steps)))
+    Ok(Approach {
+        positions: state.positions,
+        solves: last,
+    })
 }
 
 fn largest(vectors: impl Iterator<Item = DVec3>) -> f64 {

@@ -1,84 +1,107 @@
-//! The rest pose of a cloth with strain limits, which carry load but are no force: the motion itself,
-//! solves and projections, until it has come to rest.
+//! Dynamic relaxation within strain limits, which carry load but are no force: solves and
+//! projections of the motion itself, until it has come to rest.
 //!
-//! From the pose without limits, velocities are taken away whenever the kinetic energy has begun to
-//! fall (kinetic damping, Cundall 1976). What is left is measured by a solve from a standstill. The
-//! projection is exact to 10⁻⁶ of a stretch, which over the short solves of a motion looks like an
-//! acceleration of centimetres per second squared: no less than [`LIMITED_TOLERANCE`] can be asked.
+//! From the pose without limits, velocities are set to zero whenever the kinetic energy begins to
+//! fall (kinetic damping, Cundall 1976). The residual is measured by a solve from a standstill. The
+//! projection is exact to 10⁻⁶ of a stretch. Over the short solves of a motion this looks like an
+//! acceleration of centimetres per second squared, so [`LIMITED_TOLERANCE`] is the least tolerance.
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
 
 use crate::active_handles::ActiveHandles;
-use crate::rest_pose::{Listener, SagError, SagProgress, SaggedRest, tell};
+use crate::rest_pose::progress::{Listener, SagError, SagProgress, SaggedRest, tell};
 use crate::state::State;
 
 /// Least tolerance of a rest pose within limits `[m/s²]`.
-pub(crate) const LIMITED_TOLERANCE: f64 = 0.05;
+const LIMITED_TOLERANCE: f64 = 0.05;
 
-/// Goes on from `rest`, the pose without limits, until it rests within those of `scene`, whose
-/// handles are those that hold; as it is, where it is within them.
-pub(crate) fn settle(
+/// Moves on from `rest`, the pose without limits, until the cloth rests within those of `scene`,
+/// whose handles all hold. Gives `rest` itself if it is within the limits.
+pub(super) fn relax_within_limits(
     scene: &Scene,
     rest: SaggedRest,
     progress: Listener<'_>,
 ) -> Result<SaggedRest, SagError> {
-    let failed = |solves: u32, cause: String| SagError::Solve { solves, cause };
-    let mut active =
-        ActiveHandles::all(scene).map_err(|cause| failed(rest.solves, cause.to_string()))?;
+    let active = ActiveHandles::all(scene);
+    let active = active.map_err(|cause| SagError::failed_solve(rest.solves, &cause))?;
     let dt = 1.0 / scene.frame_rate / f64::from(scene.physics.substeps);
-    let targets = scene.handles.select(scene.mesh.positions());
-    let still = vec![DVec3::ZERO; rest.positions.len()];
-    let mut state = State {
-        positions: rest.positions.clone(),
-        velocities: still.clone(),
+    let mut damped = KineticDamping {
+        active,
+        dt,
+        targets: scene.handles.select(scene.mesh.positions()),
+        state: State {
+            velocities: vec![DVec3::ZERO; rest.positions.len()],
+            positions: rest.positions.clone(),
+        },
+        energy: 0.0,
     };
-    if !active.limit(dt, &mut state) {
+    if !damped.active.limit(dt, &mut damped.state) {
         return Ok(rest);
     }
-    state.velocities.copy_from_slice(&still);
+    damped.stop();
     let tolerance = scene.sag.tolerance.max(LIMITED_TOLERANCE);
-    let (mut solves, mut energy) = (rest.solves, 0.0);
+    let mut solves = rest.solves;
     loop {
-        let stands = energy == 0.0;
-        active
-            .advance(dt, &mut state, &targets)
-            .map_err(|cause| failed(solves, cause.to_string()))?;
+        let residual = damped.step(solves)?;
         solves += 1;
-        if stands {
-            let fastest = state.velocities.iter().map(|v| v.length());
-            let residual = fastest.fold(0.0, f64::max) / dt;
+        if let Some(residual) = residual {
             let now = SagProgress {
                 solves,
                 residual,
                 tolerance,
             };
             tell(progress, now)?;
-            if residual <= tolerance {
-                return Ok(SaggedRest {
-                    positions: state.positions,
-                    solves,
-                    residual,
-                });
+            if now.is_reached() {
+                return Ok(now.rest(damped.state.positions));
             }
             if solves >= scene.sag.max_steps {
-                return Err(SagError::NotConverged {
-                    solves,
-                    residual,
-                    tolerance,
-                });
+                return Err(now.not_converged());
             }
         }
-        let mass = active.system.mass().iter();
+        damped.damp();
+    }
+}
+
+/// A motion with kinetic damping.
+struct KineticDamping {
+    active: ActiveHandles,
+    /// Time of a solve `[s]`.
+    dt: f64,
+    /// Targets of the handles `[m]`, `[handles]`.
+    targets: Vec<DVec3>,
+    state: State,
+    /// Twice the kinetic energy after the last solve `[J]`; 0 at a standstill.
+    energy: f64,
+}
+
+impl KineticDamping {
+    /// One solve and projection. From a standstill it gives the residual `[m/s²]`.
+    fn step(&mut self, solves: u32) -> Result<Option<f64>, SagError> {
+        let stands = self.energy == 0.0;
+        self.active
+            .advance(self.dt, &mut self.state, &self.targets)
+            .map_err(|cause| SagError::failed_solve(solves, &cause))?;
+        let fastest = self.state.velocities.iter().map(|v| v.length());
+        Ok(stands.then(|| fastest.fold(0.0, f64::max) / self.dt))
+    }
+
+    /// Stops the cloth if its kinetic energy has begun to fall.
+    fn damp(&mut self) {
+        let mass = self.active.system.mass().iter();
         let now: f64 = mass
-            .zip(&state.velocities)
+            .zip(&self.state.velocities)
             .map(|(mass, velocity)| mass * velocity.length_squared())
             .sum();
-        if now < energy {
-            state.velocities.copy_from_slice(&still);
-            energy = 0.0;
+        if now < self.energy {
+            self.stop();
         } else {
-            energy = now;
+            self.energy = now;
         }
+    }
+
+    fn stop(&mut self) {
+        self.state.velocities.fill(DVec3::ZERO);
+        self.energy = 0.0;
     }
 }

@@ -1,5 +1,4 @@
-//! The 3x3 blocks of the system matrix, each gathered from the elements that contribute to it, in a
-//! fixed order.
+//! The 3x3 blocks of the system matrix, each gathered from its elements in a fixed order.
 
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
@@ -9,18 +8,18 @@ use crate::solver::elements::{Elements, FaceResponse};
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
-/// Which elements contribute to the block of each slot.
+/// The elements that contribute to the block of each slot.
 pub(crate) struct Contributions {
     /// Per slot, 16 · face + 4 · row corner + column corner.
     faces: Lists,
-    /// The same of hinges.
+    /// Per slot, 16 · hinge + 4 · row corner + column corner.
     hinges: Lists,
     /// Vertex of each slot of the diagonal.
     vertices: Vec<u32>,
 }
 
 impl Contributions {
-    /// Those of `elements` to the slots of `pattern`.
+    /// Contributions of `elements` to the slots of `pattern`.
     pub(crate) fn new(pattern: &Pattern, elements: &Elements) -> Self {
         let faces = elements.faces.faces.iter().map(|face| face.corners);
         let hinges = elements.hinges.hinges.iter().map(|hinge| hinge.corners);
@@ -89,15 +88,15 @@ impl Contributions {
     }
 }
 
-/// The evaluated elements in f32, with the scale of the matrix in them.
+/// The evaluated elements in f32, times the scale of the matrix.
 #[derive(Default)]
 pub(crate) struct Singles {
     faces: Vec<SingleFace>,
-    /// Gradients of the angle, scaled so that a block is the product of two.
+    /// Gradients of the angle, scaled so that a block is a product of two.
     hinges: Vec<[Vec3A; 4]>,
 }
 
-/// What a face adds to the blocks of its corners: see `[eq:stretch-jacobian]`, scaled.
+/// Contribution of a face to the blocks of its corners: `[eq:stretch-jacobian]`, scaled.
 #[derive(Clone, Copy, Default)]
 struct SingleFace {
     along: [Vec3A; 2],
@@ -106,7 +105,7 @@ struct SingleFace {
     stiffness: [f32; 4],
     tension: [f32; 2],
     air_normal: Vec3A,
-    /// Resistance of the air across the normal, and how much more there is along it.
+    /// Resistance of the air across the normal, and its excess along the normal.
     air: [f32; 2],
 }
 
@@ -119,8 +118,9 @@ impl Singles {
         }
     }
 
-    /// How stiff bending is beside the mean mass of a vertex: what a hinge adds to the diagonal block
-    /// of an opposite vertex, its trace, on average over all hinges; 0 without any.
+    /// Stiffness of bending relative to the mean mass of a vertex: the trace of a hinge's
+    /// contribution to the diagonal block of an opposite vertex, averaged over all hinges; 0
+    /// without hinges.
     pub(crate) fn bending(&self) -> f64 {
         let trace = |hinge: &[Vec3A; 4]| hinge[2].length_squared() + hinge[3].length_squared();
         let sum: f64 = self.hinges.iter().map(|h| f64::from(trace(h))).sum();
@@ -226,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bending_is_the_mean_of_what_opposite_vertices_get() {
+    fn bending_is_the_mean_over_opposite_vertices() {
         let hinge = |left: Vec3A, right: Vec3A| [Vec3A::splat(9.0), Vec3A::splat(9.0), left, right];
         let singles = |hinges: Vec<[Vec3A; 4]>| Singles {
             faces: Vec::new(),

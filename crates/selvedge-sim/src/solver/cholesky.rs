@@ -2,8 +2,8 @@
 //! the solution of A x = b (faer; supernodal, because its automatic choice is the slower one for
 //! the matrices of a cloth).
 //!
-//! The unknowns come in an order that keeps the factor sparse ([`crate::solver::pattern`]), so none is
-//! sought here. After construction nothing is allocated.
+//! The order of the unknowns already keeps the factor sparse ([`crate::solver::pattern`]). After
+//! construction nothing is allocated.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
@@ -16,7 +16,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side, Spec};
 use thiserror::Error;
 
-/// Why a system could not be factorised or solved.
+/// Reason why a system could not be factorised or solved.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub(crate) enum FactorError {
     /// The matrix is not positive definite.
@@ -30,7 +30,7 @@ pub(crate) enum FactorError {
     Resources {
         /// Size of the matrix.
         unknowns: usize,
-        /// What the linear algebra said.
+        /// Message of the linear algebra.
         cause: String,
     },
 }
@@ -79,7 +79,7 @@ impl Cholesky {
         })
     }
 
-    /// Replaces `right_side` by the solution of A x = b, A given by its `values` in the order of
+    /// Replaces `right_side` b by the solution of A x = b. `values` are those of A in the order of
     /// the pattern.
     pub(crate) fn solve(
         &mut self,

@@ -1,10 +1,10 @@
 //! Conjugate gradients (Hestenes and Stiefel 1952) for the system of a large cloth, preconditioned
 //! by [`crate::solver::incomplete`].
 //!
-//! The iteration runs in f32 on the scaled matrix; from time to time the residual is computed anew
-//! in f64, without a matrix, and the iteration goes on from there with its direction kept (Clark et
-//! al. 2010, "reliable updates"). So the answer has the accuracy of f64, at the memory traffic of
-//! f32. It starts from the answer of the last solve.
+//! The iteration runs in f32 on the scaled matrix. From time to time the residual is computed anew
+//! in f64, without a matrix, and the iteration continues from it with the same direction (Clark et
+//! al. 2010, "reliable updates"). So the solution has the accuracy of f64 at the memory traffic of
+//! f32. The first guess is the solution of the last solve.
 
 use glam::{DVec3, Mat3A, Vec3A};
 use selvedge_cloth::ConjugateGradients as Settings;
@@ -16,10 +16,10 @@ use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
-/// A solve that did not come to its end.
+/// Reason for a failed solve.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub(crate) enum IterationError {
-    /// More iterations are needed than there may be, or more accuracy than there is.
+    /// The solve needs more iterations than allowed, or more accuracy than f32 gives.
     #[error(
         "after {iterations} iterations of conjugate gradients velocities are still wrong by {error:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.solver, or choose \"cholesky\""
     )]
@@ -28,10 +28,10 @@ pub(crate) enum IterationError {
         iterations: u32,
         /// Estimated error of the velocities `[m/s]`.
         error: f64,
-        /// What it was to be `[m/s]`.
+        /// Largest error allowed `[m/s]`.
         tolerance: f64,
     },
-    /// Numbers beyond what f32 holds.
+    /// Numbers beyond the range of f32.
     #[error(
         "the residual is not finite after iteration {iterations}: the targets or the state are too large"
     )]
@@ -39,7 +39,7 @@ pub(crate) enum IterationError {
         /// Iterations done.
         iterations: u32,
     },
-    /// A direction in which the matrix is not positive.
+    /// The matrix is not positive in some direction.
     #[error("the matrix is not positive definite, as iteration {iterations} has found")]
     Indefinite {
         /// Iterations done.
@@ -54,14 +54,14 @@ pub(crate) struct ConjugateGradients {
     singles: Singles,
     blocks: Vec<Mat3A>,
     incomplete: Incomplete,
-    /// 1 / the mean mass of a vertex: the matrix in f32 is scaled by it `[1/kg]`.
+    /// Scale of the matrix in f32: 1 / the mean mass of a vertex `[1/kg]`.
     scale: f64,
     vectors: Vectors,
     residual: Vec<DVec3>,
     iterations: u32,
 }
 
-/// Per unknown, in the scaled space.
+/// Vectors of the iteration in the scaled space, `[unknowns]` each.
 struct Vectors {
     solution: Vec<Vec3A>,
     residual: Vec<Vec3A>,
@@ -72,10 +72,10 @@ struct Vectors {
     product: Vec<Vec3A>,
 }
 
-/// Part by which the residual falls before it is computed anew: rounding in f32 is well below.
+/// Factor by which the residual falls before it is computed anew. Rounding in f32 is well below.
 const CYCLE: f64 = 1e-4;
-/// Computed anew, a residual that is so much larger (squared) than it was thought to be shows that
-/// there is no more accuracy to be had.
+/// Ratio (squared) of the residual computed anew to its estimate above which no more accuracy can
+/// be gained.
 const STUCK: f64 = 1e6;
 
 impl ConjugateGradients {
@@ -112,7 +112,8 @@ impl ConjugateGradients {
     pub(crate) fn prepare(
         &mut self,
         threads: Threads,
-        (pattern, elements): (&Pattern, &Elements),
+        pattern: &Pattern,
+        elements: &Elements,
         springs: impl Iterator<Item = (u32, f64)>,
     ) {
         self.contributions.gather_single(
@@ -130,10 +131,12 @@ impl ConjugateGradients {
         self.incomplete.factorise(threads, &self.blocks, taken);
     }
 
-    /// Makes `changes` `[m/s]`, `[vertices]`, from a first guess the solution of A Δv = b: it is good
-    /// when √(rᵀ P⁻¹ r / Σ m) ≤ tolerance, r = b - A Δv, P the preconditioner; P being near A, that is
-    /// the error of Δv in the norm of A, and because A ⪰ M no less than the root mean square of the
-    /// velocities' error. `[eq:solver-tolerance]` `residual_of` gives b - A Δv, `[vertices]`.
+    /// Solves A Δv = b. `changes` `[m/s]`, `[vertices]`, is the first guess of Δv and becomes the
+    /// solution; `residual_of` gives r = b - A Δv, `[vertices]`.
+    ///
+    /// The solve ends at √(rᵀ P⁻¹ r / Σ m) ≤ tolerance, P the preconditioner. P is near A, so this
+    /// is the error of Δv in the norm of A; because A ⪰ M, it is no less than the root mean square
+    /// of the velocities' error. `[eq:solver-tolerance]`
     pub(crate) fn solve(
         &mut self,
         threads: Threads,
@@ -183,7 +186,7 @@ impl ConjugateGradients {
         }
     }
 
-    /// Takes over the f64 residual; its size squared.
+    /// Rounds and scales the f64 residual. Gives its size squared.
     fn take_residual(&mut self, threads: Threads, pattern: &Pattern) -> f64 {
         let scaling = self.incomplete.scaling();
         for ((entry, vertex), scaling) in self
@@ -200,7 +203,7 @@ impl ConjugateGradients {
         length_squared(&self.vectors.residual)
     }
 
-    /// The next direction: residual + `part` · direction.
+    /// Computes the next direction: residual + `part` · direction.
     fn turn(&mut self, threads: Threads, part: f64) {
         let part = part as f32;
         let Vectors {
@@ -217,8 +220,8 @@ impl ConjugateGradients {
         self.incomplete.solve_upper(threads, solved);
     }
 
-    /// One iteration from a residual of size squared `size`; that of the next. None where the matrix
-    /// is not positive definite, or something is not finite.
+    /// Does one iteration from a residual of size squared `size`. Gives the next size squared; none
+    /// if the matrix is not positive definite or a number is not finite.
     fn iterate(&mut self, threads: Threads, size: f64) -> Option<f64> {
         self.iterations += 1;
         let Vectors {
@@ -229,7 +232,7 @@ impl ConjugateGradients {
             product,
         } = &mut self.vectors;
         self.incomplete
-            .multiply(threads, (direction, solved), product);
+            .multiply(threads, direction, solved, product);
         let curvature = dot(direction, product);
         if curvature.is_nan() || curvature <= 0.0 {
             return None;
@@ -250,7 +253,7 @@ impl ConjugateGradients {
         next.is_finite().then_some(next)
     }
 
-    /// Adds what the iteration found to `changes`.
+    /// Adds the solution of the iteration to `changes`.
     fn give_solution(&mut self, threads: Threads, pattern: &Pattern, changes: &mut [DVec3]) {
         let solution = &mut self.vectors.solution;
         self.incomplete.solve_upper(threads, solution);

@@ -1,9 +1,8 @@
-//! The faces and hinges of a cloth, and the impulses and the matrix products that they make.
+//! The faces and hinges of a cloth with their impulses and matrix products.
 //!
-//! Each element is evaluated by itself into a place of its own; then each vertex (here) or each
-//! block of the matrix ([`crate::solver::blocks`]) gathers from the elements around it, in a fixed order.
-//! So any number of threads gives the same bytes, and no two write to one place. Nothing is
-//! allocated after construction.
+//! Each element is evaluated into a place of its own. Then each vertex (here) or each block of the
+//! matrix ([`crate::solver::blocks`]) gathers from the elements around it, in a fixed order. So any
+//! number of threads gives the same bytes. Nothing is allocated after construction.
 
 use glam::DVec3;
 use selvedge_cloth::{AirLaw, BendingLaw, Environment, Mesh, Scene, StretchLookup};
@@ -32,29 +31,29 @@ enum StretchLaw {
     Grid(GridStiffness),
 }
 
-/// A face evaluated: how it resists, and the impulse on each corner `[N s]`.
+/// Responses of a face at the last evaluation: of its material and of the air.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct FaceResponse {
     pub(crate) stretch: StretchResponse,
     pub(crate) air: AirResponse,
 }
 
-/// Where and how forces are linearised.
+/// The point of a linearisation and its factors.
 #[derive(Clone, Copy)]
 pub(crate) struct Linearisation<'a> {
-    /// dt: what turns a force into an impulse `[s]`.
+    /// dt, the factor from a force to an impulse `[s]`.
     pub(crate) dt: f64,
-    /// dt (dt + c): what turns a Jacobian into a mass `[s²]`.
+    /// dt (dt + c), the factor from a Jacobian to a mass `[s²]`.
     pub(crate) jacobian: f64,
-    /// What turns the Jacobian times `rates` into an impulse `[s²]`.
+    /// Factor from the Jacobian times `rates` to an impulse `[s²]`.
     pub(crate) rate: f64,
-    /// Where faces and hinges are evaluated `[m]`, `[vertices]`.
+    /// Positions of faces and hinges `[m]`, `[vertices]`.
     pub(crate) positions: &'a [DVec3],
-    /// Velocities that the Jacobian is applied to `[m/s]`, `[vertices]`.
+    /// Velocities to which the Jacobian is applied `[m/s]`, `[vertices]`.
     pub(crate) rates: &'a [DVec3],
-    /// Where the air meets the faces `[m]`, `[vertices]`.
+    /// Positions of the faces in the air `[m]`, `[vertices]`.
     pub(crate) air_positions: &'a [DVec3],
-    /// How fast the faces move through the air `[m/s]`, `[vertices]`.
+    /// Velocities of the faces in the air `[m/s]`, `[vertices]`.
     pub(crate) air_velocities: &'a [DVec3],
 }
 
@@ -145,13 +144,13 @@ impl Elements {
         }
     }
 
-    /// Gravity and air from now on.
+    /// Sets gravity and air for the evaluations that follow.
     pub(crate) fn set_environment(&mut self, environment: Environment) {
         self.environment = environment;
     }
 
-    /// Evaluates every element at `at`, and sums what acts on each vertex into `impulses` `[N s]`:
-    /// dt (m g + F + F_air) + rate J rates.
+    /// Evaluates every element at `at`, and sums the impulses on each vertex into `impulses` `[N
+    /// s]`: dt (m g + F + F_air) + rate J rates.
     pub(crate) fn evaluate(
         &mut self,
         threads: Threads,
@@ -172,7 +171,7 @@ impl Elements {
         });
     }
 
-    /// Sum of what the elements around vertex `v` push it by.
+    /// Sum of the impulses of the elements around vertex `v` `[N s]`.
     #[inline]
     fn gathered(&self, v: usize) -> DVec3 {
         let mut sum = DVec3::ZERO;
@@ -186,8 +185,8 @@ impl Elements {
         sum
     }
 
-    /// `product` = (M - dt (dt + c) J + dt D_air) `vector` with what was evaluated last,
-    /// `[vertices]` each, without a matrix.
+    /// `product` = (M - dt (dt + c) J + dt D_air) `vector` of the last evaluation, `[vertices]`
+    /// each, without a matrix.
     pub(crate) fn multiply(&mut self, threads: Threads, vector: &[DVec3], product: &mut [DVec3]) {
         let (jacobian, dt) = (self.jacobian, self.dt);
         let (faces, responses) = (&self.faces.faces, &self.faces.responses);

@@ -1,33 +1,33 @@
 //! An incomplete factorisation of the system matrix by tiles of neighbouring unknowns, and the
 //! product with the matrix that it preconditions (f32).
 //!
-//! Within a tile the factor keeps the blocks below the diagonal as they are and changes only those
-//! on it (Meijerink and van der Vorst 1981): P = (E + L) E⁻¹ (E + L)ᵀ, E = C Cᵀ by blocks. Scaled by
-//! C⁻¹ from the left and C⁻ᵀ from the right it becomes (I + L)(I + L)ᵀ, and the preconditioned
-//! matrix (I + L)⁻¹ A (I + L)⁻ᵀ costs no more than its two triangular solves, because all of A but
-//! its diagonal is in them already (Eisenstat 1981). What couples tiles is left out of P, not out of
-//! A. The size of a tile follows from the cloth, whatever the number of threads.
+//! Within a tile the factor keeps the blocks below the diagonal and changes only those on it
+//! (Meijerink and van der Vorst 1981): P = (E + L) E⁻¹ (E + L)ᵀ, E = C Cᵀ by blocks. Scaled by C⁻¹
+//! from the left and C⁻ᵀ from the right, P becomes (I + L)(I + L)ᵀ. The preconditioned matrix (I +
+//! L)⁻¹ A (I + L)⁻ᵀ costs no more than its two triangular solves, because they contain all of A
+//! except its diagonal (Eisenstat 1981). Blocks that couple tiles are left out of P, not out of A.
+//! The size of a tile depends on the cloth, not on the number of threads.
 
 use glam::{Mat3A, Vec3A};
 
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
-/// Fewest unknowns of a tile, and most tiles of a cloth: what couples tiles is lost.
+/// Smallest number of unknowns of a tile. Few tiles lose few couplings.
 const SMALLEST_TILE: usize = 2048;
+/// Largest number of tiles of a cloth.
 const MOST_TILES: usize = 8;
-/// Part of what eliminating a column takes from later ones that E does without. All of it leaves
-/// pivots near zero (the matrix is not one for which they are bounded), none needs a fifth more
-/// iterations.
+/// Part of an elimination's effect on later columns that goes into E. The whole leaves pivots near
+/// zero (they are not bounded for this matrix); nothing costs a fifth more iterations.
 const TAKEN: f32 = 0.7;
-/// The same where bending is stiff: its blocks beside the diagonal have either sign, what they take
-/// from it does not cancel, and with 0.7 a cloth of 100,000 vertices needs five times the iterations.
+/// The same part for stiff bending. Its blocks beside the diagonal have either sign, and their
+/// effects do not cancel: with 0.7 a cloth of 100,000 vertices needs five times the iterations.
 const TAKEN_FROM_STIFF: f32 = 0.5;
-/// Stiffness of bending beside mass, as [`crate::solver::blocks::Singles::bending`] has it, from which it counts
-/// as stiff: that of gray interlock at a spacing of 7 mm and 240 solves a second, where the two
+/// Stiffness relative to mass ([`crate::solver::blocks::Singles::bending`]) from which bending
+/// counts as stiff: that of gray interlock at a spacing of 7 mm and 240 solves a second. There both
 /// parts need equally many iterations.
 const STIFF_BENDING: f64 = 0.4;
-/// Least part of a diagonal entry that its pivot may be; below it E is the block of A itself.
+/// Smallest ratio of a pivot to its diagonal entry. Below it, E is the block of A itself.
 const LEAST_PIVOT: f32 = 0.1;
 
 /// The scaled matrix in tiles.
@@ -39,7 +39,7 @@ pub(crate) struct Incomplete {
     scaling: Vec<Mat3A>,
 }
 
-/// Part of the matrix: some rows and columns that follow each other.
+/// Part of the matrix: consecutive rows and columns.
 struct Tile {
     first: usize,
     /// Per column, blocks below the diagonal within the tile: start, rows from `first`, slots.
@@ -50,7 +50,7 @@ struct Tile {
     lower: Vec<Mat3A>,
     /// Scaled diagonal less 2 I.
     diagonal: Vec<Mat3A>,
-    /// Per row, blocks that couple it to other tiles: start, then which.
+    /// Per row, start in `across` of the blocks that couple it to other tiles.
     across_starts: Vec<u32>,
     across: Vec<Across>,
     across_blocks: Vec<Mat3A>,
@@ -64,14 +64,14 @@ struct Across {
     side: Side,
 }
 
-/// On which side of the diagonal a block stands.
+/// Side of the diagonal on which a block stands.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Side {
     Lower,
     Upper,
 }
 
-/// What to take where bending is so stiff beside mass.
+/// Part of an elimination that goes into E, for this stiffness of bending relative to mass.
 pub(crate) fn part_taken(bending: f64) -> f32 {
     if bending < STIFF_BENDING {
         TAKEN
@@ -80,13 +80,13 @@ pub(crate) fn part_taken(bending: f64) -> f32 {
     }
 }
 
-/// Unknowns of a tile where there are `count`.
+/// Unknowns of a tile, for a cloth of `count` unknowns.
 pub(crate) fn tile_of(count: usize) -> usize {
     SMALLEST_TILE.max(count.div_ceil(MOST_TILES))
 }
 
 impl Incomplete {
-    /// Room for matrices of this pattern, in tiles of so many unknowns.
+    /// Room for matrices of this pattern, in tiles of `tile` unknowns.
     pub(crate) fn new(tile: usize, pattern: &Pattern) -> Self {
         let count = pattern.unknown_count();
         let mut tiles: Vec<Tile> = (0..count)
@@ -124,13 +124,14 @@ impl Incomplete {
         }
     }
 
-    /// Factorises the matrix with these `blocks`, by slot; `taken` is the part of each elimination
-    /// that E does without.
+    /// Factorises the matrix with these `blocks`, by slot. `taken` is the part of each elimination
+    /// that goes into E.
     pub(crate) fn factorise(&mut self, threads: Threads, blocks: &[Mat3A], taken: f32) {
         let share = self.tile;
         threads.each_share(
             &mut self.tiles,
-            (&mut self.scaling, share),
+            &mut self.scaling,
+            share,
             |tile, scaling| {
                 tile.factorise(blocks, scaling, taken);
             },
@@ -146,27 +147,28 @@ impl Incomplete {
 
     /// Replaces each tile's part of `vector` by (I + L)⁻¹ of it.
     pub(crate) fn solve_lower(&mut self, threads: Threads, vector: &mut [Vec3A]) {
-        threads.each_share(&mut self.tiles, (vector, self.tile), |tile, vector| {
+        threads.each_share(&mut self.tiles, vector, self.tile, |tile, vector| {
             tile.solve_lower(vector);
         });
     }
 
     /// Replaces each tile's part of `vector` by (I + L)⁻ᵀ of it.
     pub(crate) fn solve_upper(&mut self, threads: Threads, vector: &mut [Vec3A]) {
-        threads.each_share(&mut self.tiles, (vector, self.tile), |tile, vector| {
+        threads.each_share(&mut self.tiles, vector, self.tile, |tile, vector| {
             tile.solve_upper(vector);
         });
     }
 
     /// `product` = (I + L)⁻¹ A (I + L)⁻ᵀ p, given p and `solved` = (I + L)⁻ᵀ p:
-    /// solved + (I + L)⁻¹ (p + (D - 2 I + K) solved), K what couples tiles. `[eq:eisenstat]`
+    /// solved + (I + L)⁻¹ (p + (D - 2 I + K) solved), K the couplings of tiles. `[eq:eisenstat]`
     pub(crate) fn multiply(
         &mut self,
         threads: Threads,
-        (p, solved): (&[Vec3A], &[Vec3A]),
+        p: &[Vec3A],
+        solved: &[Vec3A],
         product: &mut [Vec3A],
     ) {
-        threads.each_share(&mut self.tiles, (product, self.tile), |tile, product| {
+        threads.each_share(&mut self.tiles, product, self.tile, |tile, product| {
             tile.multiply(p, solved, product);
         });
     }
@@ -284,7 +286,7 @@ impl Tile {
     }
 }
 
-/// C⁻¹ of a symmetric matrix C Cᵀ; none where a pivot is no more than `least` of its diagonal entry.
+/// C⁻¹ of a symmetric matrix C Cᵀ; none if a pivot is at most `least` of its diagonal entry.
 fn inverse_root(matrix: Mat3A, least: f32) -> Option<Mat3A> {
     let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
     let root = |pivot: f32, of: f32| (pivot > least * of && of > 0.0).then(|| pivot.sqrt());
@@ -360,7 +362,7 @@ mod tests {
             let mut solved = p.clone();
             incomplete.solve_upper(Threads::One, &mut solved);
             let mut found = vec![Vec3A::ZERO; 23];
-            incomplete.multiply(Threads::One, (&p, &solved), &mut found);
+            incomplete.multiply(Threads::One, &p, &solved, &mut found);
             // (I + L)⁻¹ C⁻¹ A C⁻ᵀ (I + L)⁻ᵀ p step by step.
             let scaling = incomplete.scaling().to_vec();
             let x: Vec<Vec3A> = solved

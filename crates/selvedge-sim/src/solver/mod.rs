@@ -1,4 +1,8 @@
 //! The linear system of a time step and its solvers.
+//!
+//! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves;
+//! [`newton`] repeats that. A small cloth is factorised completely ([`pattern`], [`ordering`],
+//! [`blocks`], [`cholesky`]), a large one iterated ([`conjugate_gradients`], [`incomplete`]).
 
 mod blocks;
 mod cholesky;

@@ -1,10 +1,11 @@
 //! Newton's method for the equations of a backward Euler step,
 //! M (v - v₀) = dt (f_ext + F(x₀ + dt v) + c J v), with a line search.
 //!
-//! The first solve is the linearised step itself; each further one starts where the last has led. J
-//! is the positive semidefinite Jacobian of the laws, with looked-up stiffness held constant, so that
-//! no energy has these forces as its gradient: what is made small is the residual, √(Σ |b|²/m / Σ m),
-//! and steps are halved until it falls. Near a solution convergence is linear, not quadratic.
+//! The first solve is the linearised step itself; each further one starts from the end of the last.
+//! J is the positive semidefinite Jacobian of the laws with the looked-up stiffness held constant.
+//! No energy has these forces as its gradient, so the line search reduces the residual
+//! √(Σ |b|²/m / Σ m): steps are halved until it falls. Near a solution convergence is linear, not
+//! quadratic.
 
 use selvedge_cloth::Newton as Settings;
 
@@ -22,11 +23,11 @@ pub(crate) struct Newton {
     base: State,
 }
 
-/// Shortest step of the line search; it is taken whether or not it helps.
+/// Shortest step of the line search. It is taken in any case.
 const SHORTEST: f64 = 1.0 / 64.0;
 
 impl Newton {
-    /// For a cloth with so many vertices.
+    /// The method for a cloth with this number of vertices.
     pub(crate) fn new(settings: Settings, vertices: usize) -> Self {
         let state = || State {
             positions: vec![DVec3::ZERO; vertices],
@@ -39,7 +40,8 @@ impl Newton {
         }
     }
 
-    /// Moves `state` over `dt` `[s]`, handles to `targets` `[m]`; on an error it is unusable.
+    /// Moves `state` over `dt` `[s]`, handles to `targets` `[m]`. On an error the state is
+    /// unusable.
     pub(crate) fn advance(
         &mut self,
         system: &mut System,
@@ -49,7 +51,7 @@ impl Newton {
     ) -> Result<(), SolveError> {
         self.from.copy_from(state);
         system.advance(dt, state, targets)?;
-        system.linearise_again(dt, (&self.from, state), targets);
+        system.linearise_again(dt, &self.from, state, targets);
         let mut lack = system.lack();
         let mut iterations = 1;
         while lack > self.settings.tolerance || lack.is_nan() {
@@ -66,7 +68,7 @@ impl Newton {
             let mut part = 1.0;
             loop {
                 system.apply(dt * part, part, &self.base, state);
-                system.linearise_again(dt, (&self.from, state), targets);
+                system.linearise_again(dt, &self.from, state, targets);
                 let next = system.lack();
                 if next < lack || part <= SHORTEST {
                     lack = next;

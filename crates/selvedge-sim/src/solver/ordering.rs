@@ -1,4 +1,4 @@
-//! In which order the unknowns of a cloth stand in its matrix.
+//! The order of a cloth's unknowns in its matrix.
 
 use std::collections::VecDeque;
 
@@ -9,18 +9,19 @@ use faer::sparse::linalg::amd;
 use crate::lists::Lists;
 use crate::solver::cholesky::FactorError;
 
-/// What an order is good for.
+/// Kind of an order, by its purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ordering {
     /// Little fill in a complete factorisation (approximate minimum degree; Amestoy, Davis and Duff
     /// 1996).
     MinimumDegree,
-    /// Neighbours near each other, so that an incomplete factorisation loses little and memory is
-    /// read in order (Cuthill and McKee 1969, reversed).
+    /// Neighbours near each other: an incomplete factorisation loses little, and memory is read in
+    /// order (Cuthill and McKee 1969, reversed).
     Banded,
 }
 
-/// The order of `unknown_count` unknowns coupled in `pairs` (smaller first): entry k is the k-th.
+/// The order of `unknown_count` unknowns coupled in `pairs` (smaller first). Entry k is the unknown
+/// at place k.
 pub(crate) fn order(
     ordering: Ordering,
     unknown_count: usize,
@@ -32,7 +33,7 @@ pub(crate) fn order(
     }
 }
 
-/// Breadth first from an end of each piece, neighbours of few neighbours first, all reversed.
+/// Breadth-first order from an end of each piece, neighbours with few neighbours first, reversed.
 fn banded(unknown_count: usize, pairs: &[(u32, u32)]) -> Vec<usize> {
     let both: Vec<(u32, u32)> = pairs.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
     let neighbours = Lists::group(unknown_count, &both);
@@ -42,7 +43,7 @@ fn banded(unknown_count: usize, pairs: &[(u32, u32)]) -> Vec<usize> {
         if placed[seed] {
             continue;
         }
-        // The last of a search from anywhere lies at an end; twice is enough.
+        // The last unknown of a search from anywhere lies near an end; two searches are enough.
         let mut first = seed;
         for _ in 0..2 {
             let begin = order.len();
@@ -71,7 +72,7 @@ fn search(neighbours: &Lists, first: usize, placed: &mut [bool], order: &mut Vec
     }
 }
 
-/// Approximate minimum degree.
+/// Order by approximate minimum degree.
 fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usize>, FactorError> {
     let resources = |cause: String| FactorError::Resources {
         unknowns: 3 * unknown_count,

@@ -1,9 +1,10 @@
-//! Where the numbers of the system matrix stand: 3x3 blocks, one per pair of free vertices that
-//! share a face or an interior edge's stencil, lower triangle only.
+//! The block pattern of the system matrix: one 3x3 block per pair of free vertices that share a
+//! face or an interior edge's stencil, lower triangle only.
 //!
-//! Free vertices are numbered as unknowns in the order that their solver likes ([`crate::solver::ordering`]),
-//! so that the matrix can be factorised as it is. Held vertices are no unknowns. A block has a slot:
-//! the diagonal ones first, then those below the diagonal column by column.
+//! Free vertices are numbered as unknowns in the order of their solver
+//! ([`crate::solver::ordering`]), so the matrix can be factorised as it is. Held vertices are no
+//! unknowns. Each block has a slot: first those on the diagonal, then those below it column by
+//! column.
 
 use glam::DMat3;
 
@@ -13,19 +14,19 @@ use crate::solver::ordering::{Ordering, order};
 /// The block pattern of the lower triangle.
 #[derive(Clone, Debug)]
 pub(crate) struct Pattern {
-    /// Unknown of each vertex; the number of unknowns for a held one.
+    /// Unknown of each vertex; for a held vertex the number of unknowns.
     unknown_of_vertex: Vec<u32>,
     /// Vertex of each unknown.
     vertex_of_unknown: Vec<u32>,
-    /// Where the blocks below the diagonal start in `rows`, per column and one more.
+    /// Start in `rows` of the blocks below the diagonal, per column and one more.
     starts: Vec<usize>,
     /// Row of each block below the diagonal, ascending within a column.
     rows: Vec<u32>,
 }
 
 impl Pattern {
-    /// The pattern of a matrix that couples the vertices of each stencil; `held` says which
-    /// vertices are no unknowns.
+    /// The pattern of a matrix that couples the vertices of each triangle and stencil. Vertices
+    /// that are `held` are no unknowns.
     pub(crate) fn new<const N: usize>(
         ordering: Ordering,
         held: &[bool],
@@ -83,8 +84,8 @@ impl Pattern {
         slots.zip(self.rows[range].iter().copied())
     }
 
-    /// Slot of the block that couples two vertices, if they are free and coupled. The row is that of
-    /// the vertex with the larger unknown.
+    /// Slot of the block that couples two vertices, if they are free and coupled. Its row belongs
+    /// to the vertex with the larger unknown.
     pub(crate) fn slot(&self, first: u32, second: u32) -> Option<u32> {
         let (first, second) = (self.unknown(first), self.unknown(second));
         let (row, column) = (first.max(second), first.min(second));

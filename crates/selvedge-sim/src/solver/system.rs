@@ -2,12 +2,12 @@
 //! A Δv = b with
 //!   A = M - Σ dt (dt + c) J + dt² K_handles,
 //!   b = dt f_ext + Σ dt (F + (dt + c) J v) - dt k (x_h - target + dt v_h).
-//! Solved again where it has led, it becomes Newton's method for the backward Euler equations
+//! Solved again from its end, it becomes Newton's method for the backward Euler equations
 //! ([`System::linearise_again`]).
 //!
-//! Exact handles are eliminated: they are no unknowns, and in the product J v they move with the
-//! velocity that takes them to their targets, which is what their column of A would contribute.
-//! The pattern of A is made once; assembling and solving allocate nothing.
+//! Exact handles are eliminated. They are no unknowns; in the product J v they move with the
+//! velocity that takes them to their targets, as their column of A would contribute. The pattern of
+//! A is made once; assembling and solving allocate nothing.
 
 use glam::{DMat3, DVec3};
 use selvedge_cloth::{
@@ -27,12 +27,13 @@ use crate::threads::Threads;
 /// Stiffness of a spring handle, per axis `[N/m]`.
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 
-/// Vertices from which the automatic choice is conjugate gradients. They are quicker at any size
-/// (`docs/src/concepts/physics.md`); a small cloth is solved exactly all the same, because closed forms are tested
-/// on it to the last digits, and so that data sets made of it stay what they are.
+/// Number of vertices from which the automatic choice is conjugate gradients. They are quicker at
+/// any size (`docs/src/concepts/physics.md`); a small cloth is solved exactly all the same, because
+/// closed forms are tested on it to the last digits, and so that data sets made of it stay what
+/// they are.
 const ITERATIVE_FROM: usize = 600;
 
-/// Why a solve failed.
+/// Reason for a failed solve.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub(crate) enum SolveError {
     /// A force or a result is not finite.
@@ -44,24 +45,24 @@ pub(crate) enum SolveError {
     /// The linear system could not be factorised.
     #[error(transparent)]
     Factor(#[from] FactorError),
-    /// Conjugate gradients did not get there.
+    /// Conjugate gradients did not converge.
     #[error(transparent)]
     Iteration(#[from] IterationError),
-    /// Newton's method did not get there.
+    /// Newton's method did not converge.
     #[error(
         "after {iterations} iterations of Newton's method velocities still lack {lack:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.integrator"
     )]
     Newton {
         /// Linear solves done.
         iterations: u32,
-        /// What the equations lack `[m/s]`.
+        /// Residual of the equations `[m/s]`.
         lack: f64,
-        /// What it was to be `[m/s]`.
+        /// Largest residual allowed `[m/s]`.
         tolerance: f64,
     },
 }
 
-/// The system of a cloth, ready to be assembled and solved again and again.
+/// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
     elements: Elements,
     pattern: Pattern,
@@ -71,23 +72,23 @@ pub(crate) struct System {
     threads: Threads,
     /// b, `[vertices]` `[N s]`.
     impulses: Vec<DVec3>,
-    /// Velocities, those of exact handles as they will be, `[vertices]`.
+    /// Velocities, for exact handles those of the step `[m/s]`, `[vertices]`.
     driven: Vec<DVec3>,
     /// Δv of the last solve, `[vertices]` `[m/s]`; 0 where held.
     changes: Vec<DVec3>,
-    /// dt of the last solve, or 0 when there is none to start the next from `[s]`.
+    /// dt of the last solve `[s]`; 0 if the next one starts from nothing.
     solved_dt: f64,
     saved_changes: (Vec<DVec3>, f64),
     solver: Solver,
 }
 
-/// How A Δv = b is solved.
+/// Method for A Δv = b.
 enum Solver {
     Direct(Box<Direct>),
     Iterative(Box<ConjugateGradients>),
 }
 
-/// The springs of handles, as they stand on the diagonal of A.
+/// Springs of handles, on the diagonal of A.
 #[derive(Clone, Copy)]
 struct Springs<'a> {
     vertices: &'a [VertexId],
@@ -104,12 +105,12 @@ struct Direct {
 }
 
 impl System {
-    /// The system of a scene that has been validated, with the solver that its settings ask for.
+    /// The system of a validated scene, with the solver of its settings.
     pub(crate) fn new(scene: &Scene) -> Result<Self, FactorError> {
         Self::with_solver(scene, scene.physics.solver)
     }
 
-    /// The system of a scene that has been validated, whatever solver its settings ask for.
+    /// The system of a validated scene, with this solver in place of that of its settings.
     pub(crate) fn with_solver(scene: &Scene, solver: LinearSolver) -> Result<Self, FactorError> {
         let mesh = &scene.mesh;
         let constraint = scene.physics.handles;
@@ -157,35 +158,35 @@ impl System {
         &self.elements.mass
     }
 
-    /// Gravity and air from now on; its gusts are not for the system.
+    /// Sets gravity and air for the solves that follow. Gusts are ignored.
     pub(crate) fn set_environment(&mut self, environment: Environment) {
         self.elements.set_environment(environment);
     }
 
-    /// The vertices that are unknowns.
+    /// Vertices that are unknowns.
     pub(crate) fn unknown_vertices(&self) -> &[u32] {
         self.pattern.vertices()
     }
 
-    /// Who is to work from now on; the result is the same.
+    /// Sets the threads of the solves that follow. The result is the same.
     pub(crate) fn set_threads(&mut self, threads: Threads) {
         self.threads = threads;
     }
 
-    /// Remembers where the next solve would start from, for [`Self::restore`].
+    /// Saves the start of the next solve for [`Self::restore`].
     pub(crate) fn save(&mut self) {
         self.saved_changes.0.copy_from_slice(&self.changes);
         self.saved_changes.1 = self.solved_dt;
     }
 
-    /// Goes back to what [`Self::save`] remembered.
+    /// Restores what [`Self::save`] saved.
     pub(crate) fn restore(&mut self) {
         self.changes.copy_from_slice(&self.saved_changes.0);
         self.solved_dt = self.saved_changes.1;
     }
 
-    /// Assembles b at `state` for a solve over `dt` `[s]`, handles going to `targets` `[m]`, and
-    /// evaluates what A is made of.
+    /// Assembles b at `state` for a solve over `dt` `[s]` with handles going to `targets` `[m]`,
+    /// and evaluates the elements of A.
     pub(crate) fn assemble(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
         self.driven.copy_from_slice(&state.velocities);
         if self.constraint == HandleConstraint::Exact {
@@ -213,13 +214,14 @@ impl System {
         });
     }
 
-    /// Assembles b = M (v₀ - v) + dt (f_ext + F + c J v) at the end of the step over `dt` `[s]` as it
-    /// is known so far, `now`, from the start `from`; A is that of [`Self::assemble`], there. b is what
-    /// the backward Euler equations lack, and A Δv = b is Newton's step. `[eq:newton]`
+    /// Assembles b = M (v₀ - v) + dt (f_ext + F + c J v) for the step over `dt` `[s]` from `from`,
+    /// at its present estimate `now`. A is that of [`Self::assemble`] at `now`. b is the residual
+    /// of the backward Euler equations, and A Δv = b is Newton's step. `[eq:newton]`
     pub(crate) fn linearise_again(
         &mut self,
         dt: f64,
-        (from, now): (&State, &State),
+        from: &State,
+        now: &State,
         targets: &[DVec3],
     ) {
         let at = Linearisation {
@@ -250,13 +252,13 @@ impl System {
         }
     }
 
-    /// The assembled right side b `[N s]`, `[vertices]`; that of held vertices has no use.
+    /// The assembled right side b `[N s]`, `[vertices]`; without meaning at held vertices.
     pub(crate) fn impulses(&self) -> &[DVec3] {
         &self.impulses
     }
 
-    /// √(Σ |b|²/m / Σ m) over the unknowns `[m/s]`: because A ⪰ M, no less than the root mean square
-    /// of the velocity change that A Δv = b asks for, by mass.
+    /// Residual √(Σ |b|²/m / Σ m) over the unknowns `[m/s]`. Because A ⪰ M, it is no less than the
+    /// root mean square, by mass, of the velocity change Δv of A Δv = b.
     pub(crate) fn lack(&self) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
         for &v in self.pattern.vertices() {
@@ -271,7 +273,7 @@ impl System {
         }
     }
 
-    /// Solves what was assembled; the answer is read by [`Self::velocity_changes`].
+    /// Solves the assembled system; [`Self::velocity_changes`] gives the solution.
     pub(crate) fn solve(&mut self) -> Result<(), SolveError> {
         let is_bad = |v: &&u32| !self.impulses[**v as usize].is_finite();
         if let Some(&vertex) = self.pattern.vertices().iter().find(is_bad) {
@@ -290,7 +292,7 @@ impl System {
         let (pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
         match &mut self.solver {
             Solver::Direct(direct) => {
-                direct.gather(self.threads, (pattern, &self.elements), springs);
+                direct.gather(self.threads, pattern, &self.elements, springs);
                 direct.solve(pattern, impulses, changes)?;
             }
             Solver::Iterative(solver) => {
@@ -303,7 +305,7 @@ impl System {
                 };
                 changes.iter_mut().for_each(|change| *change *= scale);
                 let stiff = springs.vertices.iter().map(|v| (v.0, springs.stiffness));
-                solver.prepare(threads, (pattern, &self.elements), stiff);
+                solver.prepare(threads, pattern, &self.elements, stiff);
                 let elements = &mut self.elements;
                 let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
                     elements.multiply(threads, changes, residual);
@@ -321,7 +323,7 @@ impl System {
         Ok(())
     }
 
-    /// Iterations of the last solve; none where the solver does not iterate.
+    /// Iterations of the last solve; none if the solver does not iterate.
     pub(crate) fn iterations(&self) -> Option<u32> {
         match &self.solver {
             Solver::Direct(_) => None,
@@ -329,12 +331,12 @@ impl System {
         }
     }
 
-    /// Lets the next solve start from nothing: it seeks a small correction.
+    /// Lets the next solve, of a small correction, start from zero.
     pub(crate) fn forget_changes(&mut self) {
         self.solved_dt = 0.0;
     }
 
-    /// Lets the next solve start from the change of velocity over all of a step over `dt` `[s]`.
+    /// Lets the next solve start from the change of velocity over a whole step of `dt` `[s]`.
     pub(crate) fn remember_changes(&mut self, dt: f64, from: &State, now: &State) {
         for &v in self.pattern.vertices() {
             let v = v as usize;
@@ -349,8 +351,8 @@ impl System {
         vertices.map(|&vertex| (vertex as usize, self.changes[vertex as usize]))
     }
 
-    /// Moves `state` by one solve over `dt` `[s]`, handles to `targets` `[m]`; on an error it is
-    /// unusable and the caller restores it.
+    /// Moves `state` by one solve over `dt` `[s]`, handles to `targets` `[m]`. On an error the
+    /// state is unusable and the caller restores it.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
@@ -379,8 +381,8 @@ impl System {
         Ok(())
     }
 
-    /// Makes the velocities and positions of `state` those of `base` with `part` of the last solve's
-    /// Δv and so many seconds of it.
+    /// Sets `state` to `base`, its velocities plus `part` of the last solve's Δv and its positions
+    /// plus `seconds` of it.
     pub(crate) fn apply(&self, seconds: f64, part: f64, base: &State, state: &mut State) {
         for &v in self.pattern.vertices() {
             let v = v as usize;
@@ -405,7 +407,8 @@ impl Direct {
     fn gather(
         &mut self,
         threads: Threads,
-        (pattern, elements): (&Pattern, &Elements),
+        pattern: &Pattern,
+        elements: &Elements,
         springs: Springs<'_>,
     ) {
         self.contributions

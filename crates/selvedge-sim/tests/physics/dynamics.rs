@@ -78,7 +78,8 @@ fn a_triangle_held_by_an_edge_is_a_pendulum() {
     }
     for (n, angle) in (1..).zip(&angles) {
         let n = f64::from(n);
-        // C = x₀ (1 + i tan φ) with x₋₁ = x₀: Re(C/z) = x₀, so tan φ = (1 - cos/shrink)/(sin/shrink).
+        // C = x₀ (1 + i tan φ) with x₋₁ = x₀: Re(C/z) = x₀, so
+        // tan φ = (1 - cos/shrink)/(sin/shrink).
         let tangent = (1.0 - turn.cos() / shrink) / (turn.sin() / shrink);
         let phase = turn * n;
         let expected = start * shrink.powf(n) * (phase.cos() - tangent * phase.sin());
@@ -277,7 +278,8 @@ fn the_integrator_is_of_first_order() {
 
 #[test]
 fn a_symmetric_sheet_stays_symmetric() {
-    // Mesh, handles, start and (orthotropic) material are their own mirror images in the plane z = 0.
+    // Mesh, handles, start and (orthotropic) material are their own mirror images in the plane
+    // z = 0.
     let fabrics: [Material; 2] = [material(GRAY), isotropic(SOFT, 0.3)];
     for fabric in fabrics {
         let side = 8;

@@ -1,8 +1,9 @@
 //! Numbers that must not change.
 //!
-//! `arcsim_lookups.txt`: stiffness look-ups of ARCSim itself. `substeps.txt`: three solves on a small
-//! mesh as this crate computed them when it agreed with 18 of ARCSim's own substeps to 4.5e-9 m
-//! (`reference.rs`), with the look-ups as they now are; setting `SELVEDGE_UPDATE_GOLDENS` writes it anew, which needs a reason.
+//! `arcsim_lookups.txt`: stiffness look-ups of ARCSim itself. `substeps.txt`: three solves on a
+//! small mesh as this crate computed them when it agreed with 18 of ARCSim's own substeps to 4.5e-9
+//! m (`reference.rs`), with the look-ups as they now are. Setting `SELVEDGE_UPDATE_GOLDENS` writes
+//! it anew, which needs a reason.
 
 use std::fmt::Write as _;
 
@@ -10,7 +11,7 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::{BendingLaw, HandleConstraint, Material};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
-use selvedge_sim::laws::stretch::Strain;
+use selvedge_sim::laws::strain::Strain;
 use selvedge_sim::laws::stretch_table::{GridStiffness, StretchStiffness};
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, noise};

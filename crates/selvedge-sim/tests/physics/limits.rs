@@ -60,8 +60,8 @@ fn limiting_a_free_sheet_keeps_its_momentum() {
     for _ in 0..10 {
         simulator.substep(DT, &[]).unwrap();
     }
-    // Each correction Δx/dt, up to 5 m/s on 5 g, is rounded by 1e-16 of it: 100 sweeps over 50 faces in
-    // 10 steps make at most 50,000 of them.
+    // Each correction Δx/dt, up to 5 m/s on 5 g, is rounded by 1e-16 of it. 100 sweeps over 50
+    // faces in 10 steps make at most 50,000 corrections.
     let drift = momentum(&simulator).distance(before);
     assert!(drift < 1.3e-13, "{drift}");
 }

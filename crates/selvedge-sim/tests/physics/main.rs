@@ -1,4 +1,4 @@
-//! What the reference physics must do, seen from outside.
+//! The reference physics seen from outside.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod allocation;

@@ -150,8 +150,8 @@ fn a_frame_that_strains_too_much_gets_more_substeps() {
 #[test]
 fn implicit_air_takes_energy_where_explicit_air_adds_it() {
     // Thrown at 300 m/s in one substep per frame, dt ρ_air |v| / ρ = 27: the explicit force turns
-    // faces round and blows up, the implicit one only brakes. There is no other energy: the sheet is
-    // flat and all of it moves alike.
+    // faces round and blows up, the implicit one only brakes. There is no other energy: the sheet
+    // is flat and moves as a whole.
     let mut scene = floating(4);
     scene.environment.air_density = 1.0;
     let thrown = vec![DVec3::new(300.0, 0.0, 0.0); 16];

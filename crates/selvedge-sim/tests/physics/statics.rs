@@ -194,9 +194,9 @@ fn a_cantilever_bends_like_a_beam() {
 
 #[test]
 fn finer_meshes_come_nearer_to_each_other() {
-    // A square hanging by its upper edge, which cannot narrow there: linear elements, a solution that
-    // is smooth but for the upper corners, so between first and second order. Compared are the 25
-    // vertices that all meshes have.
+    // A square hanging by its upper edge, which cannot narrow there. Elements are linear and the
+    // solution is smooth except at the upper corners: between first and second order. The 25
+    // vertices that all meshes have are compared.
     let sheet = Isotropic {
         youngs_modulus: 2e4,
         poissons_ratio: 0.3,

@@ -12,7 +12,7 @@ use selvedge_cloth::{
 use super::*;
 use crate::laws::bend::angle_gradient;
 use crate::laws::external::air_force;
-use crate::laws::stretch::Strain;
+use crate::laws::strain::Strain;
 use crate::laws::stretch_table::{ExactStiffness, StretchStiffness};
 use crate::solver::newton::Newton;
 
@@ -385,8 +385,9 @@ fn gathered_blocks_are_those_of_the_dense_matrix() {
 
 #[test]
 fn implicit_air_is_a_linear_drag_at_the_end_of_the_step() {
-    // A flat sheet without stiffness across it that moves along its normal: with drag ρ a |v| v per
-    // face, all of it keeps one velocity, v' = v - dt (ρ_air/ρ) |v| v', v' = v / (1 + dt ρ_air |v|/ρ).
+    // A flat sheet without stiffness across it that moves along its normal. With drag ρ a |v| v per
+    // face all of it keeps one velocity: v' = v - dt (ρ_air/ρ) |v| v', v' = v / (1 + dt ρ_air
+    // |v|/ρ).
     for solver in [
         LinearSolver::Cholesky,
         LinearSolver::ConjugateGradients(Settings {

@@ -1,0 +1,147 @@
+//! A stepper with every defect that the check must find.
+
+use super::*;
+use crate::{check_target_count, check_targets_hold};
+
+/// A defect of a [`Carrier`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Defect {
+    None,
+    NoCount,
+    NoRange,
+    NamesFrameLeft,
+    MovesOnFailure,
+    RemembersFailure,
+    MissesTargets,
+    KeepsFrame,
+    LosesVertex,
+    LosesFiniteness,
+}
+
+/// A square whose vertices all follow the first handle.
+struct Carrier {
+    topology: Topology,
+    handles: Handles,
+    positions: Vec<Vec3>,
+    frame: usize,
+    failures: usize,
+    defect: Defect,
+}
+
+fn carrier(defect: Defect) -> Carrier {
+    Carrier {
+        topology: Topology::new(4, &[[0, 2, 1], [0, 3, 2]]).unwrap(),
+        handles: Handles::new(&[0, 1], 4).unwrap(),
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y],
+        frame: 0,
+        failures: 0,
+        defect,
+    }
+}
+
+impl Carrier {
+    fn check(&self, targets: &HandleTargets) -> Result<(), StepError> {
+        if self.defect != Defect::NoCount {
+            check_target_count(self, targets)?;
+            check_targets_hold(self, targets)?;
+        }
+        let is_far = targets.end().iter().any(|p| !p.as_vec3().is_finite());
+        if is_far && self.defect != Defect::NoRange {
+            return Err(StepError::NonFinite {
+                frame: self.frame + usize::from(self.defect != Defect::NamesFrameLeft),
+                vertex: VertexId(0),
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Stepper for Carrier {
+    fn topology(&self) -> &Topology {
+        &self.topology
+    }
+
+    fn handles(&self) -> &Handles {
+        &self.handles
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        if let Err(error) = self.check(targets) {
+            self.failures += usize::from(self.defect == Defect::RemembersFailure);
+            if self.defect == Defect::MovesOnFailure {
+                self.positions[3] += Vec3::X;
+            }
+            return Err(error);
+        }
+        self.positions[2].y += 0.001 * (self.failures + 1) as f32;
+        let places = targets.end().iter().map(|p| p.as_vec3());
+        for (vertex, place) in self.handles.vertices().iter().zip(places) {
+            self.positions[vertex.index()] = place;
+        }
+        match self.defect {
+            Defect::MissesTargets => self.positions[1].z += 1e-6,
+            Defect::LosesVertex => self.positions.truncate(3),
+            Defect::LosesFiniteness => self.positions[3].x = f32::INFINITY,
+            _ => (),
+        }
+        self.frame += usize::from(self.defect != Defect::KeepsFrame);
+        Ok(())
+    }
+}
+
+#[test]
+fn every_defect_is_found_and_named() {
+    let found = |defect| check(|| carrier(defect), HandlesEnd::AtTargets);
+    assert_eq!(found(Defect::None), Ok(()));
+    let is_named = |defect: Defect, breach: &Breach| match defect {
+        Defect::None => false,
+        Defect::NoCount => matches!(breach, Breach::Accepted { .. }),
+        Defect::NoRange => matches!(breach, Breach::NonFinite { .. }),
+        Defect::NamesFrameLeft => matches!(
+            breach,
+            Breach::ErrorFrame {
+                expected: 3,
+                found: 2,
+                ..
+            }
+        ),
+        Defect::MovesOnFailure => matches!(breach, Breach::Changed { .. }),
+        Defect::RemembersFailure => {
+            matches!(breach, Breach::Disturbed { vertex, .. } if vertex.0 == 2)
+        }
+        Defect::MissesTargets => matches!(breach, Breach::HandlePlace { handle: 1, .. }),
+        Defect::KeepsFrame => matches!(breach, Breach::FrameCount { found: 0, .. }),
+        Defect::LosesVertex => matches!(breach, Breach::PositionCount { found: 3, .. }),
+        Defect::LosesFiniteness => {
+            matches!(breach, Breach::NonFinite { vertex, .. } if vertex.0 == 3)
+        }
+    };
+    for defect in [
+        Defect::NoCount,
+        Defect::NoRange,
+        Defect::NamesFrameLeft,
+        Defect::MovesOnFailure,
+        Defect::RemembersFailure,
+        Defect::MissesTargets,
+        Defect::KeepsFrame,
+        Defect::LosesVertex,
+        Defect::LosesFiniteness,
+    ] {
+        let breach = found(defect).unwrap_err();
+        assert!(is_named(defect, &breach), "{defect:?}: {breach}");
+    }
+}
+
+#[test]
+fn a_stepper_that_misses_its_targets_passes_where_that_is_known() {
+    let make = || carrier(Defect::MissesTargets);
+    assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
+}

@@ -1,0 +1,116 @@
+//! Start of the search for a rest pose: the scene in still air with the handles that hold at first,
+//! and its mesh with a smooth bulge.
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::geometry::area_vector;
+use selvedge_cloth::{Handles, Scene, SceneError};
+
+use crate::rest_pose::progress::SagError;
+
+/// The scene at its start, in still air, with only the handles that hold then. In a sheet without
+/// one, all vertices become handles.
+pub(super) fn scene_at_start(scene: &Scene) -> Result<Scene, SagError> {
+    let mut scene = scene.clone();
+    scene.environment.wind = DVec3::ZERO;
+    scene.environment.gust = None;
+    let released = scene
+        .schedule
+        .released(0, scene.frame_rate, scene.handles.len());
+    scene.schedule.releases.clear();
+    let holds: Vec<bool> = released.iter().map(|released| !released).collect();
+    scene.handles = scene.handles.subset(&holds);
+    if scene.handles.is_empty() {
+        return Err(SagError::NoHandles);
+    }
+    let sheets = scene.mesh.topology().sheets();
+    let mut is_held = vec![false; sheets.len()];
+    for vertex in scene.handles.vertices() {
+        is_held[sheets[vertex.index()] as usize] = true;
+    }
+    let free = (0_u32..)
+        .zip(&sheets)
+        .filter(|(_, sheet)| !is_held[**sheet as usize]);
+    let mut held: Vec<u32> = scene.handles.vertices().iter().map(|v| v.0).collect();
+    let handle_count = held.len();
+    held.extend(free.map(|(vertex, _)| vertex));
+    if held.len() > handle_count {
+        scene.handles = Handles::new(&held, sheets.len()).map_err(SceneError::from)?;
+    }
+    Ok(scene)
+}
+
+/// Start positions with the bulge of the scene along the normals `[m]`, `[vertices]`.
+pub(super) fn bulged(scene: &Scene) -> Vec<DVec3> {
+    let mesh = &scene.mesh;
+    let heights = bulge_profile(scene);
+    let mut normals = vec![DVec3::ZERO; mesh.positions().len()];
+    for face in mesh.topology().faces() {
+        let [a, b, c] = face.map(|v| mesh.positions()[v.index()]);
+        for vertex in face {
+            normals[vertex.index()] += area_vector(a, b, c);
+        }
+    }
+    mesh.positions()
+        .iter()
+        .zip(normals)
+        .zip(heights)
+        .map(|((position, normal), height)| {
+            *position + normal.normalize_or_zero() * (height * scene.sag.bulge)
+        })
+        .collect()
+}
+
+/// Bump on each sheet around the middle of its handles, at most 1 and 0 at each handle; 0 on a
+/// sheet whose vertices are all handles. `[vertices]`
+fn bulge_profile(scene: &Scene) -> Vec<f64> {
+    let sheets = scene.mesh.topology().sheets();
+    let count = sheets.iter().max().map_or(0, |last| last + 1);
+    let mut heights = vec![0.0; sheets.len()];
+    for sheet in 0..count {
+        let of_sheet = |v: &usize| sheets[*v] == sheet;
+        let vertices: Vec<usize> = (0..sheets.len()).filter(of_sheet).collect();
+        let handles = scene.handles.vertices().iter().map(|v| v.index());
+        let handles: Vec<usize> = handles.filter(of_sheet).collect();
+        if handles.len() < vertices.len() {
+            for (v, height) in vertices.iter().zip(bump(scene, &vertices, &handles)) {
+                heights[*v] = height;
+            }
+        }
+    }
+    heights
+}
+
+/// Bump of one sheet with these `vertices` and `handles`, `[vertices]`.
+fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
+    let uv = scene.mesh.material_coordinates();
+    let places: Vec<DVec2> = vertices.iter().map(|&v| uv[v]).collect();
+    let size = extent(&places);
+    let handles: Vec<DVec2> = handles.iter().map(|&v| uv[v]).collect();
+    let middle = handles.iter().sum::<DVec2>() / handles.len() as f64;
+    let mut heights: Vec<f64> = places
+        .iter()
+        .map(|place| {
+            let bump = (-(place.distance(middle) / (0.6 * size)).powi(2)).exp();
+            let clear =
+                |handle: &DVec2| 1.0 - (-(place.distance(*handle) / (0.2 * size)).powi(2)).exp();
+            bump * handles.iter().map(clear).product::<f64>()
+        })
+        .collect();
+    let highest = heights.iter().copied().fold(0.0, f64::max);
+    if highest > 0.0 {
+        heights.iter_mut().for_each(|height| *height /= highest);
+    }
+    heights
+}
+
+/// Longer side of the mesh's box in material space `[m]`.
+pub(super) fn sheet_size(scene: &Scene) -> f64 {
+    extent(scene.mesh.material_coordinates())
+}
+
+/// Longer side of the box around `places` `[m]`.
+fn extent(places: &[DVec2]) -> f64 {
+    let low = places.iter().fold(places[0], |low, c| low.min(*c));
+    let high = places.iter().fold(places[0], |high, c| high.max(*c));
+    (high - low).max_element()
+}
