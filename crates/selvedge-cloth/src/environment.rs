@@ -11,7 +11,7 @@ const FASTEST_WIND: f64 = 1e3;
 /// Strongest gravity `[m/s²]`.
 const STRONGEST_GRAVITY: f64 = 1e6;
 
-/// What acts on the cloth from outside. Defaults: gravity (0, -9.8, 0), still air of density 1.
+/// Gravity, air and wind around the cloth. Defaults: gravity (0, -9.8, 0), still air of density 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Environment {
@@ -23,7 +23,7 @@ pub struct Environment {
     pub air_density: f64,
     /// Drag along a face `[kg/(m² s)]`.
     pub air_drag: f64,
-    /// What the wind does beside being constant.
+    /// Gusts, which are added to the constant wind.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gust: Option<Gust>,
 }
@@ -65,8 +65,8 @@ impl Environment {
         }
     }
 
-    /// Checks that every value is finite and within reason, no density negative, and a gust's period
-    /// positive.
+    /// Checks that every value is finite and within reason, no density negative, and a gust's
+    /// period positive.
     ///
     /// # Errors
     /// Names the field, what it must be and what was found.

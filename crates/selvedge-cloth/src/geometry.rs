@@ -106,12 +106,15 @@ mod tests {
             let rotation = DQuat::from_axis_angle(axis, turn);
             let p = folded(angle, 0.7, 1.9);
             let moved = p.map(|p| rotation * p + DVec3::from_array(shift));
-            // Coordinates of up to 11 m are rounded to 1e-15, over a height of 0.7 m; a few of them.
+            // Coordinates of up to 11 m are rounded to 1e-15, over a height of 0.7 m; a few of
+            // them.
             prop_assert!((dihedral(moved) - angle).abs() < 2e-14);
-            // The other face first: the edge runs the other way in it. The same numbers with other signs.
+            // The other face first: the edge runs the other way in it. The same numbers with other
+            // signs.
             let swapped = dihedral_angle(p[1], p[0], p[3], p[2]);
             prop_assert!((swapped - angle).abs() < 1e-14);
-            // A mirror turns a valley into a ridge: both wings' orientation flips, and so do left and right.
+            // A mirror turns a valley into a ridge: both wings' orientation flips, and so do left
+            // and right.
             let [from, to, left, right] = p.map(|p| p * DVec3::new(1.0, 1.0, -1.0));
             prop_assert!((dihedral_angle(from, to, left, right) + angle).abs() < 1e-14);
         }

@@ -95,13 +95,13 @@ impl Handles {
         self.vertices.len()
     }
 
-    /// Whether the cloth is free.
+    /// Returns true when the cloth is free.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
 
-    /// Whether each vertex is a handle, `[vertices]`.
+    /// Marks the vertices that are handles, `[vertices]`.
     #[must_use]
     pub fn mask(&self, vertex_count: usize) -> Vec<bool> {
         let mut mask = vec![false; vertex_count];
@@ -126,13 +126,13 @@ impl Handles {
     }
 }
 
-/// Where the handles are to be during one frame: their positions at equally spaced times, the last
+/// Targets of the handles for one frame: their positions at equally spaced times, the last
 /// of them the end of the frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HandleTargets {
     samples: Vec<DVec3>,
     handle_count: usize,
-    /// Whether each handle is let go, `[handles]`; empty where none is.
+    /// Marks the handles that are let go, `[handles]`; empty where none is.
     released: Vec<bool>,
 }
 
@@ -192,7 +192,7 @@ impl HandleTargets {
         Ok(self)
     }
 
-    /// Whether `handle` holds the cloth during this frame.
+    /// Returns true when `handle` holds the cloth during this frame.
     #[must_use]
     pub fn holds(&self, handle: usize) -> bool {
         !self.released.get(handle).copied().unwrap_or(false)

@@ -3,10 +3,11 @@
 //!
 //! In the plane: Saint Venant-Kirchhoff in plane stress, exactly. Out of the plane a hinge has one
 //! stiffness ke and no Poisson's ratio of its own. ke = 4 D gives a sheet that is rolled up in one
-//! direction the bending energy of a plate of stiffness D: exactly on equilateral triangles, whatever
-//! the direction, and nearly on irregular ones. With a second curvature across the first, hinges on
-//! equilateral triangles act like a plate of Poisson's ratio -1/3 (W = D/2 [κ₁² + κ₂² - ⅔ κ₁κ₂]),
-//! whatever that of the material, so that a strip whose edges are free to curl is 8/9 as stiff.
+//! direction the bending energy of a plate of stiffness D: exactly on equilateral triangles,
+//! whatever the direction, and nearly on irregular ones. With a second curvature across the first,
+//! hinges on equilateral triangles act like a plate of Poisson's ratio -1/3 (W = D/2 [κ₁² + κ₂² - ⅔
+//! κ₁κ₂]), whatever that of the material, so that a strip whose edges are free to curl is 8/9 as
+//! stiff.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

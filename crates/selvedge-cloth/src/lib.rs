@@ -1,10 +1,47 @@
-//! The nouns that every crate of Selvedge shares: a cloth's topology and rest shape, its material,
-//! the air around it, its handles and their motion, and [`Stepper`], the one seam behind which a
-//! cloth is moved forward in time.
+//! The nouns that every crate of Selvedge shares. This crate reads no files and moves no cloth.
 //!
-//! Conventions: SI units without suffix (m, kg, s, N), y up, faces counter-clockwise. Positions
-//! are `f64` where a scene is described and solved ([`glam::DVec3`]) and `f32` where a motion is
-//! handed on ([`glam::Vec3`]). This crate reads no files and moves no cloth.
+//! # Terms
+//!
+//! - A **mesh** ([`Mesh`]) has vertices, edges and faces. [`Topology`] is its connectivity: faces
+//!   are counter-clockwise, and an edge has two directions, its **arcs**.
+//! - The **material coordinates** of a vertex say where it lies in the flat, unstrained cloth. The
+//!   **rest pose** is the cloth hanging still from its handles.
+//! - A **handle** ([`Handles`]) is a vertex whose motion is given. A [`Motion`] bound to the start
+//!   of the handles is a [`HandlePath`], which gives [`HandleTargets`] for each frame.
+//! - A **cloth** ([`Cloth`]) is everything that stays the same while it moves: topology, handles,
+//!   rest pose, material coordinates, masses and areas.
+//! - A **scene** ([`Scene`]) is everything that decides a motion: mesh, handles, [`Material`],
+//!   [`Environment`] and [`Motion`].
+//! - A **stepper** ([`Stepper`]) moves a cloth by one **frame** at a time. The physics, the learned
+//!   model and a recording are steppers; [`conformance`] checks one of your own.
+//!
+//! # Example
+//!
+//! A square that hangs from its upper corners, and where a motion leads them:
+//!
+//! ```
+//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::motion::named;
+//! use selvedge_cloth::{Cloth, Handles};
+//!
+//! let sheet = square(&SquareSpec { vertices: 400, size: 1.0, seed: 1 })?;
+//! let handles = Handles::new(&sheet.labels["upper-corners"], 400)?;
+//! let start = handles.select(sheet.mesh.positions());
+//! let cloth = Cloth::of_mesh(&sheet.mesh, 0.2, handles)?;
+//! let mass: f32 = cloth.vertex_mass().iter().sum();
+//! assert!((mass - 0.2).abs() < 1e-5);
+//!
+//! let motion = named::by_name("forward").expect("a motion of this name");
+//! let path = motion.bind(&start, 60.0)?;
+//! let targets = path.targets(119, 1)?;
+//! assert_eq!(targets.end()[0].x - start[0].x, 1.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Conventions
+//!
+//! SI units without suffix (m, kg, s, N); y is up. Positions are `f64` where a scene is described
+//! and solved ([`glam::DVec3`]) and `f32` where a motion is handed on ([`glam::Vec3`]).
 
 mod cloth;
 pub mod conformance;

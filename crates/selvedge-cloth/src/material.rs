@@ -5,17 +5,17 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Largest damping `[s]`: some ten thousand times that of cloth, and far from where the numbers of a
-/// solve lose their digits.
+/// Largest damping `[s]`: some ten thousand times that of cloth, and far from where the numbers of
+/// a solve lose their digits.
 const LARGEST_DAMPING: f64 = 100.0;
 
 /// A fabric.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// What people call it.
+    /// Name of the material.
     pub name: String,
-    /// Where its numbers come from.
+    /// Source of the numbers.
     #[serde(default)]
     pub source: String,
     /// Mass per area `[kg/m²]`.

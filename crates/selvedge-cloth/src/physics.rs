@@ -10,19 +10,19 @@ use thiserror::Error;
 pub struct PhysicsSettings {
     /// Implicit solves per frame.
     pub substeps: u32,
-    /// How handles hold the cloth.
+    /// Constraint by which handles hold the cloth.
     pub handles: HandleConstraint,
     /// Bending stiffness of a fold towards and away from the normals.
     pub bending: BendingLaw,
-    /// How the stretching table is looked up.
+    /// Look-up of the stretching table.
     pub stretch_lookup: StretchLookup,
-    /// How the air acts within a substep.
+    /// Law of the air within a substep.
     pub air: AirLaw,
-    /// How far a substep's equations are solved.
+    /// Accuracy to which the equations of a substep are solved.
     pub integrator: Integrator,
-    /// Whether substeps are divided where the cloth strains too much.
+    /// Division of substeps in which the cloth strains too much.
     pub substepping: Substepping,
-    /// How linear systems are solved.
+    /// Solver of linear systems.
     pub solver: LinearSolver,
 }
 
@@ -38,7 +38,7 @@ pub enum PhysicsMode {
     Arcsim,
 }
 
-/// How handles hold the cloth.
+/// Constraint by which handles hold the cloth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum HandleConstraint {
@@ -49,7 +49,7 @@ pub enum HandleConstraint {
     Spring,
 }
 
-/// Which curvature the bending table is read at.
+/// Curvature at which the bending table is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BendingLaw {
@@ -60,7 +60,7 @@ pub enum BendingLaw {
     Arcsim,
 }
 
-/// How the stretching table is looked up.
+/// Look-up of the stretching table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StretchLookup {
@@ -71,7 +71,7 @@ pub enum StretchLookup {
     Exact,
 }
 
-/// How the air acts within a substep.
+/// Law of the air within a substep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AirLaw {
@@ -84,7 +84,7 @@ pub enum AirLaw {
     Implicit,
 }
 
-/// How far the equations of a substep (backward Euler) are solved.
+/// Accuracy to which the equations of a substep (backward Euler) are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
@@ -105,7 +105,7 @@ pub struct Newton {
     pub max_iterations: u32,
 }
 
-/// Whether substeps are divided where the cloth strains too much.
+/// Division of substeps in which the cloth strains too much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Substepping {
@@ -126,7 +126,7 @@ pub struct AdaptiveSubsteps {
     pub max_substeps: u32,
 }
 
-/// How linear systems are solved.
+/// Solver of linear systems.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearSolver {
@@ -149,11 +149,11 @@ pub struct ConjugateGradients {
     pub max_iterations: u32,
 }
 
-/// How the sagged rest pose is found.
+/// Settings of the search for the sagged rest pose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SagSettings {
-    /// How it is looked for.
+    /// Method of the search.
     #[serde(skip_serializing_if = "SagMethod::is_default")]
     pub method: SagMethod,
     /// Height of the smooth bulge that the flat start is given along its normals `[m]`. Its sign
@@ -165,14 +165,15 @@ pub struct SagSettings {
     pub max_steps: u32,
 }
 
-/// How the sagged rest pose is looked for.
+/// Method by which the sagged rest pose is searched for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SagMethod {
     /// Straight to an equilibrium.
     #[default]
     Equilibrium,
-    /// By the motion of the cloth from its start until it is slow, and from there to the equilibrium.
+    /// By the motion of the cloth from its start until it is slow, and from there to the
+    /// equilibrium.
     Motion,
 }
 

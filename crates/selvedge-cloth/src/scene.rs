@@ -11,26 +11,26 @@ use crate::{
 /// Frames per second of a scene that does not say otherwise.
 pub const DEFAULT_FRAME_RATE: f64 = 60.0;
 
-/// Everything that decides a cloth's motion.
+/// Everything that decides the motion of a cloth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What people call it.
+    /// Name of the scene.
     pub name: String,
-    /// The cloth, where it starts.
+    /// The cloth in its start positions.
     pub mesh: Mesh,
-    /// Which of its vertices are held.
+    /// The held vertices.
     pub handles: Handles,
-    /// When they let go.
+    /// Times at which handles let go.
     pub schedule: HandleSchedule,
-    /// What it is made of.
+    /// The material of the cloth.
     pub material: Material,
-    /// What acts on it.
+    /// Gravity, air and wind.
     pub environment: Environment,
-    /// How the handles move.
+    /// Motion of the handles.
     pub motion: Motion,
-    /// How the reference simulator runs it.
+    /// Settings of the reference simulator.
     pub physics: PhysicsSettings,
-    /// How its sagged rest pose is found.
+    /// Settings of the search for the sagged rest pose.
     pub sag: SagSettings,
     /// Frames per second.
     pub frame_rate: f64,

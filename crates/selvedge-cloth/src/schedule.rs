@@ -1,9 +1,9 @@
 //! When handles let go of the cloth, and take hold of it again.
 //!
-//! A handle holds unless a release says otherwise. Times are in seconds from the start of the motion;
-//! what counts is the start of a frame's step: a handle is free over every step that begins within
-//! a release. A handle that takes hold again does so of the cloth where it then is, and from there
-//! moves by as much as its path does.
+//! A handle holds unless a release says otherwise. Times are in seconds from the start of the
+//! motion; what counts is the start of a frame's step: a handle is free over every step that begins
+//! within a release. A handle that takes hold again does so of the cloth where it then is, and from
+//! there moves by as much as its path does.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -29,7 +29,8 @@ pub struct HandleSchedule {
     pub releases: Vec<Release>,
 }
 
-/// Frames: a time such as 0.1 s is meant to be a whole number of frames though it is none in binary.
+/// Frames: a time such as 0.1 s is meant to be a whole number of frames though it is none in
+/// binary.
 const ROUNDING: f64 = 1e-6;
 
 /// A release that cannot be.
@@ -63,7 +64,7 @@ pub enum ScheduleError {
 }
 
 impl HandleSchedule {
-    /// Whether all handles hold all the time.
+    /// Returns true when all handles hold all the time.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.releases.is_empty()
@@ -123,8 +124,9 @@ impl HandleSchedule {
         Ok(())
     }
 
-    /// Whether each of `handle_count` handles has been let go in the step from `frame` to the next or in
-    /// one before it, at `frame_rate` frames per second, `[handles]`; it may have taken hold again.
+    /// Marks which of `handle_count` handles have been let go in the step from `frame` to the next
+    /// or in one before it, at `frame_rate` frames per second, `[handles]`; it may have taken hold
+    /// again.
     #[must_use]
     pub fn let_go_by(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
         let mut let_go = vec![false; handle_count];
@@ -140,7 +142,7 @@ impl HandleSchedule {
         let_go
     }
 
-    /// Whether each of `handle_count` handles is let go during the step from `frame` to the next at
+    /// Marks which of `handle_count` handles are let go during the step from `frame` to the next at
     /// `frame_rate` frames per second, `[handles]`.
     #[must_use]
     pub fn released(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {

@@ -27,7 +27,7 @@ pub struct Edge {
 }
 
 impl Edge {
-    /// Whether only one face has this edge.
+    /// Returns true when only one face has this edge.
     #[must_use]
     pub fn is_boundary(&self) -> bool {
         self.faces.1.is_none()
@@ -37,9 +37,9 @@ impl Edge {
 /// One direction of an edge in the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arc {
-    /// Where the message comes from.
+    /// The vertex that sends the message.
     pub sender: VertexId,
-    /// Where it arrives.
+    /// The vertex that receives the message.
     pub receiver: VertexId,
     /// The undirected edge.
     pub edge: EdgeId,
@@ -163,7 +163,7 @@ impl Topology {
         self.first_arc[v] as usize..self.first_arc[v + 1] as usize
     }
 
-    /// Whether each vertex lies on the boundary, `[vertices]`.
+    /// Marks the vertices on the boundary, `[vertices]`.
     #[must_use]
     pub fn boundary_vertices(&self) -> Vec<bool> {
         let mut boundary = vec![false; self.vertex_count];
@@ -175,8 +175,8 @@ impl Topology {
         boundary
     }
 
-    /// The number of each vertex's sheet, `[vertices]`: connected pieces, counted from 0 in the order
-    /// of their smallest vertices.
+    /// The number of each vertex's sheet, `[vertices]`: connected pieces, counted from 0 in the
+    /// order of their smallest vertices.
     #[must_use]
     pub fn sheets(&self) -> Vec<u32> {
         const UNKNOWN: u32 = u32::MAX;

@@ -1,9 +1,52 @@
 //! Files of Selvedge: meshes, scenes, trajectories and data sets, and the metrics of two
 //! trajectories.
 //!
-//! Every file is read with everything in it checked and written beside its place and renamed
-//! ([`write_atomically`]). This crate knows neither the physics nor the learned model: what moves
-//! a cloth comes to it as a [`Stepper`](selvedge_cloth::Stepper).
+//! # Terms
+//!
+//! - A **trajectory** ([`Trajectory`]) is a cloth and its positions over time. [`record`] makes one
+//!   from any [`Stepper`](selvedge_cloth::Stepper); [`Playback`] is a stepper again.
+//! - A **scene file** ([`open_scene`]) is what a person writes: TOML, or ARCSim's JSON. A
+//!   [`SceneSpec`] is the same with every default and name resolved, kept beside every result.
+//! - A **data set** ([`Dataset`]) is a folder of trajectories with an index. A [`DatasetPreset`]
+//!   describes it, a [`DatasetWriter`] makes it, and training reads **samples** ([`Sample`]: three
+//!   frames in a row) from its **sections** ([`Section`]).
+//! - [`metrics`] compares two runs, [`export`] writes trajectories for other programs, [`foreign`]
+//!   reads data of other projects, and a [`Rig`] gives handles the motion of nodes in a .glb or
+//!   .usda file.
+//!
+//! # Example
+//!
+//! A scene that is shipped, as a trajectory of one frame, written and read again:
+//!
+//! ```
+//! use selvedge_cloth::Cloth;
+//! use selvedge_data::{Provenance, Trajectory, metrics, open_scene};
+//!
+//! let loaded = open_scene("default")?;
+//! let start: Vec<_> = loaded.scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
+//! let cloth = Cloth::of_scene(&loaded.scene, start.clone())?;
+//! let provenance = Provenance {
+//!     frame_rate: loaded.scene.frame_rate,
+//!     scene: loaded.spec.to_json()?,
+//!     made_by: "an example".to_owned(),
+//! };
+//! let trajectory = Trajectory::new(cloth, start, provenance)?;
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("start.safetensors");
+//! trajectory.write(&path)?;
+//! let read = Trajectory::read(&path)?;
+//! assert_eq!(read, trajectory);
+//! assert_eq!(metrics::position_rmse(read.frames(), trajectory.frames())?, 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! `examples/custom_stepper.rs` records, compares and exports a stepper of one's own.
+//!
+//! # What this crate does not do
+//!
+//! It knows neither the physics nor the learned model. Every file is read with everything in it
+//! checked, and written beside its place and renamed ([`write_atomically`]).
 
 mod dataset;
 pub mod export;

@@ -93,7 +93,7 @@ pub(super) fn sample_boundary(loops: &[Vec<DVec2>], spacing: f64) -> Boundary {
     boundary
 }
 
-/// Whether `point` is within the loops: a ray crosses them an odd number of times.
+/// Returns true when `point` is within the loops: a ray crosses them an odd number of times.
 pub(super) fn is_within(loops: &[Vec<DVec2>], point: DVec2) -> bool {
     let crossings = loops.iter().flat_map(|l| sides(l)).filter(|(a, b)| {
         let spans = (a.y > point.y) != (b.y > point.y);

@@ -6,7 +6,7 @@ use super::shapes::Shape;
 /// A mesh that has a name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NamedSheet {
-    /// What people call it.
+    /// Name of the sheet.
     pub name: &'static str,
     /// Its shape.
     pub shape: Shape,

@@ -1,5 +1,6 @@
 //! Meshes made from numbers: irregular sheets (random, then relaxed; no grid lines) with evenly
-//! spaced boundary vertices and all faces counter-clockwise, as the irregular meshes of Libao et al.
+//! spaced boundary vertices and all faces counter-clockwise, as the irregular meshes of Libao et
+//! al.
 //! 2023.
 //!
 //! A shape is an outline, and what its labels mean; the mesh comes from one routine for all
@@ -61,8 +62,8 @@ pub struct Sheet {
 /// left corner (u = 0, v = size); the boundary is numbered on from there along the top edge
 /// and round, then the inner vertices from top to bottom.
 ///
-/// From 16 vertices on no angle is below 28° (the relaxation aims at 30°), and edges are 0.55 to 1.6
-/// times as long as their mean.
+/// From 16 vertices on no angle is below 28° (the relaxation aims at 30°), and edges are 0.55 to
+/// 1.6 times as long as their mean.
 ///
 /// Labels: `upper-corners` and `lower-corners` (left, then right), `upper-edge` (left to right),
 /// `boundary`.
@@ -87,15 +88,15 @@ pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
     })
 }
 
-/// A sheet of any shape, placed as [`square`] is: flat in the plane x = 0, its highest point at
-/// y = 0, its middle at z = 0, u along z and normals (-1, 0, 0). The boundary comes first, clockwise
-/// from the upper left (of a disc at 135°, of a diamond the left corner), then holes, then the inner
-/// vertices from top to bottom.
+/// A sheet of any shape, placed as [`square`] is: flat in the plane x = 0, its highest point at y =
+/// 0, its middle at z = 0, u along z and normals (-1, 0, 0). The boundary comes first, clockwise
+/// from the upper left (of a disc at 135°, of a diamond the left corner), then holes, then the
+/// inner vertices from top to bottom.
 ///
-/// Labels: `boundary` (holes included); `upper-corners` (left, then right) of every shape, of a disc
-/// the points at 135° and 45°; `upper-three` (left, middle, right) of `wide`, `diamond` and `disc`;
-/// `upper-row` of `triangle`, 17 vertices evenly spaced from left to right; `upper-edge` where there
-/// is one; `lower-corners` of a sheet with four corners; `hole` where there is one.
+/// Labels: `boundary` (holes included); `upper-corners` (left, then right) of every shape, of a
+/// disc the points at 135° and 45°; `upper-three` (left, middle, right) of `wide`, `diamond` and
+/// `disc`; `upper-row` of `triangle`, 17 vertices evenly spaced from left to right; `upper-edge`
+/// where there is one; `lower-corners` of a sheet with four corners; `hole` where there is one.
 ///
 /// # Errors
 /// [`GenerateError`] names what cannot be used.
@@ -120,7 +121,8 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
 }
 
 impl Shape {
-    /// Vertices of a sheet of `size` `[m]` at `density` `[vertices/m²]`, to the nearest; none where a number is not positive.
+    /// Vertices of a sheet of `size` `[m]` at `density` `[vertices/m²]`, to the nearest; none where
+    /// a number is not positive.
     #[must_use]
     pub fn vertices(self, size: f64, density: f64) -> usize {
         (density * self.unit_area() * size * size).round() as usize

@@ -27,7 +27,7 @@ pub(super) struct FlatSheet {
     pub(super) faces: Vec<[u32; 3]>,
     /// The vertex at each corner of each loop, `[loops][corners]`.
     pub(super) corners: Vec<Vec<u32>>,
-    /// How many of the vertices are on the boundary; they come first.
+    /// Number of vertices on the boundary; they come first.
     pub(super) boundary_count: usize,
 }
 

@@ -25,7 +25,7 @@ const MOST_ROUNDS: usize = 20;
 const LARGEST_COSINE: f64 = 0.866_025_403_784_438_6;
 /// No edge is to be shorter or longer than this, in mean edge lengths.
 const EDGE_RANGE: std::ops::RangeInclusive<f64> = 0.6..=1.5;
-/// How far the vertices of a bad face are shaken along each axis, in mean edge lengths.
+/// Largest shake of the vertices of a bad face along each axis, in mean edge lengths.
 const SHAKE: f64 = 0.3;
 
 /// The boundary's points and then the `inside` ones, relaxed within `loops`.
@@ -158,7 +158,7 @@ pub(super) fn triangulate(
     Ok(faces)
 }
 
-/// Whether each face, by index, lies within the outline: the outer face does not, and crossing a
+/// Marks the faces, by index, that lie within the outline: the outer face does not, and crossing a
 /// segment of the outline changes sides.
 fn faces_within(cdt: &ConstrainedDelaunayTriangulation<Point2<f64>>) -> Vec<bool> {
     let mut neighbours: Vec<Vec<(usize, bool)>> = vec![Vec::new(); cdt.num_all_faces()];

@@ -88,7 +88,7 @@ impl Cells {
         self.cells[row * self.columns + column].push(point);
     }
 
-    /// Whether no point is nearer than `distance`, which is at most the spacing.
+    /// Returns true when no point is nearer than `distance`, which is at most the spacing.
     fn is_free(&self, point: DVec2, distance: f64) -> bool {
         let (column, row) = self.place(point);
         let rows = row.saturating_sub(1)..(row + 2).min(self.rows);

@@ -1,9 +1,10 @@
-//! Handles that move separately: towards each other and apart again, and forward one after the other.
+//! Handles that move separately: towards each other and apart again, and forward one after the
+//! other.
 //!
-//! Between the outer handles, as far as they are from each other, d: the first moves by a d, the last
-//! by -a d, those between them in proportion to their place on the line; forward is the horizontal
-//! normal of the line, y × d, by f of its length. So all distances along the line shrink alike, to no
-//! less than 0.6 of what they were, and none grows.
+//! Between the outer handles, as far as they are from each other, d: the first moves by a d, the
+//! last by -a d, those between them in proportion to their place on the line; forward is the
+//! horizontal normal of the line, y × d, by f of its length. So all distances along the line shrink
+//! alike, to no less than 0.6 of what they were, and none grows.
 
 use glam::DVec3;
 

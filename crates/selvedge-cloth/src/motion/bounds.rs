@@ -7,8 +7,8 @@ use super::error::{MotionError, value_error};
 /// Frames per second in which durations are counted and speeds are given.
 pub(crate) const MOTION_RATE: f64 = 60.0;
 
-/// Farthest from the origin that a handle may be led `[m]`, and the longest displacement: far beyond
-/// any cloth, near enough for f64 to tell micrometres.
+/// Farthest from the origin that a handle may be led `[m]`, and the longest displacement: far
+/// beyond any cloth, near enough for f64 to tell micrometres.
 pub(super) const FARTHEST: f64 = 1e6;
 
 pub(super) const DISPLACEMENT: &str = "finite and at most 1e6 m long";

@@ -1,7 +1,7 @@
 //! Keyframed motion: groups of handles that move rigidly from keyframe to keyframe.
 //!
-//! Between two keyframes translation and angle follow the cubic Hermite curve with level ends,
-//! a + (b - a) s²(3 - 2s). `[eq:keyframe]` The angle turns the group about its axis, the vertical one
+//! Between two keyframes translation and angle follow the cubic Hermite curve with level ends, a +
+//! (b - a) s²(3 - 2s). `[eq:keyframe]` The angle turns the group about its axis, the vertical one
 //! if none is given, through its centroid at the start; the translation is added. After the last
 //! keyframe the group stays.
 

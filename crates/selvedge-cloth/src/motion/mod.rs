@@ -1,5 +1,5 @@
-//! Handle motion: blocks, keyframes, splines and recordings, bound to the handles' start positions as a
-//! [`HandlePath`] that tells where every handle is at any time.
+//! Handle motion: blocks, keyframes, splines and recordings, bound to the handles' start positions
+//! as a [`HandlePath`] that tells where every handle is at any time.
 //!
 //! Conventions: y is up; the handles' line is through the first and the last handle; rotations turn
 //! handles about a vertical axis, a positive angle being counter-clockwise seen from above. Times

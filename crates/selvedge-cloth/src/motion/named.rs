@@ -3,8 +3,8 @@
 //!
 //! They are meant for a hanging sheet whose handles' line is z and 1 m long, as the paper's.
 //! Translations fit any number of handles; rotations need two or more, with arcs and speeds of the
-//! farthest one, so that a shorter line turns by a larger angle. `apart` is for two handles 1 m apart
-//! along z, the first at the smaller z: others it moves as far, but not towards each other.
+//! farthest one, so that a shorter line turns by a larger angle. `apart` is for two handles 1 m
+//! apart along z, the first at the smaller z: others it moves as far, but not towards each other.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ use super::written::{
 };
 use TurnSense::{Clockwise, CounterClockwise};
 
-/// What is repeated there and back in a training or test motion.
+/// A move that a training or test motion repeats, there and back.
 #[derive(Clone, Copy)]
 enum Move {
     /// A move along a direction.

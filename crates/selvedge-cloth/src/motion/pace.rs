@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::bounds::split_place;
 use super::error::{MotionError, value_error};
 
-/// How far or how fast.
+/// Distance or speed of a part of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PaceFields", into = "PaceFields")]
 pub enum Pace {
@@ -25,12 +25,12 @@ pub enum Pace {
         start: f64,
         /// Speed at the end `[m/frame]`.
         end: f64,
-        /// How it passes from one to the other.
+        /// Passage from one speed to the other.
         profile: Profile,
     },
 }
 
-/// How a speed passes from `start` to `end`.
+/// Passage of a speed from `start` to `end`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
@@ -114,7 +114,7 @@ impl From<Pace> for PaceFields {
 }
 
 impl Pace {
-    /// Whether it goes nowhere.
+    /// Returns true when nothing moves.
     pub(super) fn is_zero(&self) -> bool {
         match *self {
             Self::Distance { distance } => distance == 0.0,

@@ -22,11 +22,11 @@ const SPEEDS: Range<f64> = 0.2..1.0;
 /// One of endlessly many motions, for tests: none of them is a motion that has a name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RandomMotion {
-    /// Which motions.
+    /// Seed of a family of motions.
     pub seed: u64,
-    /// Which of them.
+    /// Number of the motion in the family.
     pub number: u64,
-    /// How long it lasts at least `[s]`.
+    /// Shortest duration `[s]`.
     pub duration: f64,
     /// Peak speed, in parts of that of the training motions.
     pub speed: f64,

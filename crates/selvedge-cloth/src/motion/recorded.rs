@@ -7,7 +7,7 @@ use super::bounds::{FARTHEST, split_place};
 use super::error::{MotionError, value_error};
 use super::written::RecordedMotion;
 
-/// How far a recording may start from where the handles stand `[m]`. Positions in files are
+/// Largest distance of the start of a recording from the handles `[m]`. Positions in files are
 /// often rounded to a tenth of a millimetre; more than this is another scene.
 const START_TOLERANCE: f64 = 1e-3;
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pace::Pace;
 
-/// How the handles move.
+/// A motion of the handles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Motion {
@@ -26,7 +26,7 @@ pub enum Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
-    /// How long it lasts `[s]`; a whole number of frames of 1/60 s.
+    /// Duration `[s]`; a whole number of frames of 1/60 s.
     pub duration: f64,
     /// Translations of all handles, added up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -42,7 +42,7 @@ pub struct Block {
 pub struct Translation {
     /// Direction in the world; need not have length one.
     pub direction: DVec3,
-    /// How far or how fast.
+    /// Distance or speed.
     pub pace: Pace,
 }
 
@@ -50,16 +50,16 @@ pub struct Translation {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rotation {
-    /// Where the axis meets the handles' line at the start of the block: -1 = first handle,
-    /// +1 = last, 0 = the middle, 2 = half their distance outside.
+    /// Place at which the axis meets the handles' line at the start of the block: -1 = first
+    /// handle, +1 = last, 0 = the middle, 2 = half their distance outside.
     pub center: f64,
-    /// Which way, seen from above.
+    /// Sense of the turn, seen from above.
     pub sense: TurnSense,
     /// Arc of the handle that is farthest from the axis `[m]`, or its speed.
     pub arc: Pace,
 }
 
-/// Which way a rotation turns, seen from above.
+/// Sense of a rotation, seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TurnSense {
@@ -73,7 +73,7 @@ pub enum TurnSense {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyframeMotion {
-    /// How long the motion lasts `[s]`; a whole number of frames of 1/60 s.
+    /// Duration of the motion `[s]`; a whole number of frames of 1/60 s.
     pub duration: f64,
     /// The groups.
     pub groups: Vec<KeyframeGroup>,
@@ -97,7 +97,7 @@ pub struct KeyframeGroup {
     pub keyframes: Vec<Keyframe>,
 }
 
-/// Where a group is at a time.
+/// The place of a group at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
@@ -115,10 +115,10 @@ pub struct Keyframe {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SplineMotion {
-    /// How long the motion lasts `[s]`.
+    /// Duration of the motion `[s]`.
     pub duration: f64,
-    /// When the handles are where the mesh has them `[s]`: their transform at that time leaves them
-    /// there.
+    /// Time at which the handles are where the mesh has them `[s]`: their transform at that time
+    /// leaves them there.
     #[serde(default)]
     pub taken: f64,
     /// The groups.
@@ -147,8 +147,8 @@ pub struct PoseKeyframe {
     /// Axis of the turn; need not have length one.
     #[serde(default = "PoseKeyframe::default_axis")]
     pub axis: DVec3,
-    /// Right-handed angle about the axis `[degrees]`. What counts is the rotation, not the turns: from
-    /// one keyframe to the next it goes the shorter way.
+    /// Right-handed angle about the axis `[degrees]`. What counts is the rotation, not the turns:
+    /// from one keyframe to the next it goes the shorter way.
     #[serde(default)]
     pub angle_deg: f64,
     /// Displacement `[m]`.
@@ -196,8 +196,8 @@ impl Motion {
         }
     }
 
-    /// The same motion `factor` times as fast: every block goes so many times as far in its time. None
-    /// where it is not made of blocks, whose places are given and not how far they are apart.
+    /// The same motion `factor` times as fast: every block goes so many times as far in its time.
+    /// None where it is not made of blocks, whose places are given and not how far they are apart.
     #[must_use]
     pub fn at_speed(&self, factor: f64) -> Option<Self> {
         let Self::Blocks { blocks } = self else {

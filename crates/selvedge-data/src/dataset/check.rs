@@ -1,5 +1,6 @@
 //! What the index of a data set says of itself, checked without reading a trajectory: names and
-//! files, trajectories that are there once, sections within them, counts that are those of its lists.
+//! files, trajectories that are there once, sections within them, counts that are those of its
+//! lists.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
@@ -25,12 +26,12 @@ pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
     check_counts(index)
 }
 
-/// Where the trajectory of a motion is, relative to the folder.
+/// File of the trajectory of a motion, relative to the folder.
 pub(crate) fn file_of(split: Split, motion: &str) -> String {
     format!("{}/{motion}.safetensors", folder_of(split))
 }
 
-/// Where the trajectories of a split are, relative to the folder.
+/// Folder of the trajectories of a split, relative to that of the data set.
 pub(crate) fn folder_of(split: Split) -> &'static str {
     match split {
         Split::Train => "train",
@@ -113,7 +114,8 @@ fn check_sections(index: &DatasetIndex) -> Result<(), String> {
             ));
         }
     }
-    // Sections may share the frames at their ends, but not samples, whose frames are one less at each.
+    // Sections may share the frames at their ends, but not samples, whose frames are one less at
+    // each.
     let mut order: Vec<(usize, &Section)> = index.sections.iter().enumerate().collect();
     order.sort_by_key(|(_, section)| (section.trajectory, section.start, section.end));
     for pair in order.windows(2) {

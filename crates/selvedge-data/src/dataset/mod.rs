@@ -1,8 +1,8 @@
 //! A data set: a folder with `index.json` and one trajectory file per motion, split into training
 //! and test. What is opened here is complete; [`DatasetWriter`](crate::DatasetWriter) makes it.
 //!
-//! Of the index nothing is taken on trust: what it says of itself is checked when it is opened, what
-//! it says of a file when that is read.
+//! Of the index nothing is taken on trust: what it says of itself is checked when it is opened,
+//! what it says of a file when that is read.
 //!
 //! The index carries format name and version, the resolved configuration that it was made from,
 //! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
@@ -31,7 +31,7 @@ pub(crate) const FORMAT: &str = "selvedge-dataset";
 
 pub(crate) const VERSION: u64 = 1;
 
-/// Which part of a data set a trajectory belongs to.
+/// A part of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Split {
@@ -49,13 +49,13 @@ pub struct DatasetIndex {
     pub format: String,
     /// Version of the format.
     pub version: u64,
-    /// What people call it.
+    /// Name of the data set.
     pub name: String,
     /// The resolved configuration that it was made from.
     pub config: Value,
     /// Its trajectories.
     pub splits: Splits,
-    /// What of the training split is learned from.
+    /// Sections of the training split to learn from.
     pub sections: Vec<Section>,
     /// A few numbers about the training split.
     pub statistics: DatasetStatistics,
@@ -183,7 +183,7 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// Where it is.
+    /// Folder of the data set.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -204,7 +204,7 @@ impl Dataset {
         }
     }
 
-    /// What of the training split is learned from.
+    /// Sections of the training split to learn from.
     #[must_use]
     pub fn sections(&self) -> &[Section] {
         &self.index.sections

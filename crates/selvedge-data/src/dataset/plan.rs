@@ -8,11 +8,11 @@ use crate::dataset::preset::config::DatasetConfig;
 use crate::dataset::sections::{Section, SectionError, SectionRule};
 use crate::dataset::{DatasetError, DatasetIndex, Entry, Split, Splits};
 
-/// What a data set is to hold.
+/// Planned contents of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DatasetPlan {
-    /// What people call it.
+    /// Name of the data set.
     pub name: String,
     /// The resolved configuration.
     pub config: Value,
@@ -20,7 +20,7 @@ pub struct DatasetPlan {
     pub train: Vec<String>,
     /// Motions of the test split, in order.
     pub test: Vec<String>,
-    /// What of the training split is learned from.
+    /// Rule for the sections to learn from.
     pub sections: SectionRule,
 }
 
@@ -35,8 +35,8 @@ impl DatasetPlan {
     }
 
     /// In what the data set of this index is not the one that the plan makes, as "has other
-    /// sections"; none where it is. What a preset's configuration does not say, since it was written
-    /// before there was a choice, has its default.
+    /// sections"; none where it is. What a preset's configuration does not say, since it was
+    /// written before there was a choice, has its default.
     #[must_use]
     pub fn difference(&self, index: &DatasetIndex) -> Option<String> {
         let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();
@@ -88,7 +88,8 @@ fn other_sections() -> String {
     "has other sections".to_owned()
 }
 
-/// Whether two configurations say the same, those of presets with every default filled in.
+/// Returns true when two configurations say the same, those of presets with every default filled
+/// in.
 fn is_same_config(a: &Value, b: &Value) -> bool {
     let read = |config: &Value| DatasetConfig::deserialize(config).ok();
     a == b || read(a).is_some_and(|a| read(b) == Some(a))

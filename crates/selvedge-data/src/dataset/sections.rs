@@ -27,7 +27,7 @@ pub struct Sample {
     pub current: usize,
 }
 
-/// How sections are chosen.
+/// Rule by which sections are chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SectionRule {

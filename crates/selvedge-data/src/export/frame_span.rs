@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-/// Which frames: from one to another, both included, and every so many of them.
+/// A span of frames: from one to another, both included, and every so many of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameSpan {
     /// The first one; the first there is, if there is none.

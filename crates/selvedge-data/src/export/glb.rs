@@ -1,14 +1,17 @@
-//! glTF 2.0 in one binary file (.glb): the first frame as the mesh, a morph target per further frame, and
-//! an animation that gives exactly one of them the weight 1 at the time of its frame. Between two
-//! frames weights go linearly, and so do the vertices. A node per handle moves as it does.
+//! glTF 2.0 in one binary file (.glb): the first frame as the mesh, a morph target per further
+//! frame, and an animation that gives exactly one of them the weight 1 at the time of its frame.
+//! Between two frames weights go linearly, and so do the vertices. A node per handle moves as it
+//! does.
 //!
-//! A target holds differences from the first frame, in single precision: vertices come back to within
-//! one rounding of their size, 1.2e-7 of it. Every key has a weight for every target, as the format
-//! wants it: 4 bytes times the square of the frames. Texture coordinates are (u, 1 - v) of the
-//! material's, for glTF counts v downwards; `_HANDLE` is the number of the handle that a vertex is, or
+//! A target holds differences from the first frame, in single precision: vertices come back to
+//! within one rounding of their size, 1.2e-7 of it. Every key has a weight for every target, as the
+//! format wants it: 4 bytes times the square of the frames. Texture coordinates are (u, 1 - v) of
+//! the material's, for glTF counts v downwards; `_HANDLE` is the number of the handle that a vertex
+//! is, or
 //! -1.
 //!
-//! Format: Khronos Group, glTF 2.0 specification, sections 3.7 (meshes), 3.11 (animations), 4 (GLB).
+//! Format: Khronos Group, glTF 2.0 specification, sections 3.7 (meshes), 3.11 (animations), 4
+//! (GLB).
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -28,7 +31,7 @@ const BINARY_CHUNK: u32 = 0x004e_4942;
 /// Bytes of the file's header and of those of its two chunks.
 const HEADERS: u64 = 12 + 8 + 8;
 
-/// How many bytes the file will have.
+/// Size of the file in bytes.
 pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
     let layout = Layout::new(take);
     HEADERS + json(take, &layout).len() as u64 + layout.bytes()
@@ -72,7 +75,7 @@ fn targets<'a>(take: &'a Take<'_>) -> impl Iterator<Item = Vec<Vec3>> + 'a {
     (0..take.len()).map(move |number| difference(take.positions(number), &first, number))
 }
 
-/// What the frame taken as `number` differs from the `first` by; the first stays as it is.
+/// Difference of the frame taken as `number` from the `first`; the first stays as it is.
 fn difference(mut values: Vec<Vec3>, first: &[Vec3], number: usize) -> Vec<Vec3> {
     if number > 0 {
         values.iter_mut().zip(first).for_each(|(v, f)| *v -= *f);

@@ -1,5 +1,5 @@
-//! The text of a .glb: which bytes of its binary part are what ([`Layout`]), and the nodes, the mesh,
-//! the material and the animation that are made of them.
+//! The text of a .glb: which bytes of its binary part are what ([`Layout`]), and the nodes, the
+//! mesh, the material and the animation that are made of them.
 
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -8,19 +8,19 @@ use super::take::Take;
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
-/// What a view of the binary part is for.
+/// Targets of the views of the binary part.
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
 /// The front of our pictures, in linear light.
 const COLOUR: [f32; 4] = [0.08, 0.13, 0.4, 1.0];
 
-/// Where things are in the binary part `[bytes]`, one after another.
+/// Layout of the binary part `[bytes]`: views one after another.
 pub(super) struct Layout {
     views: Vec<View>,
 }
 
-/// What a part of the binary part is.
+/// Content of a view of the binary part.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Part {
     Indices,
@@ -40,7 +40,7 @@ struct View {
 }
 
 impl Layout {
-    /// Where everything of `take` goes.
+    /// Lays out everything of `take`.
     pub(super) fn new(take: &Take<'_>) -> Self {
         let cloth = take.trajectory().cloth();
         let [frames, vertices, faces, handles] = [

@@ -1,11 +1,11 @@
-//! A trajectory in the formats of other programs: .usda, .glb, .pc2 with an .obj, .obj by the frame,
-//! .npz. One file per format; all of them write a [`Take`], frames of the trajectory as they are
-//! wanted.
+//! A trajectory in the formats of other programs: .usda, .glb, .pc2 with an .obj, .obj by the
+//! frame, .npz. One file per format; all of them write a [`Take`], frames of the trajectory as they
+//! are wanted.
 //!
-//! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written beside
-//! their place and renamed, folders as a whole. Positions are those of the trajectory, in metres;
-//! the first exported frame is at time 0. Vertices keep their numbers, material coordinates become
-//! texture coordinates.
+//! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
+//! beside their place and renamed, folders as a whole. Positions are those of the trajectory, in
+//! metres; the first exported frame is at time 0. Vertices keep their numbers, material coordinates
+//! become texture coordinates.
 
 mod frame_span;
 mod glb;
@@ -30,7 +30,7 @@ use self::outcome::{Pulse, is_stop};
 pub use self::take::Take;
 use crate::trajectory::Trajectory;
 
-/// How an export ended that did not fail.
+/// End of an export that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportEnd {
     /// All frames were written.
@@ -66,7 +66,7 @@ pub fn export(
     }
 }
 
-/// How many bytes the file will have, where that is known before it is written.
+/// Size of the file in bytes, where it is known before writing.
 ///
 /// # Errors
 /// As [`export`].

@@ -107,7 +107,7 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
     entries
 }
 
-/// What there is once.
+/// Arrays that do not change over time.
 fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
     let cloth = take.trajectory().cloth();
     let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
@@ -299,7 +299,7 @@ impl Arrays<'_> {
         values.into_iter().map(number).collect()
     }
 
-    /// Which axis points up; y where the archive does not say.
+    /// Axis that points up; y where the archive does not say.
     fn up(&self) -> Result<UpAxis, NpzTrajectoryError> {
         if !self.has("up_axis") {
             return Ok(UpAxis::Y);

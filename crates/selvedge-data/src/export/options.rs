@@ -20,7 +20,7 @@ pub enum ExportFormat {
     Npz,
 }
 
-/// Whether a normal is written for each vertex and frame.
+/// Choice of writing a normal for each vertex and frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {
     /// It is: the mean of its faces' normals by their areas.
@@ -30,15 +30,15 @@ pub enum Normals {
     LeftOut,
 }
 
-/// What is written, and how.
+/// Options of an export.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExportOptions {
     /// The format.
     pub format: ExportFormat,
-    /// Which frames.
+    /// The frames.
     pub frames: FrameSpan,
-    /// Which axis points up in the file; glTF has y up.
+    /// Axis that points up in the file; glTF has y up.
     pub up: UpAxis,
-    /// Whether normals are written; a point cache has none.
+    /// Normals; a point cache has none.
     pub normals: Normals,
 }

@@ -57,8 +57,8 @@ pub(super) fn is_stop(error: &io::Error) -> bool {
     error.get_ref().is_some_and(|inner| inner.is::<Stop>())
 }
 
-/// An error where `bytes`, of every `every`th frame, are more than lengths of 32 bits can say, with the
-/// thinning that helps.
+/// An error where `bytes`, of every `every`th frame, are more than lengths of 32 bits can say, with
+/// the thinning that helps.
 pub(super) fn check_size(
     format: &'static str,
     bytes: u64,

@@ -1,9 +1,9 @@
-//! A point cache (.pc2): the positions of every vertex in every frame, and beside it the mesh of the
-//! first frame as .obj of the same name, whose vertices they are.
+//! A point cache (.pc2): the positions of every vertex in every frame, and beside it the mesh of
+//! the first frame as .obj of the same name, whose vertices they are.
 //!
-//! Little-endian: "POINTCACHE2\0", version 1 (i32), vertices (i32), first frame (f32), frames from one
-//! sample to the next (f32), samples (i32), then x, y, z (f32) by sample and vertex. The rate is not in
-//! the file. Format: as Blender's Mesh Cache reads it.
+//! Little-endian: "POINTCACHE2\0", version 1 (i32), vertices (i32), first frame (f32), frames from
+//! one sample to the next (f32), samples (i32), then x, y, z (f32) by sample and vertex. The rate
+//! is not in the file. Format: as Blender's Mesh Cache reads it.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -16,7 +16,7 @@ use crate::formats::atomic::write_atomically;
 const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
 const HEADER_LENGTH: u64 = 32;
 
-/// How many bytes the cache will have.
+/// Size of the cache in bytes.
 pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
     HEADER_LENGTH + 12 * take.len() as u64 * take.trajectory().vertex_count() as u64
 }

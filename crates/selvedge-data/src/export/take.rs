@@ -40,12 +40,12 @@ impl<'a> Take<'a> {
         })
     }
 
-    /// What the frames are of.
+    /// The trajectory of the frames.
     pub(super) fn trajectory(&self) -> &'a Trajectory {
         self.trajectory
     }
 
-    /// How many frames are taken.
+    /// Number of frames taken.
     pub(super) fn len(&self) -> usize {
         self.frames.len()
     }
@@ -55,12 +55,12 @@ impl<'a> Take<'a> {
         self.every
     }
 
-    /// Which axis points up.
+    /// Axis that points up.
     pub(super) fn up(&self) -> UpAxis {
         self.up
     }
 
-    /// Whether normals are wanted.
+    /// Returns true when normals are wanted.
     pub(super) fn has_normals(&self) -> bool {
         self.normals == Normals::Written
     }
@@ -85,7 +85,7 @@ impl<'a> Take<'a> {
         self.turned(self.trajectory.cloth().rest_positions())
     }
 
-    /// Where the handles are in the frame taken as `number` `[m]`, `[handles]`.
+    /// Positions of the handles in the frame taken as `number` `[m]`, `[handles]`.
     pub(super) fn handle_positions(&self, number: usize) -> Vec<Vec3> {
         let frame = self.trajectory.frame(self.frames[number]);
         let handles = self.trajectory.handles().vertices().iter();

@@ -1,10 +1,11 @@
-//! USD as text (.usda, version 1.0): one `Mesh` with `points` at time codes, and an `Xform` per handle
-//! that moves as it does.
+//! USD as text (.usda, version 1.0): one `Mesh` with `points` at time codes, and an `Xform` per
+//! handle that moves as it does.
 //!
-//! A time code is a frame of the trajectory, counted from the first exported one; with every nth frame
-//! only every nth code has a sample, and readers go linearly from one to the next. Numbers are the
-//! shortest decimals that are read back exactly. Material coordinates [m] are `primvars:st`; the rest
-//! pose is `primvars:rest`, and `primvars:handle` is the number of the handle that a vertex is, or
+//! A time code is a frame of the trajectory, counted from the first exported one; with every nth
+//! frame only every nth code has a sample, and readers go linearly from one to the next. Numbers
+//! are the shortest decimals that are read back exactly. Material coordinates [m] are
+//! `primvars:st`; the rest pose is `primvars:rest`, and `primvars:handle` is the number of the
+//! handle that a vertex is, or
 //! -1. No material is written.
 //!
 //! Format: the USD documentation, "Usd ASCII" and `UsdGeomMesh`.

@@ -9,12 +9,12 @@ use super::error::ForeignProblem;
 use super::options::ForeignFormat;
 use crate::trajectory::{Provenance, Trajectory};
 
-/// How far the sum of given areas may be from that in material space, as a share.
+/// Largest difference of the sum of given areas from that in material space, as a share.
 const AREA_TOLERANCE: f64 = 0.01;
-/// How far from the origin a cloth may be along an axis `[m]`: `f32` steps by 6 cm there.
+/// Largest distance of a cloth from the origin along an axis `[m]`: `f32` steps by 6 cm there.
 const FARTHEST: f64 = 1e6;
 
-/// What a foreign trajectory consists of, y up, in metres.
+/// Parts of a foreign trajectory, y up, in metres.
 pub(super) struct Parts {
     pub(super) format: ForeignFormat,
     pub(super) faces: Vec<[u32; 3]>,
@@ -29,7 +29,7 @@ pub(super) struct Parts {
     pub(super) frame_rate: f64,
 }
 
-/// What the cloth weighs.
+/// Weight of the cloth.
 pub(super) enum Weight {
     /// `[kg/m²]`.
     Density(f64),

@@ -17,12 +17,12 @@ use crate::trajectory::TrajectoryError;
 pub struct ForeignError {
     /// The file or folder.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The problem.
     #[source]
     pub problem: ForeignProblem,
 }
 
-/// What is wrong with foreign data.
+/// A problem of foreign data.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ForeignProblem {
@@ -103,7 +103,7 @@ pub enum ForeignProblem {
     Obj(#[from] ReadObjError),
 }
 
-/// What is wrong with a record of a TFRecord file.
+/// A problem of a record of a TFRecord file.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RecordProblem {

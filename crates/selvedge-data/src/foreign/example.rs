@@ -1,5 +1,5 @@
-//! tf.train.Example, decoded by hand: a map from names to lists of byte strings, floats or integers,
-//! in the wire format of Protocol Buffers.
+//! tf.train.Example, decoded by hand: a map from names to lists of byte strings, floats or
+//! integers, in the wire format of Protocol Buffers.
 //!
 //! ```text
 //! Example  { Features features = 1; }
@@ -76,7 +76,7 @@ fn feature(part: Part<'_>) -> Result<Feature<'_>, ExampleError> {
 /// A stretch of the example.
 #[derive(Clone, Copy)]
 struct Part<'a> {
-    /// Where it begins.
+    /// Offset of the first byte.
     at: usize,
     bytes: &'a [u8],
 }

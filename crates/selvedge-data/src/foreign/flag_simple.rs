@@ -2,9 +2,9 @@
 //! arrays whose types and shapes are in meta.json.
 //!
 //! Used: `world_pos` f32 `[frames, vertices, 3]`, `mesh_pos` f32 `[1, vertices, 2]`, `cells` i32
-//! `[1, faces, 3]`, `node_type` i32 `[1, vertices, 1]` (0 free, 3 handle; other types belong to other
-//! data sets), and of meta.json `dt` and `trajectory_length`. A mesh that changes over time is an
-//! error. Source: Pfaff et al. 2021 and the reader beside their data.
+//! `[1, faces, 3]`, `node_type` i32 `[1, vertices, 1]` (0 free, 3 handle; other types belong to
+//! other data sets), and of meta.json `dt` and `trajectory_length`. A mesh that changes over time
+//! is an error. Source: Pfaff et al. 2021 and the reader beside their data.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -26,7 +26,7 @@ pub(super) const META: &str = "meta.json";
 const FREE: i32 = 0;
 const HANDLE: i32 = 3;
 
-/// What is used of meta.json; the rest is about other programs.
+/// Entries of meta.json that are used; the rest is about other programs.
 #[derive(Clone, Debug, Deserialize)]
 pub(super) struct Meta {
     dt: f64,
@@ -65,7 +65,7 @@ const fn wanted(name: &'static str, row: usize, dtype: &'static str, kind: &'sta
     }
 }
 
-/// How `flag_simple` data are read.
+/// Reader of `flag_simple` data.
 #[derive(Clone, Debug)]
 pub(super) struct FlagSimple {
     meta: Meta,

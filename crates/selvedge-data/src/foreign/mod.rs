@@ -1,8 +1,8 @@
 //! Data of other projects, as data sets of ours: the folders of the released code of Libao et al.
 //! 2023 (.npy) and DeepMind's `flag_simple` (meta.json and TFRecord).
 //!
-//! Foreign data lack some of what a cloth needs. Nothing is made up in silence: what is missing is an
-//! option ([`ImportOptions`]), an error where nobody can know it, a documented default where its
+//! Foreign data lack some of what a cloth needs. Nothing is made up in silence: what is missing is
+//! an option ([`ImportOptions`]), an error where nobody can know it, a documented default where its
 //! source says it, and an error again where the data say it themselves. What was resolved is in the
 //! data set's configuration. Positions are turned to y up, all faces counter-clockwise in material
 //! space.

@@ -19,7 +19,7 @@ pub enum ForeignFormat {
     Released,
 }
 
-/// What is taken for the rest pose.
+/// Source of the rest pose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RestSource {
     /// The material coordinates, hanging flat in the plane x = 0: a 2D rest state.
@@ -30,7 +30,7 @@ pub enum RestSource {
     Obj(PathBuf),
 }
 
-/// What a data set is to be used for.
+/// Purpose of a data set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Purpose {
     /// Something must be there to train on.
@@ -40,7 +40,7 @@ pub enum Purpose {
     Testing,
 }
 
-/// What is said about foreign data. `None` takes the default, where there is one.
+/// Options of an import. `None` takes the default, where there is one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions {
     /// Name of the data set; else that of the folder.
@@ -66,7 +66,7 @@ pub struct ImportOptions {
     pub up: Option<UpAxis>,
     /// At most so many trajectories of each split.
     pub limit: Option<usize>,
-    /// Which of them are imported.
+    /// Choice of the trajectories that are imported.
     pub purpose: Purpose,
     /// Trajectories to test on, by name, for released folders that are not already in `train` and
     /// `test`.

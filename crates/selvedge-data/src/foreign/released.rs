@@ -20,7 +20,7 @@ pub(super) const POSITIONS: &str = "cloth_pos.npy";
 /// Frames per second of the paper (section 3).
 const PAPER_RATE: f64 = 60.0;
 
-/// How released folders are read.
+/// Reader of released folders.
 #[derive(Clone, Debug)]
 pub(super) struct Released {
     /// As the options say it.
@@ -125,7 +125,8 @@ impl Released {
         })
     }
 
-    /// Frames per second of the trajectory in `folder`: as the options say, or meta.json, or the paper.
+    /// Frames per second of the trajectory in `folder`: as the options say, or meta.json, or the
+    /// paper.
     pub(super) fn rate(&self, folder: &Path) -> Result<f64, ForeignError> {
         if let Some(rate) = self.frame_rate {
             return Ok(rate);

@@ -1,5 +1,5 @@
-//! A folder of foreign data, opened: which trajectories it has, what data set they make, and each of
-//! them read when it is wanted.
+//! A folder of foreign data, opened: which trajectories it has, what data set they make, and each
+//! of them read when it is wanted.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -33,7 +33,7 @@ pub struct ForeignSource {
 pub struct ForeignRun {
     /// The part of the data set that it goes to.
     pub split: Split,
-    /// What it is called there.
+    /// Name of the trajectory in its source.
     pub name: String,
     place: Place,
 }
@@ -153,8 +153,8 @@ impl ForeignSource {
     }
 }
 
-/// The resolved options of released folders: with one frame rate, or with that of each of the `runs`
-/// where they have several.
+/// The resolved options of released folders: with one frame rate, or with that of each of the
+/// `runs` where they have several.
 fn describe_released(reader: &Released, runs: &[ForeignRun]) -> Result<Value, ForeignError> {
     let mut rates = BTreeMap::new();
     for run in runs {

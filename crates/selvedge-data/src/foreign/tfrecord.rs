@@ -14,7 +14,7 @@ const LENGTH_BYTES: u64 = 8;
 const CHECKSUM_BYTES: u64 = 4;
 const HEAD_BYTES: u64 = LENGTH_BYTES + CHECKSUM_BYTES;
 
-/// Where a record stands in its file.
+/// Place of a record in its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RecordPlace {
     /// Its number, from 0.

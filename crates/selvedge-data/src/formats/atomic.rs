@@ -4,7 +4,8 @@
 //! then renamed. A failure (a full disk, an error of the caller) leaves what was there before and
 //! nothing else. New files get the usual permissions of the process (its umask), not those of a
 //! private temporary file; a file that takes the place of another gets its permissions. A symbolic
-//! link is written through, even where its file does not exist yet; devices and folders are refused.
+//! link is written through, even where its file does not exist yet; devices and folders are
+//! refused.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -19,9 +20,9 @@ use thiserror::Error;
 pub struct WriteError {
     /// The file that was to be written.
     pub path: PathBuf,
-    /// What failed.
+    /// The action that failed.
     pub action: &'static str,
-    /// Why.
+    /// The cause.
     #[source]
     pub source: io::Error,
 }
@@ -29,7 +30,7 @@ pub struct WriteError {
 /// Links that are followed before they are taken to go round in a circle, as Linux does.
 const MOST_LINKS: usize = 40;
 
-/// Where the bytes are to be in the end.
+/// Destination of the bytes.
 struct Target {
     path: PathBuf,
     /// Those of the file that is there now.
@@ -69,11 +70,11 @@ pub fn write_atomically(
     Ok(())
 }
 
-/// Makes the folder `path` with all that `fill` puts into the folder that it is given, or nothing: the
-/// folder is filled beside its place and renamed. An empty folder may be there already.
+/// Makes the folder `path` with all that `fill` puts into the folder that it is given, or nothing:
+/// the folder is filled beside its place and renamed. An empty folder may be there already.
 ///
 /// # Errors
-/// What `fill` returns, or [`WriteError`] when the folder above does not exist, or something other
+/// The error of `fill`, or [`WriteError`] when the folder above does not exist, or something other
 /// than an empty folder is there.
 pub fn write_folder_atomically<E: From<WriteError>>(
     path: &Path,
@@ -112,7 +113,7 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     Ok(())
 }
 
-/// What is where a folder is to be.
+/// Content of the place of a folder.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     Nothing,
@@ -138,7 +139,7 @@ fn check_free(path: &Path) -> io::Result<Place> {
 /// programs that write files themselves.
 ///
 /// # Errors
-/// What `write` returns, or [`WriteError`] as [`write_atomically`].
+/// The error of `write`, or [`WriteError`] as [`write_atomically`].
 pub fn write_beside<E: From<WriteError>>(
     path: &Path,
     write: impl FnOnce(&Path) -> Result<(), E>,

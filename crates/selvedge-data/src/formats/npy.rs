@@ -1,9 +1,10 @@
 //! One .npy array: a magic number, a version, a header that is a Python dictionary of `descr`,
 //! `fortran_order` and `shape`, and the elements.
 //!
-//! Format: numpy's `numpy/lib/format.py`, versions 1 to 3. Read are little-endian floats and integers of
-//! four and eight bytes in C order; another type is an error only when its numbers are asked for. A
-//! reader of our own: the ones there are bring a parser generator for this one line of Python.
+//! Format: numpy's `numpy/lib/format.py`, versions 1 to 3. Read are little-endian floats and
+//! integers of four and eight bytes in C order; another type is an error only when its numbers are
+//! asked for. A reader of our own: the ones there are bring a parser generator for this one line of
+//! Python.
 
 use thiserror::Error;
 
@@ -20,7 +21,7 @@ pub(crate) struct Array {
     data: Vec<u8>,
 }
 
-/// What is wrong with an array.
+/// A problem of an array.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum NpyError {

@@ -1,9 +1,10 @@
-//! Which axis points up, here and elsewhere. Ours is y; what has z up is turned by a quarter about x.
+//! Which axis points up, here and elsewhere. Ours is y; what has z up is turned by a quarter about
+//! x.
 
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
-/// Which axis of a foreign world points up.
+/// Axis of a foreign world that points up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UpAxis {

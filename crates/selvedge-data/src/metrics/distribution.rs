@@ -1,5 +1,5 @@
-//! How the numbers of a data set are distributed: speed, acceleration, strain and bending angle over
-//! all its frames, each with mean, deviation, extremes and a histogram.
+//! How the numbers of a data set are distributed: speed, acceleration, strain and bending angle
+//! over all its frames, each with mean, deviation, extremes and a histogram.
 //!
 //! A histogram does not know its range beforehand: where a value lies outside, the range is doubled
 //! and neighbouring bins are put together. So it depends only on the values, not on their order.
@@ -120,7 +120,7 @@ impl Distribution {
         }
     }
 
-    /// How many numbers.
+    /// Number of values.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
@@ -150,7 +150,7 @@ impl Distribution {
         self.most
     }
 
-    /// How many of them are where.
+    /// Histogram of the values.
     #[must_use]
     pub fn histogram(&self) -> &Histogram {
         &self.histogram

@@ -25,10 +25,10 @@ pub fn per_frame_edge_length_rmse(
     Ok(a.iter().zip(b.iter()).map(of_frame).collect())
 }
 
-/// Relative error, e₃D `[eq:relative-error]`: mean over frames of ‖P - P̂‖/‖P‖, Frobenius norms of a
-/// frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the origin is,
-/// unlike the other errors: the farther away, the smaller. Infinite where all of a frame lies at the
-/// origin and the run does not.
+/// Relative error, e₃D `[eq:relative-error]`: mean over frames of ‖P - P̂‖/‖P‖, Frobenius norms of
+/// a frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the
+/// origin is, unlike the other errors: the farther away, the smaller. Infinite where all of a frame
+/// lies at the origin and the run does not.
 ///
 /// # Errors
 /// [`MetricError`].
@@ -64,8 +64,8 @@ pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Opt
     None
 }
 
-/// The first frame whose largest strain, as from [`largest_strain`](super::largest_strain), is above
-/// `limit` or is not a number.
+/// The first frame whose largest strain, as from [`largest_strain`](super::largest_strain), is
+/// above `limit` or is not a number.
 #[must_use]
 pub fn first_strained_frame(largest_strains: &[f64], limit: f64) -> Option<usize> {
     let holds = |strain: &f64| *strain <= limit;

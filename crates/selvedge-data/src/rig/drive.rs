@@ -1,6 +1,7 @@
-//! Handles that follow the nodes of a rig: a handle moves rigidly with its node from where it starts,
-//! p(t) = M(t) M(t₀)⁻¹ p₀, with M from the node's space to the world and t₀ the first key of all nodes that are
-//! followed. So a node need not stand where its handles do, and may carry several.
+//! Handles that follow the nodes of a rig: a handle moves rigidly with its node from where it
+//! starts, p(t) = M(t) M(t₀)⁻¹ p₀, with M from the node's space to the world and t₀ the first key
+//! of all nodes that are followed. So a node need not stand where its handles do, and may carry
+//! several.
 
 use std::path::Path;
 
@@ -13,14 +14,15 @@ use super::node::Rig;
 /// Frames at most that a rig may last.
 const MOST_FRAMES: usize = 100_000;
 
-/// A key that is so near to a frame is taken to be at it [frames]: glTF has times in single precision.
+/// A key that is so near to a frame is taken to be at it [frames]: glTF has times in single
+/// precision.
 const SLACK: f64 = 1e-2;
 
 /// Handles and what they follow.
 pub(crate) struct Followers<'a> {
     /// The name of each handle's node, `[handles]`.
     pub(crate) nodes: &'a [String],
-    /// Where the handles start `[m]`, `[handles]`.
+    /// Start positions of the handles `[m]`, `[handles]`.
     pub(crate) start: &'a [DVec3],
     /// Frames per second of the scene.
     pub(crate) frame_rate: f64,

@@ -1,12 +1,13 @@
-//! Nodes and their animation from a .glb (glTF 2.0): translation, rotation and scale, or a matrix, with
-//! samplers that go linearly, in steps or by cubic splines. Several animations are taken together, as long as
-//! no two of them move the same thing.
+//! Nodes and their animation from a .glb (glTF 2.0): translation, rotation and scale, or a matrix,
+//! with samplers that go linearly, in steps or by cubic splines. Several animations are taken
+//! together, as long as no two of them move the same thing.
 //!
-//! Read are floats and, for rotations, normalised integers, from the binary part of the file. Sparse and
-//! packed accessors, and buffers in other files, are errors where they are needed. glTF is in metres
-//! with y up, as we are.
+//! Read are floats and, for rotations, normalised integers, from the binary part of the file.
+//! Sparse and packed accessors, and buffers in other files, are errors where they are needed. glTF
+//! is in metres with y up, as we are.
 //!
-//! Format: Khronos Group, glTF 2.0 specification, sections 3.5 (nodes), 3.6 (accessors), 3.11 (animations).
+//! Format: Khronos Group, glTF 2.0 specification, sections 3.5 (nodes), 3.6 (accessors), 3.11
+//! (animations).
 
 use std::collections::HashMap;
 
@@ -118,7 +119,7 @@ struct File<'a> {
     binary: &'a [u8],
 }
 
-/// What a channel moves.
+/// The part of a transform that a channel moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Moved {
     Translation,
@@ -193,7 +194,7 @@ fn part(what: impl Into<String>, problem: impl Into<String>) -> RigError {
 }
 
 impl File<'_> {
-    /// Which node each node is in.
+    /// Parent of each node.
     fn parents(&self) -> Result<Vec<Option<usize>>, RigError> {
         let nodes = &self.document.nodes;
         let mut parents = vec![None; nodes.len()];
@@ -378,7 +379,7 @@ impl File<'_> {
 
 const CUT: &str = "it reaches beyond the end of the file";
 
-/// How many bytes a number has, and how it is read.
+/// Bytes of a number, and the function that reads it.
 type Component = (usize, fn(&[u8]) -> f64);
 
 /// The numbers of an accessor, where animations may have such.

@@ -1,8 +1,8 @@
 //! A rig: nodes that move, from the file of another program (.glb, .usda), for handles to follow.
 //!
 //! Nodes are placed in each other; a node's transform is the product of its operations, from the
-//! outermost to the innermost, after that of its parent. Everything is brought into our world: metres,
-//! y up, seconds. What else is in the file (meshes, materials, lights) is passed over.
+//! outermost to the innermost, after that of its parent. Everything is brought into our world:
+//! metres, y up, seconds. What else is in the file (meshes, materials, lights) is passed over.
 
 mod drive;
 mod error;

@@ -27,7 +27,7 @@ pub struct RigNode {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Operation {
     pub(super) change: Change,
-    /// Whether it is undone instead.
+    /// Direction: done or undone.
     pub(super) direction: Direction,
 }
 

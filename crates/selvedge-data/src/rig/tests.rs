@@ -43,8 +43,8 @@ fn glb(mut json: Value, floats: &[f32], more: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// An arm of length 2 whose shoulder turns by half a turn about y in a second while it rises by 1 m; a hand
-/// at its end, and a lamp that stands.
+/// An arm of length 2 whose shoulder turns by half a turn about y in a second while it rises by 1
+/// m; a hand at its end, and a lamp that stands.
 fn arm() -> Value {
     json!({
         "asset": { "version": "2.0" },
@@ -194,7 +194,8 @@ fn gltf_splines_go_through_their_keys() {
     }
 }
 
-/// As Blender writes: z up, centimetres here, a rotated root, and much that has nothing to do with it.
+/// As Blender writes: z up, centimetres here, a rotated root, and much that has nothing to do with
+/// it.
 const STAGE: &str = r#"#usda 1.0
 (
     defaultPrim = "world"

@@ -1,13 +1,13 @@
 //! Values over time: keys and how they are joined.
 //!
-//! Between two keys a value goes linearly (a turn along the shorter arc), stands until the next, or follows
-//! glTF's cubic spline: with s from 0 to 1 over d seconds,
-//! v = (2s³ - 3s² + 1) v₀ + d (s³ - 2s² + s) b₀ + (3s² - 2s³) v₁ + d (s³ - s²) a₁,
-//! a and b the tangents into and out of a key. Before the first and after the last key it stands.
+//! Between two keys a value goes linearly (a turn along the shorter arc), stands until the next, or
+//! follows glTF's cubic spline: with s from 0 to 1 over d seconds, v = (2s³ - 3s² + 1) v₀ + d (s³ -
+//! 2s² + s) b₀ + (3s² - 2s³) v₁ + d (s³ - s²) a₁, a and b the tangents into and out of a key.
+//! Before the first and after the last key it stands.
 
 use glam::{DMat4, DQuat, DVec3};
 
-/// How keys are joined.
+/// Interpolation between keys.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Joined<T> {
     /// In proportion to time.
@@ -26,13 +26,13 @@ pub(super) struct Track<T> {
     joined: Joined<T>,
 }
 
-/// What can be joined.
+/// A value that can be interpolated.
 pub(super) trait Value: Copy {
     /// From `self` to `to`, at a fraction of the way.
     fn between(self, to: Self, fraction: f64) -> Self;
     /// The sum of values, each times its weight, as a value of its kind.
     fn combined(parts: [(Self, f64); 4]) -> Self;
-    /// Whether all its numbers are finite.
+    /// Returns true when all numbers are finite.
     fn is_sound(self) -> bool;
 }
 
@@ -106,7 +106,7 @@ impl<T: Value> Track<T> {
     /// Values at times `[s]`.
     ///
     /// # Errors
-    /// What is wrong with them, as the end of a sentence.
+    /// The defect, as the end of a sentence.
     pub(super) fn new(
         times: Vec<f64>,
         values: Vec<T>,

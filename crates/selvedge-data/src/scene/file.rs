@@ -5,13 +5,14 @@
 //! name = "a corner let go"
 //! material = "gray-interlock"            # a shipped one, a TOML file, or a table
 //! mesh = { generator = { kind = "square", vertices = 289, size = 1.0, seed = 1 } }
-//! handles = { label = "upper-corners" }  # or vertices = [..], box = { min = [..], max = [..] }, groups
+//! handles = { label = "upper-corners" }  # or vertices, box = { min = [..], max = [..] }, groups
 //! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv", groups
 //! ```
 //!
-//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. A mesh may be
-//! `{ obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
-//! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of ARCSim.
+//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. A mesh may be `{
+//! obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
+//! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of
+//! ARCSim.
 
 use super::arcsim::parse_arcsim;
 use super::handle_selection::HandleSelection;
@@ -50,7 +51,7 @@ struct SceneFile {
     frame_rate: FrameRate,
 }
 
-/// How a mesh comes to its material size.
+/// Remedy for a mesh that starts far from its material size.
 const REMEDY: &str = "set mesh.texture = \"fit\" for an obj, or mesh.transform.material_scale";
 
 /// Opens a scene by the path of its file or by the name of a shipped one.

@@ -11,7 +11,7 @@ use serde::de::IgnoredAny;
 
 use super::problem::{SceneProblem, field};
 
-/// Which vertices are held: exactly one way to say so.
+/// A choice of the held vertices, in exactly one way.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "SelectionTable")]
 pub enum HandleSelection {
@@ -79,9 +79,9 @@ impl TryFrom<SelectionTable> for HandleSelection {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandleGroup {
-    /// What the motion calls them.
+    /// Name of the group, as the motion uses it.
     pub name: String,
-    /// Which they are; not groups again.
+    /// The vertices of the group; not groups again.
     pub select: HandleSelection,
     /// When they let go, and when they take hold again.
     #[serde(default)]

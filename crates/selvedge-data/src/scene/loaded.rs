@@ -17,7 +17,7 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// The state in which a run starts, if it starts in a saved one.
     pub state: Option<SavedState>,
-    /// What the file asks for and cannot have, or can hardly mean.
+    /// Warnings of requests that cannot be met or are hardly meant.
     pub warnings: Vec<String>,
     /// The files that it was read from: its own, and all that it names.
     pub files: Vec<PathBuf>,
@@ -35,8 +35,8 @@ impl LoadedScene {
         }
     }
 
-    /// The same, with a warning where the cloth starts far from its material size; `remedy` says how
-    /// its file can be mended.
+    /// The same, with a warning where the cloth starts far from its material size; `remedy` says
+    /// how its file can be mended.
     pub(super) fn looked_over(mut self, remedy: &str) -> Self {
         let mesh = &self.scene.mesh;
         let state = self.state.as_ref();

@@ -48,9 +48,9 @@ pub struct MaterialTable {
     density: Option<f64>,
     damping: Option<f64>,
     strain_limits: Option<StrainLimits>,
-    /// How many times as stiff against stretching.
+    /// Factor of the stretching stiffness.
     stretch_multiplier: Option<f64>,
-    /// How many times as stiff against bending.
+    /// Factor of the bending stiffness.
     bend_multiplier: Option<f64>,
 }
 
@@ -81,8 +81,8 @@ impl<'de> Deserialize<'de> for MaterialSource {
 }
 
 impl MaterialSource {
-    /// Looks up what is named; files are relative to `folder`, and those that were read are added to
-    /// `files`.
+    /// Looks up what is named; files are relative to `folder`, and those that were read are added
+    /// to `files`.
     pub(crate) fn resolve(
         &self,
         folder: &Path,
@@ -103,8 +103,8 @@ pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProbl
     material_text(name).map(parse_toml)
 }
 
-/// A shipped material by name, or one in a TOML file, which is added to the `chain` of files that are built
-/// on it.
+/// A shipped material by name, or one in a TOML file, which is added to the `chain` of files that
+/// are built on it.
 fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
     if let Some(text) = material_text(name_or_path) {
         return parse_toml(text).map_err(|problem| problem.to_string());
@@ -151,7 +151,7 @@ impl MaterialTable {
         Ok(material)
     }
 
-    /// What the table is built on.
+    /// The material that the table is built on.
     fn base(&self, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
         let (stretch, bend) = match (&self.from, &self.isotropic, self.stretch, self.bend) {
             (Some(name), None, None, None) => {

@@ -17,13 +17,13 @@ use crate::formats::obj::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshSpec {
-    /// Where it comes from.
+    /// Source of the mesh.
     pub source: MeshSource,
-    /// How it is placed.
+    /// Placement of the mesh.
     pub transform: Transform,
 }
 
-/// Where a mesh comes from.
+/// Source of a mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum MeshSource {
@@ -35,7 +35,7 @@ pub enum MeshSource {
         path: String,
         /// BLAKE3 hash of its bytes, in hexadecimal.
         blake3: String,
-        /// What is done where a vertex has two texture coordinates.
+        /// Treatment of vertices with two texture coordinates.
         #[serde(default, skip_serializing_if = "is_default")]
         seams: Seams,
         /// The unit of texture coordinates.
@@ -99,7 +99,7 @@ impl TryFrom<GeneratorFields> for GeneratorSpec {
     }
 }
 
-/// How a mesh is placed: scaled, then turned about the origin, then moved.
+/// Placement of a mesh: scaled, then turned about the origin, then moved.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Transform {

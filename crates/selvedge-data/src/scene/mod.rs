@@ -1,5 +1,5 @@
-//! Scenes in files: what a person writes ([`read_scene`], TOML, or ARCSim's JSON), what is resolved from it and kept
-//! with every result ([`SceneSpec`], JSON), and what is shipped.
+//! Scenes in files: what a person writes ([`read_scene`], TOML, or ARCSim's JSON), what is resolved
+//! from it and kept with every result ([`SceneSpec`], JSON), and what is shipped.
 
 mod arcsim;
 mod file;

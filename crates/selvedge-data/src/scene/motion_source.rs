@@ -50,7 +50,7 @@ pub struct RigMotion {
 pub(crate) struct Stand<'a> {
     /// Their groups, where they have some.
     pub(crate) groups: &'a Groups,
-    /// Where they are `[m]`, `[handles]`.
+    /// Start positions of the handles `[m]`, `[handles]`.
     pub(crate) start: Vec<DVec3>,
     /// Frames per second of the scene.
     pub(crate) frame_rate: f64,
@@ -137,14 +137,14 @@ fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String>
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroupMotion {
-    /// How long the motion lasts `[s]`; a whole number of frames of 1/60 s.
+    /// Duration of the motion `[s]`; a whole number of frames of 1/60 s.
     pub duration: f64,
     /// At most one per group.
     #[serde(default)]
     pub moves: Vec<GroupMove>,
 }
 
-/// How a group moves.
+/// Motion of one group.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroupMove {
@@ -153,7 +153,7 @@ pub struct GroupMove {
     /// The axis of its rotations, through its centre; upwards if there is none.
     #[serde(default = "default_axis")]
     pub axis: DVec3,
-    /// Where it is when.
+    /// Places of the group over time.
     pub keyframes: Vec<Keyframe>,
 }
 

@@ -11,12 +11,12 @@ use super::spec::SceneSpecError;
 pub struct SceneFileError {
     /// The file, or the name of a shipped scene.
     pub origin: String,
-    /// What is wrong with it.
+    /// The problem.
     #[source]
     pub problem: SceneProblem,
 }
 
-/// What is wrong with a scene.
+/// A problem of a scene.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum SceneProblem {

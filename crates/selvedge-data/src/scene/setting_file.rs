@@ -55,8 +55,8 @@ pub(crate) struct MeshFile {
 }
 
 impl SettingFile {
-    /// Looks up what is named, and builds the mesh; the groups are those of the handles. The files of the
-    /// material are added to `files`: what is resolved does not name them.
+    /// Looks up what is named, and builds the mesh; the groups are those of the handles. The files
+    /// of the material are added to `files`: what is resolved does not name them.
     pub(crate) fn resolve(
         self,
         folder: &Path,

@@ -19,13 +19,13 @@ use super::start::StartSpec;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneSpec {
-    /// What people call it.
+    /// Name of the scene.
     pub name: String,
-    /// All but the motion.
+    /// Everything but the motion and the start.
     pub setting: Setting,
-    /// How the handles move.
+    /// Motion of the handles.
     pub motion: Motion,
-    /// Where a run starts.
+    /// Start of a run.
     #[serde(default, skip_serializing_if = "StartSpec::is_rest")]
     pub start: StartSpec,
 }
@@ -41,13 +41,13 @@ pub struct Setting {
     /// When they let go.
     #[serde(default, skip_serializing_if = "HandleSchedule::is_empty")]
     pub schedule: HandleSchedule,
-    /// What it is made of.
+    /// The material of the cloth.
     pub material: Material,
-    /// What acts on it.
+    /// Gravity, air and wind.
     pub environment: Environment,
-    /// How the reference simulator runs it.
+    /// Settings of the reference simulator.
     pub physics: PhysicsSettings,
-    /// How its sagged rest pose is found.
+    /// Settings of the search for the sagged rest pose.
     pub sag: SagSettings,
     /// Frames per second.
     pub frame_rate: f64,
@@ -68,8 +68,8 @@ pub enum SceneSpecError {
 }
 
 impl SceneSpec {
-    /// The spec as JSON, as trajectories carry it. A number that is not finite becomes `null`, which
-    /// [`Self::from_json`] refuses; no spec that makes a scene has one.
+    /// The spec as JSON, as trajectories carry it. A number that is not finite becomes `null`,
+    /// which [`Self::from_json`] refuses; no spec that makes a scene has one.
     ///
     /// # Errors
     /// [`SceneSpecError::Json`] when a part cannot be written as JSON, which today none can cause.
@@ -85,8 +85,8 @@ impl SceneSpec {
         Ok(Self::deserialize(json)?)
     }
 
-    /// The files that stay references: of the mesh and of the state that it starts in, which are relative to
-    /// `folder`.
+    /// The files that stay references: of the mesh and of the state that it starts in, which are
+    /// relative to `folder`.
     pub(super) fn files(&self, folder: &Path) -> Vec<PathBuf> {
         let mesh = match &self.setting.mesh.source {
             MeshSource::Obj { path, .. } => Some(path),

@@ -4,21 +4,21 @@
 use crate::trajectory::state_file::StateSpec;
 use serde::{Deserialize, Serialize};
 
-/// Where a run starts, resolved.
+/// Start of a run, resolved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum StartSpec {
     /// In the sagged rest pose.
     #[default]
     Rest,
-    /// Where the mesh has its vertices, at rest.
+    /// At the vertices of the mesh, at rest.
     Mesh,
     /// In a saved state.
     State(StateSpec),
 }
 
 impl StartSpec {
-    /// Whether it is the default.
+    /// Returns true for the default.
     pub(super) fn is_rest(&self) -> bool {
         *self == Self::Rest
     }

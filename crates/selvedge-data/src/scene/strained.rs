@@ -8,8 +8,8 @@ use selvedge_cloth::Mesh;
 const SMALLEST: f64 = 0.8;
 const LARGEST: f64 = 1.25;
 
-/// What there is to say of a cloth that starts at `positions` `[m]`, `[vertices]`, if there is anything;
-/// `remedy` says how its file can be mended.
+/// A warning for a cloth that starts at `positions` `[m]`, `[vertices]`, far from its material
+/// size; `remedy` says how its file can be mended.
 pub(super) fn warning(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Option<String> {
     let median = median_stretch(mesh, positions);
     if (SMALLEST..=LARGEST).contains(&median) {

@@ -41,7 +41,7 @@ const TENSORS: [&str; 7] = [
 pub struct ReadTrajectoryError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The problem.
     #[source]
     pub source: TrajectoryFileError,
 }

@@ -47,7 +47,7 @@ impl<'a> Frames<'a> {
         self.positions.len() / self.vertex_count
     }
 
-    /// Whether there is no frame.
+    /// Returns true when there is no frame.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()

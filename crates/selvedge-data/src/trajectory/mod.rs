@@ -2,7 +2,8 @@
 //! change, checked once in [`Trajectory::new`].
 //!
 //! Positions are world coordinates `[m]` in `f32`, one row of vertices per frame; frame 0 is the
-//! start. The file format is in `trajectory/file.rs`; [`Playback`] makes a trajectory a [`Stepper`].
+//! start. The file format is in `trajectory/file.rs`; [`Playback`] makes a trajectory a
+//! [`Stepper`].
 //!
 //! [`Stepper`]: selvedge_cloth::Stepper
 //! [`Playback`]: crate::Playback
@@ -20,7 +21,7 @@ use thiserror::Error;
 
 use crate::trajectory::frames::Frames;
 
-/// Where a trajectory comes from.
+/// Origin of a trajectory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Provenance {
     /// Frames per second.
@@ -139,7 +140,7 @@ impl Trajectory {
         &self.positions
     }
 
-    /// What does not change.
+    /// The cloth, which does not change.
     #[must_use]
     pub fn cloth(&self) -> &Cloth {
         &self.cloth
@@ -163,7 +164,7 @@ impl Trajectory {
         self.provenance.frame_rate
     }
 
-    /// Where it comes from.
+    /// Origin of the trajectory.
     #[must_use]
     pub fn provenance(&self) -> &Provenance {
         &self.provenance

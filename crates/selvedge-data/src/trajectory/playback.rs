@@ -23,7 +23,7 @@ impl Playback {
         }
     }
 
-    /// What is played.
+    /// The trajectory that is played.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory

@@ -9,16 +9,16 @@ use selvedge_cloth::{HandlePath, StepError, Stepper};
 /// before its end, and a day of a large cloth fills no machine's memory in advance.
 const MOST_RESERVED: usize = 1 << 24;
 
-/// What was recorded, whether or not it came to its end.
+/// A recording, complete or not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// Positions `[m]`, `[frames * vertices]`, the start first.
     pub positions: Vec<Vec3>,
-    /// How it ended.
+    /// End of the recording.
     pub end: RecordingEnd,
 }
 
-/// How a recording ended.
+/// End of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RecordingEnd {
     /// All frames were stepped.
@@ -32,7 +32,7 @@ pub enum RecordingEnd {
 /// The handles' path, and how finely a stepper sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive<'a> {
-    /// Where the handles are at any time.
+    /// Positions of the handles at any time.
     pub path: &'a HandlePath,
     /// Targets per frame at equally spaced times; the physics takes one per substep.
     pub samples_per_frame: usize,

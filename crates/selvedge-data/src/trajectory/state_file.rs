@@ -1,10 +1,11 @@
 //! States of a simulation in files: positions and velocities in f64, from which a run can go on.
 //!
-//! Read from .safetensors or NumPy's .npz: a pair of arrays `[vertices, 3]` or `[states, vertices, 3]`
-//! (f64, or f32, which is widened) and, where there are several states, the frame of each. Unless
-//! names are given, the pairs `positions` and `velocities` (with `frames`) and `ckpt_x` and `ckpt_v`
-//! (with `ckpt_frames`) are looked for. Written is .safetensors, with all frames of a run; of such a file the
-//! version is checked too, and that its frames are as long as those of the run that goes on from it.
+//! Read from .safetensors or NumPy's .npz: a pair of arrays `[vertices, 3]` or `[states, vertices,
+//! 3]` (f64, or f32, which is widened) and, where there are several states, the frame of each.
+//! Unless names are given, the pairs `positions` and `velocities` (with `frames`) and `ckpt_x` and
+//! `ckpt_v` (with `ckpt_frames`) are looked for. Written is .safetensors, with all frames of a run;
+//! of such a file the version is checked too, and that its frames are as long as those of the run
+//! that goes on from it.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -28,11 +29,11 @@ pub struct SavedState {
     pub positions: Vec<DVec3>,
     /// Velocities `[m/s]`, `[vertices]`.
     pub velocities: Vec<DVec3>,
-    /// How many frames of the motion have passed.
+    /// Frames of the motion that have passed.
     pub frame: usize,
 }
 
-/// Which state of which file, resolved.
+/// A state of a file, resolved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StateSpec {
@@ -40,7 +41,7 @@ pub struct StateSpec {
     pub path: String,
     /// BLAKE3 hash of its bytes, in hexadecimal.
     pub blake3: String,
-    /// How many frames of the motion have passed.
+    /// Frames of the motion that have passed.
     pub frame: usize,
     /// Name of the array of positions.
     pub positions: String,
@@ -48,16 +49,17 @@ pub struct StateSpec {
     pub velocities: String,
 }
 
-/// Which state of a file is meant.
+/// A choice of one state of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StateChoice {
-    /// How many frames of the motion have passed; must be given where the file has several states.
+    /// Frames of the motion that have passed; must be given where the file has several states.
     pub frame: Option<usize>,
     /// Name of the array of positions.
     pub positions: Option<String>,
     /// Name of the array of velocities.
     pub velocities: Option<String>,
-    /// Frames per second of the run that goes on from it; where it is given, a file of our own must have as many.
+    /// Frames per second of the run that goes on from it; where it is given, a file of our own must
+    /// have as many.
     pub frame_rate: Option<f64>,
 }
 
@@ -68,7 +70,7 @@ pub struct StateRun {
     pub positions: Vec<DVec3>,
     /// Velocities `[m/s]`, `[states * vertices]`.
     pub velocities: Vec<DVec3>,
-    /// How many frames of the motion have passed in each, `[states]`.
+    /// Frames of the motion that have passed in each state, `[states]`.
     pub frames: Vec<u32>,
 }
 
@@ -78,7 +80,7 @@ pub struct StateRun {
 pub struct ReadStateError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The problem.
     #[source]
     pub source: StateError,
 }
@@ -270,8 +272,8 @@ impl StateRun {
     }
 
     /// Writes the states as .safetensors, all or nothing: `positions` and `velocities` f64
-    /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the format
-    /// "selvedge-states".
+    /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the
+    /// format "selvedge-states".
     ///
     /// # Errors
     /// [`WriteError`] names the file and what failed.
@@ -346,8 +348,8 @@ fn select(
     Ok((state, pair))
 }
 
-/// How many states of `vertices` vertices an array has; none where it is one state without a number. There is
-/// then no more of them than the file has numbers.
+/// Number of states of `vertices` vertices in an array; none where it is one state without a
+/// number. There are no more states than numbers in the file.
 fn states_in(name: &str, array: &Floats, vertices: usize) -> Result<Option<usize>, StateError> {
     let fits = |found: usize| found == vertices && found > 0;
     match array.shape[..] {
@@ -360,7 +362,7 @@ fn states_in(name: &str, array: &Floats, vertices: usize) -> Result<Option<usize
     }
 }
 
-/// Which of `count` states, and how many frames have passed in it.
+/// Place of the wanted state among `count`, and the frames that have passed in it.
 fn place(
     wanted: Option<usize>,
     count: Option<usize>,
@@ -533,8 +535,8 @@ impl<'a> Container<'a> {
     }
 }
 
-/// That a file of our own is of the version that is known, and of a run at `frame_rate`. Files of others
-/// are taken at the word of who names them.
+/// That a file of our own is of the version that is known, and of a run at `frame_rate`. Files of
+/// others are taken at the word of who names them.
 fn check_metadata(
     metadata: &HashMap<String, String>,
     frame_rate: Option<f64>,

@@ -28,7 +28,7 @@ fn of(shape: Shape, vertices: usize) -> Sheet {
     sheet(&spec).unwrap()
 }
 
-/// How much smaller a polygon of `sides` is than the disc around it, as a share.
+/// Share of the area of a disc that lies outside of its inscribed polygon of `sides`.
 fn missing_from_disc(sides: usize) -> f64 {
     let angle = 2.0 * PI / sides as f64;
     1.0 - angle.sin() / angle

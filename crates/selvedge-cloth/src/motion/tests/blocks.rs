@@ -14,7 +14,8 @@ fn a_smooth_metre_in_a_second_peaks_at_half_pi() {
     let path = along(1.0, DVec3::X, METRE).bind(&corners(), 60.0).unwrap();
     let h = 1e-5;
     let speed = |t: f64| (path.at(t + h)[0].x - path.at(t - h)[0].x) / (2.0 * h);
-    // The central difference errs by h²/6 |s'''| ≤ h² π³/12 = 3e-10, its rounding by 1e-16/h = 1e-11.
+    // The central difference errs by h²/6 |s'''| ≤ h² π³/12 = 3e-10, its rounding by 1e-16/h =
+    // 1e-11.
     for t in [0.1, 0.25, 0.5, 0.8] {
         assert!((speed(t) - FRAC_PI_2 * (PI * t).sin()).abs() < 1e-9);
     }

@@ -43,7 +43,8 @@ fn a_quadratic_motion_is_met_between_inner_keyframes() {
     }
     // The outermost slopes are zero. Between 0 and 1 that is right for t²:
     assert!((path.at(0.25)[0].x - 0.0625).abs() < 1e-15);
-    // but between 3 and 4 it is not: 9 + 7 (3s² - 2s³) + 6 (s³ - 2s² + s), at s = 1/2 this is 9 + 3.5 + 0.75.
+    // but between 3 and 4 it is not: 9 + 7 (3s² - 2s³) + 6 (s³ - 2s² + s), at s = 1/2 this is 9 +
+    // 3.5 + 0.75.
     assert!((path.at(3.5)[0].x - 13.25).abs() < 1e-14);
     assert_eq!(path.at(9.0), path.at(4.0));
 }

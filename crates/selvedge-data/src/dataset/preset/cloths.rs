@@ -1,5 +1,5 @@
-//! Cloths beside the setting's own: the meshes that have a name, at one density, and any that the file
-//! describes, on each of which the test motions are run.
+//! Cloths beside the setting's own: the meshes that have a name, at one density, and any that the
+//! file describes, on each of which the test motions are run.
 //!
 //! A trajectory is then called by mesh and motion, as `wide.bouncy`. The motion `apart` fits the
 //! handles of each mesh.

@@ -10,9 +10,9 @@ use crate::scene::{MeshSpec, Setting};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedCloth {
-    /// What people call it.
+    /// Name of the cloth.
     pub name: String,
-    /// Where the mesh comes from.
+    /// Source of the mesh.
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
@@ -22,9 +22,9 @@ pub struct NamedCloth {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DatasetConfig {
-    /// What people call it.
+    /// Name of the data set.
     pub name: String,
-    /// What of the training split is learned from.
+    /// Rule for the sections to learn from.
     pub sections: SectionRule,
     /// All of the scenes but their motions.
     pub setting: Setting,
@@ -41,9 +41,9 @@ pub struct DatasetConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedMotion {
-    /// What people call it; the name of its file.
+    /// Name of the motion and of its file.
     pub name: String,
-    /// How the handles move.
+    /// Motion of the handles.
     pub motion: Motion,
     /// The cloth that they move; the setting's own where none is named.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,17 +1,17 @@
-//! What making a data set comes to: trajectories, frames, sections and samples, known before anything
-//! is simulated.
+//! What making a data set comes to: trajectories, frames, sections and samples, known before
+//! anything is simulated.
 
 use serde::Serialize;
 
 use crate::dataset::Split;
 use crate::dataset::sections::Section;
 
-/// What a preset will make.
+/// Forecast of the data set that a preset will make.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
     /// The trajectories, in order; training first.
     pub runs: Vec<PlannedRun>,
-    /// What of the training split is learned from.
+    /// Sections of the training split to learn from.
     pub sections: Vec<Section>,
 }
 

@@ -244,7 +244,7 @@ impl DatasetPreset {
         Ok(Forecast { runs, sections })
     }
 
-    /// What will be made.
+    /// Forecast of the data set.
     #[must_use]
     pub fn forecast(&self) -> &Forecast {
         &self.forecast
@@ -290,7 +290,7 @@ impl DatasetPreset {
         Ok(LoadedScene::new(spec, scene))
     }
 
-    /// What [`DatasetWriter`](crate::DatasetWriter) needs to know.
+    /// The plan for [`DatasetWriter`](crate::DatasetWriter).
     ///
     /// # Errors
     /// [`SceneSpecError::Json`], as of [`SceneSpec::to_json`].

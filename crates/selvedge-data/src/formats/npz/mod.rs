@@ -2,7 +2,8 @@
 //!
 //! The archive is read through its central directory; each array is decoded and checked against its
 //! checksum when it is asked for. Archives over 4 GB, encrypted entries and other methods are
-//! errors. What is written ([`write_archive`]) is for other programs: safetensors is our own container.
+//! errors. What is written ([`write_archive`]) is for other programs: safetensors is our own
+//! container.
 
 mod write;
 

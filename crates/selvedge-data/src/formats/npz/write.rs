@@ -69,7 +69,7 @@ impl EntryOut<'_> {
         hasher.finalize()
     }
 
-    /// What stands before the array and, again, in the directory.
+    /// Facts that stand before the array and, again, in the directory.
     fn facts(&self, checksum: u32) -> Vec<u8> {
         let length = (self.length() as u32).to_le_bytes();
         let mut facts = vec![20, 0, 0, 0, 0, 0];
@@ -83,7 +83,7 @@ impl EntryOut<'_> {
     }
 }
 
-/// How many bytes the archive will have.
+/// Size of the archive in bytes.
 pub(crate) fn archive_bytes(entries: &[EntryOut<'_>]) -> u64 {
     let records = (LOCAL_LENGTH + DIRECTORY_LENGTH) as u64;
     let of = |entry: &EntryOut<'_>| records + 2 * entry.file_name().len() as u64 + entry.length();

@@ -1,5 +1,5 @@
-//! From statements to a mesh: one texture coordinate per vertex (cut open along seams, where that is
-//! wanted), polygons split into triangles.
+//! From statements to a mesh: one texture coordinate per vertex (cut open along seams, where that
+//! is wanted), polygons split into triangles.
 
 use glam::DVec2;
 use selvedge_cloth::Mesh;

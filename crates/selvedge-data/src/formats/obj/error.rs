@@ -11,7 +11,7 @@ use thiserror::Error;
 pub struct ReadObjError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The problem.
     #[source]
     pub source: ObjError,
 }

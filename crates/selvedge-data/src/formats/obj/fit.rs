@@ -1,9 +1,9 @@
 //! Texture coordinates of any unit as material coordinates in metres: each sheet's are stretched
 //! along u and along v so that its edges become as long as they are at the start.
 //!
-//! Least squares over the sheet's edges for a = s_u², b = s_v²: Σ (a Δu² + b Δv² - l²)² is smallest,
-//! a linear problem that is met exactly by a sheet that was rolled or folded out of its texture
-//! without strain. A sheet whose texture is mirrored is mirrored back.
+//! Least squares over the sheet's edges for a = s_u², b = s_v²: Σ (a Δu² + b Δv² - l²)² is
+//! smallest, a linear problem that is met exactly by a sheet that was rolled or folded out of its
+//! texture without strain. A sheet whose texture is mirrored is mirrored back.
 
 use glam::DVec2;
 use selvedge_cloth::geometry::signed_area_2d;

@@ -1,14 +1,14 @@
-//! Meshes as Wavefront OBJ: texture coordinates are the material coordinates `[m]`, vertices keep the
-//! numbers that they have in the file (from 0 here, from 1 there), and objects and groups become
-//! labels of vertices.
+//! Meshes as Wavefront OBJ: texture coordinates are the material coordinates `[m]`, vertices keep
+//! the numbers that they have in the file (from 0 here, from 1 there), and objects and groups
+//! become labels of vertices.
 //!
 //! Files of other programs often have texture coordinates from 0 to 1 and seams, where a vertex has
 //! two of them: [`ObjOptions`] says what is done then.
 //!
 //! Several objects make one mesh of several sheets. The reader is our own: the common ones number
 //! vertices anew in every group, so that handles chosen by number would be others. Normals,
-//! materials and smoothing are passed over; curves and surfaces are errors. Bytes that are not UTF-8
-//! can only be part of names, where they become the replacement character.
+//! materials and smoothing are passed over; curves and surfaces are errors. Bytes that are not
+//! UTF-8 can only be part of names, where they become the replacement character.
 
 mod assemble;
 mod error;

@@ -2,17 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What is done with texture coordinates that are not those of a cloth in metres.
+/// Treatment of texture coordinates that are not those of a cloth in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjOptions {
-    /// Where a vertex has two texture coordinates.
+    /// Treatment of vertices with two texture coordinates.
     pub seams: Seams,
     /// The unit of texture coordinates.
     pub texture: TextureUnit,
 }
 
-/// What is done where a vertex has two texture coordinates.
+/// Treatment of vertices with two texture coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Seams {

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::error::ObjError;
 
-/// What a file says.
+/// Statements of a file.
 #[derive(Debug, Default)]
 pub(super) struct Statements {
     pub(super) positions: Vec<DVec3>,

@@ -9,7 +9,7 @@ use selvedge_cloth::Topology;
 
 use crate::formats::atomic::{WriteError, write_atomically};
 
-/// What is written of a cloth.
+/// Parts of a cloth that are written.
 pub(crate) struct ObjFrame<'a> {
     /// Its faces.
     pub(crate) topology: &'a Topology,
@@ -21,8 +21,8 @@ pub(crate) struct ObjFrame<'a> {
     pub(crate) normals: Option<&'a [Vec3]>,
 }
 
-/// Writes `positions` `[m]`, `[vertices]`, and `material_coordinates` `[m]`, `[vertices]`, of a cloth
-/// with this topology, all or nothing.
+/// Writes `positions` `[m]`, `[vertices]`, and `material_coordinates` `[m]`, `[vertices]`, of a
+/// cloth with this topology, all or nothing.
 ///
 /// # Errors
 /// [`WriteError`].

@@ -1,9 +1,10 @@
 //! Nodes and their animation from USD as text (.usda): prims with `xformOp:` attributes, their time
 //! samples, and `xformOpOrder`; `upAxis`, `metersPerUnit` and `timeCodesPerSecond` of the stage.
 //!
-//! Everything else is passed over by its brackets. Not understood, and an error only for a node that is
-//! followed: what comes from other files or prims (references, payloads, inherits, specializes, variants),
-//! `over` and `class`. Sublayers are an error always. Samples are joined linearly, as USD does by itself.
+//! Everything else is passed over by its brackets. Not understood, and an error only for a node
+//! that is followed: what comes from other files or prims (references, payloads, inherits,
+//! specializes, variants), `over` and `class`. Sublayers are an error always. Samples are joined
+//! linearly, as USD does by itself.
 //!
 //! Conventions of USD: a list of operations goes from the outermost to the innermost; matrices have
 //! their translation in the last row; quaternions begin with the real part; angles are in degrees.
@@ -27,7 +28,7 @@ const BINARY: &[u8] = b"PXR-USDC";
 const CODES_PER_SECOND: f64 = 24.0;
 const METRES_PER_UNIT: f64 = 0.01;
 
-/// What a stage says of itself.
+/// Metadata of a stage.
 struct Stage {
     codes_per_second: Option<f64>,
     frames_per_second: Option<f64>,

@@ -15,7 +15,7 @@ pub(super) struct Attribute {
     /// With `xformOp:`, without `.timeSamples`.
     pub(super) name: String,
     pub(super) samples: Samples,
-    /// Where it stands.
+    /// Line of the attribute.
     pub(super) line: usize,
 }
 
@@ -29,7 +29,7 @@ pub(super) enum Samples {
 /// The operations of a prim from the outermost to the innermost.
 ///
 /// # Errors
-/// What cannot be understood.
+/// The part that cannot be understood.
 pub(super) fn operations_of(
     attributes: &[Attribute],
     order: Option<&[String]>,

@@ -1,5 +1,5 @@
-//! The words of a .usda file: names, numbers, texts in quotes, assets, paths and signs, with the lines
-//! that they stand in. Comments are passed over.
+//! The words of a .usda file: names, numbers, texts in quotes, assets, paths and signs, with the
+//! lines that they stand in. Comments are passed over.
 
 use std::fmt;
 
@@ -79,7 +79,8 @@ impl<'a> Tokens<'a> {
         Ok(self.ahead.map(|ahead| ahead.0))
     }
 
-    /// Whether the next token is in a line after the last one taken; `peek` must have been called.
+    /// Returns true when the next token is in a line after the last one taken; `peek` must have
+    /// been called.
     pub(super) fn is_at_line_start(&self) -> bool {
         self.ahead.is_some_and(|ahead| ahead.1 > self.taken)
     }

@@ -16,12 +16,12 @@ use super::parts::Parts;
 use super::shared::find_file;
 use crate::formats::obj::ObjOptions;
 
-/// What a material can be multiplied by; its mass per area `[kg/m²]`; its damping `[s]`.
+/// Ranges of factors of a material, of mass per area `[kg/m²]` and of damping `[s]`.
 const FACTORS: RangeInclusive<f64> = 1e-6..=1e6;
 const DENSITIES: RangeInclusive<f64> = 1e-6..=1e6;
 const DAMPING: RangeInclusive<f64> = 0.0..=100.0;
 
-/// What a scene says of its cloth.
+/// Mesh and material of a scene.
 pub(super) struct Cloth {
     pub(super) mesh: MeshSpec,
     pub(super) material: Material,
@@ -145,7 +145,8 @@ fn read_material(
     Ok((material, file))
 }
 
-/// The material in a file, with that file, or the shipped one of its name where there is no such file.
+/// The material in a file, with that file, or the shipped one of its name where there is no such
+/// file.
 fn read_data(
     path: &str,
     used: &Object<'_>,
@@ -175,8 +176,8 @@ fn read_data(
     Ok((material, Some(file)))
 }
 
-/// A material in ARCSim's own form: density `[kg/m²]`, six rows of stretching `[N/m]`, three of bending
-/// `[N·m]`.
+/// A material in ARCSim's own form: density `[kg/m²]`, six rows of stretching `[N/m]`, three of
+/// bending `[N·m]`.
 pub(super) fn parse_material(
     text: &str,
     name: &str,

@@ -8,20 +8,20 @@ use super::cloth::read_rotation;
 use super::object::Object;
 use super::shared::Times;
 
-/// What a scene says of its handles.
+/// Handles of a scene and their motion.
 pub(super) struct Drive {
     /// The held vertices.
     pub(super) vertices: Vec<u32>,
     /// When they are let go.
     pub(super) schedule: HandleSchedule,
-    /// How they move: a group for each handle of the file that has a motion.
+    /// Motion of the handles: a group for each handle of the file that has a motion.
     pub(super) motion: SplineMotion,
 }
 
 /// Reads `handles` and `motions`.
 ///
-/// ARCSim takes hold of a node in its first solve, where the node then is; so the motion is relative
-/// to its transform at the end of that solve.
+/// ARCSim takes hold of a node in its first solve, where the node then is; so the motion is
+/// relative to its transform at the end of that solve.
 pub(super) fn read(
     scene: &mut Object<'_>,
     times: &Times,

@@ -1,10 +1,11 @@
-//! Scenes of ARCSim (Narain et al. 2012, 2013) as they are: its JSON, in which `//` comments are allowed.
+//! Scenes of ARCSim (Narain et al. 2012, 2013) as they are: its JSON, in which `//` comments are
+//! allowed.
 //!
 //! Read are one cloth (mesh, transform, material), the held nodes and their motions, gravity, wind,
 //! and the times. Such a scene is run as ARCSim runs it: from where the mesh stands, with
-//! [`PhysicsMode::Arcsim`]. A key that has no counterpart here is named in a warning, as is a part of
-//! ARCSim that the scene does not disable and that Selvedge lacks; a wrong value is an error that
-//! names its key. Files are looked for beside the scene and then in the working directory.
+//! [`PhysicsMode::Arcsim`]. A key that has no counterpart here is named in a warning, as is a part
+//! of ARCSim that the scene does not disable and that Selvedge lacks; a wrong value is an error
+//! that names its key. Files are looked for beside the scene and then in the working directory.
 
 mod cloth;
 mod drive;
@@ -32,7 +33,7 @@ const FRAME_TIMES: RangeInclusive<f64> = 1e-5..=1.0;
 
 const MOST_STEPS: u32 = 1000;
 
-/// What gravity `[m/s²]` and wind `[m/s]` are at most, and the density of air and its drag.
+/// Largest gravity `[m/s²]` and wind `[m/s]`, and the ranges of air density and drag.
 const STRONGEST_GRAVITY: f64 = 1e6;
 
 const FASTEST_WIND: f64 = 1e3;

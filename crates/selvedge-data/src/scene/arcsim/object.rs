@@ -12,7 +12,7 @@ use super::unique::Unique;
 
 /// An object of the file.
 pub(super) struct Object<'a> {
-    /// Where it is, as `cloths[0].`; nothing at the top.
+    /// Place of the object, as `cloths[0].`; nothing at the top.
     prefix: String,
     entries: &'a Map<String, Value>,
     read: BTreeSet<&'a str>,
@@ -202,7 +202,7 @@ impl<'a> Object<'a> {
             .transpose()
     }
 
-    /// Where `key` is in the file.
+    /// Place of `key` in the file.
     pub(super) fn place(&self, key: &str) -> String {
         format!("{}{key}", self.prefix)
     }

@@ -19,7 +19,7 @@ const KNOWN: [&str; 9] = [
 /// Stiffness of ARCSim's handles that Selvedge has too `[N/m]`.
 const HANDLE_STIFFNESS: f64 = 1e3;
 
-/// What a scene disables.
+/// Parts of ARCSim that a scene disables.
 pub(super) struct Parts {
     disabled: Vec<String>,
 }
@@ -68,7 +68,7 @@ impl Parts {
         self.disabled.iter().any(|disabled| disabled == name)
     }
 
-    /// Whether all of `names` are disabled.
+    /// Returns true when all of `names` are disabled.
     fn lacks(&self, names: &[&str]) -> bool {
         names.iter().all(|name| self.disables(name))
     }

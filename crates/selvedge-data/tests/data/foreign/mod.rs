@@ -1,9 +1,7 @@
-//! Foreign data, written by programs that are not ours (`fixtures/foreign/generate.py`): what is read
-//! is what was written, what is missing or contradicts itself is named, and no damage is a panic.
+//! Foreign data, written by programs that are not ours (`fixtures/foreign/generate.py`): what is
+//! read is what was written, what is missing or contradicts itself is named, and no damage is a
+//! panic.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
-#[path = "foreign/contents.rs"]
 mod contents;
 
 use std::fs;
@@ -417,7 +415,7 @@ fn defects_of_meta_json_are_named() {
     }
 }
 
-/// What damaged bytes of train.tfrecord give: the trajectories or an error.
+/// Reads damaged bytes of train.tfrecord: the trajectories or an error.
 fn read_damaged(folder: &Path, bytes: &[u8]) -> Result<Vec<Trajectory>, String> {
     fs::write(folder.join("train.tfrecord"), bytes).unwrap();
     read_all(&open_flag(folder)?)

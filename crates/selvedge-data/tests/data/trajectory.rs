@@ -1,8 +1,6 @@
 //! Trajectory files: what is written is read back, equal runs make equal bytes, and whatever is
 //! wrong with a file is an error that says what.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use std::ops::ControlFlow;
 
 use glam::{Vec2, Vec3};

@@ -1,8 +1,6 @@
 //! OBJ files: numbers of vertices are the file's, texture coordinates the material's, and what is
 //! not a cloth is an error that names the line or vertex.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::Topology;
@@ -197,8 +195,8 @@ proptest! {
     }
 }
 
-/// A closed tube of `around` quads and one row, radius 0.5 m, 0.8 m high, its texture from 0 to 1 in
-/// both directions with a seam, as other programs unwrap it; vertices 1 to `around` below.
+/// A closed tube of `around` quads and one row, radius 0.5 m, 0.8 m high, its texture from 0 to 1
+/// in both directions with a seam, as other programs unwrap it; vertices 1 to `around` below.
 fn tube(around: usize) -> String {
     let mut text = "o Tube\n".to_owned();
     for height in [0.0, 0.8] {

@@ -1,8 +1,6 @@
 //! Materials of one's own, groups of handles, releases and gusts, as scene files say them; every
 //! mistake is an error that names the file and the field.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use std::path::Path;
 
 use glam::DVec3;

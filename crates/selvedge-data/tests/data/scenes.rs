@@ -1,8 +1,6 @@
 //! Scene files and presets: what is shipped is usable, what is resolved survives JSON, and every
 //! mistake is an error that names the file and the field.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use std::path::Path;
 
 use glam::{DVec2, DVec3};

@@ -1,8 +1,6 @@
 //! Presets of data sets: the counts of the paper, every mesh in every motion, and every mistake an
 //! error that names the field.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use std::path::Path;
 
 use selvedge_cloth::generate::named_sheets;

@@ -1,8 +1,6 @@
 //! Data sets: what is written is opened with everything in place, an interrupted run goes on, and
 //! what is wrong with a folder is an error that says what.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use std::path::Path;
 
 use glam::{Vec2, Vec3};

@@ -1,7 +1,5 @@
 //! Closed forms of the metrics: displacements, scalings and speeds whose measures are known.
 
-#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
-
 use glam::{Vec2, Vec3};
 use selvedge_cloth::Topology;
 use selvedge_data::Frames;

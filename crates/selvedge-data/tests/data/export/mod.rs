@@ -1,7 +1,5 @@
-//! What is exported comes back: each format is read by a small reader of this file, written from the
-//! format's description and not from the writer, and has the positions of the trajectory.
-
-#![allow(clippy::unwrap_used)]
+//! What is exported comes back: each format is read by a small reader of this file, written from
+//! the format's description and not from the writer, and has the positions of the trajectory.
 
 mod gltf;
 

@@ -1,4 +1,5 @@
-//! What of a foreign folder is taken, that nothing is left out unseen, and numbers that no cloth has.
+//! What of a foreign folder is taken, that nothing is left out unseen, and numbers that no cloth
+//! has.
 
 use selvedge_data::foreign::Purpose;
 

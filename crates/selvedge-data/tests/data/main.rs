@@ -1,0 +1,14 @@
+//! Tests of the files and metrics of this crate from outside, in one binary.
+
+#![allow(clippy::unwrap_used, reason = "a failing helper fails its test")]
+
+mod dataset;
+mod example;
+mod export;
+mod foreign;
+mod metrics;
+mod obj;
+mod presets;
+mod scene_parts;
+mod scenes;
+mod trajectory;
