@@ -17,7 +17,7 @@ use selvedge_data::metrics::{Comparison, compare};
 use selvedge_data::{Drive, Frames, Provenance, Trajectory, UpAxis, record};
 
 /// A cloth in which every free vertex moves by the mean move of the handles.
-pub struct Follower {
+pub(crate) struct Follower {
     cloth: Cloth,
     positions: Vec<Vec3>,
     frame: usize,
@@ -25,7 +25,7 @@ pub struct Follower {
 
 impl Follower {
     /// Starts in the rest pose of `cloth`.
-    pub fn new(cloth: Cloth) -> Self {
+    pub(crate) fn new(cloth: Cloth) -> Self {
         let positions = cloth.rest_positions().to_vec();
         Self {
             cloth,
@@ -78,7 +78,7 @@ impl Stepper for Follower {
 }
 
 /// A square of 100 vertices that is held by its upper corners.
-pub fn cloth() -> Result<Cloth, Box<dyn Error>> {
+pub(crate) fn cloth() -> Result<Cloth, Box<dyn Error>> {
     let sheet = square(&SquareSpec {
         vertices: 100,
         size: 1.0,
@@ -89,7 +89,7 @@ pub fn cloth() -> Result<Cloth, Box<dyn Error>> {
 }
 
 /// Records two seconds, compares them with a cloth that stands still and writes them to `out`.
-pub fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
+pub(crate) fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
     let (cloth, frame_rate) = (cloth()?, 60.0);
     let mut stepper = Follower::new(cloth.clone());
     let start = cloth.handles().of(cloth.rest_positions());
