@@ -198,7 +198,7 @@ impl HandleTargets {
         !self.released.get(handle).copied().unwrap_or(false)
     }
 
-    /// For those that cannot let go: checks that every handle holds.
+    /// Checks that every handle holds, for a stepper that cannot let go.
     ///
     /// # Errors
     /// [`HandleError::Released`].

@@ -71,8 +71,8 @@ pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTabl
 pub use mesh::{Mesh, MeshError, RestShape};
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
-    PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup, SplineMotion,
-    Translation, TurnSense,
+    PaceError, PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup,
+    SplineMotion, Translation, TurnSense,
 };
 pub use physics::{
     AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, HandleConstraint, Integrator,

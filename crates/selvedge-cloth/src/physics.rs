@@ -1,4 +1,4 @@
-//! How the reference simulator is to run a scene. These are nouns of a scene; the laws are in
+//! Settings of the reference simulator. They are nouns of a scene; the laws are in
 //! `selvedge-sim`.
 
 use serde::{Deserialize, Serialize};
@@ -133,7 +133,7 @@ pub enum LinearSolver {
     /// Cholesky for a small cloth, conjugate gradients for one of 600 vertices and more.
     #[default]
     Automatic,
-    /// A complete factorisation: exact but for rounding.
+    /// A complete factorisation: exact up to rounding.
     Cholesky,
     /// Preconditioned conjugate gradients from the last solution.
     ConjugateGradients(ConjugateGradients),

@@ -25,7 +25,7 @@ pub struct Release {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct HandleSchedule {
-    /// In any order; spans of one handle may touch, but not overlap.
+    /// Releases in any order. Spans of one handle may touch, but not overlap.
     pub releases: Vec<Release>,
 }
 

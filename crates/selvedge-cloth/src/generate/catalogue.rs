@@ -8,9 +8,9 @@ use super::shapes::Shape;
 pub struct NamedSheet {
     /// Name of the sheet.
     pub name: &'static str,
-    /// Its shape.
+    /// Shape of the sheet.
     pub shape: Shape,
-    /// Its size `[m]`.
+    /// Size of the sheet `[m]`.
     pub size: f64,
     /// The label of its handles.
     pub handles: &'static str,
@@ -53,7 +53,7 @@ impl NamedSheet {
         SHEETS.into_iter().find(|sheet| sheet.name == name)
     }
 
-    /// Its number of vertices at `density` `[vertices/m²]`.
+    /// Number of vertices at `density` `[vertices/m²]`.
     #[must_use]
     pub fn vertices(&self, density: f64) -> usize {
         self.shape.vertices(self.size, density)

@@ -38,7 +38,7 @@ pub struct SquareSpec {
 /// A sheet of any shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetSpec {
-    /// Its shape.
+    /// Shape of the sheet.
     pub shape: Shape,
     /// Number of vertices; the mesh has exactly so many.
     pub vertices: usize,

@@ -80,7 +80,7 @@ pub(super) fn sheet_from_outline(
     })
 }
 
-/// That points thrown into the rectangle around the region hit it; false for NaN too.
+/// Checks that random points in the rectangle around the region hit it; NaN fails too.
 fn check_area(loops: &[Vec<DVec2>]) -> Result<(), GenerateError> {
     let corners = || loops.iter().flatten().copied();
     let low = corners().fold(DVec2::INFINITY, DVec2::min);

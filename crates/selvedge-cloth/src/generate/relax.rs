@@ -21,9 +21,9 @@ use crate::geometry::signed_area_2d;
 const ROUND: usize = 6;
 /// Looks at most: what is not mended by then is as good as this outline and count allow.
 const MOST_ROUNDS: usize = 20;
-/// Cosine of 30°: no angle is to be smaller.
+/// Cosine of 30°, the smallest angle that the relaxation aims at.
 const LARGEST_COSINE: f64 = 0.866_025_403_784_438_6;
-/// No edge is to be shorter or longer than this, in mean edge lengths.
+/// Range of edge lengths that the relaxation aims at, in mean edge lengths.
 const EDGE_RANGE: std::ops::RangeInclusive<f64> = 0.6..=1.5;
 /// Largest shake of the vertices of a bad face along each axis, in mean edge lengths.
 const SHAKE: f64 = 0.3;

@@ -22,7 +22,7 @@ pub(super) struct KeyframePath {
 struct Group {
     handles: Vec<usize>,
     centroid: DVec3,
-    /// Of length one; none where it is the vertical.
+    /// Axis of length one; none for the vertical.
     axis: Option<DVec3>,
     /// The first at time 0, without displacement.
     keyframes: Vec<Keyframe>,

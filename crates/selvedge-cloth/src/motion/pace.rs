@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use super::bounds::split_place;
 use super::error::{MotionError, value_error};
@@ -54,12 +55,23 @@ struct PaceFields {
     profile: Option<Profile>,
 }
 
-impl TryFrom<PaceFields> for Pace {
-    type Error = String;
+/// Why keys do not make a [`Pace`].
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum PaceError {
+    #[error("give either `distance`, or `start`, `end` and `profile`, not both")]
+    Both,
+    #[error("a pace needs `distance`, or `start`, `end` and `profile`")]
+    Neither,
+    #[error("a speed needs `start`, `end` and `profile`: `{key}` is missing")]
+    Missing { key: &'static str },
+}
 
-    fn try_from(fields: PaceFields) -> Result<Self, String> {
-        let missing =
-            |key| format!("a speed needs `start`, `end` and `profile`: `{key}` is missing");
+impl TryFrom<PaceFields> for Pace {
+    type Error = PaceError;
+
+    fn try_from(fields: PaceFields) -> Result<Self, PaceError> {
+        let missing = |key| PaceError::Missing { key };
         match fields {
             PaceFields {
                 distance: Some(distance),
@@ -69,13 +81,13 @@ impl TryFrom<PaceFields> for Pace {
             } => Ok(Self::Distance { distance }),
             PaceFields {
                 distance: Some(_), ..
-            } => Err("give either `distance`, or `start`, `end` and `profile`, not both".into()),
+            } => Err(PaceError::Both),
             PaceFields {
                 start: None,
                 end: None,
                 profile: None,
                 ..
-            } => Err("a pace needs `distance`, or `start`, `end` and `profile`".into()),
+            } => Err(PaceError::Neither),
             PaceFields {
                 start,
                 end,
@@ -122,7 +134,7 @@ impl Pace {
         }
     }
 
-    /// So many times as far, and as fast.
+    /// The pace `factor` times as far and as fast.
     pub(super) fn times(self, factor: f64) -> Self {
         match self {
             Self::Distance { distance } => Self::Distance {

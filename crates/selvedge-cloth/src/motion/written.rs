@@ -197,7 +197,7 @@ impl Motion {
     }
 
     /// The same motion `factor` times as fast: every block goes so many times as far in its time.
-    /// None where it is not made of blocks, whose places are given and not how far they are apart.
+    /// Returns none for a motion that is not made of blocks: its places are given, not its moves.
     #[must_use]
     pub fn at_speed(&self, factor: f64) -> Option<Self> {
         let Self::Blocks { blocks } = self else {

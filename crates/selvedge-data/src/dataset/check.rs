@@ -5,18 +5,23 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
 
+use super::problem::IndexProblem;
 use super::{DatasetIndex, Entry, Split};
 use crate::dataset::sections::{SAMPLE_FRAMES, Section};
 
-/// Says what is wrong with the index of the data set in `folder`.
-pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
+/// Checks the index of the data set in `folder`.
+pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), IndexProblem> {
     let splits = [
         (Split::Train, &index.splits.train),
         (Split::Test, &index.splits.test),
     ];
     for (split, entries) in splits {
-        check_names(entries.iter().map(|entry| entry.motion.as_str()))
-            .map_err(|(motion, problem)| format!("motion {motion:?} {problem}"))?;
+        check_names(entries.iter().map(|entry| entry.motion.as_str())).map_err(
+            |(motion, problem)| IndexProblem::Name {
+                motion: motion.to_owned(),
+                problem,
+            },
+        )?;
         for entry in entries {
             check_file(folder, split, entry)?;
         }
@@ -39,7 +44,8 @@ pub(crate) fn folder_of(split: Split) -> &'static str {
     }
 }
 
-/// That the motions of a split can be names of files and are all different; else which, and why.
+/// Checks that the motions of a split can be names of files and are all different. The error is the
+/// motion and the reason.
 pub(crate) fn check_names<'a>(
     motions: impl Iterator<Item = &'a str>,
 ) -> Result<(), (&'a str, &'static str)> {
@@ -58,22 +64,23 @@ pub(crate) fn check_names<'a>(
     Ok(())
 }
 
-fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), String> {
-    let file = &entry.file;
-    if !is_inside(Path::new(file)) {
-        return Err(format!("file {file:?} is not inside the data set's folder"));
+fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), IndexProblem> {
+    let file = entry.file.clone();
+    if !is_inside(Path::new(&file)) {
+        return Err(IndexProblem::Outside { file });
     }
-    if !folder.join(file).is_file() {
-        return Err(format!("file {file:?} is missing"));
+    if !folder.join(&file).is_file() {
+        return Err(IndexProblem::Missing { file });
     }
     let expected = file_of(split, &entry.motion);
-    if *file != expected {
-        let motion = &entry.motion;
-        return Err(format!(
-            "file {file:?} is not that of motion {motion:?}, {expected:?}"
-        ));
+    if file == expected {
+        return Ok(());
     }
-    Ok(())
+    Err(IndexProblem::OtherMotion {
+        file,
+        motion: entry.motion.clone(),
+        expected,
+    })
 }
 
 fn is_inside(file: &Path) -> bool {
@@ -81,21 +88,22 @@ fn is_inside(file: &Path) -> bool {
     parts.clone().next().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// That no trajectory is there twice, neither in a split nor in both.
-fn check_once(index: &DatasetIndex) -> Result<(), String> {
+/// Checks that no trajectory is there twice, neither in a split nor in both.
+fn check_once(index: &DatasetIndex) -> Result<(), IndexProblem> {
     let mut seen: BTreeMap<&str, &Entry> = BTreeMap::new();
     for entry in index.splits.train.iter().chain(&index.splits.test) {
         if let Some(other) = seen.insert(&entry.blake3, entry) {
-            return Err(format!(
-                "files {:?} and {:?} are the same trajectory (hash {})",
-                other.file, entry.file, entry.blake3
-            ));
+            return Err(IndexProblem::Twice {
+                first: other.file.clone(),
+                second: entry.file.clone(),
+                blake3: entry.blake3.clone(),
+            });
         }
     }
     Ok(())
 }
 
-fn check_sections(index: &DatasetIndex) -> Result<(), String> {
+fn check_sections(index: &DatasetIndex) -> Result<(), IndexProblem> {
     for (number, section) in index.sections.iter().enumerate() {
         let &Section {
             trajectory,
@@ -104,14 +112,19 @@ fn check_sections(index: &DatasetIndex) -> Result<(), String> {
         } = section;
         let frames = index.splits.train.get(trajectory).map(|entry| entry.frames);
         if start >= end || frames.is_none_or(|frames| end > frames) {
-            return Err(format!(
-                "section {number}: frames {start}..{end} of training trajectory {trajectory} do not exist"
-            ));
+            return Err(IndexProblem::NoFrames {
+                section: number,
+                trajectory,
+                start,
+                end,
+            });
         }
         if end - start < SAMPLE_FRAMES {
-            return Err(format!(
-                "section {number}: frames {start}..{end} are fewer than the {SAMPLE_FRAMES} of a sample"
-            ));
+            return Err(IndexProblem::TooShort {
+                section: number,
+                start,
+                end,
+            });
         }
     }
     // Sections may share the frames at their ends, but not samples, whose frames are one less at
@@ -121,16 +134,17 @@ fn check_sections(index: &DatasetIndex) -> Result<(), String> {
     for pair in order.windows(2) {
         let ((first, a), (second, b)) = (pair[0], pair[1]);
         if a.trajectory == b.trajectory && b.start + 2 < a.end {
-            let trajectory = a.trajectory;
-            return Err(format!(
-                "sections {first} and {second} of training trajectory {trajectory} have samples in common"
-            ));
+            return Err(IndexProblem::Shared {
+                first,
+                second,
+                trajectory: a.trajectory,
+            });
         }
     }
     Ok(())
 }
 
-fn check_counts(index: &DatasetIndex) -> Result<(), String> {
+fn check_counts(index: &DatasetIndex) -> Result<(), IndexProblem> {
     let (splits, statistics) = (&index.splits, &index.statistics);
     // What an index says may be too much for one word.
     let train_frames: u128 = splits.train.iter().map(|entry| entry.frames as u128).sum();
@@ -143,9 +157,11 @@ fn check_counts(index: &DatasetIndex) -> Result<(), String> {
         ("samples", statistics.samples, samples),
     ] {
         if said as u128 != counted {
-            return Err(format!(
-                "statistics.{field} is {said}, but its trajectories and sections have {counted}"
-            ));
+            return Err(IndexProblem::Count {
+                field,
+                said,
+                counted,
+            });
         }
     }
     Ok(())

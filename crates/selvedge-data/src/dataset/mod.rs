@@ -1,8 +1,8 @@
 //! A data set: a folder with `index.json` and one trajectory file per motion, split into training
 //! and test. What is opened here is complete; [`DatasetWriter`](crate::DatasetWriter) makes it.
 //!
-//! Of the index nothing is taken on trust: what it says of itself is checked when it is opened,
-//! what it says of a file when that is read.
+//! Nothing in the index is trusted: its own lists are checked when it is opened, its entry for a
+//! file when the file is read.
 //!
 //! The index carries format name and version, the resolved configuration that it was made from,
 //! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
@@ -10,9 +10,11 @@
 pub(crate) mod check;
 pub(crate) mod plan;
 pub(crate) mod preset;
+pub(crate) mod problem;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
+use crate::dataset::problem::{FolderProblem, IndexProblem};
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
@@ -53,7 +55,7 @@ pub struct DatasetIndex {
     pub name: String,
     /// The resolved configuration that it was made from.
     pub config: Value,
-    /// Its trajectories.
+    /// The trajectories.
     pub splits: Splits,
     /// Sections of the training split to learn from.
     pub sections: Vec<Section>,
@@ -77,7 +79,7 @@ pub struct Splits {
 pub struct Entry {
     /// Name of its motion, once in a split.
     pub motion: String,
-    /// Its file, relative to the folder.
+    /// File of the trajectory, relative to the folder.
     pub file: String,
     /// BLAKE3 hash of the file, in hexadecimal.
     pub blake3: String,
@@ -122,7 +124,11 @@ pub enum DatasetError {
         source: std::io::Error,
     },
     #[error("{}: {problem}: restore the index, or make the data set again", path.display())]
-    Index { path: PathBuf, problem: String },
+    Index {
+        path: PathBuf,
+        #[source]
+        problem: Box<IndexProblem>,
+    },
     #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected}): restore it, or make the data set again", path.display())]
     Hash {
         path: PathBuf,
@@ -136,7 +142,11 @@ pub enum DatasetError {
         found: String,
     },
     #[error("{}: {problem}", folder.display())]
-    Folder { folder: PathBuf, problem: String },
+    Folder {
+        folder: PathBuf,
+        #[source]
+        problem: FolderProblem,
+    },
     #[error("motion {motion:?}: {problem}")]
     Motion {
         motion: String,
@@ -178,7 +188,10 @@ impl Dataset {
             folder: folder.to_owned(),
             index,
         };
-        let problem = |problem| DatasetError::Index { path, problem };
+        let problem = |problem| DatasetError::Index {
+            path,
+            problem: Box::new(problem),
+        };
         check::check(folder, &dataset.index).map_err(problem)?;
         Ok(dataset)
     }
@@ -189,7 +202,7 @@ impl Dataset {
         &self.folder
     }
 
-    /// Its index.
+    /// Index of the data set.
     #[must_use]
     pub fn index(&self) -> &DatasetIndex {
         &self.index
@@ -304,23 +317,25 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
     })?;
     let problem = |problem| DatasetError::Index {
         path: path.to_owned(),
-        problem,
+        problem: Box::new(problem),
     };
     let value: Value =
-        serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
+        serde_json::from_str(&text).map_err(|error| problem(IndexProblem::Json(error)))?;
     if value["format"] != format {
-        let found = &value["format"];
-        return Err(problem(format!(
-            "format: expected {format:?}, found {found}"
-        )));
+        return Err(problem(IndexProblem::Format {
+            key: "format",
+            expected: format!("{format:?}"),
+            found: value["format"].clone(),
+        }));
     }
     if value["version"] != VERSION {
-        let found = &value["version"];
-        return Err(problem(format!(
-            "version: expected {VERSION}, found {found}"
-        )));
+        return Err(problem(IndexProblem::Format {
+            key: "version",
+            expected: VERSION.to_string(),
+            found: value["version"].clone(),
+        }));
     }
-    serde_json::from_value(value).map_err(|error| problem(error.to_string()))
+    serde_json::from_value(value).map_err(|error| problem(IndexProblem::Contents(error)))
 }
 
 /// The bytes of an entry's file, if they are those of the index.

@@ -34,9 +34,9 @@ impl DatasetPlan {
         }
     }
 
-    /// In what the data set of this index is not the one that the plan makes, as "has other
-    /// sections"; none where it is. What a preset's configuration does not say, since it was
-    /// written before there was a choice, has its default.
+    /// Returns the difference between the data set of `index` and the one that the plan makes, as
+    /// "has other sections"; none where they agree. Keys that an older configuration lacks count as
+    /// their defaults.
     #[must_use]
     pub fn difference(&self, index: &DatasetIndex) -> Option<String> {
         let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();

@@ -18,7 +18,7 @@ pub struct Section {
     pub end: usize,
 }
 
-/// Three frames in a row, of which the third is to be predicted.
+/// Three frames in a row; the third is the one to predict.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Sample {
     /// Number of the trajectory in the training split.

@@ -6,6 +6,7 @@
 
 use crate::dataset::check::{file_of, folder_of};
 use crate::dataset::plan::{DatasetPlan, sections};
+use crate::dataset::problem::FolderProblem;
 use crate::dataset::sections::Section;
 use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
@@ -40,7 +41,7 @@ pub struct DatasetWriter {
 }
 
 impl DatasetWriter {
-    /// Starts a data set in `folder`, which is made, or goes on with one of the same plan.
+    /// Starts a data set in `folder`, which is made, or continues one of the same plan.
     ///
     /// # Errors
     /// [`DatasetError`] when the folder holds something else, even a data set whose plan differs in
@@ -182,13 +183,11 @@ impl DatasetWriter {
     fn check_same(&self, difference: Option<String>) -> Result<(), DatasetError> {
         match difference {
             None => Ok(()),
-            Some(difference) => Err(self.folder_error(format!(
-                "holds a data set that {difference}: choose another folder"
-            ))),
+            Some(difference) => Err(self.folder_error(FolderProblem::Other { difference })),
         }
     }
 
-    /// Goes on with those of the trajectories `done` that are still as they were written.
+    /// Keeps the trajectories of `done` whose files are as they were written.
     fn keep(&mut self, done: Splits) {
         for (split, entries) in [(Split::Train, done.train), (Split::Test, done.test)] {
             let planned = self.plan.motions(split);
@@ -207,9 +206,7 @@ impl DatasetWriter {
         for name in [Split::Train, Split::Test].map(folder_of) {
             let inner = std::fs::read_dir(self.folder.join(name));
             if inner.is_ok_and(|mut files| files.next().is_some()) {
-                return Err(self.folder_error(format!(
-                    "has files in {name}/ but no index: choose an empty folder"
-                )));
+                return Err(self.folder_error(FolderProblem::NoIndex { name }));
             }
         }
         Ok(())
@@ -218,12 +215,12 @@ impl DatasetWriter {
     fn make_folders(&self) -> Result<(), DatasetError> {
         for name in [Split::Train, Split::Test].map(folder_of) {
             std::fs::create_dir_all(self.folder.join(name))
-                .map_err(|source| self.folder_error(format!("could not be made: {source}")))?;
+                .map_err(|source| self.folder_error(FolderProblem::Make(source)))?;
         }
         Ok(())
     }
 
-    fn folder_error(&self, problem: String) -> DatasetError {
+    fn folder_error(&self, problem: FolderProblem) -> DatasetError {
         DatasetError::Folder {
             folder: self.folder.clone(),
             problem,

@@ -23,9 +23,9 @@ pub enum ExportFormat {
 /// Choice of writing a normal for each vertex and frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {
-    /// It is: the mean of its faces' normals by their areas.
+    /// Normals are written: the mean of the normals of the faces by their areas.
     Written,
-    /// It is not: the other program makes its own.
+    /// Normals are left out: the other program makes its own.
     #[default]
     LeftOut,
 }

@@ -44,7 +44,10 @@ pub(super) struct Pulse<'a>(pub(super) &'a mut dyn FnMut() -> ControlFlow<()>);
 pub(super) struct Stop;
 
 impl Pulse<'_> {
-    /// One more frame is written; an error that [`is_stop`] knows where that is to be the last.
+    /// Reports that one more frame is written.
+    ///
+    /// # Errors
+    /// An error that [`is_stop`] knows, where the observer asks to stop.
     pub(super) fn beat(&mut self) -> io::Result<()> {
         match (self.0)() {
             ControlFlow::Continue(()) => Ok(()),

@@ -78,7 +78,7 @@ impl Parts {
         Ok(Trajectory::new(cloth, positions, provenance)?)
     }
 
-    /// That faces name vertices that exist, and that no vertex is beyond all bounds.
+    /// Checks that faces name vertices that exist, and that no vertex is beyond all bounds.
     fn check(&self) -> Result<(), ForeignProblem> {
         let vertices = self.material.len();
         let corners = self.faces.iter().enumerate();
@@ -99,8 +99,8 @@ impl Parts {
     }
 }
 
-/// That `positions` `[m]` are not farther than a cloth can be. What is not finite has an error of
-/// its own.
+/// Checks that `positions` `[m]` are near the origin. Positions that are not finite have an error
+/// of their own.
 fn check_near(place: &str, positions: &[DVec3]) -> Result<(), ForeignProblem> {
     let is_far = |p: &DVec3| p.is_finite() && p.abs().max_element() > FARTHEST;
     match positions.iter().position(is_far) {

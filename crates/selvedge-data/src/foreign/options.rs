@@ -36,7 +36,7 @@ pub enum Purpose {
     /// Something must be there to train on.
     #[default]
     Training,
-    /// To measure models that were trained elsewhere: what there is to train on is left out.
+    /// Measuring models that were trained elsewhere: the training split is left out.
     Testing,
 }
 
@@ -61,10 +61,11 @@ pub struct ImportOptions {
     /// A mesh file whose material coordinates are taken, for released folders whose rest.obj is
     /// sagged and has no texture coordinates. `flag_simple` has its own: not allowed there.
     pub flat: Option<PathBuf>,
-    /// By default z for `flag_simple`, as in ARCSim, which made it (Narain et al. 2012), and y for
-    /// the released folders (Libao et al. 2023, section 5.4: the local frame turns about y).
+    /// Axis that points up. By default z for `flag_simple`, as in ARCSim, which made it (Narain et
+    /// al. 2012), and y for the released folders (Libao et al. 2023, section 5.4: the local frame
+    /// turns about y).
     pub up: Option<UpAxis>,
-    /// At most so many trajectories of each split.
+    /// Largest number of trajectories of each split.
     pub limit: Option<usize>,
     /// Choice of the trajectories that are imported.
     pub purpose: Purpose,
@@ -74,7 +75,7 @@ pub struct ImportOptions {
 }
 
 impl RestSource {
-    /// As the configuration names it.
+    /// The source as the configuration names it.
     pub(super) fn describe(&self) -> Result<Value, ForeignError> {
         match self {
             Self::Flat => Ok(json!("flat")),

@@ -1,7 +1,7 @@
 //! The folders of the released code of Libao et al. 2023: `cloth_pos.npy` `[frames, vertices, 3]`
 //! `[m]`, `cloth_m.npy` `[vertices, 1]` `[kg]`, `cloth_f_area.npy` `[faces, 1]` `[m²]`, `face.npy`
 //! `[faces, 3]`, `rest.obj` (the sagged rest pose; its texture coordinates are the material
-//! coordinates) and, if it is there, meta.json, of which `dt` `[s]` is used.
+//! coordinates) and optionally meta.json, whose `dt` `[s]` is used.
 
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ const PAPER_RATE: f64 = 60.0;
 /// Reader of released folders.
 #[derive(Clone, Debug)]
 pub(super) struct Released {
-    /// As the options say it.
+    /// The choice of the options.
     frame_rate: Option<f64>,
     pub(super) handles: Vec<u32>,
     pub(super) flat: Option<PathBuf>,

@@ -22,7 +22,7 @@ use crate::trajectory::Trajectory;
 #[derive(Clone, Debug)]
 pub struct ForeignSource {
     name: String,
-    /// The resolved options: an import goes on only with the same.
+    /// The resolved options: an interrupted import continues only with the same.
     import: Value,
     reader: Reader,
     runs: Vec<ForeignRun>,
@@ -35,11 +35,11 @@ pub struct ForeignRun {
     pub split: Split,
     /// Name of the trajectory in its source.
     pub name: String,
-    place: Place,
+    place: TrajectoryPlace,
 }
 
 #[derive(Clone, Debug)]
-enum Place {
+enum TrajectoryPlace {
     Record(PathBuf, RecordPlace),
     Folder(PathBuf),
 }
@@ -53,10 +53,11 @@ enum Reader {
 impl ForeignSource {
     /// Opens the data in `folder` and finds their trajectories, without reading them.
     ///
-    /// Of `flag_simple`, `train.tfrecord` is learned from and every other .tfrecord file tested on;
-    /// trajectories are called by file and record, as `valid-0007`. Of released folders those in
-    /// `train` and `test` are, or else those beside each other, tested on where the options say so;
-    /// a folder among them that is no trajectory is an error, unless its name begins with a dot.
+    /// `flag_simple`: `train.tfrecord` becomes the training split and every other .tfrecord file
+    /// the test split; trajectories are called by file and record, as `valid-0007`. Released
+    /// folders: those in `train` and `test`, or else those side by side, where the options choose
+    /// the test split. A folder that is no trajectory is an error, unless its name begins with a
+    /// dot.
     ///
     /// # Errors
     /// [`ForeignError`] names the file, the record and the byte, or the option.
@@ -107,7 +108,7 @@ impl ForeignSource {
         })
     }
 
-    /// Its trajectories.
+    /// Trajectories of the source.
     #[must_use]
     pub fn runs(&self) -> &[ForeignRun] {
         &self.runs
@@ -135,12 +136,14 @@ impl ForeignSource {
     /// [`ForeignError`] names the file, the record and the byte, or the array.
     pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
         let (path, parts) = match (&self.reader, &run.place) {
-            (Reader::FlagSimple(reader), Place::Record(path, place)) => {
+            (Reader::FlagSimple(reader), TrajectoryPlace::Record(path, place)) => {
                 (path, reader.read(path, place))
             }
-            (Reader::Released(reader), Place::Folder(path)) => (path, Ok(reader.read(path)?)),
-            (Reader::FlagSimple(_), Place::Folder(path))
-            | (Reader::Released(_), Place::Record(path, _)) => {
+            (Reader::Released(reader), TrajectoryPlace::Folder(path)) => {
+                (path, Ok(reader.read(path)?))
+            }
+            (Reader::FlagSimple(_), TrajectoryPlace::Folder(path))
+            | (Reader::Released(_), TrajectoryPlace::Record(path, _)) => {
                 let problem = format!("{} is of another source", run.name);
                 (path, Err(ForeignProblem::Layout(problem)))
             }
@@ -158,7 +161,7 @@ impl ForeignSource {
 fn describe_released(reader: &Released, runs: &[ForeignRun]) -> Result<Value, ForeignError> {
     let mut rates = BTreeMap::new();
     for run in runs {
-        if let Place::Folder(folder) = &run.place {
+        if let TrajectoryPlace::Folder(folder) = &run.place {
             let name = format!("{}/{}", folder_of(run.split), run.name);
             rates.insert(name, reader.rate(folder)?);
         }
@@ -180,7 +183,7 @@ fn describe_released(reader: &Released, runs: &[ForeignRun]) -> Result<Value, Fo
     Ok(import)
 }
 
-/// That there is something for what the data are wanted for.
+/// Checks that the data have something for their purpose.
 fn check_purpose(
     format: ForeignFormat,
     purpose: Purpose,
@@ -234,13 +237,13 @@ fn records(folder: &Path) -> Result<Vec<ForeignRun>, ForeignError> {
                 _ => Split::Test,
             },
             name: format!("{stem}-{:04}", place.number),
-            place: Place::Record(path.clone(), place),
+            place: TrajectoryPlace::Record(path.clone(), place),
         }));
     }
     Ok(runs)
 }
 
-/// The trajectories in `folder`, of which those named `test` are tested on.
+/// The trajectories in `folder`; those named in `test` become the test split.
 fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignError> {
     let wrong = |problem: String| ForeignError {
         path: folder.to_owned(),
@@ -280,7 +283,7 @@ fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
     Ok(runs)
 }
 
-/// That nothing stands beside the folders `train` and `test` that would be left out unseen.
+/// Checks that nothing stands beside the folders `train` and `test` that would be left out unseen.
 fn check_alone(folder: &Path) -> Result<(), ForeignError> {
     for path in folders_in(folder)? {
         if !["train", "test"].iter().any(|name| path.ends_with(name)) {
@@ -333,7 +336,7 @@ fn folders_of(
         runs.push(ForeignRun {
             split: split(&name),
             name,
-            place: Place::Folder(path),
+            place: TrajectoryPlace::Folder(path),
         });
     }
     Ok(runs)

@@ -17,7 +17,7 @@ const HEAD_BYTES: u64 = LENGTH_BYTES + CHECKSUM_BYTES;
 /// Place of a record in its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RecordPlace {
-    /// Its number, from 0.
+    /// Number of the record, from 0.
     pub(super) number: usize,
     /// Byte at which it begins.
     pub(super) offset: u64,

@@ -33,7 +33,7 @@ const MOST_LINKS: usize = 40;
 /// Destination of the bytes.
 struct Target {
     path: PathBuf,
-    /// Those of the file that is there now.
+    /// Permissions of the file that is there now.
     permissions: Option<fs::Permissions>,
 }
 
@@ -101,7 +101,7 @@ pub fn write_folder_atomically<E: From<WriteError>>(
         .tempdir_in(folder_of(path))
         .map_err(fail("make a folder beside it"))?;
     fill(temporary.path())?;
-    if is_free == Place::EmptyFolder {
+    if is_free == FolderContent::EmptyFolder {
         fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
     }
     let filled = temporary.keep();
@@ -115,23 +115,23 @@ pub fn write_folder_atomically<E: From<WriteError>>(
 
 /// Content of the place of a folder.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum FolderContent {
     Nothing,
     EmptyFolder,
 }
 
-fn check_free(path: &Path) -> io::Result<Place> {
+fn check_free(path: &Path) -> io::Result<FolderContent> {
     if path.file_name().is_none() {
         return Err(io::Error::other("the path names no folder"));
     }
     match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Place::Nothing),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(FolderContent::Nothing),
         Err(error) => Err(error),
         Ok(found) if !found.is_dir() => Err(io::Error::other("there is a file of this name")),
         Ok(_) if fs::read_dir(path)?.next().is_some() => Err(io::Error::other(
             "there is such a folder already, and it is not empty: choose another name, or remove it",
         )),
-        Ok(_) => Ok(Place::EmptyFolder),
+        Ok(_) => Ok(FolderContent::EmptyFolder),
     }
 }
 

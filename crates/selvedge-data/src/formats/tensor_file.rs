@@ -17,11 +17,11 @@ use crate::formats::atomic::{WriteError, write_atomically};
 /// A tensor to be written.
 #[derive(Clone, Debug)]
 pub struct TensorOut<'a> {
-    /// Its name in the file.
+    /// Name of the tensor in the file.
     pub name: &'a str,
-    /// Its dimensions, slowest first.
+    /// Dimensions, slowest first.
     pub shape: Vec<usize>,
-    /// Its elements in row-major order.
+    /// Elements in row-major order.
     pub values: TensorValues<'a>,
 }
 

@@ -8,10 +8,10 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UpAxis {
-    /// As here.
+    /// y, as here.
     #[default]
     Y,
-    /// As in ARCSim and Blender: their (x, y, z) is our (x, z, -y).
+    /// z, as in ARCSim and Blender: their (x, y, z) is our (x, z, -y).
     Z,
 }
 

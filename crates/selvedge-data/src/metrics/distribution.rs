@@ -40,18 +40,18 @@ pub struct Distribution {
 /// The distributions of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Distributions {
-    /// Of all vertices, between two frames `[m/s]`.
+    /// Speeds of all vertices, between two frames `[m/s]`.
     pub speed: Distribution,
-    /// Of the vertices that are not held, over three frames `[m/s²]`: what a network predicts.
+    /// Accelerations of the free vertices, over three frames `[m/s²]`. A network predicts these.
     pub acceleration: Distribution,
-    /// Of all edges, (l - l₀)/l₀ with l₀ in material space.
+    /// Strains of all edges, (l - l₀)/l₀ with l₀ in material space.
     pub strain: Distribution,
-    /// At all edges with two faces `[rad]`, 0 where flat.
+    /// Bending angles at all edges with two faces `[rad]`, 0 where flat.
     pub bending_angle: Distribution,
 }
 
 impl Histogram {
-    /// Of numbers that are never negative.
+    /// A histogram of numbers that are never negative.
     fn positive() -> Self {
         Self {
             low: 0.0,
@@ -60,7 +60,7 @@ impl Histogram {
         }
     }
 
-    /// Of numbers of both signs.
+    /// A histogram of numbers of both signs.
     fn signed() -> Self {
         Self {
             low: -FIRST_REACH,
@@ -126,13 +126,13 @@ impl Distribution {
         self.count
     }
 
-    /// Their mean; 0 where there are none, as all that follow.
+    /// Mean of the values; 0 where there are none, as for all that follow.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.mean
     }
 
-    /// Their standard deviation.
+    /// Standard deviation of the values.
     #[must_use]
     pub fn deviation(&self) -> f64 {
         self.deviation

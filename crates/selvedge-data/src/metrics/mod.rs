@@ -51,9 +51,9 @@ pub enum MetricError {
     RestLengths { expected: usize, found: usize },
 }
 
-/// All measures of run `b` against run `a`, over the frames that both have; whether one run is
-/// longer is seen in [`Comparison::frame_counts`]. That both are of one mesh is for the caller to
-/// know: only the vertices are counted here.
+/// All measures of run `b` against run `a`, over the frames that both have.
+/// [`Comparison::frame_counts`] shows when one run is longer. The caller makes sure that both runs
+/// are of one mesh: only the numbers of vertices are compared.
 ///
 /// # Errors
 /// [`MetricError`] when the runs or the mesh do not fit, or have no frame in common.

@@ -46,7 +46,7 @@ impl Rig {
         &self.nodes
     }
 
-    /// From when to when something in the chain from the root to `node` moves `[s]`.
+    /// Times of the first and the last key in the chain from the root to `node` `[s]`.
     #[must_use]
     pub fn span(&self, node: usize) -> Option<[f64; 2]> {
         let chain = self.chain(node);
@@ -56,7 +56,7 @@ impl Rig {
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// From the space of `node` to the world at `time` `[s]`.
+    /// Transform from the space of `node` to the world at `time` `[s]`.
     fn placement(&self, node: usize, time: f64) -> DMat4 {
         let chain = self.chain(node);
         let operations = chain.iter().rev().flat_map(|&n| &self.nodes[n].operations);

@@ -8,14 +8,14 @@ use super::track::Track;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     pub(super) nodes: Vec<RigNode>,
-    /// From the world of the file to ours.
+    /// Transform from the world of the file to ours.
     pub(super) world: DMat4,
 }
 
 /// A node of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigNode {
-    /// Its name in the file.
+    /// Name of the node in the file.
     pub name: String,
     pub(super) parent: Option<usize>,
     pub(super) operations: Vec<Operation>,
@@ -42,7 +42,7 @@ pub(super) enum Change {
     Translation(Track<DVec3>),
     Scale(Track<DVec3>),
     Turn(Track<DQuat>),
-    /// By these angles [degrees] about x, y and z, in the order of these axes (0 is x).
+    /// Turns by these angles [degrees] about x, y and z, in the order of these axes (0 is x).
     Angles(Track<DVec3>, &'static [usize]),
     Matrix(Track<DMat4>),
 }

@@ -28,7 +28,7 @@ pub(super) struct Track<T> {
 
 /// A value that can be interpolated.
 pub(super) trait Value: Copy {
-    /// From `self` to `to`, at a fraction of the way.
+    /// The value at a fraction of the way from `self` to `to`.
     fn between(self, to: Self, fraction: f64) -> Self;
     /// The sum of values, each times its weight, as a value of its kind.
     fn combined(parts: [(Self, f64); 4]) -> Self;

@@ -30,7 +30,7 @@ pub enum HandleSelection {
     Groups(Vec<HandleGroup>),
 }
 
-/// As it stands in a file.
+/// A selection as it stands in a file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SelectionTable {
@@ -83,7 +83,7 @@ pub struct HandleGroup {
     pub name: String,
     /// The vertices of the group; not groups again.
     pub select: HandleSelection,
-    /// When they let go, and when they take hold again.
+    /// Spans of time in which the group lets go.
     #[serde(default)]
     pub released: Vec<ReleaseSpan>,
 }
@@ -92,9 +92,9 @@ pub struct HandleGroup {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReleaseSpan {
-    /// From when `[s]`.
+    /// Start of the span `[s]`.
     pub from: f64,
-    /// Until when `[s]`; for good, if there is none.
+    /// End of the span `[s]`; none for good.
     #[serde(default)]
     pub to: Option<f64>,
 }
@@ -102,14 +102,14 @@ pub struct ReleaseSpan {
 /// The names of groups, and which handles are theirs.
 pub(crate) type Groups = Vec<(String, Range<usize>)>;
 
-/// The handles that were chosen.
+/// The chosen handles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Selected {
-    /// Their vertices, in order.
+    /// Vertices of the handles, in order.
     pub(crate) vertices: Vec<u32>,
-    /// Their groups, where they have some.
+    /// Groups of the handles; empty where there are none.
     pub(crate) groups: Groups,
-    /// When they let go.
+    /// Times at which handles let go.
     pub(crate) schedule: HandleSchedule,
 }
 

@@ -31,7 +31,7 @@ pub enum MeshSource {
     Generator(GeneratorSpec),
     /// A file.
     Obj {
-        /// Its path, as the scene names it: relative to the scene's folder.
+        /// Path of the file, as the scene names it: relative to the scene's folder.
         path: String,
         /// BLAKE3 hash of its bytes, in hexadecimal.
         blake3: String,
@@ -49,7 +49,7 @@ pub enum MeshSource {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "GeneratorFields")]
 pub struct GeneratorSpec {
-    /// Its shape.
+    /// Shape of the sheet.
     pub kind: Shape,
     /// Number of vertices.
     pub vertices: usize,

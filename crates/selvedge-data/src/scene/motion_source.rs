@@ -48,7 +48,7 @@ pub struct RigMotion {
 
 /// The handles before they move.
 pub(crate) struct Stand<'a> {
-    /// Their groups, where they have some.
+    /// Groups of the handles; empty where there are none.
     pub(crate) groups: &'a Groups,
     /// Start positions of the handles `[m]`, `[handles]`.
     pub(crate) start: Vec<DVec3>,

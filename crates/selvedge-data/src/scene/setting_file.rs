@@ -14,7 +14,10 @@ use super::problem::{SceneProblem, field};
 use super::spec::Setting;
 use crate::formats::obj::{ObjOptions, Seams, TextureUnit};
 
-/// All of a scene but name and motion, as a data set's preset has it.
+/// A scene without name, motion and start, as a data set's preset has it.
+///
+/// `SceneFile` has the same keys again: flattened into it, they would lose their line numbers in
+/// errors.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SettingFile {

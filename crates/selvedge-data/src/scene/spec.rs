@@ -30,7 +30,7 @@ pub struct SceneSpec {
     pub start: StartSpec,
 }
 
-/// A resolved scene but for its motion.
+/// A resolved scene without its motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Setting {
@@ -38,7 +38,7 @@ pub struct Setting {
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
-    /// When they let go.
+    /// Times at which handles let go.
     #[serde(default, skip_serializing_if = "HandleSchedule::is_empty")]
     pub schedule: HandleSchedule,
     /// The material of the cloth.

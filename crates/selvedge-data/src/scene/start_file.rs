@@ -8,7 +8,7 @@ use super::problem::{SceneProblem, field};
 use super::start::StartSpec;
 use crate::trajectory::state_file::{SavedState, StateChoice};
 
-/// As files have it.
+/// Start of a run, as files have it.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) enum StartFile {
@@ -16,7 +16,7 @@ pub(super) enum StartFile {
     Rest,
     Mesh,
     State {
-        /// Relative to the scene's folder.
+        /// Path of the file, relative to the scene's folder.
         file: String,
         frame: Option<usize>,
         positions: Option<String>,

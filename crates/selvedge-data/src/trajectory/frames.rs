@@ -33,7 +33,7 @@ impl<'a> Frames<'a> {
         Ok(Self::of_whole(positions, vertex_count))
     }
 
-    /// As [`Self::new`], for lengths that have been checked.
+    /// Views positions whose length has been checked.
     pub(crate) fn of_whole(positions: &'a [Vec3], vertex_count: usize) -> Self {
         Self {
             positions,

@@ -95,8 +95,8 @@ impl Trajectory {
         })
     }
 
-    /// Its image in a mirror at z = 0: cloth that bends alike to both sides moves so under mirrored
-    /// handles and wind. The scene it comes from is still that of the original.
+    /// Returns the image of the trajectory in a mirror at z = 0: the motion of a cloth that bends
+    /// alike to both sides under mirrored handles and wind. The scene stays that of the original.
     #[must_use]
     pub fn mirrored(&self) -> Self {
         let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);

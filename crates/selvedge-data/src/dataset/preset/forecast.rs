@@ -15,16 +15,16 @@ pub struct Forecast {
     pub sections: Vec<Section>,
 }
 
-/// A trajectory that is to be made.
+/// A planned trajectory.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct PlannedRun {
     /// Part of the data set.
     pub split: Split,
-    /// Its name there.
+    /// Name of the trajectory in the data set.
     pub name: String,
     /// Vertices of its mesh.
     pub vertices: usize,
-    /// Its frames, the start included.
+    /// Number of frames, the start included.
     pub frames: usize,
 }
 

@@ -30,7 +30,7 @@
 //!
 //! Only with these may `train` be empty: such a set is for testing what was learned elsewhere.
 //! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
-//! Running the physics is left to whoever has it.
+//! This crate plans the runs; the physics is run elsewhere.
 
 mod cloths;
 pub(crate) mod config;
@@ -78,7 +78,7 @@ const PRESETS: [(&str, &str); 11] = assets!("datasets":
 pub struct DatasetPreset {
     config: DatasetConfig,
     mesh: Mesh,
-    /// Of the configuration's cloths, in their order.
+    /// Meshes of the configuration's cloths, in their order.
     meshes: Vec<Mesh>,
     forecast: Forecast,
 }
@@ -314,7 +314,8 @@ pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
 }
 
 impl DatasetConfig {
-    /// That the splits are fit to learn from and to test with; `own` are the file's own motions.
+    /// Checks that the splits are fit to learn from and to test with; `own` are the file's own
+    /// motions.
     fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), SceneProblem> {
         if self.train.is_empty() && self.cloths.is_empty() {
             let problem = "is empty: name at least one motion to learn from";

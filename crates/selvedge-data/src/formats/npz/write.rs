@@ -10,13 +10,13 @@ use super::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
 
 /// An array to be written.
 pub(crate) struct EntryOut<'a> {
-    /// Its name, without `.npy`.
+    /// Name of the entry, without `.npy`.
     pub(crate) name: &'static str,
     /// NumPy's name of its type.
     pub(crate) kind: &'static str,
     /// Dimensions, slowest first.
     pub(crate) shape: Vec<usize>,
-    /// In how many pieces its bytes come.
+    /// Number of pieces in which the bytes come.
     pub(crate) chunks: usize,
     /// The bytes of a piece.
     pub(crate) chunk: Box<dyn Fn(usize) -> Vec<u8> + 'a>,

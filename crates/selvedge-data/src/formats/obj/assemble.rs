@@ -45,7 +45,7 @@ pub(super) fn assemble(mut statements: Statements, options: ObjOptions) -> Resul
     })
 }
 
-/// That no face names a vertex twice: it would have no area, whatever else is wrong.
+/// Checks that no face names a vertex twice: it would have no area, whatever else is wrong.
 fn check_corners(polygons: &[Polygon]) -> Result<(), ObjError> {
     for polygon in polygons {
         let mut vertices: Vec<u32> = polygon.corners.iter().map(|c| c.vertex).collect();

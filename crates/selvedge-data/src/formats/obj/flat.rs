@@ -44,7 +44,7 @@ pub(super) fn planar_coordinates(statements: &Statements) -> Result<Vec<DVec2>, 
     Ok(coordinates.iter().map(|c| *c - lowest).collect())
 }
 
-/// That the polygons, split anyhow, all turn the same way.
+/// Checks that the polygons, split in any way, all turn the same way.
 fn check_orientation(statements: &Statements) -> Result<(), ObjError> {
     let mut faces = Vec::with_capacity(statements.polygons.len());
     for polygon in &statements.polygons {

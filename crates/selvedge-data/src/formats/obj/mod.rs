@@ -66,7 +66,7 @@ pub fn parse_obj(text: &str) -> Result<Sheet, ObjError> {
     parse_obj_with(text, ObjOptions::default())
 }
 
-/// As [`parse_obj`], with texture coordinates taken as `options` say.
+/// Parses like [`parse_obj`], with texture coordinates taken as `options` say.
 ///
 /// # Errors
 /// As for [`parse_obj`]; [`ObjError::Fit`].

@@ -28,7 +28,7 @@ pub enum Seams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TextureUnit {
-    /// They are in metres.
+    /// Metres.
     #[default]
     Metres,
     /// Any: each sheet's are stretched along u and along v to be as long as the sheet is at the

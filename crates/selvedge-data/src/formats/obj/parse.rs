@@ -19,7 +19,7 @@ pub(super) struct Statements {
 /// A face.
 #[derive(Debug)]
 pub(super) struct Polygon {
-    /// Its line in the file, from 1.
+    /// Line in the file, from 1.
     pub(super) line: usize,
     pub(super) corners: Vec<Corner>,
 }

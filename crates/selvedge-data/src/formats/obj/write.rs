@@ -11,13 +11,13 @@ use crate::formats::atomic::{WriteError, write_atomically};
 
 /// Parts of a cloth that are written.
 pub(crate) struct ObjFrame<'a> {
-    /// Its faces.
+    /// Connectivity of the cloth.
     pub(crate) topology: &'a Topology,
     /// `[m]`, `[vertices]`.
     pub(crate) positions: &'a [Vec3],
     /// `[m]`, `[vertices]`.
     pub(crate) material_coordinates: &'a [Vec2],
-    /// Of length one, `[vertices]`.
+    /// Normals of length one, `[vertices]`.
     pub(crate) normals: Option<&'a [Vec3]>,
 }
 

@@ -5,14 +5,14 @@ use glam::{DMat4, DQuat, DVec3};
 use super::super::node::{Change, Direction, Operation};
 use super::super::track::{Joined, Track, Value};
 
-/// In an order: the prim is not moved by what it is in.
+/// Entry of an order: the parents of the prim do not move it.
 pub(super) const RESET: &str = "!resetXformStack!";
-/// In an order: the operation is undone.
+/// Prefix of an entry of an order: the operation is undone.
 const INVERSE: &str = "!invert!";
 
 /// An attribute of a prim.
 pub(super) struct Attribute {
-    /// With `xformOp:`, without `.timeSamples`.
+    /// Name with `xformOp:`, without `.timeSamples`.
     pub(super) name: String,
     pub(super) samples: Samples,
     /// Line of the attribute.

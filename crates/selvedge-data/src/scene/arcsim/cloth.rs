@@ -22,7 +22,7 @@ const DENSITIES: RangeInclusive<f64> = 1e-6..=1e6;
 const DAMPING: RangeInclusive<f64> = 0.0..=100.0;
 
 /// Mesh and material of a scene.
-pub(super) struct Cloth {
+pub(super) struct SceneCloth {
     pub(super) mesh: MeshSpec,
     pub(super) material: Material,
     /// The material's own file, where it has one.
@@ -35,7 +35,7 @@ pub(super) fn read(
     folder: &Path,
     parts: &Parts,
     warnings: &mut Vec<String>,
-) -> Result<Cloth, SceneProblem> {
+) -> Result<SceneCloth, SceneProblem> {
     let mut cloths = scene.objects("cloths")?;
     let (Some(mut cloth), None) = (cloths.pop(), cloths.pop()) else {
         let count = scene.list("cloths")?.len();
@@ -57,7 +57,7 @@ pub(super) fn read(
     // Remeshing that is not disabled has its own warning.
     cloth.pass_over(&["remeshing"]);
     cloth.finish(warnings);
-    Ok(Cloth {
+    Ok(SceneCloth {
         mesh,
         material,
         material_file,

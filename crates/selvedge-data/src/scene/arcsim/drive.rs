@@ -9,7 +9,7 @@ use super::object::Object;
 use super::shared::Times;
 
 /// Handles of a scene and their motion.
-pub(super) struct Drive {
+pub(super) struct SceneHandles {
     /// The held vertices.
     pub(super) vertices: Vec<u32>,
     /// When they are let go.
@@ -26,7 +26,7 @@ pub(super) fn read(
     scene: &mut Object<'_>,
     times: &Times,
     warnings: &mut Vec<String>,
-) -> Result<Drive, SceneProblem> {
+) -> Result<SceneHandles, SceneProblem> {
     let motions = read_motions(scene, warnings)?;
     let mut vertices = Vec::new();
     let mut groups = Vec::new();
@@ -60,7 +60,7 @@ pub(super) fn read(
         taken: times.frame_time / f64::from(times.substeps),
         groups,
     };
-    Ok(Drive {
+    Ok(SceneHandles {
         vertices,
         schedule,
         motion,

@@ -12,7 +12,7 @@ use super::unique::Unique;
 
 /// An object of the file.
 pub(super) struct Object<'a> {
-    /// Place of the object, as `cloths[0].`; nothing at the top.
+    /// Within of the object, as `cloths[0].`; nothing at the top.
     prefix: String,
     entries: &'a Map<String, Value>,
     read: BTreeSet<&'a str>,
@@ -31,42 +31,42 @@ pub(super) fn parse_json(text: &str) -> Result<Value, SceneProblem> {
 /// The text with blanks for comments, so that lines and columns stay.
 fn without_comments(text: &str) -> String {
     #[derive(PartialEq)]
-    enum Place {
+    enum Within {
         Code,
         Text,
         Line,
         Block,
     }
-    let mut place = Place::Code;
+    let mut place = Within::Code;
     let mut plain = String::with_capacity(text.len());
     let mut letters = text.chars().peekable();
     while let Some(letter) = letters.next() {
         let next = letters.peek().copied();
         match (&place, letter, next) {
-            (Place::Code, '/', Some('/')) => place = Place::Line,
-            (Place::Code, '/', Some('*')) => {
+            (Within::Code, '/', Some('/')) => place = Within::Line,
+            (Within::Code, '/', Some('*')) => {
                 letters.next();
                 plain.push(' ');
-                place = Place::Block;
+                place = Within::Block;
             }
-            (Place::Code, '"', _) => place = Place::Text,
-            (Place::Text, '"', _) => place = Place::Code,
-            (Place::Text, '\\', Some(escaped)) => {
+            (Within::Code, '"', _) => place = Within::Text,
+            (Within::Text, '"', _) => place = Within::Code,
+            (Within::Text, '\\', Some(escaped)) => {
                 plain.push(letter);
                 plain.push(escaped);
                 letters.next();
                 continue;
             }
-            (Place::Line, '\n', _) => place = Place::Code,
-            (Place::Block, '*', Some('/')) => {
+            (Within::Line, '\n', _) => place = Within::Code,
+            (Within::Block, '*', Some('/')) => {
                 letters.next();
                 plain.push_str("  ");
-                place = Place::Code;
+                place = Within::Code;
                 continue;
             }
             _ => {}
         }
-        let hidden = matches!(place, Place::Line | Place::Block) && letter != '\n';
+        let hidden = matches!(place, Within::Line | Within::Block) && letter != '\n';
         plain.push(if hidden { ' ' } else { letter });
     }
     plain
@@ -202,7 +202,7 @@ impl<'a> Object<'a> {
             .transpose()
     }
 
-    /// Place of `key` in the file.
+    /// Within of `key` in the file.
     pub(super) fn place(&self, key: &str) -> String {
         format!("{}{key}", self.prefix)
     }

@@ -1,28 +1,30 @@
-//! States of a simulation in files: positions and velocities in f64, from which a run can go on.
+//! States of a simulation in files: positions and velocities in f64, from which a run can continue.
 //!
 //! Read from .safetensors or NumPy's .npz: a pair of arrays `[vertices, 3]` or `[states, vertices,
 //! 3]` (f64, or f32, which is widened) and, where there are several states, the frame of each.
 //! Unless names are given, the pairs `positions` and `velocities` (with `frames`) and `ckpt_x` and
-//! `ckpt_v` (with `ckpt_frames`) are looked for. Written is .safetensors, with all frames of a run;
-//! of such a file the version is checked too, and that its frames are as long as those of the run
-//! that goes on from it.
+//! `ckpt_v` (with `ckpt_frames`) are looked for. The file that is written is .safetensors with all
+//! frames of a run. For such a file the version is checked too, and its frame rate against that of
+//! the run that continues from it.
 
-use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+mod container;
+mod error;
+
+use std::collections::BTreeMap;
+use std::path::Path;
 
 use glam::DVec3;
-use safetensors::SafeTensors;
-use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+pub use self::container::STATES_FORMAT;
+use self::container::{Container, Floats, LARGEST, VERSION, wrong_shape};
+pub use self::error::{ReadStateError, StateError};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
-use crate::formats::npz::{Npz, NpzError};
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
 
-/// A state to go on from.
+/// A state from which a run can continue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SavedState {
     /// Positions `[m]`, `[vertices]`.
@@ -37,7 +39,7 @@ pub struct SavedState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StateSpec {
-    /// Its path, as the scene names it: relative to the scene's folder.
+    /// Path of the file, as the scene names it: relative to the scene's folder.
     pub path: String,
     /// BLAKE3 hash of its bytes, in hexadecimal.
     pub blake3: String,
@@ -58,8 +60,8 @@ pub struct StateChoice {
     pub positions: Option<String>,
     /// Name of the array of velocities.
     pub velocities: Option<String>,
-    /// Frames per second of the run that goes on from it; where it is given, a file of our own must
-    /// have as many.
+    /// Frames per second of the run that continues from the state. Where they are given, a file of
+    /// our own must have as many.
     pub frame_rate: Option<f64>,
 }
 
@@ -74,92 +76,10 @@ pub struct StateRun {
     pub frames: Vec<u32>,
 }
 
-/// Why a state could not be read from a file.
-#[derive(Debug, Error)]
-#[error("{}: {source}", path.display())]
-pub struct ReadStateError {
-    /// The file.
-    pub path: PathBuf,
-    /// The problem.
-    #[source]
-    pub source: StateError,
-}
-
-/// Why bytes hold no such state.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum StateError {
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("a state is read from .npz or .safetensors")]
-    Kind,
-    #[error("is no complete safetensors file: {0}")]
-    Container(#[source] safetensors::SafeTensorError),
-    #[error(transparent)]
-    Npz(#[from] NpzError),
-    #[error("has no array named {name} (found {found})")]
-    Missing { name: String, found: String },
-    #[error(
-        "has no velocities beside positions (found {found}): name both arrays, as positions = \"x\" and velocities = \"v\""
-    )]
-    NoPair { found: String },
-    #[error("array {name}: expected {expected}, found {found}")]
-    Array {
-        name: String,
-        expected: String,
-        found: String,
-    },
-    #[error("has the states of frames {known}: say which, as frame")]
-    Frame { known: String },
-    #[error(
-        "array {name}: the entry of vertex {vertex} must be finite and at most 1e6 long, found {found}"
-    )]
-    Value {
-        name: String,
-        vertex: usize,
-        found: DVec3,
-    },
-    #[error("array {name}: frame {frame} stands twice: which state is meant cannot be told")]
-    RepeatedFrame { name: String, frame: i64 },
-    #[error("has changed since the scene was resolved (hash {found}, expected {expected})")]
-    Changed { expected: String, found: String },
-    #[error("metadata {name}: expected {expected}, found {found:?}")]
-    Metadata {
-        name: &'static str,
-        expected: &'static str,
-        found: String,
-    },
-    #[error(
-        "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
-    )]
-    FrameRate { expected: f64, found: f64 },
-}
-
-/// The format that a file of states names in its metadata.
-pub const STATES_FORMAT: &str = "selvedge-states";
-
-/// The version of that format.
-const VERSION: &str = "1";
-
-/// Farthest from the origin `[m]`, and fastest `[m/s]`, that a vertex of a saved state may be.
-const LARGEST: f64 = 1e6;
-
 const PAIRS: [[&str; 3]; 2] = [
     ["positions", "velocities", "frames"],
     ["ckpt_x", "ckpt_v", "ckpt_frames"],
 ];
-
-/// Numbers and dimensions of an array.
-struct Floats {
-    shape: Vec<usize>,
-    values: Vec<f64>,
-}
-
-/// Either container.
-enum Container<'a> {
-    Npz(Npz<'a>),
-    Safetensors(SafeTensors<'a>),
-}
 
 impl SavedState {
     /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
@@ -422,163 +342,6 @@ fn entry(
         }),
         None => Ok(state),
     }
-}
-
-impl<'a> Container<'a> {
-    /// The file at `path`, of these `bytes`; `frame_rate` as in [`StateChoice`].
-    fn open(path: &Path, bytes: &'a [u8], frame_rate: Option<f64>) -> Result<Self, StateError> {
-        match path.extension().and_then(|e| e.to_str()) {
-            Some("npz") => Ok(Self::Npz(Npz::open(bytes)?)),
-            Some("safetensors") => Self::safetensors(bytes, frame_rate),
-            _ => Err(StateError::Kind),
-        }
-    }
-
-    fn safetensors(bytes: &'a [u8], frame_rate: Option<f64>) -> Result<Self, StateError> {
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(StateError::Container)?;
-        if let Some(metadata) = header.metadata() {
-            check_metadata(metadata, frame_rate)?;
-        }
-        let file = SafeTensors::deserialize(bytes).map_err(StateError::Container)?;
-        Ok(Self::Safetensors(file))
-    }
-
-    fn names(&self) -> Vec<String> {
-        let mut names: Vec<String> = match self {
-            Self::Npz(npz) => npz.names().into_iter().map(str::to_owned).collect(),
-            Self::Safetensors(file) => file.names().into_iter().map(str::to_owned).collect(),
-        };
-        names.sort_unstable();
-        names
-    }
-
-    fn missing(&self, name: &str) -> StateError {
-        StateError::Missing {
-            name: name.to_owned(),
-            found: self.names().join(", "),
-        }
-    }
-
-    fn floats(&self, name: &str) -> Result<Floats, StateError> {
-        match self {
-            Self::Npz(npz) => {
-                let array = npz.array(name)?.ok_or_else(|| self.missing(name))?;
-                let values = array.floats().map_err(|source| NpzError::Array {
-                    name: name.to_owned(),
-                    source,
-                })?;
-                let shape = array.shape;
-                Ok(Floats { shape, values })
-            }
-            Self::Safetensors(file) => {
-                let tensor = file.tensor(name).map_err(|_| self.missing(name))?;
-                let data = tensor.data();
-                let values = match tensor.dtype() {
-                    Dtype::F64 => words::<8>(data).map(f64::from_le_bytes).collect(),
-                    Dtype::F32 => words::<4>(data)
-                        .map(|w| f64::from(f32::from_le_bytes(w)))
-                        .collect(),
-                    other => return Err(wrong_type(name, "F64 or F32", other)),
-                };
-                let shape = tensor.shape().to_vec();
-                Ok(Floats { shape, values })
-            }
-        }
-    }
-
-    /// The frame of each of `states` states: none twice.
-    fn frames(&self, name: &str, states: usize) -> Result<Vec<i64>, StateError> {
-        let frames = self.integers(name)?;
-        if frames.len() != states {
-            return Err(StateError::Array {
-                name: name.to_owned(),
-                expected: format!("[{states}], a frame for each state"),
-                found: format!("{} of them", frames.len()),
-            });
-        }
-        let mut sorted = frames.clone();
-        sorted.sort_unstable();
-        match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-            Some(pair) => Err(StateError::RepeatedFrame {
-                name: name.to_owned(),
-                frame: pair[0],
-            }),
-            None => Ok(frames),
-        }
-    }
-
-    fn integers(&self, name: &str) -> Result<Vec<i64>, StateError> {
-        match self {
-            Self::Npz(npz) => {
-                let array = npz.array(name)?.ok_or_else(|| self.missing(name))?;
-                let source = array.integers();
-                Ok(source.map_err(|source| NpzError::Array {
-                    name: name.to_owned(),
-                    source,
-                })?)
-            }
-            Self::Safetensors(file) => {
-                let tensor = file.tensor(name).map_err(|_| self.missing(name))?;
-                let data = tensor.data();
-                match tensor.dtype() {
-                    Dtype::U32 => Ok(words::<4>(data)
-                        .map(|w| i64::from(u32::from_le_bytes(w)))
-                        .collect()),
-                    Dtype::I32 => Ok(words::<4>(data)
-                        .map(|w| i64::from(i32::from_le_bytes(w)))
-                        .collect()),
-                    Dtype::I64 => Ok(words::<8>(data).map(i64::from_le_bytes).collect()),
-                    other => Err(wrong_type(name, "U32, I32 or I64", other)),
-                }
-            }
-        }
-    }
-}
-
-/// That a file of our own is of the version that is known, and of a run at `frame_rate`. Files of
-/// others are taken at the word of who names them.
-fn check_metadata(
-    metadata: &HashMap<String, String>,
-    frame_rate: Option<f64>,
-) -> Result<(), StateError> {
-    let entry = |name: &str| metadata.get(name).map_or("", String::as_str);
-    if entry("format") != STATES_FORMAT {
-        return Ok(());
-    }
-    let wrong = |name, expected| StateError::Metadata {
-        name,
-        expected,
-        found: entry(name).to_owned(),
-    };
-    if entry("version") != VERSION {
-        return Err(wrong("version", VERSION));
-    }
-    let fps = entry("fps").parse::<f64>();
-    let found = fps.map_err(|_| wrong("fps", "a number of frames per second"))?;
-    match frame_rate {
-        Some(expected) if found != expected => Err(StateError::FrameRate { expected, found }),
-        _ => Ok(()),
-    }
-}
-
-fn wrong_shape(name: &str, expected: &str, array: &Floats) -> StateError {
-    StateError::Array {
-        name: name.to_owned(),
-        expected: expected.to_owned(),
-        found: format!("{:?}", array.shape),
-    }
-}
-
-fn wrong_type(name: &str, expected: &str, found: Dtype) -> StateError {
-    StateError::Array {
-        name: name.to_owned(),
-        expected: expected.to_owned(),
-        found: found.to_string(),
-    }
-}
-
-fn words<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> {
-    bytes.as_chunks::<N>().0.iter().copied()
 }
 
 #[cfg(test)]
