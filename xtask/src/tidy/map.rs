@@ -1,5 +1,6 @@
 //! The documents tell the truth about the tree: the code map of `ARCHITECTURE.md` has a section
-//! for every workspace member and no other, every relative link and every path in backticks leads
+//! for every workspace member and no other, and a table that names every file and folder at the top
+//! of the member's sources and nothing else; every relative link and every path in backticks leads
 //! somewhere, a comment in the code refers only to documents that are here, and the README names
 //! the test command that `.ci/run` runs first.
 
@@ -18,6 +19,7 @@ const PATH_STARTS: [&str; 6] = ["crates/", "xtask/", "docs/", "assets/", "web/",
 /// Whatever the documents say that is not so.
 pub(crate) fn check(tree: &Tree, members: &BTreeSet<String>) -> Vec<Violation> {
     let mut found = check_code_map(tree, members);
+    found.extend(check_tables(tree));
     let documents = tree.texts.iter().filter(|f| f.path.ends_with(".md"));
     found.extend(documents.flat_map(|file| check_paths(tree, file)));
     let sources = tree.texts.iter().filter(|f| f.path.ends_with(".rs"));
@@ -56,6 +58,64 @@ fn check_code_map(tree: &Tree, members: &BTreeSet<String>) -> Vec<Violation> {
         Violation::new(MAP, 0, what, format!("add a section \"### `{name}`\""))
     }));
     found
+}
+
+/// The tables of the code map against the sources of each crate.
+fn check_tables(tree: &Tree) -> Vec<Violation> {
+    let Some(map) = tree.text(MAP) else {
+        return Vec::new();
+    };
+    let mut found = Vec::new();
+    let mut tables: Vec<(String, usize, BTreeSet<String>)> = Vec::new();
+    for (number, line) in map.text.lines().enumerate() {
+        if let Some(heading) = line.strip_prefix("### ") {
+            let name = heading.split('`').nth(1).unwrap_or(heading);
+            tables.push((format!("crates/{name}/src/"), number + 1, BTreeSet::new()));
+        } else if line.starts_with("## ") {
+            tables.push((String::new(), number + 1, BTreeSet::new()));
+        } else if let (Some(row), Some((sources, _, named))) =
+            (line.strip_prefix("| `"), tables.last_mut())
+        {
+            let first = row.split(" |").next().unwrap_or_default();
+            for path in first
+                .split('`')
+                .step_by(2)
+                .filter(|p| !sources.is_empty() && !p.is_empty())
+            {
+                if !tree.contains(format!("{sources}{path}").trim_end_matches('/')) {
+                    let what = format!("there is no `{sources}{path}`");
+                    found.push(Violation::new(MAP, number + 1, what, "mend the row"));
+                }
+                let top = path.split('/').next().unwrap_or_default();
+                named.insert(top.to_owned());
+            }
+        }
+    }
+    for (sources, line, named) in tables.iter().filter(|(_, _, named)| !named.is_empty()) {
+        for entry in top_level(tree, sources) {
+            if !named.contains(entry) {
+                let what = format!("the table lacks `{sources}{entry}`");
+                found.push(Violation::new(MAP, *line, what, "add a row"));
+            }
+        }
+    }
+    found
+}
+
+/// Files and folders at the top of a crate's sources, without tests and the root of the crate. A
+/// folder of the same name as a file goes with the file.
+fn top_level<'a>(tree: &'a Tree, sources: &str) -> BTreeSet<&'a str> {
+    let inside = tree
+        .sizes
+        .keys()
+        .filter_map(|path| path.strip_prefix(sources));
+    let entries: BTreeSet<&str> = inside.filter_map(|path| path.split('/').next()).collect();
+    let of_file = |entry: &str| entries.contains(format!("{entry}.rs").as_str());
+    let kept = entries.iter().copied().filter(|entry| {
+        let is_root = ["lib.rs", "main.rs"].contains(entry);
+        !is_root && !entry.starts_with("test_") && !of_file(entry)
+    });
+    kept.collect()
 }
 
 fn check_paths(tree: &Tree, file: &TextFile) -> Vec<Violation> {
@@ -211,6 +271,28 @@ mod tests {
         let extra = GOOD_MAP.replace("text", "### `four`");
         let found = whats(&[(MAP, &extra)]);
         assert_eq!(found, ["the code map has `four`, the workspace has not"]);
+    }
+
+    #[test]
+    fn the_tables_name_the_top_of_each_crate_and_nothing_else() {
+        let map = "# A\n## Code map\n### `one`\n| file | what |\n|---|---|\n\
+                   | `a.rs` `b/` | x `c.rs` |\n### `two`: it\n## Next\n| `none.rs` | y |\n";
+        let files = [
+            ("crates/one/src/lib.rs", ""),
+            ("crates/one/src/a.rs", ""),
+            ("crates/one/src/a/inner.rs", ""),
+            ("crates/one/src/b/mod.rs", ""),
+            ("crates/one/src/test_helper.rs", ""),
+        ];
+        let with = |more: &[(&'static str, &'static str)]| {
+            whats(&[&[(MAP, map)], files.as_slice(), more].concat())
+        };
+        assert!(with(&[]).is_empty());
+        let found = with(&[("crates/one/src/d.rs", "")]);
+        assert_eq!(found, ["the table lacks `crates/one/src/d.rs`"]);
+        let extra = map.replace("`b/`", "`b/` `e.rs`");
+        let found = whats(&[&[(MAP, &*extra)], files.as_slice()].concat());
+        assert_eq!(found, ["there is no `crates/one/src/e.rs`"]);
     }
 
     #[test]
