@@ -15,9 +15,9 @@ use cargo_metadata::{CargoOpt, DependencyKind, Metadata, MetadataCommand};
 pub(crate) struct Graph {
     /// Names of the workspace's own packages.
     pub(crate) members: BTreeSet<String>,
-    /// What each package needs to be built.
+    /// Packages that each package needs to be built.
     pub(crate) normal: BTreeMap<String, BTreeSet<String>>,
-    /// What each package needs only for its tests.
+    /// Packages that each package needs only for its tests.
     pub(crate) development: BTreeMap<String, BTreeSet<String>>,
 }
 

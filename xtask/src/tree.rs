@@ -86,7 +86,7 @@ impl Tree {
         self.texts.iter().find(|file| file.path == path)
     }
 
-    /// Whether `path` is a file or a folder with files in it.
+    /// True where `path` is a file or a folder with files in it.
     pub(crate) fn contains(&self, path: &str) -> bool {
         let folder = format!("{path}/");
         path.is_empty()

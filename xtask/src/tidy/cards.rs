@@ -4,7 +4,7 @@
 use super::violation::Violation;
 use crate::tree::Tree;
 
-/// What a card has a heading for, at the least.
+/// Headings that a card has at least.
 const HEADINGS: [&str; 7] = [
     "data",
     "seed",

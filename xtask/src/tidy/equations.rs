@@ -1,6 +1,6 @@
 //! Equation labels: a label in square brackets in a doc comment (and in backticks, or rustdoc takes
-//! it for a link), and a section of its own in `docs/src/reference/equations.md` that gives the formula, its
-//! source and its files. The two must agree.
+//! it for a link), and a section of its own in `docs/src/reference/equations.md` that gives the
+//! formula, its source and its files. The two must agree.
 //!
 //! A section opens with a heading of level three that begins with the label, and ends at the next
 //! heading. It has a line `Source:` and a line `File:` that names the files, in backticks.
@@ -102,7 +102,7 @@ fn is_well_formed(label: &str) -> bool {
     words.all(|word| !word.is_empty() && word.chars().all(plain))
 }
 
-/// Where each label first occurs in Rust code: (path, line).
+/// First occurrence of each label in Rust code: (path, line).
 fn labels_in_code(tree: &Tree) -> BTreeMap<String, (String, usize)> {
     let mut labels = BTreeMap::new();
     for file in tree.texts.iter().filter(|file| file.path.ends_with(".rs")) {

@@ -65,7 +65,7 @@ fn dependencies<'a>(manifest: &'a TextFile, tables: &[&str]) -> Vec<(&'a str, us
     found
 }
 
-/// Whether a Rust file under `folder` has the dependency's name as a word, outside comments.
+/// True where a Rust file under `folder` has the dependency's name as a word, outside comments.
 fn is_named(tree: &Tree, folder: &str, dependency: &str) -> bool {
     let word = dependency.replace('-', "_");
     let joins = |c: char| c.is_alphanumeric() || c == '_';

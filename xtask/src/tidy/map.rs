@@ -13,7 +13,7 @@ const MAP: &str = "ARCHITECTURE.md";
 const README: &str = "README.md";
 const STEPS: &str = ".ci/run";
 
-/// How a path in backticks begins when it means a file of this repository.
+/// Beginnings of a path in backticks that means a file of this repository.
 const PATH_STARTS: [&str; 6] = ["crates/", "xtask/", "docs/", "assets/", "web/", ".ci/"];
 
 /// Whatever the documents say that is not so.
@@ -186,7 +186,7 @@ fn link_targets(line: &str) -> impl Iterator<Item = &str> {
         .filter(|target| !target.is_empty() && !target.contains(':'))
 }
 
-/// What stands in backticks in a line and is a path of this repository, written out in full.
+/// Texts in backticks in a line, each a path of this repository, written out in full.
 fn quoted_paths(line: &str) -> impl Iterator<Item = &str> {
     let quoted = line.split('`').skip(1).step_by(2);
     quoted.filter(|text| {

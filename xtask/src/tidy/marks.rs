@@ -114,7 +114,7 @@ fn check_line(line: &str, is_rust: bool) -> Vec<(String, &'static str)> {
     found
 }
 
-/// Whether `mark` occurs with no letter, digit or other character of a name on the sides on which
+/// True where `mark` occurs with no letter, digit or other character of a name on the sides on which
 /// the mark itself has one.
 fn stands_alone(line: &str, mark: &str) -> bool {
     line.match_indices(mark).any(|(start, _)| {

@@ -72,7 +72,7 @@ fn check_markdown(file: &TextFile) -> Vec<Violation> {
     found
 }
 
-/// Whether a line is an image or a link and nothing else, perhaps as an item of a list.
+/// True for a line that is an image or a link and nothing else, perhaps as an item of a list.
 fn is_one_link(text: &str) -> bool {
     let text = text.trim_start_matches(['-', '*', ' ']);
     let starts = text.starts_with("![") || text.starts_with('[');

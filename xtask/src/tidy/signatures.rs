@@ -36,7 +36,7 @@ fn too_long(file: &RustFile, function: &Function) -> Option<Violation> {
     })
 }
 
-/// Whether a parameter is a tuple of two or more parts, or an array that the signature takes apart.
+/// True for a tuple of two or more parts, and for an array that the signature takes apart.
 fn hides_parameters(input: &FnArg) -> bool {
     let FnArg::Typed(typed) = input else {
         return false;

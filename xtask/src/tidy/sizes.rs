@@ -7,7 +7,7 @@ use crate::tree::{TextFile, Tree};
 /// No file is longer than this (in lines).
 const HARD_LIMIT: usize = 600;
 
-/// What files aim for (in lines); longer ones are noted.
+/// The aim of files (in lines). Longer ones are noted.
 const AIM: usize = 400;
 
 /// Files that are too long, or that do not open with a `//!` paragraph.
