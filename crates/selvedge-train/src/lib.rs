@@ -116,7 +116,7 @@ mod test_data;
 mod trainer;
 mod training_set;
 
-pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
+pub use checkpoint::{CHECKPOINT_FORMAT, ContentProblem, ResumeError};
 pub use config::{
     BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling,
     Setting, SettingError, TrainConfig,

@@ -2,7 +2,7 @@
 //! size f16 or bf16, which are f32 again once they are read), the normaliser's statistics (f64),
 //! and metadata: format, version, the resolved spec and how the model was trained, both as JSON.
 //!
-//! Works on bytes; who reads and writes files does so elsewhere.
+//! This module works on bytes; it reads and writes no files.
 
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
@@ -18,7 +18,7 @@ use crate::spec::{ModelSpec, SpecError};
 pub const MODEL_FORMAT: &str = "selvedge-model";
 const VERSION: &str = "1";
 
-/// Why bytes are not a model that can be used.
+/// Bytes that are not a usable model.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ModelFileError {

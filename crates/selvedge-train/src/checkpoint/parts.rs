@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use safetensors::SafeTensors;
 use selvedge_data::{TensorOut, TensorValues, WriteError, write_tensors};
 
-use super::{ResumeError, read};
+use super::error::ResumeError;
 
 /// Most bytes of the numbers in one file; their names take a little more.
 pub(super) const MOST_BYTES: usize = 15_000_000;
@@ -186,4 +186,12 @@ pub(super) fn joined<'a>(
         values.extend(numbers.map(|bytes| f32::from_le_bytes(*bytes)));
     }
     (!pieces.is_empty()).then_some(values)
+}
+
+/// The bytes of a file.
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
+    std::fs::read(path).map_err(|source| ResumeError::Read {
+        path: path.to_owned(),
+        source,
+    })
 }

@@ -50,6 +50,23 @@ fn a_resumed_training_ends_with_the_same_weights() {
 }
 
 #[test]
+fn how_many_samples_go_together_changes_nothing_but_rounding() {
+    let desk = Desk::new();
+    desk.model();
+    let train = "train moment.toml --data tiny --out";
+    let apart = desk.json(&format!("{train} apart"));
+    desk.json(&format!("{train} together --steps 2 --micro-batch 2"));
+    let together = desk.json(&format!("{train} together --resume --micro-batch 2"));
+    let [apart, together] = [apart, together].map(|report| number(&report, "/loss"));
+    assert!(
+        (apart - together).abs() < 1e-3 * apart,
+        "{apart}, {together}"
+    );
+    let refused = format!("{train} other --set batch.shard=2");
+    desk.fails(&refused, 1, &["batch.shard", "--micro-batch"]);
+}
+
+#[test]
 fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
     let desk = Desk::new();
     desk.tiny();

@@ -1,0 +1,36 @@
+//! The places where two configurations differ.
+
+use serde_json::Value;
+
+/// A place where two values differ, and both texts.
+pub(super) struct Difference {
+    pub(super) path: String,
+    pub(super) made: String,
+    pub(super) now: String,
+}
+
+/// The places where two values differ. Tables of other keys (another kind of schedule) differ as a
+/// whole.
+pub(super) fn differences(made: &Value, now: &Value) -> Vec<Difference> {
+    if made == now {
+        return Vec::new();
+    }
+    if let (Value::Object(made), Value::Object(now)) = (made, now)
+        && made.keys().eq(now.keys())
+    {
+        let fields = made.iter().zip(now.values());
+        let within = fields.flat_map(|((key, made), now)| {
+            differences(made, now).into_iter().map(move |inner| {
+                let dot = if inner.path.is_empty() { "" } else { "." };
+                let path = format!("{key}{dot}{}", inner.path);
+                Difference { path, ..inner }
+            })
+        });
+        return within.collect();
+    }
+    vec![Difference {
+        path: String::new(),
+        made: made.to_string(),
+        now: now.to_string(),
+    }]
+}

@@ -1,0 +1,275 @@
+//! The file of a checkpoint: its JSON, its tensors, and the checks before either is used.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use safetensors::{Dtype, SafeTensors};
+use selvedge_data::{Dataset, Section};
+use selvedge_model::{ModelSpec, RunningStatistics};
+use serde::{Deserialize, Serialize};
+
+use super::differences::{Difference, differences};
+use super::error::{ContentProblem, ResumeError};
+use super::fingerprint::{fingerprint, name_in};
+use super::parts;
+use crate::config::TrainConfig;
+use crate::losses::RunningLossStatistics;
+use crate::origin::Origin;
+use crate::slot::Slot;
+use crate::training_set::TrainingSet;
+
+/// Value of the metadata `format` of a checkpoint.
+pub const CHECKPOINT_FORMAT: &str = "selvedge-checkpoint";
+pub(super) const VERSION: &str = "1";
+
+/// The part of a checkpoint that is JSON.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct State {
+    pub(super) step: u64,
+    pub(super) optimizer_steps: u64,
+    pub(super) inputs: [RunningStatistics; 2],
+    pub(super) targets: RunningLossStatistics,
+    #[serde(rename = "lanes")]
+    pub(super) slots: Vec<SlotEntry>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) origins: Vec<Origin>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SlotEntry {
+    pub(super) section: Section,
+    pub(super) current: usize,
+    pub(super) run: u32,
+}
+
+impl SlotEntry {
+    pub(super) fn of(slot: &Slot) -> Self {
+        Self {
+            section: slot.section,
+            current: slot.current,
+            run: slot.run,
+        }
+    }
+}
+
+/// The bytes of a checkpoint: its first file's, and those of the others.
+pub(super) struct Bytes {
+    first: Vec<u8>,
+    others: Vec<(PathBuf, Vec<u8>)>,
+}
+
+impl Bytes {
+    pub(super) fn read(path: &Path) -> Result<Self, ResumeError> {
+        let first = parts::read(path)?;
+        let others = parts::read_others(path, &first)?;
+        Ok(Self { first, others })
+    }
+}
+
+pub(super) struct CheckpointFile<'a> {
+    path: &'a Path,
+    tensors: SafeTensors<'a>,
+    others: Vec<SafeTensors<'a>>,
+    pub(super) metadata: HashMap<String, String>,
+}
+
+impl<'a> CheckpointFile<'a> {
+    pub(super) fn open(path: &'a Path, bytes: &'a Bytes) -> Result<Self, ResumeError> {
+        let container = |path: &Path, source| ResumeError::Container {
+            path: path.to_owned(),
+            source,
+        };
+        let here = |source| container(path, source);
+        let (_, header) = SafeTensors::read_metadata(&bytes.first).map_err(here)?;
+        let tensors = SafeTensors::deserialize(&bytes.first).map_err(here)?;
+        let others = bytes.others.iter().map(|(path, bytes)| {
+            SafeTensors::deserialize(bytes).map_err(|source| container(path, source))
+        });
+        let others: Vec<SafeTensors<'_>> = others.collect::<Result<_, _>>()?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        for (key, expected) in [("format", CHECKPOINT_FORMAT), ("version", VERSION)] {
+            let found = metadata.get(key);
+            if found.map(String::as_str) != Some(expected) {
+                return Err(ResumeError::Metadata {
+                    path: path.to_owned(),
+                    key,
+                    expected,
+                    found: found.map_or("missing".into(), |found| format!("\"{found}\"")),
+                });
+            }
+        }
+        Ok(Self {
+            path,
+            tensors,
+            others,
+            metadata,
+        })
+    }
+
+    pub(super) fn content(&self, what: &str, problem: impl Into<ContentProblem>) -> ResumeError {
+        ResumeError::Content {
+            path: self.path.to_owned(),
+            what: what.to_owned(),
+            problem: problem.into(),
+        }
+    }
+
+    pub(super) fn json<T: serde::de::DeserializeOwned>(&self, key: &str) -> Result<T, ResumeError> {
+        let missing = || self.content(key, ContentProblem::Missing);
+        let text = self.metadata.get(key).ok_or_else(missing)?;
+        serde_json::from_str(text).map_err(|error| self.content(key, error))
+    }
+
+    /// Checks that the checkpoint was made with this configuration and this data set.
+    pub(super) fn check(&self, cfg: &TrainConfig, dataset: &Dataset) -> Result<(), ResumeError> {
+        let path = || self.path.to_owned();
+        let made: TrainConfig = self.json("config")?;
+        let value = |cfg: &TrainConfig| {
+            let free = TrainConfig {
+                name: String::new(),
+                steps: 1,
+                log_every: 1,
+                ..cfg.clone()
+            };
+            serde_json::to_value(free).map_err(|error| self.content("config", error))
+        };
+        let differences = differences(&value(&made)?, &value(cfg)?);
+        if let Some(first) = differences.into_iter().next() {
+            return Err(ResumeError::Configuration {
+                path: path(),
+                field: first.path,
+                expected: first.now,
+                found: first.made,
+            });
+        }
+        let now = fingerprint(dataset).map_err(|error| self.content("dataset", error))?;
+        let made = self.metadata.get("dataset").map_or("", String::as_str);
+        if made != now {
+            return Err(ResumeError::Data {
+                path: path(),
+                expected: name_in(&now),
+                found: name_in(made),
+            });
+        }
+        Ok(())
+    }
+
+    /// Checks that the network is the same; the limits of edges may differ.
+    pub(super) fn check_network(
+        &self,
+        made: &TrainConfig,
+        cfg: &TrainConfig,
+    ) -> Result<(), ResumeError> {
+        let network = |cfg: &TrainConfig| {
+            let spec = ModelSpec {
+                edge_limits: None,
+                ..cfg.model.clone()
+            };
+            serde_json::to_value(spec).map_err(|error| self.content("config", error))
+        };
+        let differences: Vec<String> = differences(&network(made)?, &network(cfg)?)
+            .into_iter()
+            .map(|Difference { path, made, now }| {
+                format!("model.{path} is {made} there, {now} here")
+            })
+            .collect();
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(ResumeError::OtherModel {
+            path: self.path.to_owned(),
+            differences: differences.join("; "),
+        })
+    }
+
+    /// Checks that the statistics have the columns of the configuration.
+    pub(super) fn check_widths(&self, state: &State, cfg: &TrainConfig) -> Result<(), ResumeError> {
+        let [nodes, edges] = &state.inputs;
+        let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
+        let expected = (model.node_width(), model.edge_width());
+        if found != expected || !state.targets.has_own_widths() {
+            return Err(self.content("state", ContentProblem::Columns { found, expected }));
+        }
+        Ok(())
+    }
+
+    pub(super) fn numbers(&self, name: &str, count: usize) -> Result<Vec<f32>, ResumeError> {
+        let files = || std::iter::once(&self.tensors).chain(&self.others);
+        let values = match parts::joined(files(), name) {
+            Some(values) if values.len() == count => values,
+            Some(values) => {
+                let (found, expected) = (values.len(), count);
+                return Err(self.content(name, ContentProblem::Pieces { found, expected }));
+            }
+            None => {
+                let whole = files().find_map(|file| file.tensor(name).ok());
+                let view = match whole {
+                    Some(view) => view,
+                    None => self
+                        .tensors
+                        .tensor(name)
+                        .map_err(|e| self.content(name, e))?,
+                };
+                if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
+                    let problem = ContentProblem::Shape {
+                        dtype: view.dtype(),
+                        shape: view.shape().to_vec(),
+                        expected: count,
+                    };
+                    return Err(self.content(name, problem));
+                }
+                let chunks = view.data().as_chunks().0.iter();
+                chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect()
+            }
+        };
+        match values.iter().position(|x| !x.is_finite()) {
+            Some(index) => Err(self.content(name, ContentProblem::NonFinite { index })),
+            None => Ok(values),
+        }
+    }
+
+    pub(super) fn slot(
+        &self,
+        number: usize,
+        entry: &SlotEntry,
+        cfg: &TrainConfig,
+        set: &TrainingSet,
+    ) -> Result<Slot, ResumeError> {
+        let mut history = Vec::new();
+        if entry.run > 0 {
+            let trajectory = entry.section.trajectory;
+            if !set.has(&entry.section) || !TrainingSet::section_has(&entry.section, entry.current)
+            {
+                return Err(self.content("state", ContentProblem::NoSection { slot: number }));
+            }
+            let vertices = set.motion(trajectory).graph.vertex_count();
+            let frames = cfg.model.history();
+            let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
+            let positions: Vec<Vec3> = numbers
+                .as_chunks()
+                .0
+                .iter()
+                .copied()
+                .map(Vec3::from_array)
+                .collect();
+            history = positions
+                .chunks_exact(vertices)
+                .map(<[_]>::to_vec)
+                .collect();
+        }
+        Ok(Slot {
+            section: entry.section,
+            current: entry.current,
+            run: entry.run,
+            history,
+        })
+    }
+}
+
+/// The name of the tensor of a slot's history.
+pub(super) fn history_name(slot: usize) -> String {
+    format!("lane.{slot}.history")
+}
