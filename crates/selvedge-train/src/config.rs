@@ -1,27 +1,26 @@
 //! The configuration of a training: a TOML file, checked once, saved beside the result.
 
+mod error;
+mod sampling;
 mod setting;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use selvedge_model::{Encoder, ModelSpec, SpecError};
-use serde::de::IgnoredAny;
+use selvedge_model::{Encoder, ModelSpec};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use crate::losses::{LossWeights, LossWeightsError};
-use crate::optimizer::{AdamError, AdamSettings};
-use crate::schedule::{LearningRate, MOST_STEPS, ScheduleError, TruthProbability, UnrollFrames};
-pub use setting::{Setting, SettingError};
+pub use self::error::{ConfigError, InvalidConfig};
+use self::error::{count, positive, require};
+pub use self::sampling::{BatchConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling};
+pub use self::setting::{Setting, SettingError};
+use crate::losses::LossWeights;
+use crate::optimizer::AdamSettings;
+use crate::schedule::{LearningRate, MOST_STEPS, UnrollFrames};
 
-/// Most samples per optimiser step. That they fit into memory is checked with the data.
-const MOST_SAMPLES: usize = 65_536;
 /// Most samples that statistics are taken from.
 const MOST_STATISTICS_SAMPLES: usize = 1_000_000;
 /// Most steps between two lines of the log, which are kept until then.
 const MOST_LOG_EVERY: u64 = 100_000;
-/// Most predictions in a row.
-const MOST_IN_A_ROW: u32 = 1_000_000;
 
 /// All settings that decide a training, besides its data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,177 +77,6 @@ pub struct TrainConfig {
     pub statistics_samples: usize,
     /// A line of the log every so many steps.
     pub log_every: u64,
-}
-
-/// Samples of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "BatchTable")]
-pub struct BatchConfig {
-    /// Samples per optimiser step.
-    pub samples: usize,
-}
-
-/// The table `[batch]` as files have it.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BatchTable {
-    samples: usize,
-    /// A key of earlier versions: how many samples went through the network together. That is a
-    /// setting of the engine now ([`crate::OnProcessor`]) and changes results by rounding only, so
-    /// files with the key stay readable.
-    #[serde(default, rename = "shard")]
-    _shard: Option<IgnoredAny>,
-}
-
-impl From<BatchTable> for BatchConfig {
-    fn from(table: BatchTable) -> Self {
-        Self {
-            samples: table.samples,
-        }
-    }
-}
-
-/// Noise on ground truth (GNS, Sanchez-Gonzalez et al. 2020): n is added to the newest positions
-/// of free vertices, (1 - γ) n to the target; none on the model's own predictions.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NoiseConfig {
-    /// Standard deviation per coordinate.
-    pub deviation: f64,
-    /// Unit of the deviation.
-    pub unit: NoiseUnit,
-    /// γ: the part of a displacement that the target takes back in one frame.
-    pub correction: f64,
-}
-
-/// Unit of a deviation of noise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum NoiseUnit {
-    /// Metres.
-    #[default]
-    Metre,
-    /// The mean length of the cloth's edges at rest: the same for every fineness of the mesh.
-    Edge,
-}
-
-/// Scheduled sampling: with probability 1 - p the model's own prediction becomes the current
-/// position of the next sample.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ScheduledSampling {
-    /// p by step.
-    pub truth: TruthProbability,
-    /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its
-    /// end.
-    pub longest: u32,
-    /// A run ends when a vertex is farther from the truth than this `[m]`.
-    pub farthest: f64,
-    /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
-    /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
-    pub correction: f64,
-    /// Course of that distance in the targets of several frames in a row.
-    pub offset: OffsetRule,
-}
-
-/// The course of an offset from the truth in the targets of a rollout.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum OffsetRule {
-    /// A part of its smooth part is taken back every frame (`correction`).
-    Decaying {},
-    /// It swings about the truth.
-    Swinging {
-        /// Part of its velocity that is lost per frame, d.
-        damping: f64,
-        /// Part of the way back that is gone per frame squared, s.
-        stiffness: f64,
-        /// Part of its wrinkles that is lost per frame, w.
-        wrinkles: f64,
-    },
-}
-
-impl Default for OffsetRule {
-    fn default() -> Self {
-        Self::Decaying {}
-    }
-}
-
-impl Default for NoiseConfig {
-    /// The paper's.
-    fn default() -> Self {
-        Self {
-            deviation: 0.003,
-            unit: NoiseUnit::Metre,
-            correction: 0.1,
-        }
-    }
-}
-
-impl Default for ScheduledSampling {
-    /// None; the rest as in the paper.
-    fn default() -> Self {
-        Self {
-            truth: TruthProbability::Always {},
-            longest: 30,
-            farthest: 1e3,
-            correction: 1.0,
-            offset: OffsetRule::default(),
-        }
-    }
-}
-
-/// A configuration that cannot be used.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ConfigError {
-    #[error("cannot read {path}: {source}")]
-    Read {
-        path: PathBuf,
-        source: std::io::Error,
-    },
-    #[error("{path}: {source}")]
-    Syntax {
-        path: PathBuf,
-        source: Box<toml::de::Error>,
-    },
-    #[error("{path}: {source}")]
-    Invalid {
-        path: PathBuf,
-        source: InvalidConfig,
-    },
-    #[error("{path} with {settings}: {source}")]
-    Setting {
-        path: PathBuf,
-        settings: String,
-        source: SettingError,
-    },
-}
-
-/// A value of a configuration that cannot be used.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "each message is its source's")]
-pub enum InvalidConfig {
-    #[error(transparent)]
-    Model(#[from] SpecError),
-    #[error(transparent)]
-    Losses(#[from] LossWeightsError),
-    #[error(transparent)]
-    Optimizer(#[from] AdamError),
-    #[error(transparent)]
-    Schedule(#[from] ScheduleError),
-    #[error("{field} must be between 1 and {most}, found {found}")]
-    Count {
-        field: &'static str,
-        most: u64,
-        found: u64,
-    },
-    #[error("{field} must be {expected}, found {found}")]
-    Value {
-        field: &'static str,
-        expected: &'static str,
-        found: f64,
-    },
 }
 
 impl TrainConfig {
@@ -373,75 +201,6 @@ impl TrainConfig {
         let apart = self.unroll.most() == 1 || weight == 0.0;
         require(apart, "losses.kinetic_energy", expected, weight)
     }
-}
-
-impl BatchConfig {
-    fn validate(&self) -> Result<(), InvalidConfig> {
-        count("batch.samples", self.samples as u64, MOST_SAMPLES as u64)
-    }
-}
-
-impl NoiseConfig {
-    fn validate(&self) -> Result<(), InvalidConfig> {
-        let small = (0.0..1.0).contains(&self.deviation);
-        let expected = "at least 0 and below 1 (noise.unit: metre or edge)";
-        require(small, "noise.deviation", expected, self.deviation)?;
-        part("noise.correction", self.correction)
-    }
-}
-
-impl ScheduledSampling {
-    fn validate(&self) -> Result<(), InvalidConfig> {
-        self.truth.validate()?;
-        let (longest, most) = (self.longest.into(), MOST_IN_A_ROW.into());
-        count("scheduled_sampling.longest", longest, most)?;
-        positive("scheduled_sampling.farthest", self.farthest)?;
-        part("scheduled_sampling.correction", self.correction)?;
-        if let OffsetRule::Swinging {
-            damping,
-            stiffness,
-            wrinkles,
-        } = self.offset
-        {
-            part("scheduled_sampling.offset.damping", damping)?;
-            part("scheduled_sampling.offset.stiffness", stiffness)?;
-            part("scheduled_sampling.offset.wrinkles", wrinkles)?;
-        }
-        Ok(())
-    }
-}
-
-fn count(field: &'static str, found: u64, most: u64) -> Result<(), InvalidConfig> {
-    if (1..=most).contains(&found) {
-        return Ok(());
-    }
-    Err(InvalidConfig::Count { field, most, found })
-}
-
-fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
-    let holds = found.is_finite() && found > 0.0;
-    require(holds, field, "finite and positive", found)
-}
-
-fn part(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
-    let holds = (0.0..=1.0).contains(&found);
-    require(holds, field, "between 0 and 1", found)
-}
-
-fn require(
-    holds: bool,
-    field: &'static str,
-    expected: &'static str,
-    found: f64,
-) -> Result<(), InvalidConfig> {
-    if holds {
-        return Ok(());
-    }
-    Err(InvalidConfig::Value {
-        field,
-        expected,
-        found,
-    })
 }
 
 #[cfg(test)]

@@ -1,0 +1,97 @@
+//! Errors of configurations, and the checks of single values.
+
+use std::path::PathBuf;
+
+use selvedge_model::SpecError;
+use thiserror::Error;
+
+use super::setting::SettingError;
+use crate::losses::LossWeightsError;
+use crate::optimizer::AdamError;
+use crate::schedule::ScheduleError;
+
+/// A configuration that cannot be used.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ConfigError {
+    #[error("cannot read {path}: {source}")]
+    Read {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("{path}: {source}")]
+    Syntax {
+        path: PathBuf,
+        source: Box<toml::de::Error>,
+    },
+    #[error("{path}: {source}")]
+    Invalid {
+        path: PathBuf,
+        source: InvalidConfig,
+    },
+    #[error("{path} with {settings}: {source}")]
+    Setting {
+        path: PathBuf,
+        settings: String,
+        source: SettingError,
+    },
+}
+
+/// A value of a configuration that cannot be used.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "each message is its source's")]
+pub enum InvalidConfig {
+    #[error(transparent)]
+    Model(#[from] SpecError),
+    #[error(transparent)]
+    Losses(#[from] LossWeightsError),
+    #[error(transparent)]
+    Optimizer(#[from] AdamError),
+    #[error(transparent)]
+    Schedule(#[from] ScheduleError),
+    #[error("{field} must be between 1 and {most}, found {found}")]
+    Count {
+        field: &'static str,
+        most: u64,
+        found: u64,
+    },
+    #[error("{field} must be {expected}, found {found}")]
+    Value {
+        field: &'static str,
+        expected: &'static str,
+        found: f64,
+    },
+}
+
+pub(super) fn count(field: &'static str, found: u64, most: u64) -> Result<(), InvalidConfig> {
+    if (1..=most).contains(&found) {
+        return Ok(());
+    }
+    Err(InvalidConfig::Count { field, most, found })
+}
+
+pub(super) fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+    let holds = found.is_finite() && found > 0.0;
+    require(holds, field, "finite and positive", found)
+}
+
+pub(super) fn part(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+    let holds = (0.0..=1.0).contains(&found);
+    require(holds, field, "between 0 and 1", found)
+}
+
+pub(super) fn require(
+    holds: bool,
+    field: &'static str,
+    expected: &'static str,
+    found: f64,
+) -> Result<(), InvalidConfig> {
+    if holds {
+        return Ok(());
+    }
+    Err(InvalidConfig::Value {
+        field,
+        expected,
+        found,
+    })
+}

@@ -1,0 +1,167 @@
+//! The part of a configuration that puts samples together: the batch, the noise, and the model's own
+//! predictions.
+
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Serialize};
+
+use super::error::{InvalidConfig, count, part, positive, require};
+use crate::schedule::TruthProbability;
+
+/// Most samples per optimiser step. That they fit into memory is checked with the data.
+const MOST_SAMPLES: usize = 65_536;
+/// Most predictions in a row.
+const MOST_IN_A_ROW: u32 = 1_000_000;
+
+/// Samples of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "BatchTable")]
+pub struct BatchConfig {
+    /// Samples per optimiser step.
+    pub samples: usize,
+}
+
+/// The table `[batch]` as files have it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BatchTable {
+    samples: usize,
+    /// A key of earlier versions: how many samples went through the network together. That is a
+    /// setting of the engine now ([`crate::OnProcessor`]) and changes results by rounding only, so
+    /// files with the key stay readable.
+    #[serde(default, rename = "shard")]
+    _shard: Option<IgnoredAny>,
+}
+
+impl From<BatchTable> for BatchConfig {
+    fn from(table: BatchTable) -> Self {
+        Self {
+            samples: table.samples,
+        }
+    }
+}
+
+/// Noise on ground truth (GNS, Sanchez-Gonzalez et al. 2020): n is added to the newest positions
+/// of free vertices, (1 - γ) n to the target; none on the model's own predictions.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseConfig {
+    /// Standard deviation per coordinate.
+    pub deviation: f64,
+    /// Unit of the deviation.
+    pub unit: NoiseUnit,
+    /// γ: the part of a displacement that the target takes back in one frame.
+    pub correction: f64,
+}
+
+/// Unit of a deviation of noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseUnit {
+    /// Metres.
+    #[default]
+    Metre,
+    /// The mean length of the cloth's edges at rest: the same for every fineness of the mesh.
+    Edge,
+}
+
+/// Scheduled sampling: with probability 1 - p the model's own prediction becomes the current
+/// position of the next sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScheduledSampling {
+    /// p by step.
+    pub truth: TruthProbability,
+    /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its
+    /// end.
+    pub longest: u32,
+    /// A run ends when a vertex is farther from the truth than this `[m]`.
+    pub farthest: f64,
+    /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
+    /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
+    pub correction: f64,
+    /// Course of that distance in the targets of several frames in a row.
+    pub offset: OffsetRule,
+}
+
+/// The course of an offset from the truth in the targets of a rollout.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum OffsetRule {
+    /// A part of its smooth part is taken back every frame (`correction`).
+    Decaying {},
+    /// It swings about the truth.
+    Swinging {
+        /// Part of its velocity that is lost per frame, d.
+        damping: f64,
+        /// Part of the way back that is gone per frame squared, s.
+        stiffness: f64,
+        /// Part of its wrinkles that is lost per frame, w.
+        wrinkles: f64,
+    },
+}
+
+impl Default for OffsetRule {
+    fn default() -> Self {
+        Self::Decaying {}
+    }
+}
+
+impl Default for NoiseConfig {
+    /// The paper's.
+    fn default() -> Self {
+        Self {
+            deviation: 0.003,
+            unit: NoiseUnit::Metre,
+            correction: 0.1,
+        }
+    }
+}
+
+impl Default for ScheduledSampling {
+    /// None; the rest as in the paper.
+    fn default() -> Self {
+        Self {
+            truth: TruthProbability::Always {},
+            longest: 30,
+            farthest: 1e3,
+            correction: 1.0,
+            offset: OffsetRule::default(),
+        }
+    }
+}
+
+impl BatchConfig {
+    pub(super) fn validate(&self) -> Result<(), InvalidConfig> {
+        count("batch.samples", self.samples as u64, MOST_SAMPLES as u64)
+    }
+}
+
+impl NoiseConfig {
+    pub(super) fn validate(&self) -> Result<(), InvalidConfig> {
+        let small = (0.0..1.0).contains(&self.deviation);
+        let expected = "at least 0 and below 1 (noise.unit: metre or edge)";
+        require(small, "noise.deviation", expected, self.deviation)?;
+        part("noise.correction", self.correction)
+    }
+}
+
+impl ScheduledSampling {
+    pub(super) fn validate(&self) -> Result<(), InvalidConfig> {
+        self.truth.validate()?;
+        let (longest, most) = (self.longest.into(), MOST_IN_A_ROW.into());
+        count("scheduled_sampling.longest", longest, most)?;
+        positive("scheduled_sampling.farthest", self.farthest)?;
+        part("scheduled_sampling.correction", self.correction)?;
+        if let OffsetRule::Swinging {
+            damping,
+            stiffness,
+            wrinkles,
+        } = self.offset
+        {
+            part("scheduled_sampling.offset.damping", damping)?;
+            part("scheduled_sampling.offset.stiffness", stiffness)?;
+            part("scheduled_sampling.offset.wrinkles", wrinkles)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,150 @@
+//! Adam against its definition, clipping, and what is refused.
+
+use super::*;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+fn adam(count: usize) -> Adam {
+    Adam::new(AdamSettings::default(), count).expect("valid settings")
+}
+
+#[test]
+fn the_first_step_moves_by_the_rate_against_the_sign_of_the_gradient() {
+    // m / (1 - β₁) = g and √(v / (1 - β₂)) = |g|: θ moves by η g / (|g| + ε).
+    let gradient = [3.0_f32, -1e-3, 1e-8, 0.0];
+    let mut parameters = [0.0_f32; 4];
+    adam(4).step(&mut parameters, &gradient, 0.01);
+    for (found, &g) in parameters.iter().zip(&gradient) {
+        let expected = -0.01 * f64::from(g) / (f64::from(g).abs() + 1e-8);
+        assert!(
+            (f64::from(*found) - expected).abs() < 1e-8,
+            "{found} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_constant_gradient_moves_by_the_rate_at_every_step() {
+    // Bias correction makes m̂ = g and v̂ = g² at every step.
+    let (mut parameters, mut adam) = ([1.0_f32], adam(1));
+    for _ in 0..1000 {
+        adam.step(&mut parameters, &[0.37], 1e-4);
+    }
+    // 1000 roundings of numbers of about 1.
+    assert!((parameters[0] - 0.9).abs() < 1000.0 * 6e-8);
+    assert_eq!(adam.steps(), 1000);
+}
+
+#[test]
+fn steps_match_the_obvious_version_in_f64() {
+    // More than a chunk, and gradients of very different size.
+    let count = CHUNK + 77;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let sizes: Vec<f32> = (0..count)
+        .map(|_| 10_f32.powf(8.0 * rng.random::<f32>() - 7.0))
+        .collect();
+    let mut parameters: Vec<f32> = (0..count).map(|_| rng.random::<f32>() - 0.5).collect();
+    let mut slow: Vec<[f64; 3]> = parameters
+        .iter()
+        .map(|&p| [f64::from(p), 0.0, 0.0])
+        .collect();
+    let mut adam = adam(count);
+    for step in 1..=30 {
+        let gradient: Vec<f32> = sizes
+            .iter()
+            .map(|s| s * (rng.random::<f32>() - 0.4))
+            .collect();
+        adam.step(&mut parameters, &gradient, 1e-3);
+        for ([p, m, v], &g) in slow.iter_mut().zip(&gradient) {
+            let g = f64::from(g);
+            *m = 0.9 * *m + 0.1 * g;
+            *v = 0.999 * *v + 0.001 * g * g;
+            let corrected = (*v / (1.0 - 0.999_f64.powi(step))).sqrt();
+            *p -= 1e-3 * (*m / (1.0 - 0.9_f64.powi(step))) / (corrected + 1e-8);
+        }
+    }
+    for (found, [expected, ..]) in parameters.iter().zip(&slow) {
+        // 30 roundings of a parameter below 1, and 1e-6 of moves of 1e-3.
+        assert!((f64::from(*found) - expected).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn it_finds_the_minimum_of_a_badly_scaled_valley() {
+    // f = (x - 1)² / 2 + 1e6 (y + 2)² / 2: Adam does not see the scale.
+    let (mut at, mut adam) = ([0.0_f32, 0.0], adam(2));
+    for step in 0..4000 {
+        let gradient = [at[0] - 1.0, 1e6 * (at[1] + 2.0)];
+        adam.step(&mut at, &gradient, 0.01 * (1.0 - f64::from(step) / 4000.0));
+    }
+    assert!(
+        (at[0] - 1.0).abs() < 1e-3 && (at[1] + 2.0).abs() < 1e-3,
+        "{at:?}"
+    );
+}
+
+#[test]
+fn a_resumed_run_gives_the_same_bytes() {
+    let gradient = |k: u64| {
+        let mut rng = ChaCha8Rng::seed_from_u64(k);
+        [(); 5].map(|()| rng.random::<f32>() - 0.5)
+    };
+    let (mut whole, mut parts) = ([0.5_f32; 5], [0.5_f32; 5]);
+    let (mut one, mut first) = (adam(5), adam(5));
+    for k in 0..20 {
+        one.step(&mut whole, &gradient(k), 1e-2);
+    }
+    for k in 0..7 {
+        first.step(&mut parts, &gradient(k), 1e-2);
+    }
+    let (m, v) = (
+        first.first_moment().to_vec(),
+        first.second_moment().to_vec(),
+    );
+    let settings = AdamSettings::default();
+    let mut second = Adam::resume(settings, m, v, first.steps()).expect("its own moments");
+    for k in 7..20 {
+        second.step(&mut parts, &gradient(k), 1e-2);
+    }
+    assert_eq!((whole, one), (parts, second));
+}
+
+#[test]
+fn clipping_keeps_direction_and_caps_length() {
+    let count = 2 * CHUNK + 5;
+    let start: Vec<f32> = (0..count).map(|k| (k % 7) as f32 - 3.0).collect();
+    let exact = start.iter().map(|&g| f64::from(g * g)).sum::<f64>().sqrt();
+    let mut gradient = start.clone();
+    assert_eq!(clip_norm(&mut gradient, 2.0 * exact), exact);
+    assert_eq!(gradient, start);
+    clip_norm(&mut gradient, 1.0);
+    let factor = 1.0 / exact;
+    for (found, &g) in gradient.iter().zip(&start) {
+        assert!((f64::from(*found) - factor * f64::from(g)).abs() <= 2e-7 * factor * 3.0);
+    }
+    let mut broken = [f32::NAN, 5.0];
+    assert!(clip_norm(&mut broken, 1.0).is_nan());
+    assert_eq!(broken[1], 5.0);
+}
+
+#[test]
+fn settings_and_saved_moments_are_checked() {
+    let settings = |beta2| AdamSettings {
+        beta2,
+        ..AdamSettings::default()
+    };
+    let message = Adam::new(settings(1.0), 3)
+        .expect_err("no memory")
+        .to_string();
+    assert_eq!(
+        message,
+        "optimizer.beta2 must be at least 0 and below 1, found 1"
+    );
+    let resume = |m: &[f32], v: &[f32]| {
+        let result = Adam::resume(AdamSettings::default(), m.to_vec(), v.to_vec(), 1);
+        result.expect_err("a defect").to_string()
+    };
+    assert!(resume(&[0.0], &[]).contains("second moment has 0 entries for 1"));
+    assert!(resume(&[f32::NAN], &[0.0]).contains("first moment must be finite"));
+    assert!(resume(&[0.0], &[-1.0]).contains("not negative, found -1 at entry 0"));
+}
