@@ -9,10 +9,10 @@ use std::path::Path;
 use selvedge_model::{Encoder, ModelSpec};
 use serde::{Deserialize, Serialize};
 
-pub use self::error::{ConfigError, InvalidConfig};
+pub use self::error::{ConfigError, InvalidConfig, SettingError};
 use self::error::{count, positive, require};
 pub use self::sampling::{BatchConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling};
-pub use self::setting::{Setting, SettingError};
+pub use self::setting::Setting;
 use crate::losses::LossWeights;
 use crate::optimizer::AdamSettings;
 use crate::schedule::{LearningRate, MOST_STEPS, UnrollFrames};

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use selvedge_model::SpecError;
 use thiserror::Error;
 
-use super::setting::SettingError;
 use crate::losses::LossWeightsError;
 use crate::optimizer::AdamError;
 use crate::schedule::ScheduleError;
@@ -35,6 +34,24 @@ pub enum ConfigError {
         settings: String,
         source: SettingError,
     },
+}
+
+/// A setting that cannot be followed.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum SettingError {
+    #[error(
+        "\"{text}\" is no setting: write the dotted path of a key, an equals sign and a value as in TOML, such as model.latent=32"
+    )]
+    Text { text: String },
+    #[error(
+        "batch.shard is no longer a key: how many samples go through the network together is a setting of the engine (--micro-batch)"
+    )]
+    Shard,
+    #[error("{path} is no table, so that it has no key {key}")]
+    NoTable { path: String, key: String },
+    #[error(transparent)]
+    Value(Box<toml::de::Error>),
 }
 
 /// A value of a configuration that cannot be used.

@@ -6,34 +6,16 @@ use std::fmt;
 use std::str::FromStr;
 
 use serde::Deserialize;
-use thiserror::Error;
 use toml::{Table, Value};
 
 use super::TrainConfig;
+use super::error::SettingError;
 
 /// One value of a configuration and what it is to be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
     path: Vec<String>,
     value: Value,
-}
-
-/// A setting that cannot be followed.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum SettingError {
-    #[error(
-        "\"{text}\" is no setting: write the dotted path of a key, an equals sign and a value as in TOML, such as model.latent=32"
-    )]
-    Text { text: String },
-    #[error(
-        "batch.shard is no longer a key: how many samples go through the network together is a setting of the engine (--micro-batch)"
-    )]
-    Shard,
-    #[error("{path} is no table, so that it has no key {key}")]
-    NoTable { path: String, key: String },
-    #[error(transparent)]
-    Value(Box<toml::de::Error>),
 }
 
 impl FromStr for Setting {

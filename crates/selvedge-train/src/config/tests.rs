@@ -1,8 +1,11 @@
 //! What is written is read back; every value out of range is named with what it should be.
 
+use std::path::PathBuf;
+
 use selvedge_model::{EdgeFeature, Encoder};
 
 use super::*;
+use crate::schedule::TruthProbability;
 use crate::test_data::config;
 
 fn path() -> PathBuf {
