@@ -1,7 +1,11 @@
 //! A resumed training is the uninterrupted one, bit for bit; what it cannot go on from is refused.
 
+use std::path::PathBuf;
+
+use safetensors::SafeTensors;
 use selvedge_data::SectionRule;
 use selvedge_model::{EdgeLimits, Encoder};
+use serde_json::Value;
 
 use super::*;
 use crate::schedule::LearningRate;
