@@ -1,5 +1,5 @@
-//! The part of a configuration that puts samples together: the batch, the noise, and the model's own
-//! predictions.
+//! The part of a configuration that puts samples together: the batch, the noise, and the model's
+//! own predictions.
 
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
