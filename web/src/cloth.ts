@@ -2,14 +2,10 @@
 
 import * as three from "three";
 import type { Cloth } from "./protocol";
-import { Edges } from "./colours";
+import type { Edges } from "./colours";
+import type { Look } from "./theme";
 
-export interface Look {
-  front: three.Color;
-  back: three.Color;
-}
-
-/** What all cloths share. */
+/** The textures that all cloths share. */
 export interface Shared {
   map: three.DataTexture;
   weave: three.Texture;

@@ -2,7 +2,7 @@
 // the cloth moves on, and the shadow that falls on it.
 
 import * as three from "three";
-import type { Theme } from "./stage";
+import type { Theme } from "./theme";
 
 const RADIUS = 9;
 

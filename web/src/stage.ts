@@ -2,55 +2,13 @@
 
 import * as three from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { ClothObject, weave, type Look, type Shared } from "./cloth";
+import { ClothObject, weave, type Shared } from "./cloth";
 import { Floor } from "./floor";
+import { HandleMarks } from "./handles";
 import { LEAST, Quality } from "./quality";
 import { Edges, colourMap, difference, speed, type Colouring } from "./colours";
-import type { Cloth, Frame, Goal } from "./protocol";
-
-export interface Theme {
-  background: string;
-  /** The floor where the light falls, and its lines. */
-  floor: string;
-  grid: string;
-  lines: string;
-  handle: string;
-  looks: [Look, Look];
-  /** How dark shadows on the floor are. */
-  shadow: number;
-  exposure: number;
-}
-
-const colour = (text: string) => new three.Color(text);
-
-export const THEMES: Record<"light" | "dark", Theme> = {
-  light: {
-    background: "#e6e2db",
-    floor: "#f6f3ee",
-    grid: "#b9b1a4",
-    lines: "#1c2733",
-    handle: "#d1495b",
-    looks: [
-      { front: colour("#d9a25f"), back: colour("#3f6f9f") },
-      { front: colour("#d9a25f"), back: colour("#4e8368") },
-    ],
-    shadow: 0.26,
-    exposure: 1.05,
-  },
-  dark: {
-    background: "#14171c",
-    floor: "#272c35",
-    grid: "#4a5361",
-    lines: "#e6edf5",
-    handle: "#ff6b7d",
-    looks: [
-      { front: colour("#e0ac68"), back: colour("#5b93c9") },
-      { front: colour("#e0ac68"), back: colour("#63a585") },
-    ],
-    shadow: 0.6,
-    exposure: 0.95,
-  },
-};
+import type { Cloth, Frame } from "./protocol";
+import { THEMES, type Theme } from "./theme";
 
 export interface Hit {
   vertex: number;
@@ -84,8 +42,7 @@ export class Stage {
   private readonly floor = new Floor();
   private readonly quality = new Quality(new URLSearchParams(location.search).has("full"));
   private readonly shared: Shared = { map: colourMap(), weave: weave() };
-  private readonly knobs: three.InstancedMesh;
-  private readonly leads: three.LineSegments;
+  private readonly marks = new HandleMarks();
   private cloth: Cloth | null = null;
   private edges: Edges | null = null;
   private objects: ClothObject[] = [];
@@ -111,13 +68,7 @@ export class Stage {
     // Arrows move the handles, not the camera.
     this.controls.keys = { LEFT: "", UP: "", RIGHT: "", BOTTOM: "" };
     this.light();
-    this.knobs = this.makeKnobs();
-    this.leads = new three.LineSegments(
-      new three.BufferGeometry(),
-      new three.LineBasicMaterial({ transparent: true, opacity: 0.7 }),
-    );
-    this.leads.frustumCulled = false;
-    this.scene.add(this.sun, this.sun.target, this.sky, this.floor.group, this.knobs, this.leads);
+    this.scene.add(this.sun, this.sun.target, this.sky, this.floor.group, this.marks.group);
     this.setTheme("light");
     if (isSoftware(this.renderer.getContext()) && this.quality.begin(LEAST)) this.lower();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
@@ -126,11 +77,10 @@ export class Stage {
 
   setTheme(name: "light" | "dark"): void {
     this.theme = THEMES[name];
-    this.scene.background = colour(this.theme.background);
+    this.scene.background = new three.Color(this.theme.background);
     this.floor.look(this.theme);
     this.renderer.toneMappingExposure = this.theme.exposure;
-    this.knobs.material = new three.MeshStandardMaterial({ color: this.theme.handle, roughness: 0.35 });
-    (this.leads.material as three.LineBasicMaterial).color.set(this.theme.handle);
+    this.marks.look(this.theme.handle);
   }
 
   /** Another cloth; its frames are to come. */
@@ -314,18 +264,6 @@ export class Stage {
     this.scene.add(rim);
   }
 
-  private makeKnobs(): three.InstancedMesh {
-    const knobs = new three.InstancedMesh(
-      new three.SphereGeometry(1, 24, 16),
-      new three.MeshStandardMaterial(),
-      512,
-    );
-    knobs.count = 0;
-    knobs.castShadow = true;
-    knobs.frustumCulled = false;
-    return knobs;
-  }
-
   /** How much of the room is covered on the right and below, in pixels. */
   cover(right: number, bottom: number): void {
     this.covered = { right, bottom };
@@ -359,7 +297,7 @@ export class Stage {
       this.fitted = false;
     }
     const looks = this.theme.looks;
-    const lines = colour(this.theme.lines);
+    const lines = new three.Color(this.theme.lines);
     this.objects.forEach((object, track) => {
       object.group.position.z = this.offset(track);
       object.place(frame.tracks[track]!);
@@ -406,29 +344,14 @@ export class Stage {
   }
 
   private arrangeHandles(frame: Frame): void {
-    const matrix = new three.Matrix4();
-    const ends: number[] = [];
-    let count = 0;
+    this.marks.begin();
     for (let track = 0; track < frame.tracks.length && this.handlesShown; track++) {
       for (const goal of frame.goals) {
-        if (count >= 512) break;
-        const point = this.point(track, goal.vertex);
-        const radius = this.selected.has(goal.vertex) ? 0.024 : 0.016;
-        matrix.makeScale(radius, radius, radius).setPosition(point);
-        this.knobs.setMatrixAt(count++, matrix);
-        if (away(point, goal, this.offset(track)) > 0.01) {
-          ends.push(point.x, point.y, point.z, goal.x, goal.y, goal.z + this.offset(track));
-          if (count < 512) {
-            matrix.makeScale(0.008, 0.008, 0.008).setPosition(goal.x, goal.y, goal.z + this.offset(track));
-            this.knobs.setMatrixAt(count++, matrix);
-          }
-        }
+        const wanted = new three.Vector3(goal.x, goal.y, goal.z + this.offset(track));
+        this.marks.add(this.point(track, goal.vertex), wanted, this.selected.has(goal.vertex));
       }
     }
-    this.knobs.count = count;
-    this.knobs.instanceMatrix.needsUpdate = true;
-    this.leads.geometry.setAttribute("position", new three.Float32BufferAttribute(ends, 3));
-    this.leads.visible = ends.length > 0;
+    this.marks.end();
   }
 
   private pickHandle(x: number, y: number, reach: number): Hit | null {
@@ -454,10 +377,6 @@ function isSoftware(context: WebGLRenderingContext | WebGL2RenderingContext): bo
   const about = context.getExtension("WEBGL_debug_renderer_info");
   const name: unknown = context.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : context.RENDERER);
   return /swiftshader|llvmpipe|software/i.test(String(name));
-}
-
-function away(point: three.Vector3, goal: Goal, offset: number): number {
-  return Math.hypot(point.x - goal.x, point.y - goal.y, point.z - offset - goal.z);
 }
 
 /** How wide the widest of the tracks is along z, m. */

@@ -1,11 +1,11 @@
-//! Hands: how handles get from where they are to where they are wanted, never faster than a limit
-//! nor with more acceleration than another.
+//! Hands: the way of the handles from their places to their goals, within limits of speed and of
+//! acceleration.
 //!
 //! Each handle has a goal, and speeds up and brakes so that it comes to rest there; keys move all
 //! handles together as one rigid body, goals and all. The default limits are those of the motions
 //! that the paper trains on: 1 m in 1 s, eased, has a peak speed of π/2 m/s and a peak acceleration
-//! of π²/2 m/s². What turns counts by the speed of the outermost handle; the acceleration towards the
-//! axis of a turn is not limited.
+//! of π²/2 m/s². A turn counts by the speed of the outermost handle; the acceleration towards its
+//! axis is not limited.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::protocol::Push;
 
-/// What a hand may do.
+/// The limits of a hand.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HandLimits {
     /// The greatest speed `[m/s]`.
@@ -60,7 +60,7 @@ struct Hand {
 }
 
 impl Hand {
-    /// One that stands still at `position` `[m]`, and is wanted there.
+    /// A hand that stands still at `position` `[m]`, its goal.
     fn still(position: DVec3) -> Self {
         Self {
             position,
@@ -78,12 +78,12 @@ pub struct Hands {
     /// Velocity of all together `[m/s]`, and how fast they turn about the vertical `[rad/s]`.
     drift: DVec3,
     spin: f64,
-    /// How far the outermost was from the middle when `spin` was chosen `[m]`.
+    /// The distance of the outermost from the middle when `spin` was chosen `[m]`.
     radius: f64,
 }
 
 impl Hands {
-    /// Handles that stand still at `positions` `[m]`, and are wanted there.
+    /// Handles that stand still at `positions` `[m]`, their goals.
     #[must_use]
     pub fn at(positions: &[DVec3]) -> Self {
         Self {
@@ -92,8 +92,8 @@ impl Hands {
         }
     }
 
-    /// Handles that have been led to `positions` `[m]` within `dt` `[s]`, and go on as fast; they are
-    /// wanted there.
+    /// Handles that have been led to `positions` `[m]`, their goals, within `dt` `[s]`. Their
+    /// velocity stays.
     #[must_use]
     pub fn led_to(&self, positions: &[DVec3], dt: f64) -> Self {
         let mut led = Self::at(positions);
@@ -103,26 +103,26 @@ impl Hands {
         led
     }
 
-    /// Where they are `[m]`, `[handles]`.
+    /// Positions `[m]`, `[handles]`.
     #[must_use]
     pub fn positions(&self) -> Vec<DVec3> {
         self.hands.iter().map(|hand| hand.position).collect()
     }
 
-    /// Where they are wanted `[m]`, `[handles]`.
+    /// Goals `[m]`, `[handles]`.
     #[must_use]
     pub fn goals(&self) -> Vec<DVec3> {
         self.hands.iter().map(|hand| hand.goal).collect()
     }
 
-    /// Wants `handle` at `goal` `[m]`.
+    /// Sets the goal of `handle` `[m]`.
     pub fn want(&mut self, handle: usize, goal: DVec3) {
         if let Some(hand) = self.hands.get_mut(handle) {
             hand.goal = goal;
         }
     }
 
-    /// Puts `handle` at `position` `[m]`: it stands still there, and is wanted there.
+    /// Puts `handle` at `position` `[m]`, its goal; it stands still.
     pub fn put(&mut self, handle: usize, position: DVec3) {
         if let Some(hand) = self.hands.get_mut(handle) {
             *hand = Hand::still(position);
@@ -134,7 +134,7 @@ impl Hands {
         self.push = push;
     }
 
-    /// Whether none of them moves or is about to.
+    /// Returns true where none of them moves or is about to.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         let still = |hand: &Hand| hand.velocity == DVec3::ZERO && hand.goal == hand.position;
@@ -144,7 +144,7 @@ impl Hands {
             && self.hands.iter().all(still)
     }
 
-    /// Wants every handle where it will have come to rest if it brakes now.
+    /// Sets the goal of every handle to the place where it comes to rest if it brakes now.
     pub fn brake(&mut self, limits: &HandLimits) {
         self.push = Push::default();
         for hand in &mut self.hands {
@@ -153,7 +153,8 @@ impl Hands {
         }
     }
 
-    /// Hands at `positions` `[m]`, each `kept` from before by its number, where it was one.
+    /// Hands at `positions` `[m]`; a hand with a number in `kept` continues as the hand of that
+    /// number.
     #[must_use]
     pub fn rearranged(&self, positions: &[DVec3], kept: &[Option<usize>]) -> Self {
         let mut changed = Self::at(positions);
@@ -167,7 +168,7 @@ impl Hands {
         changed
     }
 
-    /// Goes on by `dt` `[s]`.
+    /// Moves all hands by `dt` `[s]`.
     pub fn advance(&mut self, limits: &HandLimits, dt: f64) {
         let together = self.drive_together(limits, dt);
         // What the keys use up is not left for the way to the goals.
@@ -189,7 +190,7 @@ impl Hands {
         }
     }
 
-    /// Speeds all of them up as the keys say; the speed of the fastest `[m/s]`.
+    /// Accelerates all of them as the keys push. Returns the speed of the fastest `[m/s]`.
     fn drive_together(&mut self, limits: &HandLimits, dt: f64) -> f64 {
         let reach = self.reach();
         if reach > self.radius {
@@ -231,8 +232,9 @@ impl Hands {
     }
 }
 
-/// The velocity of a handle over the next `dt` `[s]`: towards its goal as fast as the limits let it,
-/// and as it can still brake, s = -a dt/2 + √((a dt/2)² + 2 a d) at a distance d. `[eq:hand-speed]`
+/// The velocity of a handle over the next `dt` `[s]`: towards its goal as fast as the limits let
+/// it, and as it can still brake, s = -a dt/2 + √((a dt/2)² + 2 a d) at a distance d.
+/// `[eq:hand-speed]`
 fn follow(hand: &Hand, limits: &HandLimits, dt: f64) -> DVec3 {
     let way = hand.goal - hand.position;
     let distance = way.length();

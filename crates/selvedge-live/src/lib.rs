@@ -1,22 +1,22 @@
 //! The live viewer: a cloth that moves under a person's hand, and the page in which it is seen.
 //!
-//! - A **session** ([`start`]) runs on a thread of its own. It moves one cloth at the rate of the scene, or
-//!   plays a recording, and leaves the latest frame where every page can take it.
-//! - A **workshop** ([`Workshop`]) makes a cloth ready when a page orders it, and a [`ReadyCloth`] starts its
-//!   **movers** ([`LiveStepper`]): steppers that can continue under other handles and in another wind. The
-//!   program implements these traits.
+//! - A **session** ([`start`]) runs on a thread of its own. It moves one cloth at the rate of the
+//!   scene, or plays a recording, and leaves the latest frame where every page can take it.
+//! - A **workshop** ([`Workshop`]) makes a cloth ready when a page orders it, and a [`ReadyCloth`]
+//!   starts its **movers** ([`LiveStepper`]): steppers that can continue under other handles and in
+//!   another wind. The program implements these traits.
 //! - **Hands** ([`Hands`]) lead the handles to where people drag them, within limits of speed and
 //!   acceleration.
 //! - A **tape** ([`Tape`]) holds recordings side by side, with one clock.
-//! - A **server** ([`serve`]) lets browsers watch a session and take hold of its cloth. The [`protocol`] is
-//!   the form of the messages; the page is built from `web/` and compiled in.
+//! - A **server** ([`serve`]) lets browsers watch a session and take hold of its cloth. The
+//!   [`protocol`] is the form of the messages; the page is built from `web/` and compiled in.
 //!
 //! ```
 //! use std::{ops::ControlFlow, sync::Arc};
 //!
 //! use selvedge_live::{
-//!     Catalogue, Mover, NamedTrack, Opening, Order, PrepareError, ReadyCloth, ServerSettings, Tape,
-//!     Workshop, serve, start,
+//!     Catalogue, Mover, NamedTrack, Opening, Order, PrepareError, ReadyCloth, ServerSettings,
+//!     Tape, Workshop, serve, start,
 //! };
 //!
 //! /// Makes nothing ready: this program only plays.
@@ -71,8 +71,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! This crate knows neither the physics nor the learned model, opens no scene, and keeps no state on disk but
-//! the recordings that a page asks for.
+//! This crate knows neither the physics nor the learned model, opens no scene, and keeps no state
+//! on disk but the recordings that a page asks for.
 
 // The test cloth is also compiled into the tests from outside, under the name of this crate.
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The cloth that moves: one or two steppers under the same hands, and what is measured of them.
+//! The cloth that moves: one or two steppers under the same hands, and their strain and times.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -14,11 +14,11 @@ use crate::workshop::ReadyCloth;
 /// Frames that are remembered, so that another stepper can take over in mid-motion.
 const REMEMBERED: usize = 16;
 
-/// What of an offset is left after a frame, and when it counts for nothing `[m]`.
+/// The part of an offset that is left after a frame, and the offset that counts as none `[m]`.
 const FADING: f64 = 0.94;
 const NEAR: f64 = 1e-4;
 
-/// How much of the mean a new time of a step makes up.
+/// The weight of a new time of a step in the mean.
 const SMOOTHING: f64 = 0.1;
 
 /// The cloth that moves.
@@ -37,17 +37,18 @@ struct Driven {
     stepper: Box<dyn LiveStepper>,
     /// The last frames, oldest first.
     recent: VecDeque<Vec<Vec3>>,
-    /// How far its handles are from the hands `[m]`, `[handles]`; fades.
+    /// The distance of its handles from the hands `[m]`, `[handles]`; fades.
     offsets: Vec<DVec3>,
     step_ms: Option<f64>,
     strain: f64,
     stopped: Option<String>,
-    /// The frame of the stage that it has come to.
+    /// The frame of the cloth that it has come to.
     reached: usize,
 }
 
 impl LiveCloth {
-    /// A cloth at its beginning. Where `mover` cannot move it the physics does, and the reason is given too.
+    /// A cloth at its beginning. Where `mover` cannot move it the physics does, and the error is
+    /// returned beside it.
     pub(crate) fn new(
         ready: Box<dyn ReadyCloth>,
         mover: Mover,
@@ -57,7 +58,7 @@ impl LiveCloth {
             environment: ready.environment(),
         };
         let gauge = StrainGauge::new(ready.cloth());
-        let mut stage = Self {
+        let mut live = Self {
             ready,
             mover,
             hold,
@@ -65,12 +66,12 @@ impl LiveCloth {
             gauge,
             frame: 0,
         };
-        match stage.restart(mover) {
-            Ok(()) => Ok((stage, None)),
+        match live.restart(mover) {
+            Ok(()) => Ok((live, None)),
             Err(problem) if mover == Mover::Physics => Err(problem),
             Err(problem) => {
-                stage.restart(Mover::Physics)?;
-                Ok((stage, Some(problem)))
+                live.restart(Mover::Physics)?;
+                Ok((live, Some(problem)))
             }
         }
     }
@@ -90,8 +91,8 @@ impl LiveCloth {
         Ok(())
     }
 
-    /// Lets `mover` go on from here. Who moves the cloth already stays; who joins takes up the motion of
-    /// the one that leads, also where that has stopped.
+    /// Continues with `mover`. A stepper of its kind stays; one that joins takes up the motion of
+    /// the leader, also where the leader has stopped.
     pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), MoverError> {
         let Some(leader) = self.leader() else {
             return self.restart(mover);
@@ -120,7 +121,8 @@ impl LiveCloth {
         Ok(())
     }
 
-    /// Goes on with other handles, each `kept` from before by its number, where it was one.
+    /// Continues with other handles. One with a number in `kept` was the handle of that number
+    /// before.
     pub(crate) fn set_handles(
         &mut self,
         handles: Handles,
@@ -133,7 +135,7 @@ impl LiveCloth {
         self.change(hold, kept)
     }
 
-    /// Goes on in another wind `[m/s]`.
+    /// Continues in another wind `[m/s]`.
     pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), MoverError> {
         let mut hold = self.hold.clone();
         hold.environment.wind = wind;
@@ -141,8 +143,8 @@ impl LiveCloth {
         self.change(hold, &kept)
     }
 
-    /// Goes on with the same handles, of which those that were `free`, `[handles]`, take hold of the cloth
-    /// where it is.
+    /// Continues with the same handles. Those that were `free`, `[handles]`, take hold of the cloth
+    /// at its present place.
     pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), MoverError> {
         let kept = |(handle, free): (usize, &bool)| (!free).then_some(handle);
         let kept: Vec<Option<usize>> = free.iter().enumerate().map(kept).collect();
@@ -163,8 +165,8 @@ impl LiveCloth {
         Ok(())
     }
 
-    /// A vertex is taken hold of where it is in each cloth, though all follow one hand; one that is `kept`
-    /// stays as far from it as it was.
+    /// Takes hold of each vertex at its own place in each cloth, though all follow one hand. A
+    /// handle that is `kept` stays as far from the hand as it was.
     fn take_hold(&mut self, kept: &[Option<usize>]) {
         let places = self.places(&self.hold.handles);
         for one in &mut self.all {
@@ -180,13 +182,15 @@ impl LiveCloth {
         }
     }
 
-    /// Whose cloth the hands are at: the first that moves or, where none does, the last to have stopped.
+    /// The stepper whose cloth the hands are at: the first that moves or, where none does, the last
+    /// to have stopped.
     fn leader(&self) -> Option<&Driven> {
         let moving = self.all.iter().find(|one| one.stopped.is_none());
         moving.or_else(|| self.all.iter().max_by_key(|one| one.reached))
     }
 
-    /// One frame on, the handles to `targets`. A stepper that fails stops where it is; the other goes on.
+    /// Steps by one frame, the handles to `targets`. A stepper that fails stops; the other
+    /// continues.
     pub(crate) fn step(&mut self, targets: &HandleTargets) {
         self.frame += 1;
         for one in &mut self.all {
@@ -194,7 +198,7 @@ impl LiveCloth {
         }
     }
 
-    /// Whether anyone still moves.
+    /// Returns true while a stepper moves.
     pub(crate) fn is_moving(&self) -> bool {
         self.all.iter().any(|one| one.stopped.is_none())
     }
@@ -221,7 +225,7 @@ impl LiveCloth {
         self.all.iter().map(|one| one.stepper.positions()).collect()
     }
 
-    /// Where vertices are now in the cloth that the hands are at `[m]`.
+    /// Present places of handles in the cloth that the hands are at `[m]`, `[handles]`.
     pub(crate) fn places(&self, handles: &Handles) -> Vec<DVec3> {
         match self.leader() {
             Some(one) => {
@@ -263,7 +267,7 @@ impl Driven {
         self.kind == kind && self.stopped.is_none()
     }
 
-    /// One step, to `frame` of the stage.
+    /// One step, to `frame` of the cloth.
     fn step(&mut self, targets: &HandleTargets, gauge: &StrainGauge, frame: usize) {
         if self.stopped.is_some() {
             return;

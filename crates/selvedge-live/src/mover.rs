@@ -1,5 +1,5 @@
-//! Movers: the steppers of a session, as the program behind this crate supplies them. A session never
-//! asks whether a mover is the physics or a model.
+//! Movers: the steppers of a session, as the program behind this crate supplies them. A session
+//! never asks whether a mover is the physics or a model.
 
 use std::error::Error;
 

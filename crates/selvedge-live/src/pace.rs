@@ -1,11 +1,12 @@
-//! The clock of a session: one frame per 1/rate seconds, and slower time where a frame takes longer.
+//! The clock of a session: one frame per 1/rate seconds, and slower time where a frame takes
+//! longer.
 //!
 //! A frame that is late is not made up for by a burst of others: time itself slows, evenly, and
 //! [`Pace::kept`] says by how much.
 
 use std::time::{Duration, Instant};
 
-/// When the next frame is due, and how many came on time.
+/// The time of the next frame, and the share of frames that came on time.
 #[derive(Clone, Debug)]
 pub(crate) struct Pace {
     period: Duration,
@@ -49,7 +50,7 @@ impl Pace {
         (self.due, self.since, self.frames, self.kept) = (now, now, 0, 1.0);
     }
 
-    /// How long until the next frame is due; nothing, if it is.
+    /// The time until the next frame is due; zero, if it is.
     pub(crate) fn wait(&self, now: Instant) -> Duration {
         self.due.saturating_duration_since(now)
     }

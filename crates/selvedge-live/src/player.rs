@@ -1,4 +1,4 @@
-//! Recordings that are played: one or more trajectories of one cloth, with one time line.
+//! Tapes, and the player of one: one or more recordings of one cloth, with one time line.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::strain_gauge::StrainGauge;
 /// A recording with the name of who made it.
 #[derive(Clone, Debug)]
 pub struct NamedTrack {
-    /// What it is called.
+    /// The name of its maker.
     pub name: String,
     /// Its frames.
     pub trajectory: Arc<Trajectory>,
@@ -27,10 +27,10 @@ pub struct Tape {
 /// Recordings that cannot be played side by side.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum TapeError {
-    /// There is none.
+    /// No recording.
     #[error("there is no recording to play")]
     Empty,
-    /// Not of one cloth.
+    /// Recordings of several cloths.
     #[error("{first} and {other} are not of one mesh: recordings side by side have the same faces")]
     Cloth {
         /// The name of one.
@@ -38,7 +38,7 @@ pub enum TapeError {
         /// The name of the other.
         other: String,
     },
-    /// Not with one clock, or of cloths that were cut otherwise.
+    /// Recordings with several clocks, or of cloths cut otherwise.
     #[error(
         "{other} has {found} {what}, but {first} has {expected}: recordings side by side must match, play them one by one"
     )]
@@ -47,11 +47,11 @@ pub enum TapeError {
         first: String,
         /// The name of the other.
         other: String,
-        /// What of them.
+        /// The quantity in which they differ.
         what: String,
-        /// What the first has.
+        /// The value of the first.
         expected: String,
-        /// What the other has.
+        /// The value of the other.
         found: String,
     },
 }
@@ -72,13 +72,13 @@ impl Tape {
         })
     }
 
-    /// The first of them, whose handles and rate are shown.
+    /// The first recording, whose handles and rate are shown.
     #[must_use]
     pub fn first(&self) -> &Trajectory {
         &self.tracks[0].trajectory
     }
 
-    /// Frames that all of them have.
+    /// Frames of the shortest recording.
     #[must_use]
     pub fn frame_count(&self) -> usize {
         let counts = self.tracks.iter().map(|t| t.trajectory.frame_count());
@@ -139,7 +139,7 @@ impl Player {
         &self.tape
     }
 
-    /// One frame on, and from the end to the start.
+    /// Goes to the next frame, and from the end to the start.
     pub(crate) fn advance(&mut self) {
         self.frame = (self.frame + 1) % self.tape.frame_count();
     }

@@ -1,4 +1,5 @@
-//! Recordings: frames of the shown cloth are kept in memory, up to a bound, and written as trajectories.
+//! Recordings: frames of the shown cloth are kept in memory, up to a bound, and written as
+//! trajectories.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,8 +19,9 @@ use crate::workshop::ProvenanceError;
 /// A recording ends by itself here `[bytes]`.
 const MOST_BYTES: usize = 512 << 20;
 
-/// The places of the handles in the header of a file, at most `[bytes]`. They stand there as text, and no
-/// reader takes a header of more than 100,000,000 bytes; the rest of the header has room beside this.
+/// The places of the handles in the header of a file, at most `[bytes]`. They stand there as text,
+/// and no reader takes a header of more than 100,000,000 bytes; the rest of the header has room
+/// beside this.
 const MOST_HEADER_BYTES: usize = 90_000_000;
 /// One such place: three numbers of at most 24 characters, with brackets and commas `[bytes]`.
 const PLACE_BYTES: usize = 80;

@@ -1,4 +1,4 @@
-//! How things are, as pages are told a few times per second.
+//! The state of a session, as pages are told a few times per second.
 
 use serde::Serialize;
 
@@ -6,42 +6,42 @@ use crate::hand::HandLimits;
 use crate::mover::{Mover, MoverKind};
 use crate::order::Order;
 
-/// How things are.
+/// The state of a session.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct State {
-    /// Of the cloth that is shown.
+    /// The generation of the shown cloth.
     pub generation: u32,
-    /// What the cloth on the table was ordered as.
+    /// The order of the cloth on the table.
     pub order: Order,
-    /// Who moves it.
+    /// The mover of the cloth.
     pub mover: Mover,
-    /// What is shown.
+    /// The kind of the shown cloth.
     pub show: Show,
-    /// Whether time goes on.
+    /// True while time goes on.
     pub running: bool,
     /// Frames per second of the scene or of the recording.
     pub frame_rate: f64,
-    /// How fast time is to go; 1 is real time.
+    /// The wanted rate of time; 1 is real time.
     pub rate: f64,
-    /// How fast it went over the last second, in parts of [`Self::rate`]; under 1 where a step takes too long.
+    /// The rate of the last second in parts of [`Self::rate`]; under 1 where a step takes too long.
     pub kept: f64,
-    /// One per cloth that is shown.
+    /// The state of each shown cloth.
     pub tracks: Vec<TrackState>,
-    /// What hands may do.
+    /// The limits of the hands.
     pub limits: HandLimits,
     /// Velocity of the wind `[m/s]`.
     pub wind: [f64; 3],
     /// The motion that the handles follow, if they follow one.
     pub motion: Option<MotionState>,
-    /// What is being kept, if something is.
+    /// The recording under way.
     pub recording: Option<RecordingState>,
     /// Files of the last recording.
     pub recorded: Vec<String>,
-    /// Whether there is a recording to replay.
+    /// True where there is a recording to replay.
     pub can_replay: bool,
-    /// Whether there is a cloth that moves, beside a recording.
+    /// True while a recording is played: the page may go back to the cloth.
     pub can_live: bool,
-    /// What is being made ready.
+    /// The progress of a cloth that is being made ready.
     pub busy: Option<String>,
     /// The last thing that people should know.
     pub notice: Option<Notice>,
@@ -49,7 +49,7 @@ pub struct State {
     pub viewers: usize,
 }
 
-/// What is shown.
+/// The kind of the shown cloth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Show {
@@ -59,11 +59,11 @@ pub enum Show {
     Live,
     /// A recording.
     Recording {
-        /// What it is called.
+        /// Its name.
         name: String,
         /// The frame that is shown, from 0.
         frame: usize,
-        /// How many there are.
+        /// Frames in all.
         frames: usize,
     },
 }
@@ -71,15 +71,15 @@ pub enum Show {
 /// One cloth that is shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrackState {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Who moves it; nobody, if it is a recording.
+    /// Its mover; none for a recording.
     pub kind: Option<MoverKind>,
     /// Wall time of a step, smoothed `[ms]`.
     pub step_ms: f64,
     /// The largest strain of an edge now, (l - l₀)/l₀ against the material.
     pub strain: f64,
-    /// Why it moves no more.
+    /// The reason why it moves no more.
     pub stopped: Option<String>,
 }
 
@@ -90,7 +90,7 @@ pub struct MotionState {
     pub name: String,
     /// Frames of it that have passed.
     pub frame: usize,
-    /// How many it has.
+    /// Frames in all.
     pub frames: usize,
 }
 
@@ -106,19 +106,19 @@ pub struct RecordingState {
 /// Something that people should know.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Notice {
-    /// Counts them, so that a page shows each once.
+    /// Its number, so that a page shows each notice once.
     pub number: u32,
-    /// How bad it is.
+    /// Its level.
     pub level: Level,
-    /// What it is.
+    /// Its text.
     pub text: String,
 }
 
-/// How bad it is.
+/// The level of a notice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
-    /// Not at all.
+    /// Something was done.
     Good,
     /// Something was not done.
     Bad,

@@ -1,5 +1,5 @@
-//! A cloth of two triangles and movers that anyone can predict, for the tests of this crate, inside it
-//! and from outside: what nobody holds falls, and a handle goes where it is told.
+//! A cloth of two triangles and movers that anyone can predict, for the tests of this crate, inside
+//! it and from outside: what nobody holds falls, and a handle goes where it is told.
 
 use std::time::Duration;
 
@@ -136,8 +136,8 @@ impl ReadyCloth for TestCloth {
     }
 }
 
-/// Moves the cloth. As in the simulator, a handle that takes hold again does so of its vertex where the
-/// vertex is, and a stepper that is made anew knows nothing of it.
+/// Moves the cloth. As in the simulator, a handle that takes hold again does so of its vertex where
+/// the vertex is, and a stepper that is made anew knows nothing of it.
 struct Puppet {
     kind: MoverKind,
     fall: f32,

@@ -1,5 +1,5 @@
-//! The workshop: makes the cloths of a session ready, and starts their movers. The program behind this
-//! crate implements it.
+//! The workshop: makes the cloths of a session ready, and starts their movers. The program behind
+//! this crate implements it.
 
 use std::error::Error;
 use std::ops::ControlFlow;

@@ -1,10 +1,10 @@
-//! Why a picture could not be made.
+//! The reasons why a picture could not be made.
 
 use glam::Vec3;
 use selvedge_cloth::VertexId;
 use thiserror::Error;
 
-/// Why a picture could not be made.
+/// The reason why a picture could not be made.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ViewError {

@@ -1,14 +1,18 @@
-//! What people look at: stills, contact sheets and clips of a cloth in motion, made by a small
-//! software raster, so that they need no GPU, no window and no font.
+//! Pictures of a cloth in motion: stills, contact sheets and clips by a small software raster,
+//! which needs no GPU, no window and no font; and plots of numbers.
 //!
-//! A [`Run`] borrows the frames of a motion and checks them once; a [`Panel`] is a run with a label
-//! and a colouring. [`still`] and [`contact_sheet`] make an [`Image`], [`write_clip`] an animated
-//! GIF whose clock is real. All of them look through one camera that holds the whole run. [`plot`]
-//! draws numbers.
+//! - A **run** ([`Run`]) borrows the frames of a motion and checks them once.
+//! - A **panel** ([`Panel`]) is a run with a label and a colouring: as cloth, or by a number per
+//!   vertex ([`ScalarField`]).
+//! - A **stage** ([`Stage`]) is the camera that holds whole runs, the floor, and the light. A
+//!   **renderer** ([`Renderer`]) draws single frames on a stage as [`Image`]s.
+//! - A **still** ([`still`]) is one frame; a **contact sheet** ([`contact_sheet`]) shows
+//!   **moments** ([`Moments`]) of one or several panels; a **clip** ([`write_clip`]) is an animated
+//!   GIF whose clock is real.
+//! - [`plot`] draws lines, bars and histograms.
 //!
-//! Conventions: metres and seconds, y up; pixels count from the top left corner, x to the right and
-//! y down; colours are sRGB outside and linear light inside. This crate opens no files: images are
-//! written to any [`std::io::Write`].
+//! Conventions: metres and seconds, y up. Pixels count from the top left corner, x to the right and
+//! y down. Colours are sRGB outside and linear light inside. The same values give the same bytes.
 //!
 //! ```
 //! use glam::Vec3;
@@ -24,6 +28,9 @@
 //! assert_eq!(png[1..4], *b"PNG");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! This crate opens no files: images are written to any [`std::io::Write`]. It makes no films; a
+//! program can give the pixels of its pictures to an encoder.
 
 mod error;
 mod image;
@@ -37,11 +44,11 @@ pub use error::ViewError;
 pub use image::Image;
 pub use image::colour::{ColourMap, Rgb};
 pub use motion::field::ScalarField;
-pub use motion::run::{Colouring, Panel, Run};
+pub use motion::panel::{Colouring, Panel};
+pub use motion::run::Run;
 pub use page::clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
 pub use page::moments::Moments;
 pub use page::sheet::{SheetSettings, StillSettings, contact_sheet, still};
-pub use plot::{HistogramPlot, histogram_page};
 pub use raster::camera::{Camera, Orbit, Projected};
 pub use raster::renderer::Renderer;
 pub use raster::settings::{EdgeLines, Supersampling};

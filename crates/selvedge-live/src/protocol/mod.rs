@@ -1,23 +1,33 @@
-//! What goes over the socket, both ways: binary messages, little-endian, of which each begins with
+//! The messages of the socket, both ways: binary and little-endian. Each begins with
 //! `[version u8, kind u8, 0 u16]`, so that everything after it is aligned to four bytes.
 //!
 //! From the session to the page:
 //!
-//! | kind | | then |
+//! | kind | name | body |
 //! |---|---|---|
-//! | 1 | hello | JSON ([`Hello`]): who the page is, and what can be chosen |
-//! | 2 | cloth | `generation, vertices, faces` u32; `[faces, 3]` u32; material coordinates `[vertices, 2]` f32 `[m]` |
+//! | 1 | hello | JSON ([`Hello`]): the number of the page, and the catalogue |
+//! | 2 | cloth | see below |
 //! | 3 | state | JSON ([`crate::State`]) |
-//! | 4 | frame | `generation, number` u32; `time` f32 `[s]`; `client, drag` u32 (the last drag that this frame follows); `handles, tracks, vertices` u32; `[handles]` of (vertex u32, goal `[3]` f32 `[m]`); positions `[tracks, vertices, 3]` f32 `[m]` |
+//! | 4 | frame | see below |
+//!
+//! A **cloth** has `generation, vertices, faces` u32, the faces `[faces, 3]` u32, and the material
+//! coordinates `[vertices, 2]` f32 `[m]`.
+//!
+//! A **frame** has `generation, number` u32, `time` f32 `[s]`, `client, drag` u32 (the last drag
+//! that this frame follows), `handles, tracks, vertices` u32, `[handles]` of (vertex u32, goal
+//! `[3]` f32 `[m]`), and the positions `[tracks, vertices, 3]` f32 `[m]`.
 //!
 //! From the page to the session:
 //!
-//! | kind | | then |
+//! | kind | name | body |
 //! |---|---|---|
-//! | 16 | ready | `number` u32: this frame was taken up; a page that falls behind is sent fewer |
-//! | 17 | drag | `drag, count` u32; `[count]` of (vertex u32, goal `[3]` f32 `[m]`): a vertex that is no handle becomes one |
-//! | 18 | keys | direction `[3]` f32 in the world and turn f32 (counter-clockwise from above), each in [-1, 1]: all handles |
+//! | 16 | ready | `number` u32: this frame was taken up |
+//! | 17 | drag | `drag, count` u32; `[count]` of (vertex u32, goal `[3]` f32 `[m]`) |
+//! | 18 | keys | direction `[3]` f32 in the world and turn f32, each in [-1, 1] |
 //! | 19 | command | JSON ([`Command`]) |
+//!
+//! A page that falls behind with **ready** is sent fewer frames. A vertex that a **drag** moves
+//! becomes a handle. **Keys** move all handles; their turn is counter-clockwise from above.
 //!
 //! Anything else, of another length or with a number that is not finite, is refused with a reason.
 
@@ -27,7 +37,7 @@ mod send;
 pub use receive::{ClientMessage, Command, Drag, Push, WireError, decode};
 pub use send::{FrameParts, Hello, cloth, frame, json};
 
-/// The version of these messages; a page of another one is told to reload.
+/// The version of these messages; a page of another version is told to reload.
 pub const VERSION: u8 = 1;
 
 /// The name of the sub-protocol that a page asks for, with [`VERSION`] in it.
@@ -41,13 +51,13 @@ pub const MOST_DRAGGED: usize = 256;
 
 /// The kinds of messages, as their second byte has them.
 pub mod kind {
-    /// To the page: who it is, and what can be chosen.
+    /// To the page: its number, and the catalogue.
     pub const HELLO: u8 = 1;
-    /// To the page: what does not change from frame to frame.
+    /// To the page: the constant part of a cloth.
     pub const CLOTH: u8 = 2;
-    /// To the page: how things are.
+    /// To the page: the state of the session.
     pub const STATE: u8 = 3;
-    /// To the page: where everything is.
+    /// To the page: the positions of a frame.
     pub const FRAME: u8 = 4;
     /// From the page: a frame was taken up.
     pub const READY: u8 = 16;

@@ -8,12 +8,12 @@ use super::{LONGEST, MOST_DRAGGED, VERSION, kind};
 use crate::mover::Mover;
 use crate::order::Order;
 
-/// What a page asks for.
+/// A message from a page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientMessage {
-    /// It has taken up the frame of this number.
+    /// The page has taken up the frame of this number.
     Ready(u32),
-    /// Handles are to go somewhere.
+    /// Handles have other goals.
     Drag(Drag),
     /// Keys are held down, or let go where all is zero.
     Keys(Push),
@@ -24,13 +24,13 @@ pub enum ClientMessage {
 /// Goals of handles, as a pointer moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drag {
-    /// Counts the drags of this page; comes back with the first frame that follows it.
+    /// The number of the drag, counted by the page; the first frame that follows the drag has it.
     pub number: u32,
-    /// Vertices, and where they are to be `[m]`.
+    /// Vertices and their goals `[m]`.
     pub goals: Vec<(u32, DVec3)>,
 }
 
-/// How all handles are pushed together.
+/// A push of all handles together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Push {
     /// Direction in the world, each part in [-1, 1].
@@ -39,7 +39,7 @@ pub struct Push {
     pub turn: f64,
 }
 
-/// What is asked by a button or a choice.
+/// A request by a button or a choice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Command {
@@ -53,12 +53,12 @@ pub enum Command {
     Reset,
     /// Another cloth.
     Order {
-        /// Which.
+        /// The cloth.
         order: Order,
     },
-    /// Who moves it from now on.
+    /// Another mover.
     Mover {
-        /// Who.
+        /// The mover.
         mover: Mover,
     },
     /// Another wind.
@@ -66,7 +66,7 @@ pub enum Command {
         /// Its velocity `[m/s]`.
         wind: [f64; 3],
     },
-    /// What hands may do.
+    /// Other limits of the hands.
     Limits {
         /// The greatest speed of a handle `[m/s]`.
         speed: f64,
@@ -88,11 +88,11 @@ pub enum Command {
         /// Its name.
         name: String,
     },
-    /// The motion ends where it is.
+    /// The motion ends at its present place.
     StopMotion,
     /// Every frame from now on is kept.
     Record,
-    /// What was kept is written.
+    /// The kept frames are written.
     StopRecording,
     /// The last recording is played.
     Replay,
@@ -100,17 +100,17 @@ pub enum Command {
     Live,
     /// The recording goes on from this frame.
     Seek {
-        /// From 0.
+        /// Counted from 0.
         frame: usize,
     },
-    /// How fast time goes.
+    /// Another rate of time.
     Rate {
         /// 1 is real time.
         rate: f64,
     },
 }
 
-/// Why a message is refused.
+/// The reason why a message is refused.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum WireError {

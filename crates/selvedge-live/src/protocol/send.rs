@@ -14,28 +14,28 @@ pub struct Hello<'a> {
     pub client: u32,
     /// Program and version.
     pub program: &'a str,
-    /// What can be chosen.
+    /// The names that an order may use.
     pub catalogue: &'a Catalogue,
 }
 
-/// What a frame is made of.
+/// The parts of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameParts<'a> {
-    /// Of the cloth that it shows.
+    /// The generation of its cloth.
     pub generation: u32,
-    /// Counts frames, from 1.
+    /// The number of the frame, from 1.
     pub number: u32,
-    /// Since the start `[s]`.
+    /// Time since the start `[s]`.
     pub time: f64,
     /// The last drag that this frame follows: the page, and its number.
     pub drag: [u32; 2],
-    /// The handles and where they are to be `[m]`.
+    /// The vertices of the handles, and their goals `[m]`.
     pub goals: &'a [(u32, DVec3)],
     /// Positions `[m]`, `[tracks][vertices]`.
     pub tracks: &'a [&'a [Vec3]],
 }
 
-/// A message of `kind` with `value` as JSON; nothing that is sent so cannot be written.
+/// A message of `kind` with `value` as JSON.
 #[must_use]
 pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
     let mut bytes = header(kind, 1024);

@@ -1,9 +1,10 @@
-//! Who may come in: a request must be addressed to this program by a name that cannot be forged by
-//! another site, and a socket must be opened by our own page.
+//! The gate: a request must be addressed to this program by a name that another site cannot forge,
+//! and a socket must be opened by our own page.
 //!
-//! A browser tells in `Host` which name it looked up and in `Origin` whose page asks. A foreign page that
-//! opens a socket has a foreign origin; one that has its own name point to this machine has a
-//! foreign host. A program that is no browser sends no origin, and is let in as it could be anyone.
+//! A browser tells in `Host` the name that it looked up, and in `Origin` the site of the page. A
+//! foreign page that opens a socket has a foreign origin; one that has its own name point to this
+//! machine has a foreign host. A program that is no browser sends no origin, and is let in as it
+//! could be anyone.
 
 use std::net::IpAddr;
 
@@ -16,7 +17,7 @@ pub(crate) struct Gate {
     pub(crate) names: Vec<String>,
 }
 
-/// Why a request is turned away.
+/// The reason why a request is turned away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     /// It is addressed to a name that is not ours.

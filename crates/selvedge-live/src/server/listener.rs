@@ -1,6 +1,6 @@
-//! A listener with room for so many connections: who comes when it is full waits in the system's queue
-//! until another has gone. One that does not ask for anything, or over which nothing goes for long, is
-//! closed, so that the room is not taken up by the silent.
+//! A listener with room for a number of connections. When it is full, others wait in the system's
+//! queue. A connection without a request, or over which nothing is sent for long, is closed: the
+//! silent take up no room.
 
 use std::io;
 use std::net::SocketAddr;
@@ -68,7 +68,7 @@ impl Listener for BoundedListener {
 }
 
 impl Connection {
-    /// What has come of waiting; an end of it, once the deadline has passed.
+    /// Returns `so_far`, or the end of waiting once the deadline has passed.
     fn in_time<T>(
         &mut self,
         so_far: Poll<io::Result<T>>,

@@ -1,7 +1,8 @@
 //! The web server: the page, and one socket for each that watches.
 //!
-//! One thread serves all. It keeps nothing per page but the messages on their way to it. The numbers of
-//! pages, of connections and of messages per second are bounded, and so is the length of a message.
+//! One thread serves all. It keeps nothing per page but the messages on their way to it. The
+//! numbers of pages, of connections and of messages per second are bounded, and so is the length of
+//! a message.
 
 mod gate;
 mod listener;

@@ -2,11 +2,11 @@
 
 /// A file of the page.
 pub(crate) struct PageFile {
-    /// Where it is served.
+    /// The path at which it is served.
     pub(crate) path: &'static str,
-    /// What it is.
+    /// The type of its contents.
     pub(crate) content_type: &'static str,
-    /// What is in it.
+    /// The contents.
     pub(crate) bytes: &'static [u8],
 }
 

@@ -1,9 +1,10 @@
-//! One page: what it sends is checked and passed on, and it gets the latest of everything, as fast as it
-//! takes it up.
+//! One page: its messages are checked and passed on, and it gets the latest of everything, as fast
+//! as it takes it up.
 //!
-//! A page says of each frame when it has taken it up; while [`AHEAD`] frames are on their way no other is
-//! sent, so that a slow page skips frames and never falls behind. A page that sends what it must not, or more than
-//! it may, is told why and closed; one that takes nothing for [`PATIENCE`] is dropped.
+//! A page says of each frame when it has taken it up; while [`AHEAD`] frames are on their way no
+//! other is sent, so that a slow page skips frames and never falls behind. A page with a message
+//! that is refused, or with too many, is told the reason and closed. A page that takes nothing for
+//! [`PATIENCE`] is dropped.
 
 use std::sync::mpsc::TrySendError;
 use std::time::Duration;
@@ -18,13 +19,13 @@ use crate::session::{Inlets, Request};
 
 /// Frames on their way to a page at most.
 const AHEAD: u32 = 3;
-/// How long a page may take to read a message.
+/// The time in which a page reads a message.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Messages per second that a page may send for long, and at once.
 const MESSAGES_PER_SECOND: f64 = 300.0;
 const MESSAGES_AT_ONCE: f64 = 600.0;
 
-/// Why a page is closed.
+/// The reason why a page is closed.
 struct Closing {
     code: CloseCode,
     reason: String,
@@ -66,7 +67,8 @@ pub(crate) async fn watch(mut socket: WebSocket, client: u32, shared: Shared) {
     count(&shared, -1, Some(client)).await;
 }
 
-/// Tells the session how many pages watch, and which has gone. A full queue is emptied within a frame.
+/// Tells the session the number of pages, and the one that has gone. A full queue is emptied within
+/// a frame.
 async fn count(shared: &Shared, change: isize, gone: Option<u32>) {
     shared
         .viewers
@@ -134,8 +136,8 @@ fn received(message: Option<Result<Message, axum::Error>>) -> Result<Message, Cl
     }
 }
 
-/// Sends the latest frame, and before it the cloth where that is not the one of the generation `shown`.
-/// Returns the number of frames sent, 0 or 1.
+/// Sends the latest frame, and before it the cloth where that is not the one of the generation
+/// `shown`. Returns the number of frames sent, 0 or 1.
 async fn send_frame(
     socket: &mut WebSocket,
     latest: &mut Inlets,
@@ -176,7 +178,7 @@ async fn send(socket: &mut WebSocket, bytes: Bytes) -> Result<(), Closing> {
     }
 }
 
-/// What comes from a page, and how much more of it may come.
+/// The messages from a page, and its allowance of more.
 struct Intake {
     /// Frames that it has not answered yet.
     on_the_way: u32,
@@ -191,8 +193,8 @@ impl Intake {
         }
     }
 
-    /// What of a message is to be passed on. The answer to a frame costs nothing: there are no more of
-    /// these than of frames.
+    /// Returns the part of a message that is passed on. The answer to a frame costs nothing: there
+    /// are no more answers than frames.
     fn take(&mut self, message: Message) -> Result<Option<ClientMessage>, Closing> {
         let message = read(message)?;
         let is_answer = matches!(message, Some(ClientMessage::Ready(_)));
@@ -233,7 +235,7 @@ fn pass_on(shared: &Shared, client: u32, message: ClientMessage) -> Result<(), C
     }
 }
 
-/// How many messages a page may still send: a bucket that fills at a steady rate.
+/// The messages that a page may still send: a bucket that fills at a steady rate.
 struct Allowance {
     left: f64,
     filled: Instant,

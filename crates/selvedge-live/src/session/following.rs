@@ -46,8 +46,8 @@ impl Following {
         }
     }
 
-    /// Places of the handles along `path`, `frames` after its start at `rate` frames per second `[m]`,
-    /// `[handles]`.
+    /// Places of the handles along `path`, `frames` after its start at `rate` frames per second
+    /// `[m]`, `[handles]`.
     pub(super) fn places(&self, path: &HandlePath, frames: f64, rate: f64) -> Vec<DVec3> {
         let mut places = path.at(frames / rate);
         for (place, offset) in places.iter_mut().zip(&self.offsets) {

@@ -1,10 +1,10 @@
-//! A session: one cloth that moves, whoever watches. A thread of its own owns the steppers, runs at the
-//! rate of the scene, and leaves the latest frame where every page can take it.
+//! A session: one cloth that moves, whoever watches. A thread of its own owns the steppers, runs at
+//! the rate of the scene, and leaves the latest frame where every page can take it.
 //!
-//! Requests come through one bounded queue. Three slots (cloth, state, frame) hold only the latest of
-//! each, so that nothing grows with the number or the slowness of readers. Another thread makes cloths
-//! ready; it gets its orders through such a slot, too, and meanwhile the cloth on the table goes on.
-//! While nobody watches and nothing is recorded, time stands still.
+//! Requests come through one bounded queue. Three slots (cloth, state, frame) hold only the latest
+//! of each, so that nothing grows with the number or the slowness of readers. Another thread makes
+//! cloths ready; it gets its orders through such a slot, too, and meanwhile the cloth on the table
+//! goes on. While nobody watches and nothing is recorded, time stands still.
 
 mod commands;
 mod error;
@@ -247,7 +247,7 @@ impl Session {
         self.stop_recording();
     }
 
-    /// Whether time goes on.
+    /// Returns true while time goes on.
     fn is_due_ever(&self) -> bool {
         let watched = self.viewers > 0 || self.recordings.recorder.is_some();
         self.time.running && watched && self.showing.is_moving()

@@ -1,8 +1,8 @@
-//! One frame of the cloth of a session: the handles go by hand or along a motion, the movers step, and
-//! the recorder keeps the frame.
+//! One frame of the cloth of a session: the handles go by hand or along a motion, the movers step,
+//! and the recorder keeps the frame.
 //!
-//! A motion may let handles go. Where one takes hold again, or the motion ends, the hand is put where the
-//! cloth has the vertex by then, and the rest of the path goes on from there.
+//! A motion may let handles go. Where one takes hold again, or the motion ends, the hand is put
+//! where the cloth has the vertex by then, and the rest of the path goes on from there.
 
 use std::sync::Arc;
 
@@ -22,8 +22,8 @@ use crate::state::{Level, TrackState};
 const SCENE_MOTION: &str = "scene";
 
 impl Session {
-    /// Follows the motion of that name: the scene's own from the start of the scene, another from the
-    /// place where the handles come to rest.
+    /// Follows the motion of that name: the scene's own from the start of the scene, another from
+    /// the place where the handles come to rest.
     pub(super) fn follow(&mut self, name: String) -> Result<(), SessionError> {
         if name == SCENE_MOTION {
             self.end_recording("the scene's own motion starts from its beginning: ");

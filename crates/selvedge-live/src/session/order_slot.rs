@@ -1,5 +1,5 @@
-//! Orders on their way to the workshop: one slot, which holds only the latest, so that nothing grows while
-//! a cloth takes long, and no cloth is made that nobody waits for any more.
+//! Orders on their way to the workshop: one slot, which holds only the latest. Nothing grows while
+//! a cloth takes long, and no cloth is made for which nobody waits.
 
 use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -45,7 +45,8 @@ impl Waiting {
 }
 
 impl OrderSender {
-    /// Puts `order` in the place of one that waits; gives whether anyone is there to take it.
+    /// Puts `order` in the place of one that waits. Returns true where there is a workshop to take
+    /// it.
     #[must_use]
     pub(super) fn send(&self, order: Order) -> bool {
         *self.waiting.lock() = Some(order);
@@ -66,7 +67,7 @@ impl OrderReceiver {
         None
     }
 
-    /// Whether a later order waits.
+    /// Returns true while a later order waits.
     pub(super) fn is_one_waiting(&self) -> bool {
         self.waiting.lock().is_some()
     }

@@ -1,5 +1,5 @@
-//! The outlets of a session: three slots from which every page takes the latest cloth, state and frame,
-//! and the last notice.
+//! The outlets of a session: three slots from which every page takes the latest cloth, state and
+//! frame, and the last notice.
 
 use std::time::{Duration, Instant};
 
@@ -99,7 +99,7 @@ impl Outlets {
         self.tell_soon = true;
     }
 
-    /// Whether a state is to be published now.
+    /// Returns true when a state is due.
     pub(super) fn is_state_due(&self) -> bool {
         self.tell_soon || self.told.elapsed() >= TELL_EVERY
     }

@@ -11,7 +11,7 @@ use crate::pace::DEFAULT_FRAME_RATE;
 use crate::player::Player;
 use crate::state::{Show, TrackState};
 
-/// What is shown: the modes of a session are told apart here and nowhere else.
+/// The shown cloth or recording. The modes of a session are told apart here and nowhere else.
 #[derive(Default)]
 pub(super) enum Showing {
     /// Nothing yet: the first cloth is being made ready.
@@ -86,7 +86,7 @@ impl Showing {
         was_playing
     }
 
-    /// Whether the next frame differs from the present one.
+    /// Returns true where the next frame differs from the present one.
     pub(super) fn is_moving(&self) -> bool {
         match self {
             Self::Nothing => false,

@@ -112,7 +112,8 @@ fn hands_go_by_the_cloth_that_moves_where_the_other_has_stopped() {
 
 #[test]
 fn a_handle_that_a_motion_has_let_go_stays_where_it_is() {
-    // For three frames or for good; the motion stopped by hand while it is free, after that, or never.
+    // For three frames or for good; the motion stopped by hand while it is free, after that, or
+    // never.
     for (to, stop) in [(Some(0.1), 99), (None, 99), (Some(0.1), 5), (Some(0.1), 8)] {
         let mut ready = falling();
         let (handles, from) = (vec![1], 0.05);

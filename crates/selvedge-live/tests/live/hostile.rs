@@ -1,5 +1,5 @@
-//! The server under attack: whatever comes in, it refuses it with a reason, keeps its memory within bounds, and
-//! serves those who behave as if nothing had happened.
+//! The server under attack: whatever comes in, it refuses it with a reason, keeps its memory within
+//! bounds, and serves those who behave as if nothing had happened.
 
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
@@ -255,9 +255,9 @@ fn resident() -> Option<usize> {
         .map(|pages| pages * 4096)
 }
 
-/// The tests of this file run beside each other in one process: what all of them hold at once, buffers of
-/// some hundred sockets on both sides, stays far below this. A queue that grew with 40,000 messages or with
-/// unread frames would not.
+/// The tests of this file run beside each other in one process: what all of them hold at once,
+/// buffers of some hundred sockets on both sides, stays far below this. A queue that grew with
+/// 40,000 messages or with unread frames would not.
 fn assert_bounded(before: Option<usize>) {
     if let (Some(before), Some(now)) = (before, resident()) {
         let grown = now.saturating_sub(before);

@@ -1,4 +1,5 @@
-//! A served session as its clients see it: one binary of tests, so that what they share is used by all.
+//! A served session as its clients see it: one binary of tests, so that what they share is used by
+//! all.
 
 // A test that cannot be set up fails where it is set up.
 #![allow(clippy::unwrap_used)]

@@ -16,7 +16,7 @@ pub struct Image {
     pixels: Vec<Rgb>,
 }
 
-/// The most pixels that a side may have: what GIF can hold.
+/// The most pixels of a side: the limit of GIF.
 pub(crate) const LARGEST_SIDE: u32 = 65_535;
 /// The most pixels, or samples, that an image may have: 16384 × 16384.
 const MOST_PIXELS: u64 = 1 << 28;
@@ -74,8 +74,9 @@ impl Image {
         }
     }
 
-    /// Fills the part of a rectangle that lies in the image.
-    pub(crate) fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], colour: Rgb) {
+    /// Fills the part of a rectangle that lies in the image, from its top left `corner`.
+    pub(crate) fn fill(&mut self, corner: [u32; 2], size: [u32; 2], colour: Rgb) {
+        let ([left, top], [width, height]) = (corner, size);
         let right = left.saturating_add(width).min(self.width) as usize;
         let left = (left as usize).min(right);
         for y in top..top.saturating_add(height).min(self.height) {
@@ -84,8 +85,9 @@ impl Image {
         }
     }
 
-    /// Copies the part of `source` that fits, its top left corner to (`left`, `top`).
-    pub(crate) fn paste(&mut self, source: &Self, [left, top]: [u32; 2]) {
+    /// Copies the part of `source` that fits, its top left corner to `corner` (x, y).
+    pub(crate) fn paste(&mut self, source: &Self, corner: [u32; 2]) {
+        let [left, top] = corner;
         let columns = source.width.min(self.width.saturating_sub(left)) as usize;
         let rows = source.height.min(self.height.saturating_sub(top));
         for y in 0..rows {
@@ -123,7 +125,8 @@ impl Image {
 
 /// Checks that both sides are between 1 and [`LARGEST_SIDE`], and the area at most
 /// [`MOST_PIXELS`].
-pub(crate) fn check_size(field: &'static str, [width, height]: [u32; 2]) -> Result<(), ViewError> {
+pub(crate) fn check_size(field: &'static str, size: [u32; 2]) -> Result<(), ViewError> {
+    let [width, height] = size;
     let fits = 1..=LARGEST_SIDE;
     if !(fits.contains(&width) && fits.contains(&height)) {
         return Err(ViewError::Size {

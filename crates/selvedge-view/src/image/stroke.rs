@@ -1,7 +1,7 @@
 //! Strokes of even width with round ends: letters and the lines of plots.
 //!
-//! The cover of a pixel is how far its middle lies inside the stroke, width/2 + ½ - distance, clamped
-//! to [0, 1]; where pieces of a stroke meet, the larger cover counts.
+//! The cover of a pixel is the depth of its middle inside the stroke, width/2 + ½ - distance,
+//! clamped to [0, 1]. Where pieces of a stroke meet, the larger cover counts.
 
 use glam::Vec2;
 
@@ -56,7 +56,8 @@ pub(crate) fn between(points: &[Vec2]) -> impl Iterator<Item = Segment> + '_ {
     points.windows(2).map(|pair| [pair[0], pair[1]])
 }
 
-fn distance_squared(point: Vec2, [start, end]: &Segment) -> f32 {
+fn distance_squared(point: Vec2, segment: &Segment) -> f32 {
+    let [start, end] = segment;
     let along = *end - *start;
     let length_squared = along.length_squared();
     let share = if length_squared > 0.0 {

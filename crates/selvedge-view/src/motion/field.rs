@@ -3,8 +3,8 @@
 
 use selvedge_cloth::VertexId;
 
-use crate::motion::run::check_match;
-use crate::{ColourMap, Colouring, Panel, Run, ViewError};
+use super::run::Run;
+use crate::{ColourMap, ViewError};
 
 /// One number per vertex and frame, the range that the colours span, and the map.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,12 +50,8 @@ impl ScalarField {
     /// # Errors
     /// [`ViewError::PanelsDiffer`] when the runs differ in frames or vertices.
     pub fn distance(truth: &Run<'_>, prediction: &Run<'_>) -> Result<Self, ViewError> {
-        let panel = |label, run| Panel {
-            label,
-            run,
-            colouring: Colouring::Plain,
-        };
-        check_match(&panel("truth", truth), &panel("prediction", prediction))?;
+        let differ = truth.check_match(prediction);
+        differ.map_err(|differ| differ.labelled("truth", "prediction"))?;
         let values = truth
             .frames()
             .iter()
@@ -94,7 +90,7 @@ impl ScalarField {
         Self { map, ..self }
     }
 
-    /// What the numbers are, with the unit.
+    /// The name of the numbers, with the unit.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -137,7 +133,8 @@ impl ScalarField {
     }
 }
 
-/// The smallest of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not below `value`; 1 for 0.
+/// The smallest of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not below `value`; 1 for
+/// 0.
 fn round_up(value: f32) -> f32 {
     if value <= 0.0 {
         return 1.0;

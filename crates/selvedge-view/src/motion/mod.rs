@@ -2,4 +2,5 @@
 //! the panel that joins them.
 
 pub(crate) mod field;
+pub(crate) mod panel;
 pub(crate) mod run;

@@ -1,10 +1,9 @@
-//! What is shown: the frames of a motion, borrowed and checked once, and a panel of them with a
-//! label and a colouring; and what panels must share to stand side by side.
+//! Runs: the frames of a motion, borrowed and checked once.
 
 use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};
 
-use crate::{ScalarField, ViewError};
+use crate::ViewError;
 
 /// The motion of one cloth. Every frame has the mesh's vertices, and all of them are finite.
 #[derive(Clone, Debug)]
@@ -16,7 +15,8 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Frames of positions `[m]`, `[frames, vertices]`, at `frame_rate` `[1/s]`; `handles` are marked.
+    /// Frames of positions `[m]`, `[frames, vertices]`, at `frame_rate` `[1/s]`. The `handles` are
+    /// marked in pictures.
     ///
     /// # Errors
     /// [`ViewError::EmptyRun`], [`ViewError::VertexCount`], [`ViewError::NonFinite`],
@@ -81,6 +81,55 @@ impl<'a> Run<'a> {
     pub fn time(&self, frame: usize) -> f64 {
         frame as f64 / self.frame_rate
     }
+
+    /// Checks that another run has the same clock.
+    pub(crate) fn check_clock(&self, other: &Run<'_>) -> Result<(), RunsDiffer> {
+        differ("frames", self.frames.len(), other.frames.len())?;
+        differ("frames per second", self.frame_rate, other.frame_rate)
+    }
+
+    /// Checks that another run has the same clock and number of vertices.
+    pub(crate) fn check_match(&self, other: &Run<'_>) -> Result<(), RunsDiffer> {
+        self.check_clock(other)?;
+        let [expected, found] = [self, other].map(|run| run.topology.vertex_count());
+        differ("vertices", expected, found)
+    }
+}
+
+/// The first difference of two runs.
+#[derive(Clone, Debug)]
+pub(crate) struct RunsDiffer {
+    what: &'static str,
+    expected: String,
+    found: String,
+}
+
+impl RunsDiffer {
+    /// The error of two runs with these labels.
+    pub(crate) fn labelled(self, first: &str, other: &str) -> ViewError {
+        ViewError::PanelsDiffer {
+            first: first.to_owned(),
+            label: other.to_owned(),
+            what: self.what,
+            expected: self.expected,
+            found: self.found,
+        }
+    }
+}
+
+fn differ<T: PartialEq + ToString>(
+    what: &'static str,
+    expected: T,
+    found: T,
+) -> Result<(), RunsDiffer> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(RunsDiffer {
+        what,
+        expected: expected.to_string(),
+        found: found.to_string(),
+    })
 }
 
 fn check_frame(frame: usize, positions: &[Vec3], vertex_count: usize) -> Result<(), ViewError> {
@@ -98,86 +147,6 @@ fn check_frame(frame: usize, positions: &[Vec3], vertex_count: usize) -> Result<
             position: positions[vertex],
         }),
         None => Ok(()),
-    }
-}
-
-/// How the cloth is coloured.
-#[derive(Clone, Copy, Debug, Default)]
-pub enum Colouring<'a> {
-    /// As cloth: indigo in front, ecru at the back.
-    #[default]
-    Plain,
-    /// By a number per vertex.
-    PerVertex(&'a ScalarField),
-}
-
-/// A run as it is shown.
-#[derive(Clone, Copy, Debug)]
-pub struct Panel<'a> {
-    /// What stands above it where several panels are shown together; may be empty.
-    pub label: &'a str,
-    /// What moves.
-    pub run: &'a Run<'a>,
-    /// In which colours.
-    pub colouring: Colouring<'a>,
-}
-
-impl<'a> Panel<'a> {
-    /// The numbers that it is coloured by, if any.
-    pub(crate) fn field(&self) -> Option<&'a ScalarField> {
-        match self.colouring {
-            Colouring::Plain => None,
-            Colouring::PerVertex(field) => Some(field),
-        }
-    }
-}
-
-/// Checks that there are panels, that they run at one clock, and that their values fit.
-pub(crate) fn check_panels(panels: &[Panel<'_>]) -> Result<(), ViewError> {
-    let first = panels.first().ok_or(ViewError::NoPanels)?;
-    for panel in panels {
-        check_clock(first, panel)?;
-        if let Some(field) = panel.field() {
-            field.check_fits(panel.run)?;
-        }
-    }
-    Ok(())
-}
-
-fn check_clock(first: &Panel<'_>, panel: &Panel<'_>) -> Result<(), ViewError> {
-    let frames = [first, panel].map(|p| p.run.frames.len());
-    if frames[0] != frames[1] {
-        return Err(differ(first, panel, "frames", frames));
-    }
-    let rates = [first, panel].map(|p| p.run.frame_rate);
-    if rates[0] != rates[1] {
-        return Err(differ(first, panel, "frames per second", rates));
-    }
-    Ok(())
-}
-
-/// Checks that two panels have the same clock and number of vertices.
-pub(crate) fn check_match(first: &Panel<'_>, panel: &Panel<'_>) -> Result<(), ViewError> {
-    check_clock(first, panel)?;
-    let vertices = [first, panel].map(|p| p.run.topology.vertex_count());
-    if vertices[0] != vertices[1] {
-        return Err(differ(first, panel, "vertices", vertices));
-    }
-    Ok(())
-}
-
-fn differ<T: ToString>(
-    first: &Panel<'_>,
-    panel: &Panel<'_>,
-    what: &'static str,
-    [expected, found]: [T; 2],
-) -> ViewError {
-    ViewError::PanelsDiffer {
-        first: first.label.to_owned(),
-        label: panel.label.to_owned(),
-        what,
-        expected: expected.to_string(),
-        found: found.to_string(),
     }
 }
 
@@ -219,35 +188,5 @@ mod tests {
             "handle vertex 3 is out of range: the mesh has 3 vertices"
         );
         assert!(run(&[good], &[], 0.0).contains("found 0 frames per second"));
-    }
-
-    #[test]
-    fn panels_side_by_side_must_match() {
-        let topology = triangle();
-        let still = [Vec3::ZERO, Vec3::X, Vec3::Y];
-        let short = Run::new(&topology, [&still[..]], &[], 60.0).unwrap();
-        let long = Run::new(&topology, [&still[..], &still[..]], &[], 60.0).unwrap();
-        let field = ScalarField::new("error", vec![vec![0.0; 2]; 2]).unwrap();
-        let panel = |label, run, colouring| Panel {
-            label,
-            run,
-            colouring,
-        };
-        let plain = Colouring::Plain;
-        assert!(matches!(check_panels(&[]), Err(ViewError::NoPanels)));
-        let message = check_panels(&[panel("a", &short, plain), panel("b", &long, plain)])
-            .unwrap_err()
-            .to_string();
-        assert_eq!(
-            message,
-            "panel \"b\" has 2 frames, but panel \"a\" has 1: panels side by side must match"
-        );
-        let message = check_panels(&[panel("b", &long, Colouring::PerVertex(&field))])
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("2 vertices, but the run has 3"),
-            "{message}"
-        );
     }
 }

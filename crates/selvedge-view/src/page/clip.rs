@@ -8,22 +8,22 @@
 use std::io::Write;
 use std::ops::ControlFlow;
 
-use crate::motion::run::check_panels;
+use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
 use crate::page::palette::{Palette, UNCHANGED, distance_squared};
 use crate::page::sheet::{aspect_of, clock, runs_of};
 use crate::raster::stage::Stage;
 use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
 
-/// How a clip is made.
+/// The choices of a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipSettings {
     /// Width and height of one panel `[pixels]`.
     pub tile: [u32; 2],
-    /// Time between two pictures `[ms]`: a multiple of 10 from 20 to 1000. Viewers slow down what is
-    /// faster.
+    /// Time between two pictures `[ms]`: a multiple of 10 from 20 to 1000. Viewers slow down what
+    /// is faster.
     pub delay_ms: u16,
-    /// Where it is seen from.
+    /// The direction from which it is seen.
     pub orbit: Orbit,
     /// Samples per pixel.
     pub supersampling: Supersampling,
@@ -46,7 +46,7 @@ impl Default for ClipSettings {
     }
 }
 
-/// How far a clip is.
+/// The progress of a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClipProgress {
     /// Pictures written.
@@ -55,17 +55,17 @@ pub struct ClipProgress {
     pub total: usize,
 }
 
-/// How a clip ended; its file is whole either way.
+/// The end of a clip; the file is whole either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClipEnd {
     /// All pictures were written.
     Complete {
-        /// How many.
+        /// Pictures written.
         pictures: usize,
     },
     /// `progress` asked to stop.
     Stopped {
-        /// How many were written until then.
+        /// Pictures written until then.
         pictures: usize,
     },
 }
@@ -164,7 +164,7 @@ fn check_length(run: &Run<'_>, delay_ms: u16) -> Result<(), ViewError> {
     })
 }
 
-/// How many delays the run lasts.
+/// The length of the run in delays.
 fn delays_in(run: &Run<'_>, delay_ms: u16) -> f64 {
     match run.frames().len() - 1 {
         0 => 0.0,
@@ -219,7 +219,7 @@ impl<'a> Studio<'a> {
             let place = self.page.place(column as u32, 0);
             let time = clock(panel.run, frame);
             self.page
-                .put(&mut image, place, &picture, [panel.label, &time]);
+                .put(&mut image, place, &picture, panel.label, &time);
         }
         Ok(image)
     }

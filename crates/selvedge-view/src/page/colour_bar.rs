@@ -5,7 +5,7 @@ use crate::{Image, Rgb, ScalarField};
 
 const INK: Rgb = [70, 76, 88];
 
-/// Where things of a bar stand, from its right end, for captions of some height.
+/// The measures of a bar for captions of some height `[pixels]`.
 struct Measures {
     number: f32,
     width: u32,
@@ -35,13 +35,14 @@ pub(crate) fn colour_bar_height(caption: f32) -> u32 {
     (3.2 * caption).ceil() as u32
 }
 
-/// Draws the bar with its top left corner at (`left`, `top`).
+/// Draws the bar with its top left corner at `corner` (x, y) `[pixels]`.
 pub(crate) fn draw_colour_bar(
     image: &mut Image,
     field: &ScalarField,
-    [left, top]: [u32; 2],
+    corner: [u32; 2],
     caption: f32,
 ) {
+    let [left, top] = corner;
     let measures = Measures::new(caption);
     let style = TextStyle {
         height: caption,

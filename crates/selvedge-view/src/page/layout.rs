@@ -1,4 +1,4 @@
-//! The page that stills stand on: a title, the keys of the colours, and tiles in rows and columns.
+//! The layout of a page: a title, the keys of the colours, and tiles in rows and columns.
 
 use crate::image::check_size;
 use crate::page::colour_bar::{colour_bar_height, colour_bar_width, draw_colour_bar};
@@ -10,7 +10,7 @@ const TITLE_INK: Rgb = [30, 36, 50];
 const LABEL_INK: Rgb = [44, 50, 64];
 const CAPTION_INK: Rgb = [104, 110, 122];
 
-/// Where the tiles of a page stand.
+/// The places of the tiles of a page.
 #[derive(Clone, Debug)]
 pub(crate) struct Page<'a> {
     title: &'a str,
@@ -100,7 +100,8 @@ impl<'a> Page<'a> {
         page: &mut Image,
         place: [u32; 2],
         picture: &Image,
-        [label, caption]: [&str; 2],
+        label: &str,
+        caption: &str,
     ) {
         page.paste(picture, place);
         let [left, top] = place.map(|side| side as f32);

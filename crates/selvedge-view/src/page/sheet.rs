@@ -1,18 +1,18 @@
-//! Stills: one picture of a frame, or a contact sheet of evenly spaced frames, with one row of
-//! pictures per panel under each other for every row of times.
+//! Stills: one picture of a frame, or a contact sheet of moments, with one row of pictures per
+//! panel under each other for every row of times.
 
-use crate::motion::run::check_panels;
+use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
 use crate::page::moments::Moments;
 use crate::raster::stage::Stage;
 use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
 
-/// How one picture is made.
+/// The choices of one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StillSettings {
     /// Width and height `[pixels]`.
     pub size: [u32; 2],
-    /// Where it is seen from.
+    /// The direction from which it is seen.
     pub orbit: Orbit,
     /// Samples per pixel.
     pub supersampling: Supersampling,
@@ -31,7 +31,7 @@ impl Default for StillSettings {
     }
 }
 
-/// How a contact sheet is made.
+/// The choices of a contact sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetSettings {
     /// Width and height of one picture `[pixels]`.
@@ -134,7 +134,7 @@ pub fn contact_sheet(
             let place = page.place(column as u32, row as u32);
             let label = if column == 0 { panel.label } else { "" };
             let picture = renderer.render(panel, frame)?;
-            page.put(&mut image, place, &picture, [label, &clock(run, frame)]);
+            page.put(&mut image, place, &picture, label, &clock(run, frame));
         }
     }
     Ok(image)

@@ -24,33 +24,33 @@ const NUMBER: f64 = 90.0;
 /// Bars in groups.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BarChart {
-    /// Above the picture.
+    /// The text above the picture.
     pub title: String,
-    /// What is measured, with its unit.
+    /// The measured quantity, with its unit.
     pub axis: String,
-    /// From top to bottom.
+    /// The groups from top to bottom.
     pub groups: Vec<BarGroup>,
 }
 
 /// Bars that belong together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BarGroup {
-    /// Above them; empty where there is nothing to say.
+    /// The text above them; may be empty.
     pub heading: String,
-    /// From top to bottom.
+    /// The bars from top to bottom.
     pub bars: Vec<Bar>,
 }
 
 /// A bar, its name and its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// Left of it.
+    /// The text left of it.
     pub name: String,
-    /// How it is drawn.
+    /// The role that decides its colour.
     pub role: Role,
-    /// How long it is, from 0; none where there is no value.
+    /// The length from 0; none where there is no value.
     pub value: Option<f64>,
-    /// Right of it.
+    /// The text right of it.
     pub text: String,
 }
 
@@ -184,7 +184,7 @@ impl BarGroup {
     }
 }
 
-/// Where values are in the picture.
+/// The places of values in the picture.
 struct Place {
     ticks: Ticks,
     ends: [f64; 2],

@@ -1,4 +1,4 @@
-//! What both charts draw with: a picture in pixels from the top left corner, with its colours and
+//! The canvas of both charts: a picture in pixels from the top left corner, with its colours and
 //! texts, as SVG by `plotters` or as an image by our own raster and font.
 //!
 //! `plotters` counts in whole units, which would make curves jagged: everything is drawn [`UNIT`]
@@ -48,11 +48,11 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(112, 72, 152),
 ];
 
-/// What the others are compared with.
+/// The colour of rivals, with which the others are compared.
 pub(super) const GREY: RGBColor = RGBColor(125, 125, 125);
-/// Texts and axes.
+/// The colour of texts and axes.
 pub(super) const INK: RGBColor = RGBColor(51, 51, 51);
-/// Lines across the picture.
+/// The colour of lines across the picture.
 pub(super) const FAINT: RGBColor = RGBColor(228, 228, 228);
 
 /// Height of most texts [pixels].
@@ -72,7 +72,7 @@ pub(super) fn text_width(text: &str) -> f64 {
     0.56 * TEXT * text.chars().count() as f64
 }
 
-/// How a text stands at its point.
+/// The look of a text, and its side of the point.
 #[derive(Clone, Copy)]
 pub(super) struct TextStyle {
     pub(super) size: f64,
@@ -81,14 +81,14 @@ pub(super) struct TextStyle {
     pub(super) anchor: Anchor,
 }
 
-/// How thick letters are.
+/// The thickness of letters.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Weight {
     Normal,
     Bold,
 }
 
-/// Where the point of a text is: halfway up, unless it is turned.
+/// The side of a text on which its point is, halfway up.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Anchor {
     Left,
@@ -110,6 +110,13 @@ impl TextStyle {
     }
 }
 
+/// The lengths of the dashes of a line and of the gaps between them [pixels].
+#[derive(Clone, Copy)]
+pub(super) struct Dashes {
+    pub(super) dash: f64,
+    pub(super) gap: f64,
+}
+
 /// A point of the picture [pixels].
 pub(super) type Point = [f64; 2];
 
@@ -119,13 +126,13 @@ pub(super) struct Canvas<'a> {
     title: &'a str,
 }
 
-/// What draws.
+/// The means of drawing.
 enum Pen<'a> {
     Svg(DrawingArea<SVGBackend<'a>, Shift>),
     Raster(RefCell<Image>),
 }
 
-/// What is drawn on a canvas of some size [pixels].
+/// A drawing of some size [pixels].
 pub(super) trait Drawing {
     /// Above it.
     fn title(&self) -> &str;
@@ -249,18 +256,19 @@ impl Canvas<'_> {
         }
     }
 
-    /// Draws a line of dashes through `points`, each dash and gap so long.
+    /// Draws a line of dashes through `points`.
     pub(super) fn dashes(
         &self,
         points: impl IntoIterator<Item = Point>,
         colour: RGBColor,
-        [dash, gap]: [f64; 2],
+        pattern: Dashes,
     ) -> Result<(), PlotError> {
         match &self.pen {
             Pen::Svg(area) => {
                 let style = colour.stroke_width((DASHED * UNIT).round() as u32);
                 let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
-                let [dash, gap] = [dash, gap].map(|pixels| (pixels * UNIT).round() as u32);
+                let [dash, gap] =
+                    [pattern.dash, pattern.gap].map(|pixels| (pixels * UNIT).round() as u32);
                 let series = DashedLineSeries::new(points, dash, gap, style);
                 for piece in series {
                     self.check(area.draw(&piece))?;
@@ -268,9 +276,9 @@ impl Canvas<'_> {
             }
             Pen::Raster(image) => {
                 let points: Vec<Vec2> = points.into_iter().map(dots).collect();
-                let lengths = [dash, gap].map(|pixels| (pixels * DOTS) as f32);
                 let width = (DASHED * DOTS) as f32;
-                let pieces = dashed(&points, lengths);
+                let (dash, gap) = (pattern.dash * DOTS, pattern.gap * DOTS);
+                let pieces = dashed(&points, dash as f32, gap as f32);
                 stroke(&mut image.borrow_mut(), &pieces, width, rgb(colour));
             }
         }
@@ -353,7 +361,7 @@ fn raster_text(image: &mut Image, text: &str, at: Point, style: TextStyle) {
 }
 
 /// The dashes of a line through `points`, so long and so far apart.
-pub(super) fn dashed(points: &[Vec2], [dash, gap]: [f32; 2]) -> Vec<Segment> {
+pub(super) fn dashed(points: &[Vec2], dash: f32, gap: f32) -> Vec<Segment> {
     let mut pieces = Vec::new();
     // How far the line is into a dash and the gap after it.
     let mut phase = 0.0;

@@ -9,11 +9,11 @@ use crate::{Image, Rgb, ViewError};
 /// One histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HistogramPlot<'a> {
-    /// What is counted.
+    /// The counted quantity.
     pub title: &'a str,
-    /// Its unit.
+    /// The unit of the quantity.
     pub unit: &'a str,
-    /// Where the first bin begins and the last one ends.
+    /// The start of the first bin and the end of the last.
     pub range: [f64; 2],
     /// Numbers in equal bins.
     pub counts: &'a [u64],
@@ -34,8 +34,8 @@ const AXIS: Rgb = [190, 194, 202];
 /// Draws histograms under a title, two beside each other.
 ///
 /// # Errors
-/// [`ViewError::Setting`] where there is none, or one has no bins or no range; what is wrong with
-/// the size of a page of so many.
+/// [`ViewError::Setting`] where there is no histogram, or one has no bins or no range;
+/// [`ViewError::Size`] for a page too large.
 pub fn histogram_page(title: &str, plots: &[HistogramPlot<'_>]) -> Result<Image, ViewError> {
     check(plots)?;
     let (columns, rows) = (COLUMNS.min(plots.len()), plots.len().div_ceil(COLUMNS));
@@ -80,7 +80,8 @@ fn check(plots: &[HistogramPlot<'_>]) -> Result<(), ViewError> {
     Ok(())
 }
 
-fn draw(image: &mut Image, plot: &HistogramPlot<'_>, [left, top]: [u32; 2]) {
+fn draw(image: &mut Image, plot: &HistogramPlot<'_>, corner: [u32; 2]) {
+    let [left, top] = corner;
     let title = format!("{} ({})", plot.title, plot.unit);
     let text = style(12.0, Align::Left);
     draw_text(image, &title, [left as f32, (top + 14) as f32], &text);
@@ -113,8 +114,8 @@ fn draw(image: &mut Image, plot: &HistogramPlot<'_>, [left, top]: [u32; 2]) {
     }
 }
 
-/// Pixels of a bar of `count` where the tallest, of `most`, has `tall`; at least one where there is
-/// anything.
+/// The height of a bar of `count` `[pixels]`, where the tallest bar, of `most`, has `tall`. A count
+/// that is not 0 has at least one pixel.
 fn bar_height(count: u64, most: u64, tall: u32) -> u32 {
     if count == 0 {
         return 0;

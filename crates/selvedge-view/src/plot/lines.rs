@@ -2,8 +2,8 @@
 
 use super::PlotError;
 use super::canvas::{
-    self, Anchor, Canvas, Drawing, FAINT, GREY, INK, LEADING, Point, TEXT, TextStyle, colour,
-    text_width,
+    self, Anchor, Canvas, Dashes, Drawing, FAINT, GREY, INK, LEADING, Point, TEXT, TextStyle,
+    colour, text_width,
 };
 use super::ticks::{self, Ticks};
 use crate::Image;
@@ -16,32 +16,37 @@ const BOTTOM: f64 = 58.0;
 const TOP: f64 = 42.0;
 /// So few points are marked each.
 const FEW: usize = 16;
+/// The dashes of rivals.
+const RIVAL: Dashes = Dashes {
+    dash: 7.0,
+    gap: 4.0,
+};
 /// The widest that names may make the right margin [pixels].
 const WIDEST_NAMES: f64 = 260.0;
 
 /// Lines over an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineChart {
-    /// Above the picture.
+    /// The text above the picture.
     pub title: String,
-    /// What is varied.
+    /// The varied quantity.
     pub x: Axis,
-    /// What is measured.
+    /// The measured quantity.
     pub y: Axis,
-    /// In the order of their colours.
+    /// The lines, in the order of their colours.
     pub lines: Vec<Line>,
 }
 
-/// What stands on an axis.
+/// An axis.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
-    /// With its unit, as "position RMSE (mm)".
+    /// The quantity with its unit, as "position RMSE (mm)".
     pub label: String,
-    /// How values become places.
+    /// The scale from values to places.
     pub scale: Scale,
 }
 
-/// How values become places.
+/// The scale from values to places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// In proportion.
@@ -53,27 +58,36 @@ pub enum Scale {
 /// A line and its name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// Beside its end.
+    /// The text beside its end.
     pub name: String,
-    /// How it is drawn.
+    /// The role that decides its look.
     pub role: Role,
     /// (x, y) in the order in which they are joined.
     pub points: Vec<Point>,
 }
 
-/// How a line is drawn.
+/// The role of a line or a bar in a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// In a colour of its own.
+    /// Drawn in a colour of its own.
     Subject,
-    /// Grey and dashed: what the subjects are compared with.
+    /// Drawn grey and dashed: the subjects are compared with it.
     Rival,
 }
 
-/// Where values are in the picture.
+/// Both axes in the picture.
 struct Frame {
-    x: (Scale, Ticks, [f64; 2]),
-    y: (Scale, Ticks, [f64; 2]),
+    x: PlacedAxis,
+    y: PlacedAxis,
+}
+
+/// An axis in the picture.
+struct PlacedAxis {
+    scale: Scale,
+    ticks: Ticks,
+    /// The places of both ends [pixels].
+    start: f64,
+    end: f64,
 }
 
 /// A line in places of the picture.
@@ -105,7 +119,7 @@ impl Drawing for LineDrawing<'_> {
         for line in &placed {
             match line.line.role {
                 Role::Subject => canvas.path(line.points.clone(), line.colour, 2.0)?,
-                Role::Rival => canvas.dashes(line.points.clone(), line.colour, [7.0, 4.0])?,
+                Role::Rival => canvas.dashes(line.points.clone(), line.colour, RIVAL)?,
             }
             if line.points.len() <= FEW {
                 for &point in &line.points {
@@ -113,7 +127,7 @@ impl Drawing for LineDrawing<'_> {
                 }
             }
         }
-        draw_names(canvas, &placed, frame.x.2[1])
+        draw_names(canvas, &placed, frame.x.end)
     }
 }
 
@@ -171,16 +185,23 @@ impl LineChart {
         };
         let right = SIZE[0] - names - 34.0;
         Some(Frame {
-            x: (self.x.scale, ticks(0, self.x.scale)?, [LEFT, right]),
-            y: (
-                self.y.scale,
-                ticks(1, self.y.scale)?,
-                [SIZE[1] - BOTTOM, TOP],
-            ),
+            x: PlacedAxis {
+                scale: self.x.scale,
+                ticks: ticks(0, self.x.scale)?,
+                start: LEFT,
+                end: right,
+            },
+            y: PlacedAxis {
+                scale: self.y.scale,
+                ticks: ticks(1, self.y.scale)?,
+                start: SIZE[1] - BOTTOM,
+                end: TOP,
+            },
         })
     }
 
-    fn has_place(&self, [x, y]: Point) -> bool {
+    fn has_place(&self, point: Point) -> bool {
+        let [x, y] = point;
         let fits = |scale, value| scale == Scale::Linear || value > 0.0;
         fits(self.x.scale, x) && fits(self.y.scale, y)
     }
@@ -207,17 +228,18 @@ impl LineChart {
     }
 
     fn draw_axes(&self, canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PlotError> {
-        let ([left, right], [bottom, top]) = (frame.x.2, frame.y.2);
-        for &mark in &frame.y.1.at {
-            let y = along(mark, &frame.y.1, frame.y.2);
+        let (left, right) = (frame.x.start, frame.x.end);
+        let (bottom, top) = (frame.y.start, frame.y.end);
+        for &mark in &frame.y.ticks.at {
+            let y = frame.y.place_of_mark(mark);
             canvas.path([[left, y], [right, y]], FAINT, 1.0)?;
-            let text = ticks::label(value_at(mark, frame.y.0));
+            let text = ticks::label(value_at(mark, frame.y.scale));
             canvas.text(&text, [left - 8.0, y], TextStyle::plain(Anchor::Right))?;
         }
-        for &mark in &frame.x.1.at {
-            let x = along(mark, &frame.x.1, frame.x.2);
+        for &mark in &frame.x.ticks.at {
+            let x = frame.x.place_of_mark(mark);
             canvas.path([[x, bottom], [x, bottom + 5.0]], INK, 1.0)?;
-            let text = ticks::label(value_at(mark, frame.x.0));
+            let text = ticks::label(value_at(mark, frame.x.scale));
             let at = [x, bottom + 15.0];
             canvas.text(&text, at, TextStyle::plain(Anchor::Middle))?;
         }
@@ -230,20 +252,25 @@ impl LineChart {
 }
 
 impl Frame {
-    fn place(&self, [x, y]: Point) -> Point {
-        let of = |value, (scale, ticks, ends): &(Scale, Ticks, [f64; 2])| {
-            let value = match scale {
-                Scale::Linear => value,
-                Scale::Logarithmic => f64::log10(value),
-            };
-            along(value, ticks, *ends)
-        };
-        [of(x, &self.x), of(y, &self.y)]
+    fn place(&self, point: Point) -> Point {
+        [self.x.place(point[0]), self.y.place(point[1])]
     }
 }
 
-fn along(value: f64, ticks: &Ticks, [from, to]: [f64; 2]) -> f64 {
-    from + (to - from) * (value - ticks.start) / (ticks.end - ticks.start)
+impl PlacedAxis {
+    /// The place of a value [pixels].
+    fn place(&self, value: f64) -> f64 {
+        self.place_of_mark(match self.scale {
+            Scale::Linear => value,
+            Scale::Logarithmic => value.log10(),
+        })
+    }
+
+    /// The place of a mark, on a logarithmic axis a power of ten [pixels].
+    fn place_of_mark(&self, mark: f64) -> f64 {
+        let Ticks { start, end, .. } = self.ticks;
+        self.start + (self.end - self.start) * (mark - start) / (end - start)
+    }
 }
 
 fn value_at(mark: f64, scale: Scale) -> f64 {
@@ -262,7 +289,7 @@ fn draw_names(canvas: &Canvas<'_>, placed: &[Placed<'_>], right: f64) -> Result<
         .collect();
     names.sort_by(|a, b| a.1[1].total_cmp(&b.1[1]));
     let ends: Vec<f64> = names.iter().map(|name| name.1[1]).collect();
-    let heights = apart(&ends, [TOP, SIZE[1] - BOTTOM]);
+    let heights = apart(&ends, TOP, SIZE[1] - BOTTOM);
     for ((line, end), y) in names.into_iter().zip(heights) {
         let bend = [right + 4.0, end[1]];
         canvas.path([end, bend, [right + 14.0, y]], line.colour, 0.75)?;
@@ -278,7 +305,7 @@ fn draw_names(canvas: &Canvas<'_>, placed: &[Placed<'_>], right: f64) -> Result<
 
 /// Heights in the same order, a line of text apart, as near to the wanted ones (ascending) as going
 /// down once and up once brings them, and between `low` and `high` where there is room.
-fn apart(wanted: &[f64], [low, high]: [f64; 2]) -> Vec<f64> {
+fn apart(wanted: &[f64], low: f64, high: f64) -> Vec<f64> {
     let mut heights: Vec<f64> = Vec::with_capacity(wanted.len());
     for &height in wanted {
         let least = heights.last().map_or(low, |above| above + LEADING);

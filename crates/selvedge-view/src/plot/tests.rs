@@ -1,4 +1,5 @@
-//! Marks are round and enclose the values; pictures say what they show, in the same bytes each time.
+//! Marks are round and enclose the values; pictures say what they show, in the same bytes each
+//! time.
 
 use proptest::prelude::*;
 
@@ -148,7 +149,7 @@ fn an_image_has_its_lines_and_bars_where_the_svg_has_them() {
 #[test]
 fn dashes_are_as_long_as_asked_and_go_around_corners() {
     let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]].map(glam::Vec2::from_array);
-    let pieces = canvas::dashed(&points, [6.0, 3.0]);
+    let pieces = canvas::dashed(&points, 6.0, 3.0);
     let expected = [
         [[0.0, 0.0], [6.0, 0.0]],
         [[9.0, 0.0], [10.0, 0.0]],

@@ -1,7 +1,8 @@
 //! Where an axis has its marks, and what stands beside them: round numbers, 1, 2 or 5 times a power
 //! of ten.
 
-/// An axis from `start` to `end` with marks at `at`; on a logarithmic one all three are powers of 10.
+/// An axis from `start` to `end` with marks at `at`; on a logarithmic one all three are powers of
+/// 10.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ticks {
     pub(super) start: f64,

@@ -22,7 +22,7 @@ const CELLS: usize = 144;
 /// Radius of each of the three boxes, in cells.
 const BLUR_RADIUS: usize = 4;
 
-/// The picture without the cloth, in linear light, and where each pixel sees the floor.
+/// The picture without the cloth, in linear light, and the place of the floor in each pixel.
 #[derive(Clone, Debug)]
 pub(crate) struct Backdrop {
     colours: Vec<Linear16>,
@@ -32,7 +32,8 @@ pub(crate) struct Backdrop {
 }
 
 impl Backdrop {
-    pub(crate) fn new(stage: &Stage, [width, height]: [u32; 2]) -> Self {
+    pub(crate) fn new(stage: &Stage, size: [u32; 2]) -> Self {
+        let [width, height] = size;
         let shadow = ShadowMap::new(stage);
         let count = width as usize * height as usize;
         let mut colours = Vec::with_capacity(count);
@@ -94,7 +95,7 @@ fn smooth(share: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// How dark the floor is, on a grid of square cells.
+/// The darkness of the floor, on a grid of square cells.
 #[derive(Clone, Debug)]
 struct ShadowMap {
     origin: Vec2,
@@ -124,7 +125,7 @@ impl ShadowMap {
         }
     }
 
-    /// Where the floor that `ray` meets lies in the map `[cells]`, or NaN.
+    /// The place in the map `[cells]` where `ray` meets the floor, or NaN.
     fn place_seen(&self, stage: &Stage, ray: Vec3) -> Vec2 {
         let eye = stage.camera.position();
         let reach = (self.floor - eye.y) / ray.y;
@@ -151,10 +152,11 @@ impl ShadowMap {
 
     /// Darkens the cells whose middle lies in a triangle, and those under its corners, so that a
     /// sheet seen edge-on by the light still throws a line.
-    fn fill_triangle(&mut self, [a, b, c]: [Vec2; 3]) {
+    fn fill_triangle(&mut self, corners: [Vec2; 3]) {
+        let [a, b, c] = corners;
         let width = self.size[0];
         let last = Vec2::new(width as f32 - 1.0, self.size[1] as f32 - 1.0);
-        for corner in [a, b, c] {
+        for corner in corners {
             let corner = corner.clamp(Vec2::ZERO, last);
             self.dark[corner.y.round() as usize * width + corner.x.round() as usize] = 1.0;
         }

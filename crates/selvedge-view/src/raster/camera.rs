@@ -1,4 +1,5 @@
-//! The camera: an orbit around the cloth, and the nearest camera on it that has every point in view.
+//! The camera: an orbit around the cloth, and the nearest camera on it that has every point in
+//! view.
 //!
 //! With camera axes x (right), y (up), z (towards the viewer) and half-angle tangents tx, ty, the
 //! camera at (x₀, y₀, d) sees a point when |x - x₀| ≤ tx (d - z) and |y - y₀| ≤ ty (d - z). The

@@ -20,7 +20,7 @@ use super::sun::Sun;
 use super::surface::Surface;
 use super::triangle::{Pen, ScreenVertex, Triangle};
 use crate::image::check_size;
-use crate::motion::run::check_panels;
+use crate::motion::panel::check_panels;
 use crate::{Image, Panel, Run, ViewError};
 
 /// Draws frames of one size from one stage; keeps its buffers between frames.

@@ -31,7 +31,7 @@ const KEY_LIGHT: Vec3A = Vec3A::new(1.72, 1.62, 1.48);
 const FILL_LIGHT: Vec3A = Vec3A::new(0.20, 0.24, 0.30);
 const SKY_LIGHT: Vec3A = Vec3A::new(0.60, 0.67, 0.80);
 
-/// What a point of the surface looks like before light falls on it.
+/// A point of the surface, as the shader needs it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Point {
     /// Unit normal, towards the viewer's side of the surface.
@@ -150,7 +150,8 @@ pub(crate) struct ValueColours {
 }
 
 impl ValueColours {
-    pub(crate) fn new(map: ColourMap, [low, high]: [f32; 2]) -> Self {
+    pub(crate) fn new(map: ColourMap, range: [f32; 2]) -> Self {
+        let [low, high] = range;
         Self {
             table: map.linear_table(),
             low,

@@ -1,4 +1,5 @@
-//! The stage around a run: the camera, the floor under the cloth, and the light that casts the shadow.
+//! The stage around a run: the camera, the floor under the cloth, and the light that casts the
+//! shadow.
 
 use glam::{Vec2, Vec3};
 

@@ -1,9 +1,9 @@
 //! The shape of the surface at each vertex of a frame: the normal, and the relief.
 //!
 //! The normal is the normalised sum of the area vectors of the faces around the vertex. The relief
-//! is the height of the vertex above the smoothed surface around it, along the normal, over the mean
-//! length of the edges: positive on a ridge seen from the front, negative in a valley, where less
-//! light arrives. Two widths of smoothing are added, for creases and for folds.
+//! is the height of the vertex above the smoothed surface around it, along the normal, over the
+//! mean length of the edges: positive on a ridge seen from the front, negative in a valley, where
+//! less light arrives. Two widths of smoothing are added, for creases and for folds.
 
 use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};

@@ -1,7 +1,7 @@
 //! One triangle on the screen: barycentric weights, and what they interpolate.
 //!
-//! Weights are linear over the screen, bᵢ = area(opposite edge, p) / area, and so is 1/depth; what
-//! is multiplied by 1/depth at the corners and divided by it again is interpolated in perspective.
+//! Weights are linear over the screen, bᵢ = area(opposite edge, p) / area, and so is 1/depth. A
+//! value times 1/depth is interpolated linearly, and then divided by 1/depth: this is perspective.
 //! bᵢ · 2 area / length is the distance of p from the opposite edge.
 
 use std::ops::Range;
@@ -31,7 +31,7 @@ pub(crate) struct ScreenVertex {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     places: [Vec2; 3],
-    /// Whether its front is seen.
+    /// True when its front is seen.
     front: bool,
     /// Change of the weights per sample to the right and down `[1/sample]`.
     pub(super) across: Vec3A,
@@ -50,7 +50,7 @@ pub(crate) struct Triangle {
     faint: f32,
 }
 
-/// How the lines of a picture are drawn.
+/// The lines of a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pen {
     pub(super) lines: EdgeLines,
@@ -152,7 +152,7 @@ impl Triangle {
         weights.dot(self.values) / nearness
     }
 
-    /// How much of a sample is covered by edge lines, in [0, 1].
+    /// The part of a sample that edge lines cover, in [0, 1].
     #[inline]
     pub(super) fn line_at(&self, weights: Vec3A) -> f32 {
         let nearest = (weights * self.heights).min_element();

@@ -10,19 +10,19 @@ use crate::image::stroke::{Segment, between, stroke};
 use crate::text::font::{CAPITAL_HEIGHT, SPACING, glyph};
 use crate::{Image, Rgb};
 
-/// Where the text stands relative to its place.
+/// The side of a text at its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Align {
-    /// It starts there.
+    /// The text starts there.
     #[default]
     Left,
-    /// Its middle is there.
+    /// The middle of the text is there.
     Centre,
-    /// It ends there.
+    /// The text ends there.
     Right,
 }
 
-/// How text looks.
+/// The look of a text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextStyle {
     /// Height of capitals `[pixels]`.
@@ -45,7 +45,7 @@ pub fn text_width(text: &str, height: f32) -> f32 {
     (units - SPACING).max(0.0) * height / CAPITAL_HEIGHT
 }
 
-/// Which way a text is read.
+/// The direction in which a text is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reading {
     /// From left to right.
@@ -54,8 +54,8 @@ pub(crate) enum Reading {
     Upwards,
 }
 
-/// Draws one line of `text`, its base line at `place` (x, y) `[pixels]`. What lies outside the image
-/// is cut off.
+/// Draws one line of `text`, its base line at `place` (x, y) `[pixels]`. Parts outside the image
+/// are cut off.
 pub fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &TextStyle) {
     draw_text_read(image, text, place, style, Reading::Across);
 }

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use selvedge_data::{Dataset, DatasetIndex, Distribution, Distributions, Split, write_atomically};
 use selvedge_lab::{folder, generation};
-use selvedge_view::{HistogramPlot, Image, histogram_page};
+use selvedge_view::Image;
+use selvedge_view::plot::{HistogramPlot, histogram_page};
 use serde::Serialize;
 
 use crate::output::{Answer, Facts, Table, length};

@@ -1,4 +1,5 @@
-//! What the live viewer shows: cloths made ready from scenes, and who moves them, the physics or a model.
+//! What the live viewer shows: cloths made ready from scenes, and who moves them, the physics or a
+//! model.
 
 mod movers;
 mod scene_cloth;

@@ -1,5 +1,5 @@
-//! The physics and the learned model as the viewer drives them: they go on in the same motion when what
-//! holds the cloth, or the wind, changes.
+//! The physics and the learned model as the viewer drives them: they go on in the same motion when
+//! what holds the cloth, or the wind, changes.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -78,8 +78,9 @@ pub(super) struct LiveModel {
 }
 
 impl LiveModel {
-    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. The rest pose
-    /// that the model compares with stays that of the scene's own handles in the scene's own wind.
+    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. The rest
+    /// pose that the model compares with stays that of the scene's own handles in the scene's own
+    /// wind.
     pub(super) fn start(
         model: &ModelOnMachine,
         scene: &Arc<Scene>,
@@ -157,8 +158,8 @@ mod tests {
         HandleTargets::at_frame_end(targets).unwrap()
     }
 
-    /// A mover that is changed to the very hold it has goes on as the one that is left alone: the largest
-    /// distance of a vertex over ten frames after ten `[m]`.
+    /// A mover that is changed to the very hold it has goes on as the one that is left alone: the
+    /// largest distance of a vertex over ten frames after ten `[m]`.
     fn difference(kind: MoverKind) -> f32 {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();

@@ -1,5 +1,5 @@
-//! Makes cloths ready for the viewer: a scene, perhaps with another mesh or material, its rest pose, and a
-//! model. Rest poses that were found are kept.
+//! Makes cloths ready for the viewer: a scene, perhaps with another mesh or material, its rest
+//! pose, and a model. Rest poses that were found are kept.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ use crate::scenes;
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
 const VERTICES: [usize; 5] = [150, 289, 400, 600, 1024];
-/// What may be asked for in all.
+/// Numbers of vertices that may be asked for.
 const VERTICES_ALLOWED: std::ops::RangeInclusive<usize> = 20..=4096;
 /// Rest poses that are kept.
 const MOST_KEPT: usize = 32;
@@ -41,8 +41,8 @@ pub(crate) struct ViewWorkshop {
 }
 
 impl ViewWorkshop {
-    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped one, which run on
-    /// `machine`.
+    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped one,
+    /// which run on `machine`.
     ///
     /// # Errors
     /// When a model cannot be read.
@@ -63,7 +63,7 @@ impl ViewWorkshop {
         })
     }
 
-    /// What is shown at first.
+    /// The order of the first cloth.
     pub(crate) fn first_order(&self) -> Order {
         Order {
             scene: self.scenes[0].clone(),
@@ -112,8 +112,9 @@ impl ViewWorkshop {
         })
     }
 
-    /// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest pose: its mesh
-    /// takes the place, also of a rest pose that is not needed for the start and not found.
+    /// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest
+    /// pose: its mesh takes the place, also of a rest pose that is not needed for the start and not
+    /// found.
     fn rest_and_start(
         &mut self,
         loaded: &LoadedScene,
@@ -200,8 +201,9 @@ impl Workshop for ViewWorkshop {
     }
 }
 
-/// Whether a cloth cannot be shown without the rest pose that was not found: the scene starts in it, or
-/// nobody waits for it any more. Where all handles have let go at the start there is none to be found.
+/// Returns true for a cloth that cannot be shown without its rest pose: the scene starts in
+/// it, or nobody waits for it any more. Where all handles have let go at the start there is none to
+/// be found.
 fn is_needed(loaded: &LoadedScene, error: &anyhow::Error) -> bool {
     match error.downcast_ref::<SagError>() {
         Some(SagError::Stopped { .. }) => true,
@@ -274,7 +276,7 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What people should know where the shipped model meets a cloth that it was not trained on.
+/// The remark for people where the shipped model meets a cloth that it was not trained on.
 fn beyond_training(model: &str, loaded: &LoadedScene) -> Option<String> {
     let trained = GeneratorSpec {
         kind: Shape::Square,

@@ -13,10 +13,8 @@ use selvedge_lab::physics;
 use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_model::{MODEL_FORMAT, Model};
 use selvedge_train::files;
-use selvedge_view::plot::{Axis, Line, LineChart, Role, Scale};
-use selvedge_view::{
-    Colouring, HistogramPlot, Image, Panel, Run, StillSettings, histogram_page, still,
-};
+use selvedge_view::plot::{Axis, HistogramPlot, Line, LineChart, Role, Scale, histogram_page};
+use selvedge_view::{Colouring, Image, Panel, Run, StillSettings, still};
 
 use super::exported::read_npz;
 use super::folders::{self, FolderKind};

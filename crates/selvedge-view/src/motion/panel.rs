@@ -1,0 +1,87 @@
+//! Panels: a run with a label and a colouring; and the checks of panels that stand side by side.
+
+use super::run::Run;
+use crate::{ScalarField, ViewError};
+
+/// The colouring of a cloth.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Colouring<'a> {
+    /// As cloth: indigo in front, ecru at the back.
+    #[default]
+    Plain,
+    /// By a number per vertex.
+    PerVertex(&'a ScalarField),
+}
+
+/// A run with the label and the colours in which it is shown.
+#[derive(Clone, Copy, Debug)]
+pub struct Panel<'a> {
+    /// The text above it where several panels are shown together; may be empty.
+    pub label: &'a str,
+    /// The motion.
+    pub run: &'a Run<'a>,
+    /// The colours.
+    pub colouring: Colouring<'a>,
+}
+
+impl<'a> Panel<'a> {
+    /// The numbers that it is coloured by, if any.
+    pub(crate) fn field(&self) -> Option<&'a ScalarField> {
+        match self.colouring {
+            Colouring::Plain => None,
+            Colouring::PerVertex(field) => Some(field),
+        }
+    }
+}
+
+/// Checks that there are panels, that they run at one clock, and that their values fit.
+pub(crate) fn check_panels(panels: &[Panel<'_>]) -> Result<(), ViewError> {
+    let first = panels.first().ok_or(ViewError::NoPanels)?;
+    for panel in panels {
+        let differ = first.run.check_clock(panel.run).err();
+        if let Some(differ) = differ {
+            return Err(differ.labelled(first.label, panel.label));
+        }
+        if let Some(field) = panel.field() {
+            field.check_fits(panel.run)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use selvedge_cloth::Topology;
+
+    #[test]
+    fn panels_side_by_side_must_match() {
+        let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+        let still = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let short = Run::new(&topology, [&still[..]], &[], 60.0).unwrap();
+        let long = Run::new(&topology, [&still[..], &still[..]], &[], 60.0).unwrap();
+        let field = ScalarField::new("error", vec![vec![0.0; 2]; 2]).unwrap();
+        let panel = |label, run, colouring| Panel {
+            label,
+            run,
+            colouring,
+        };
+        let plain = Colouring::Plain;
+        assert!(matches!(check_panels(&[]), Err(ViewError::NoPanels)));
+        let message = check_panels(&[panel("a", &short, plain), panel("b", &long, plain)])
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            message,
+            "panel \"b\" has 2 frames, but panel \"a\" has 1: panels side by side must match"
+        );
+        let message = check_panels(&[panel("b", &long, Colouring::PerVertex(&field))])
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("2 vertices, but the run has 3"),
+            "{message}"
+        );
+    }
+}

@@ -1,0 +1,54 @@
+// The two themes of the page: the colours of the room, of its cloths and of their handles.
+
+import * as three from "three";
+
+/** The colours of the two sides of a cloth. */
+export interface Look {
+  front: three.Color;
+  back: three.Color;
+}
+
+/** The colours and the light of the room. */
+export interface Theme {
+  background: string;
+  /** The floor where the light falls, and its lines. */
+  floor: string;
+  grid: string;
+  lines: string;
+  handle: string;
+  looks: [Look, Look];
+  /** Darkness of shadows on the floor, 0 to 1. */
+  shadow: number;
+  exposure: number;
+}
+
+const colour = (text: string) => new three.Color(text);
+
+export const THEMES: Record<"light" | "dark", Theme> = {
+  light: {
+    background: "#e6e2db",
+    floor: "#f6f3ee",
+    grid: "#b9b1a4",
+    lines: "#1c2733",
+    handle: "#d1495b",
+    looks: [
+      { front: colour("#d9a25f"), back: colour("#3f6f9f") },
+      { front: colour("#d9a25f"), back: colour("#4e8368") },
+    ],
+    shadow: 0.26,
+    exposure: 1.05,
+  },
+  dark: {
+    background: "#14171c",
+    floor: "#272c35",
+    grid: "#4a5361",
+    lines: "#e6edf5",
+    handle: "#ff6b7d",
+    looks: [
+      { front: colour("#e0ac68"), back: colour("#5b93c9") },
+      { front: colour("#e0ac68"), back: colour("#63a585") },
+    ],
+    shadow: 0.6,
+    exposure: 0.95,
+  },
+};
