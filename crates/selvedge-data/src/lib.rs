@@ -77,8 +77,8 @@ pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use rig::{Rig, RigError, RigNode};
 pub use scene::{
-    GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
-    MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
+    GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
+    LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, Setting, StartSpec, Transform, materials, open_scene, parse_recorded_csv,
     parse_scene, read_scene, shipped_scenes,

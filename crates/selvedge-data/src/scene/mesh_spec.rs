@@ -70,10 +70,22 @@ struct GeneratorFields {
     seed: u64,
 }
 
-impl TryFrom<GeneratorFields> for GeneratorSpec {
-    type Error = String;
+/// Why keys do not make a [`GeneratorSpec`].
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum GeneratorError {
+    #[error("density must be finite and positive, found {density} vertices/m²")]
+    Density { density: f64 },
+    #[error("give `vertices` or `density`, not both")]
+    Both,
+    #[error("missing field: `vertices` or `density`")]
+    Neither,
+}
 
-    fn try_from(fields: GeneratorFields) -> Result<Self, String> {
+impl TryFrom<GeneratorFields> for GeneratorSpec {
+    type Error = GeneratorError;
+
+    fn try_from(fields: GeneratorFields) -> Result<Self, GeneratorError> {
         let GeneratorFields {
             kind, size, seed, ..
         } = fields;
@@ -82,13 +94,9 @@ impl TryFrom<GeneratorFields> for GeneratorSpec {
             (None, Some(density)) if density.is_finite() && density > 0.0 => {
                 kind.vertices(size, density)
             }
-            (None, Some(density)) => {
-                return Err(format!(
-                    "density must be finite and positive, found {density} vertices/m²"
-                ));
-            }
-            (Some(_), Some(_)) => return Err("give `vertices` or `density`, not both".to_owned()),
-            (None, None) => return Err("missing field: `vertices` or `density`".to_owned()),
+            (None, Some(density)) => return Err(GeneratorError::Density { density }),
+            (Some(_), Some(_)) => return Err(GeneratorError::Both),
+            (None, None) => return Err(GeneratorError::Neither),
         };
         Ok(Self {
             kind,

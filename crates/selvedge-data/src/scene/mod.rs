@@ -23,7 +23,9 @@ pub use file::{open_scene, parse_scene, read_scene};
 pub use handle_selection::{HandleGroup, HandleSelection, ReleaseSpan};
 pub use loaded::LoadedScene;
 pub use material_source::{MaterialSource, MaterialTable};
-pub use mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform};
+pub use mesh_spec::{
+    GeneratorError, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform,
+};
 pub(crate) use motion_source::Stand;
 pub use motion_source::{GroupMotion, GroupMove, MotionSource, RigMotion};
 pub(crate) use problem::field;

@@ -31,7 +31,8 @@ pub(super) enum Container<'a> {
 }
 
 impl<'a> Container<'a> {
-    /// The file at `path`, of these `bytes`; `frame_rate` as in [`StateChoice`](super::StateChoice).
+    /// Opens the file at `path`, of these `bytes`; `frame_rate` as in
+    /// [`StateChoice`](super::StateChoice).
     pub(super) fn open(
         path: &Path,
         bytes: &'a [u8],
