@@ -71,7 +71,7 @@ fn copy_book(root: &Path, tree: &Tree, copy: &Path) -> Result<()> {
             let target = copy
                 .join("src")
                 .join(REPOSITORY)
-                .join(format!("{outside}.txt"));
+                .join(copy_of(&outside));
             make_folder_of(&target)?;
             fs::write(target, shown(tree, &outside))?;
         }
@@ -95,6 +95,11 @@ fn outside_of(page: &TextFile) -> Vec<String> {
         .collect()
 }
 
+/// Name of the copy of a file; without `.md`, which mdBook takes for a page.
+fn copy_of(path: &str) -> String {
+    format!("{}.txt", path.replace(".md", "-md"))
+}
+
 /// A page whose links to files outside of the book lead to their copies.
 fn redirected(page: &TextFile) -> String {
     let folder = links::folder_of(&page.path);
@@ -103,7 +108,8 @@ fn redirected(page: &TextFile) -> String {
     for link in markdown::links(&markdown::page(&page.text)) {
         let outside = links::resolve(folder, link.path).filter(|path| !path.starts_with(PAGES));
         if let Some(outside) = outside.filter(|path| !path.is_empty()) {
-            let target = format!("]({}{REPOSITORY}/{outside}.txt", "../".repeat(depth));
+            let up = "../".repeat(depth);
+            let target = format!("]({up}{REPOSITORY}/{}", copy_of(&outside));
             text = text.replace(&format!("]({}", link.path), &target);
         }
     }
@@ -132,7 +138,7 @@ mod tests {
             text: "[x](../../../X.md) [c](../c.md#d) [e](#e)\n".to_owned(),
         };
         assert_eq!(outside_of(&page), ["X.md"]);
-        let expected = "[x](../repository/X.md.txt) [c](../c.md#d) [e](#e)\n";
+        let expected = "[x](../repository/X-md.txt) [c](../c.md#d) [e](#e)\n";
         assert_eq!(redirected(&page), expected);
     }
 
