@@ -68,10 +68,7 @@ fn copy_book(root: &Path, tree: &Tree, copy: &Path) -> Result<()> {
             }
         }
         for outside in page.map(outside_of).unwrap_or_default() {
-            let target = copy
-                .join("src")
-                .join(REPOSITORY)
-                .join(copy_of(&outside));
+            let target = copy.join("src").join(REPOSITORY).join(copy_of(&outside));
             make_folder_of(&target)?;
             fs::write(target, shown(tree, &outside))?;
         }
