@@ -91,7 +91,7 @@ impl Program {
 fn understood(message: &str) -> Understood {
     let lacking = [
         "required arguments were not provided",
-        "requires a subcommand",
+        "subcommand is required",
     ];
     match message.lines().next() {
         Some(line) if lacking.iter().any(|text| line.contains(text)) => Understood::InPart,
@@ -106,6 +106,8 @@ mod tests {
     #[test]
     fn refusals_are_told_apart() {
         let lacks = "error: the following required arguments were not provided:\n  --out <FILE>";
+        assert_eq!(understood(lacks), Understood::InPart);
+        let lacks = "error: a subcommand is required";
         assert_eq!(understood(lacks), Understood::InPart);
         let wrong = "error: unexpected argument '--frame' found\n\nUsage";
         let first = "error: unexpected argument '--frame' found".to_owned();
