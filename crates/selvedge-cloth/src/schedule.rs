@@ -1,4 +1,4 @@
-//! When handles let go of the cloth, and take hold of it again.
+//! The schedule by which handles let go of the cloth and take hold of it again.
 //!
 //! A handle holds unless a release says otherwise. Times are in seconds from the start of the
 //! motion; what counts is the start of a frame's step: a handle is free over every step that begins

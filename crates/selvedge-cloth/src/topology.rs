@@ -1,4 +1,4 @@
-//! How the triangles of a cloth hang together: edges with both faces and both opposite vertices,
+//! Connectivity of the triangles of a cloth: edges with both faces and both opposite vertices,
 //! arcs (an edge in one direction) sorted by receiver, the boundary.
 //!
 //! Everything is checked once, in [`Topology::new`]; what holds a `Topology` needs no checks of

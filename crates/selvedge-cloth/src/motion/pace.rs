@@ -1,4 +1,4 @@
-//! How far or how fast a part of a block goes: a distance with an eased position, or a profile of
+//! Pace of a part of a block: a distance with an eased position, or a profile of
 //! speeds.
 //!
 //! In TOML a pace is `{ distance = 1.0 }` or `{ start = 0.0, end = 0.02, profile = "smooth" }`.

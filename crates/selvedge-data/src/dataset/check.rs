@@ -1,4 +1,4 @@
-//! What the index of a data set says of itself, checked without reading a trajectory: names and
+//! Checks of the index of a data set that need no trajectory: names and
 //! files, trajectories that are there once, sections within them, counts that are those of its
 //! lists.
 

@@ -1,4 +1,4 @@
-//! Which frames of the training trajectories are learned from: sections, and the samples in them.
+//! Sections: the frames of training trajectories to learn from, and the samples in them.
 //!
 //! A sample needs the frame before, the current frame and the one to predict; a section of n frames
 //! gives n - 2. The sections of Libao et al. 2023 leave out most of the long rest at the end.

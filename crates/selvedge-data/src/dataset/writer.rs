@@ -1,4 +1,4 @@
-//! Making a data set, one trajectory at a time, so that an interrupted run can go on.
+//! Making a data set, one trajectory at a time, so that an interrupted run can continue.
 //!
 //! Until all are there `index.partial.json` holds the plan and what is done, rewritten after every
 //! trajectory; a second run with the same plan keeps what has the right hash. The order in which

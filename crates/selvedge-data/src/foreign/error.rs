@@ -1,4 +1,4 @@
-//! What can be wrong with foreign data: always with the file, and within it the record and byte, or
+//! Errors of foreign data: always with the file, and within it the record and byte, or
 //! the array.
 
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What has to be said about foreign data, and how much of it the data say themselves.
+//! Options of an import, and their defaults from the data themselves.
 
 use std::path::{Path, PathBuf};
 

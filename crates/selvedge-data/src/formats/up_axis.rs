@@ -1,4 +1,4 @@
-//! Which axis points up, here and elsewhere. Ours is y; what has z up is turned by a quarter about
+//! The axis that points up, here and elsewhere. Ours is y; what has z up is turned by a quarter about
 //! x.
 
 use glam::{DVec3, Vec3};

@@ -1,4 +1,4 @@
-//! How the numbers of a data set are distributed: speed, acceleration, strain and bending angle
+//! Distributions of the numbers of a data set: speed, acceleration, strain and bending angle
 //! over all its frames, each with mean, deviation, extremes and a histogram.
 //!
 //! A histogram does not know its range beforehand: where a value lies outside, the range is doubled

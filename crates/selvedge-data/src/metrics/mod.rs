@@ -1,4 +1,4 @@
-//! How far two runs of one cloth are apart, and how a run stretches and moves: the measures of
+//! Distances of two runs of one cloth, and the stretch and speed of one: the measures of
 //! Libao et al. 2023, section 6, and a few of our own.
 //!
 //! Pure functions over frames; sums are `f64`. Two runs are compared over the frames that both

@@ -1,4 +1,4 @@
-//! The ways in which a file can say which vertices are held: by number, by label, in a box, or in
+//! Selection of the held vertices in a file: by number, by label, in a box, or in
 //! groups that have a name, move together and may let go for a while.
 
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! The ways in which a file can say what the cloth is made of: the name of a shipped fabric, a TOML
+//! Source of a material in a file: the name of a shipped fabric, a TOML
 //! file, or a table that changes one of these or has numbers of its own.
 //!
 //! ```toml

@@ -1,4 +1,4 @@
-//! Where a mesh comes from: a generator's numbers, or a file with its hash; and how it is placed.
+//! Source of a mesh (the numbers of a generator, or a file with its hash) and its placement.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The ways in which a file can say how handles move.
+//! Source of the motion of handles in a file.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

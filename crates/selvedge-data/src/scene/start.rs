@@ -1,4 +1,4 @@
-//! Where a run starts: in the sagged rest pose, where the mesh has the vertices, or in a state that
+//! Start of a run: in the sagged rest pose, where the mesh has the vertices, or in a state that
 //! was saved.
 
 use crate::trajectory::state_file::StateSpec;

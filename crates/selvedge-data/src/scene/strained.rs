@@ -1,4 +1,4 @@
-//! Whether a cloth starts near its material size: the median over its edges of l/l₀ at the start.
+//! A warning for a cloth that starts far from its material size, by the median over its edges of l/l₀ at the start.
 //! Far from 1, its texture coordinates are in another unit, or its start is no start of this cloth.
 
 use glam::DVec3;

@@ -1,4 +1,4 @@
-//! What making a data set comes to: trajectories, frames, sections and samples, known before
+//! Forecast of a data set: trajectories, frames, sections and samples, known before
 //! anything is simulated.
 
 use serde::Serialize;
