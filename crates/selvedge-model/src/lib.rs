@@ -4,10 +4,10 @@
 //!
 //! # A cloth that a model moves
 //!
-//! A [`Model`] is a network, its weights and its normalisers, read from one file. A [`ClothGraph`] is
-//! a cloth as the network sees it: with its arcs, hinges and rest vectors, its air and its frame
-//! rate. A [`LearnedStepper`] joins both and moves the cloth frame by frame wherever its **handles**,
-//! the vertices whose motion is given, are to go.
+//! A [`Model`] is a network, its weights and its normalisers, read from one file. A
+//! [`ClothGraph`] is a cloth as the network sees it: with its arcs, hinges and rest vectors, its
+//! air and its frame rate. A [`LearnedStepper`] joins both and moves the cloth frame by frame. Its
+//! **handles** are the vertices whose motion is given.
 //!
 //! ```
 //! use std::sync::Arc;

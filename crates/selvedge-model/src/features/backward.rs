@@ -2,9 +2,8 @@
 //! were computed from, for learning through several frames of a rollout.
 //!
 //! Each function is the transpose of the derivative of its namesake in [`super`], in the same order
-//! of columns. Handles are not treated apart here: whoever knows that they are given drops their
-//! gradient. Where a feature is not differentiable (an edge or a face without extent, air at rest)
-//! its gradient is 0.
+//! of columns. Handles are treated like other vertices; the caller drops their gradient. A feature
+//! that is not differentiable (an edge or a face without extent, air at rest) has gradient 0.
 
 use glam::Vec3;
 
@@ -15,13 +14,13 @@ use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
 /// Gradients with respect to the positions of a [`Pose`], in the world, `[vertices]`; added to.
 pub struct PoseGradient<'a> {
-    /// Of `before`, where the spec has accelerations.
+    /// With respect to `before`, if the spec has accelerations.
     pub before: &'a mut [Vec3],
-    /// Of `previous`.
+    /// With respect to `previous`.
     pub previous: &'a mut [Vec3],
-    /// Of `current`.
+    /// With respect to `current`.
     pub current: &'a mut [Vec3],
-    /// Of `reference`, where the spec has expected moves.
+    /// With respect to `reference`, if the spec has expected moves.
     pub reference: &'a mut [Vec3],
 }
 
@@ -45,8 +44,8 @@ impl Rows<'_> {
     }
 }
 
-/// Adds to `to` what `gradient` (`[vertices, node_width]`, that of
-/// [`node_features`](super::node_features)) means for the positions.
+/// Adds to `to` the gradient with respect to the positions, given `gradient`
+/// (`[vertices, node_width]`) with respect to [`node_features`](super::node_features).
 ///
 /// # Panics
 /// When a slice does not have the size of the cloth.
@@ -87,8 +86,8 @@ pub fn node_features_backward(
     }
 }
 
-/// Adds to `to` what `gradient` (`[arcs, edge_width]`, that of
-/// [`edge_features`](super::edge_features)) means for the current positions.
+/// Adds to `to` the gradient with respect to the current positions, given `gradient`
+/// (`[arcs, edge_width]`) with respect to [`edge_features`](super::edge_features).
 ///
 /// # Panics
 /// When a slice does not have the size of the cloth.

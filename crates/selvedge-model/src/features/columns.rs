@@ -134,14 +134,14 @@ pub struct Pose<'a> {
     pub yaw: Yaw,
 }
 
-/// Some columns of a table of rows.
-struct Columns<'a> {
+/// The columns of one feature in rows of `width` columns.
+struct FeatureColumns<'a> {
     rows: &'a mut [f32],
     width: usize,
     first: usize,
 }
 
-impl Columns<'_> {
+impl FeatureColumns<'_> {
     #[inline]
     fn put<const N: usize>(&mut self, row: usize, values: [f32; N]) {
         let start = row * self.width + self.first;
@@ -168,7 +168,7 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
     assert_eq!(out.len(), vertices * width, "node features");
     let mut first = 0;
     for &feature in &spec.node_features {
-        let columns = Columns {
+        let columns = FeatureColumns {
             rows: &mut *out,
             width,
             first,
@@ -205,7 +205,7 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
     }
     let mut first = 0;
     for &feature in &spec.edge_features {
-        let columns = Columns {
+        let columns = FeatureColumns {
             rows: &mut *out,
             width,
             first,
@@ -224,7 +224,7 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
 }
 
 /// The current positions minus `from`, locally.
-fn difference(pose: Pose<'_>, from: &[Vec3], mut out: Columns<'_>) {
+fn difference(pose: Pose<'_>, from: &[Vec3], mut out: FeatureColumns<'_>) {
     assert_eq!(from.len(), pose.current.len(), "positions to compare with");
     for (v, (&p, &from)) in pose.current.iter().zip(from).enumerate() {
         out.put(v, pose.yaw.to_local(p - from).to_array());
@@ -233,7 +233,7 @@ fn difference(pose: Pose<'_>, from: &[Vec3], mut out: Columns<'_>) {
 
 /// The acceleration that led to the current positions, p^t - 2 p^{t-1} + p^{t-2}
 /// `[eq:past-acceleration]`.
-fn acceleration(pose: Pose<'_>, mut out: Columns<'_>) {
+fn acceleration(pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     assert_eq!(pose.before.len(), pose.current.len(), "earlier positions");
     let frames = pose.current.iter().zip(pose.previous).zip(pose.before);
     for (v, ((&p, &q), &r)) in frames.enumerate() {
@@ -275,7 +275,7 @@ impl Air {
 /// `[eq:external-force]`: f = m g + ⅓ Σ A (ρ |vₙ| vₙ n + c v_t) over the faces of a vertex, with
 /// the air's velocity relative to the face v = wind - mean corner velocity `[m/s]`, vₙ = n·v,
 /// v_t = v - vₙ n.
-fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     let environment = graph.environment();
     let gravity = pose.yaw.to_local_f64(environment.gravity).as_vec3();
     for (v, &mass) in graph.vertex_mass().iter().enumerate() {
@@ -300,14 +300,14 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
 }
 
 /// Kinetic energy with the velocity per frame `[eq:kinetic-energy]`: m |v|² / 2.
-fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     let moves = pose.current.iter().zip(pose.previous);
     for (v, ((&p, &before), &mass)) in moves.zip(graph.vertex_mass()).enumerate() {
         out.put(v, [0.5 * mass * (p - before).length_squared()]);
     }
 }
 
-fn node_type(graph: &ClothGraph, mut out: Columns<'_>) {
+fn node_type(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
     const FREE: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     const HANDLE: [f32; 9] = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     for (v, &handle) in graph.handle_mask().iter().enumerate() {
@@ -316,21 +316,21 @@ fn node_type(graph: &ClothGraph, mut out: Columns<'_>) {
 }
 
 /// Position of the sender minus that of the receiver, and its length.
-fn vector(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+fn vector(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     for ((a, b), arcs) in edge_ends(graph, pose.current) {
         let d = pose.yaw.to_local(a - b);
         put_vector(&mut out, arcs, d, d.length());
     }
 }
 
-fn rest_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+fn rest_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
     let rest = graph.rest_vectors().iter().zip(graph.rest_lengths());
     for ((&d, &length), &arcs) in rest.zip(graph.edge_arcs()) {
         put_vector(&mut out, arcs, d, length);
     }
 }
 
-fn material_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
     let uv = graph.material_coordinates();
     for (edge, [forward, back]) in graph.topology().edges().iter().zip(graph.edge_arcs()) {
         let [a, b] = edge.vertices.map(|v| uv[v.index()]);
@@ -341,7 +341,7 @@ fn material_vector(graph: &ClothGraph, mut out: Columns<'_>) {
 }
 
 /// Length minus length in the sagged rest pose.
-fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     let ends = edge_ends(graph, pose.current);
     for (((a, b), arcs), &rest_length) in ends.zip(graph.rest_lengths()) {
         let longer = a.distance(b) - rest_length;
@@ -351,7 +351,7 @@ fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
     }
 }
 
-fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     for (edge, arcs) in graph.topology().edges().iter().zip(graph.edge_arcs()) {
         if edge.is_boundary() {
             for &arc in arcs {
@@ -367,7 +367,7 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
     }
 }
 
-fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
+fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     for link in graph.links() {
         let [a, b] = link.ends.map(|v| pose.current[v as usize]);
         let d = pose.yaw.to_local(a - b);
@@ -375,7 +375,7 @@ fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, mut out: Columns<'_>) {
     }
 }
 
-fn coarse_rest_vector(graph: &ClothGraph, mut out: Columns<'_>) {
+fn coarse_rest_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
     for link in graph.links() {
         let d = link.rest_vector;
         put_vector(&mut out, link.arcs, d, d.length());
@@ -410,7 +410,7 @@ pub(super) fn edge_ends<'a>(
 
 /// `d` and `length` for the first arc, the opposite for its reverse.
 #[inline]
-fn put_vector(out: &mut Columns<'_>, arcs: [u32; 2], d: Vec3, length: f32) {
+fn put_vector(out: &mut FeatureColumns<'_>, arcs: [u32; 2], d: Vec3, length: f32) {
     let [forward, back] = arcs;
     out.put(forward as usize, [d.x, d.y, d.z, length]);
     out.put(back as usize, [-d.x, -d.y, -d.z, length]);

@@ -1,14 +1,14 @@
-//! Normalisation of features and targets to mean 0 and deviation 1, with statistics that are
-//! gathered in training and then frozen; the two are different types, so that statistics cannot
-//! change where a model is used.
+//! Normalisation of features and targets to mean 0 and deviation 1. Statistics are fitted in
+//! training and then frozen. The two states are different types, so that statistics cannot change
+//! in a rollout.
 //!
 //! Counts, means and sums of squares are f64 and merged in the order of the calls (Chan, Golub and
 //! LeVeque 1983), so that the same samples in the same order give the same bytes.
 //!
-//! A component that did not vary is worth nothing, and must not blow up when it does vary later:
-//! it normalises to exactly 0 and denormalises to its mean. Whether it varied is judged against the
-//! components that share its unit (a vector with its length), not against an absolute floor: a
-//! kinetic energy of 1e-8 varies, a vector's component of 1e-8 m beside others of 0.03 m does not.
+//! A component that did not vary in training must not blow up when it varies later: it normalises
+//! to exactly 0 and denormalises to its mean. It counts as varying in comparison with the
+//! components that share its unit (a vector with its length), not with an absolute floor: a kinetic
+//! energy of 1e-8 varies, a vector's component of 1e-8 m beside others of 0.03 m does not.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -50,7 +50,7 @@ pub struct Normalizer {
     spread: Vec<f32>,
 }
 
-/// Numbers that are no statistics.
+/// Reason why numbers are no statistics.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum NormalizerError {
@@ -70,7 +70,7 @@ pub enum NormalizerError {
 }
 
 impl RunningStatistics {
-    /// No samples yet, of rows whose consecutive columns form `groups` of these widths.
+    /// Statistics of no samples, for rows whose consecutive columns form `groups` of these widths.
     #[must_use]
     pub fn new(groups: &[usize]) -> Self {
         let width = groups.iter().sum();
@@ -144,7 +144,7 @@ impl RunningStatistics {
         self.count = count;
     }
 
-    /// The statistics as they are now, for good.
+    /// Freezes the statistics as they are.
     #[must_use]
     pub fn freeze(&self) -> Normalizer {
         let rows = self.count.max(1.0);

@@ -167,7 +167,7 @@ impl ClothGraph {
         &self.cloth
     }
 
-    /// The connectivity.
+    /// Faces, edges and arcs of the mesh.
     #[must_use]
     pub fn topology(&self) -> &Topology {
         self.cloth.topology()
@@ -245,25 +245,25 @@ impl ClothGraph {
         self.connectivity.arc_count()
     }
 
-    /// The vertex that each arc comes from, `[arcs]`.
+    /// Sender of each arc, `[arcs]`.
     #[must_use]
     pub fn senders(&self) -> &[u32] {
         self.connectivity.senders()
     }
 
-    /// The vertex that each arc arrives at, in ascending order, `[arcs]`.
+    /// Receiver of each arc, in ascending order, `[arcs]`.
     #[must_use]
     pub fn receivers(&self) -> &[u32] {
         self.connectivity.receivers()
     }
 
-    /// The edge of each arc, `[arcs]`; from the number of edges on, the link.
+    /// Edge of each arc, `[arcs]`. Numbers from the number of edges on mean links.
     #[must_use]
     pub fn arc_edges(&self) -> &[u32] {
         &self.arc_edges
     }
 
-    /// The arcs of each edge: that sent by `vertices[0]`, then its reverse, `[edges, 2]`.
+    /// Arcs of each edge: the arc that `vertices[0]` sends, then its reverse, `[edges, 2]`.
     #[must_use]
     pub fn edge_arcs(&self) -> &[[u32; 2]] {
         &self.edge_arcs

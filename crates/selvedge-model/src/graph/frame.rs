@@ -12,8 +12,8 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-/// Below this part of the spread that it is compared with, a horizontal spread is no direction:
-/// f32 positions at 1 m are exact to 6e-8 m, so that a direction is good to 1e-4 rad there.
+/// Least part of the spread it is compared with that makes a horizontal spread a direction: f32
+/// positions at 1 m are exact to 6e-8 m, so that a direction is good to 1e-4 rad there.
 const LEAST_SPREAD: f64 = 1e-3;
 
 /// A rotation about the vertical: the local z axis lies at this angle from world z towards x.
@@ -36,13 +36,13 @@ impl Yaw {
         }
     }
 
-    /// Its cosine.
+    /// Cosine of the angle.
     #[must_use]
     pub fn cos(self) -> f64 {
         self.cos
     }
 
-    /// Its sine.
+    /// Sine of the angle.
     #[must_use]
     pub fn sin(self) -> f64 {
         self.sin
@@ -150,7 +150,7 @@ impl LocalFrame {
         }
     }
 
-    /// The yaw of the rest pose; the one to start from where no frame came before.
+    /// The yaw of the rest pose, from which a motion starts.
     #[must_use]
     pub fn rest_yaw(&self) -> Yaw {
         self.rest_yaw
@@ -160,7 +160,7 @@ impl LocalFrame {
     /// turned by ψ = arg Σ conj(aᵢ) bᵢ, the rotation that minimises Σ |bᵢ - e^{iψ} aᵢ|² over
     /// handles at rest a and now b, horizontal and about their centroids `[eq:local-frame]`.
     ///
-    /// `previous` where the handles have no horizontal direction, at rest or now.
+    /// Returns `previous` if the handles have no horizontal direction, at rest or now.
     ///
     /// # Panics
     /// When there are not as many positions as handles.
@@ -169,7 +169,7 @@ impl LocalFrame {
         self.yaw_of(handle_positions.iter().copied(), previous)
     }
 
-    /// [`Self::yaw`] of positions that come one after the other.
+    /// [`Self::yaw`] of an iterator over positions.
     pub(crate) fn yaw_of(
         &self,
         handle_positions: impl ExactSizeIterator<Item = Vec3> + Clone,
@@ -208,8 +208,9 @@ fn product(a: DVec2, b: DVec2) -> DVec2 {
     DVec2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x)
 }
 
-/// The principal axis of handles about their centroid, signed like first - last; where no axis
-/// stands out, the direction first - last itself, and of the first handle where these coincide.
+/// The principal axis of handles about their centroid, signed like first - last. Without a
+/// distinct axis it is the direction first - last itself, or that of the first handle if both
+/// coincide.
 fn rest_direction(rest: &[DVec2], spread: f64) -> Option<DVec2> {
     let least = LEAST_SPREAD * spread.sqrt();
     let long = |direction: &DVec2| direction.length() > least;

@@ -1,6 +1,5 @@
-//! Arrays that begin where a vector of the widest instructions does: one that straddles two lines
-//! of the first cache takes two reads, and an array of the allocator's begins 16 bytes after such a
-//! line.
+//! Arrays aligned to the widest vectors. A vector that straddles two lines of the first cache takes
+//! two reads, and an array of the allocator's begins 16 bytes after the start of a line.
 
 use std::ops::{Deref, DerefMut};
 
@@ -16,14 +15,14 @@ pub(crate) struct Aligned<T> {
 }
 
 impl<T: Copy + Default> Aligned<T> {
-    /// So many zeros.
+    /// An array of `length` zeros.
     pub(crate) fn zeros(length: usize) -> Self {
         let mut array = Self::default();
         array.resize(length);
         array
     }
 
-    /// Exactly `length` values, of which only new ones are set (to zero).
+    /// Sets the length; new values are zero, old ones stay.
     pub(crate) fn resize(&mut self, length: usize) {
         let before = self.length;
         let room = LINE / size_of::<T>();
@@ -47,7 +46,7 @@ impl<T: Copy + Default> Aligned<T> {
         }
     }
 
-    /// No values; room for as many as before.
+    /// Removes all values and keeps the room.
     pub(crate) fn clear(&mut self) {
         self.length = 0;
     }

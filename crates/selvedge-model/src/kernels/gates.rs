@@ -226,7 +226,7 @@ impl<T: Real> GruStep<'_, T> {
         let mut sums = [bias; M];
         let packed = &self.packed[3 * first * (inputs + hidden)..];
         let (of_input, of_state) = packed.split_at(3 * lanes * inputs);
-        let input = Rows {
+        let input = TermRows {
             values: self.input,
             depth: inputs,
             row,
@@ -234,7 +234,7 @@ impl<T: Real> GruStep<'_, T> {
         add_terms::<T, S, M>(simd, &mut sums, input, of_input, Gate::New);
         if let Some(before) = self.before {
             let of_state = &of_state[..3 * lanes * hidden];
-            let before = Rows {
+            let before = TermRows {
                 values: before,
                 depth: hidden,
                 row,
@@ -277,8 +277,8 @@ impl<T: Real> GruStep<'_, T> {
     }
 }
 
-/// Rows of `depth` numbers, from number `row` on.
-struct Rows<'a, T> {
+/// TermRows of `depth` numbers, from number `row` on.
+struct TermRows<'a, T> {
     values: &'a [T],
     depth: usize,
     row: usize,
@@ -289,11 +289,11 @@ struct Rows<'a, T> {
 fn add_terms<T: Lanes, S: Simd, const M: usize>(
     simd: S,
     sums: &mut [[T::Vector<S>; 4]; M],
-    rows: Rows<'_, T>,
+    rows: TermRows<'_, T>,
     weights: &[T],
     third: Gate,
 ) {
-    let Rows { values, depth, row } = rows;
+    let TermRows { values, depth, row } = rows;
     let rows: [&[T]; M] = std::array::from_fn(|r| &values[(row + r) * depth..][..depth]);
     let (reset, update) = (
         Gate::KEPT.offset(Gate::Reset),

@@ -1,5 +1,4 @@
-//! The product of learning: weights' gradients dW ← dW + dYᵀ X, where rows of dY and X belong
-//! together.
+//! The product of a weight gradient, dW ← dW + dYᵀ X, for matching rows of dY and X.
 //!
 //! Nothing is packed: both are read row by row. A few rows of dW times a few vectors of its columns
 //! are summed in registers over all rows of a tile, in their order.
@@ -10,7 +9,7 @@ use crate::kernels::gemm::{Columns, get, panel_vectors, put};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
 
-/// Columns `first..` of a matrix with rows of `stride` numbers, to be added to.
+/// Columns `first..` of a matrix with rows of `stride` numbers, added to.
 pub(crate) struct Sums<'a, T> {
     pub(crate) rows: &'a mut [T],
     pub(crate) stride: usize,

@@ -1,7 +1,8 @@
-//! Vectors of numbers for the kernels, and which instructions they are made of: chosen at run time
-//! (AVX-512, AVX2 with FMA, NEON) by `pulp`, or the plain ones that every machine has.
+//! Vectors of numbers for the kernels. Their instructions are chosen at run time by `pulp`
+//! (AVX-512, AVX2 with FMA, NEON), or are the plain ones that every machine has.
 //!
-//! [`Lanes`] is what the kernels need of a scalar beyond [`crate::Real`], which it seals.
+//! [`Lanes`] holds the operations on vectors that the kernels need beside [`crate::Real`], and
+//! seals it.
 
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
@@ -9,10 +10,10 @@ use pulp::{Arch, Scalar, Simd, WithSimd};
 /// multiplication with its addition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Instructions {
-    /// The widest vectors that this machine has, found out at run time.
+    /// The widest vectors that this machine has, detected at run time.
     #[default]
     Detected,
-    /// Those that every machine of the architecture has.
+    /// Instructions that every machine of the architecture has.
     Plain,
 }
 
@@ -50,10 +51,10 @@ impl<F: FnMut()> WithSimd for Loop<F> {
     }
 }
 
-/// Widest vector of any instruction set, in `f32`: what packed weights are padded to.
+/// Numbers in the widest vector of any instruction set, in `f32`. Packed weights are padded to it.
 pub(crate) const MOST_LANES: usize = 16;
 
-/// A scalar of which vectors can be made.
+/// A scalar with vectors.
 pub trait Lanes: Copy + 'static {
     /// A vector of the instruction set `S`.
     type Vector<S: Simd>: Copy;
@@ -275,7 +276,7 @@ const EXP: [f32; 14] = [
     1.0,
 ];
 
-/// e^x for |x| ≤ 87 (clamped beyond, not a number where x is none), relative error below 2e-7: 2^n
+/// e^x for |x| ≤ 87, clamped beyond; NaN for NaN. Relative error below 2e-7: 2^n
 /// times the Taylor series of e^r, |r| ≤ ln 2 / 2, to the seventh order.
 #[inline(always)]
 fn exps<S: Simd>(simd: S, x: S::f32s) -> S::f32s {

@@ -201,7 +201,7 @@ impl Network {
     ) {
         let (spec, latent) = (&self.spec, self.spec.latent);
         let windows = self.windows(graph, carried);
-        let [nodes, arcs] = self.encoder_inputs(carried, windows, &w.dropout);
+        let inputs = self.encoder_inputs(carried, windows, &w.dropout);
         let node_width = windows.nodes * spec.node_width();
         let arc_width = windows.arcs * spec.edge_width();
         let (vertices, arc_count) = (graph.vertex_count(), graph.arc_count());
@@ -231,20 +231,8 @@ impl Network {
         };
         let zero = EncoderState::new();
         let end = gradients.states.end.unwrap_or(&zero);
-        let of_nodes = EncoderBackward {
-            layers: &self.node_encoder,
-            layer: weights.layer(NODE_ENCODER),
-            input: nodes,
-            record: &w.node_encoder,
-            end_gradient: &end.nodes,
-        };
-        let of_arcs = EncoderBackward {
-            layers: &self.arc_encoder,
-            layer: weights.layer(ARC_ENCODER),
-            input: arcs,
-            record: &w.arc_encoder,
-            end_gradient: &end.arcs,
-        };
+        let records = [&w.node_encoder, &w.arc_encoder];
+        let [of_nodes, of_arcs] = self.encoders_backward(weights, inputs, records, end);
         let range = self.weights_of(NODE_ENCODER, ARC_ENCODER);
         let work = |partitions: &[Partition],
                     share: Share<EncoderGradients<'_, T>, EncoderGradients<'_, T>>,
@@ -261,6 +249,32 @@ impl Network {
             frame_by_frame(to_nodes, spec.node_width(), windows.nodes, nodes);
             frame_by_frame(to_arcs, spec.edge_width(), windows.arcs, arcs);
         }
+    }
+
+    /// The backward passes of the encoders of nodes and of arcs.
+    fn encoders_backward<'a, T: Real>(
+        &'a self,
+        weights: &'a PackedWeights<T>,
+        inputs: [EncoderInput<'a, T>; 2],
+        records: [&'a EncoderRecord<T>; 2],
+        end: &'a EncoderState<T>,
+    ) -> [EncoderBackward<'a, T>; 2] {
+        let ([nodes, arcs], [node_record, arc_record]) = (inputs, records);
+        let of_nodes = EncoderBackward {
+            layers: &self.node_encoder,
+            layer: weights.layer(NODE_ENCODER),
+            input: nodes,
+            record: node_record,
+            end_gradient: &end.nodes,
+        };
+        let of_arcs = EncoderBackward {
+            layers: &self.arc_encoder,
+            layer: weights.layer(ARC_ENCODER),
+            input: arcs,
+            record: arc_record,
+            end_gradient: &end.arcs,
+        };
+        [of_nodes, of_arcs]
     }
 }
 

@@ -1,5 +1,5 @@
-//! How much arithmetic a network needs for a frame, and how much memory to learn from one, from its
-//! spec alone.
+//! The cost of a network from its spec alone: the arithmetic of a frame, and the memory of a
+//! training pass.
 //!
 //! The arithmetic counts matrix products, two operations for each multiplication with its addition.
 //! Features, activations, normalisation and sums of messages, a few percent, are left out. The

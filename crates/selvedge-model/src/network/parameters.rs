@@ -35,7 +35,7 @@ pub enum Start {
         /// The bound.
         bound: f64,
     },
-    /// All the same.
+    /// One value for all numbers.
     Constant {
         /// The value.
         value: f64,
@@ -89,7 +89,7 @@ impl<'a, T: Real> ModuleGradient<'a, T> {
     }
 }
 
-/// Builds the table while the layers are described.
+/// Builds the table of parameters, layer after layer.
 #[derive(Default)]
 pub(crate) struct LayoutBuilder {
     parameters: Vec<Parameter>,
@@ -97,7 +97,7 @@ pub(crate) struct LayoutBuilder {
 }
 
 impl LayoutBuilder {
-    /// Weights so far.
+    /// Number of weights so far.
     pub(crate) fn length(&self) -> usize {
         self.length
     }

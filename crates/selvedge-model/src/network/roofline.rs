@@ -41,7 +41,7 @@ pub enum ProductKind {
 }
 
 impl BareProduct {
-    /// Floating-point operations of all of them.
+    /// Floating-point operations of all these products.
     #[must_use]
     pub fn flops(&self) -> u64 {
         2 * (self.rows * self.depth * self.columns * self.times) as u64
@@ -116,7 +116,7 @@ pub struct Roofline {
     left: Aligned<f32>,
     right: Aligned<f32>,
     out: Aligned<f32>,
-    /// Any numbers: which matrix they are the packed form of makes no difference.
+    /// Arbitrary numbers in place of packed matrices.
     packed: Aligned<f32>,
 }
 

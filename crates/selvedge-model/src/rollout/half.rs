@@ -4,7 +4,7 @@
 /// Number type of the weights in a model file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeightType {
-    /// As they are.
+    /// `f32`, exact.
     #[default]
     F32,
     /// Half the size, a relative error of up to 2⁻¹¹; nothing beyond 65504.
@@ -13,7 +13,7 @@ pub enum WeightType {
     Bf16,
 }
 
-/// The bits of the binary16 nearest to `value`; none where it is too large.
+/// Bits of the binary16 nearest to `value`; `None` if it is too large.
 pub(crate) fn f16_bits(value: f32) -> Option<u16> {
     let size = f64::from(value.abs());
     let sign = if value.is_sign_negative() { 0x8000 } else { 0 };
@@ -29,7 +29,7 @@ pub(crate) fn f16_bits(value: f32) -> Option<u16> {
     Some(sign | (above + steps))
 }
 
-/// The exponent of a number that f32 can hold; that of the least for 0.
+/// Exponent of a number that f32 can hold; for 0 that of the least number.
 fn ilog2(size: f64) -> i32 {
     ((size.to_bits() >> 52) as i32 - 1023).max(-149)
 }
@@ -46,7 +46,7 @@ pub(crate) fn f16_value(bits: u16) -> f32 {
     if bits >> 15 == 1 { -size } else { size }
 }
 
-/// The bits of the bfloat16 nearest to `value`; none where it is not finite.
+/// Bits of the bfloat16 nearest to `value`; `None` if it is not finite.
 pub(crate) fn bf16_bits(value: f32) -> Option<u16> {
     let bits = value.to_bits();
     let rounded = bits.wrapping_add(0x7FFF + (bits >> 16 & 1)) >> 16;

@@ -6,18 +6,18 @@ use crate::features::normalizer::Normalizer;
 use crate::network::{Network, OUTPUTS};
 use crate::spec::{ModelSpec, SpecError};
 
-/// Frozen statistics of what goes in and what comes out.
+/// Frozen statistics of the inputs and the output of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Normalizers {
-    /// Of node features, `[node width]`.
+    /// Statistics of node features, `[node width]`.
     pub nodes: Normalizer,
-    /// Of edge features, `[edge width]`.
+    /// Statistics of arc features, `[edge width]`.
     pub edges: Normalizer,
-    /// Of accelerations in the local frame [m/frame²], `[3]`.
+    /// Statistics of accelerations in the local frame [m/frame²], `[3]`.
     pub acceleration: Normalizer,
 }
 
-/// A model that can be used.
+/// A network with its weights and statistics, ready for rollouts.
 #[derive(Clone, Debug)]
 pub struct Model {
     network: Network,
@@ -27,7 +27,7 @@ pub struct Model {
     pub training: String,
 }
 
-/// Parts that make no model.
+/// Reason why parts make no model.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ModelError {

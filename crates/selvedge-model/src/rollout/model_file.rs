@@ -111,11 +111,11 @@ impl Model {
         self.to_bytes_as(WeightType::F32)
     }
 
-    /// The same with the weights rounded to another type.
+    /// [`Self::to_bytes`] with the weights rounded to another type.
     ///
     /// # Errors
-    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight that the type has no
-    /// number for.
+    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight beyond the range of the
+    /// type.
     pub fn to_bytes_as(&self, weights: WeightType) -> Result<Vec<u8>, ModelFileError> {
         let mut header = serde_json::Map::new();
         let mut body = Vec::new();
@@ -190,7 +190,7 @@ fn bytes_of<T: Copy, const N: usize>(values: &[T], to: impl Fn(T) -> [u8; N]) ->
     values.iter().flat_map(|&x| to(x)).collect()
 }
 
-/// Weights as they stand in a file, and what their type is called there.
+/// Bytes of weights in a file, and the name of their type there.
 fn weight_bytes(
     weights: WeightType,
     name: &str,
@@ -216,7 +216,7 @@ fn weight_bytes(
     }
 }
 
-/// Adds the numbers of a weight, in whichever of the types it is.
+/// Adds the numbers of a weight of any of the types.
 fn read_weight(
     tensors: &SafeTensors<'_>,
     parameter: &Parameter,

@@ -47,7 +47,7 @@ pub struct LearnedStepper {
     acceleration: Vec<f32>,
 }
 
-/// Why a rollout cannot start.
+/// Reason why a rollout cannot start.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RolloutError {
@@ -89,9 +89,8 @@ pub fn opening_frames(
 }
 
 impl LearnedStepper {
-    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. Where
-    /// there are fewer than the model looks at, the cloth is taken to have stood still before the
-    /// first.
+    /// Starts from the last frames before now, oldest first `[m]`, `[frames][vertices]`. If the
+    /// model needs more frames, the cloth is taken to have stood still before the first.
     ///
     /// # Errors
     /// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
@@ -269,7 +268,7 @@ impl Correctable for LearnedStepper {
     }
 }
 
-/// Checks that there are so many positions, all of them finite.
+/// Checks the number of positions, and that all of them are finite.
 fn check_frame(frame: usize, positions: &[Vec3], vertices: usize) -> Result<(), StepError> {
     assert_eq!(positions.len(), vertices, "positions");
     require_finite(positions).map_err(|NonFinite { vertex }| StepError::NonFinite { frame, vertex })

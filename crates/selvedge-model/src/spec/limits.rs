@@ -1,10 +1,10 @@
-//! Keeping the edges of a learned cloth within bounds: a network's error at one edge can feed on
-//! itself from frame to frame; cloth that cannot stretch so far does not let it.
+//! Bounds of the edge lengths of a learned cloth. A network's error at one edge can grow from frame
+//! to frame; bounded edges stop that.
 //!
 //! Position-based: after each frame every edge that is longer or shorter than its bounds is brought
 //! back to them, its ends moving against each other in inverse proportion to their masses, edge by
 //! edge, in several sweeps `[eq:edge-limits]`. Handles do not move. Momentum about free vertices is
-//! kept; what is left after the last sweep stays. An edge without a direction is left alone.
+//! kept. Violations that remain after the last sweep stay. An edge without a direction is skipped.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -15,17 +15,17 @@ use crate::graph::ClothGraph;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EdgeLimits {
-    /// The shortest.
+    /// Least length.
     pub least: f64,
-    /// The longest.
+    /// Greatest length.
     pub most: f64,
     /// Most sweeps over all edges.
     pub sweeps: u32,
 }
 
 impl EdgeLimits {
-    /// Moves free vertices until every edge keeps its bounds, or the sweeps are used up. Gives the
-    /// number of edges that did not before.
+    /// Moves free vertices until every edge keeps its bounds, or the sweeps are used up. Returns
+    /// the number of edges that were out of bounds before.
     ///
     /// # Panics
     /// When there are not as many positions as vertices.
@@ -42,7 +42,7 @@ impl EdgeLimits {
         first
     }
 
-    /// Goes through all edges once and gives the number of those that were out of bounds.
+    /// Corrects all edges once and returns the number of edges that were out of bounds.
     fn sweep(&self, graph: &ClothGraph, positions: &mut [Vec3]) -> usize {
         let (least, most) = (self.least as f32, self.most as f32);
         let (mask, mass) = (graph.handle_mask(), graph.vertex_mass());

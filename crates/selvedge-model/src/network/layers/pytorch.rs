@@ -295,8 +295,7 @@ fn gru_case<T: Real>() {
         input: Rows::new(&mut by_input, 28),
         start: Default::default(),
     };
-    let mut scratch = GroupScratch::default();
-    scratch.fit(6, 28, 6);
+    let mut scratch = group_scratch(6, 28, 6);
     let mut group = GroupWork {
         scratch: &mut scratch,
         gradient: ModuleGradient::new(&mut gradient, 0),
@@ -313,10 +312,23 @@ fn gru_case<T: Real>() {
     case.tell();
 }
 
+fn group_scratch<T: Real>(latent: usize, joined: usize, states: usize) -> GroupScratch<T> {
+    let mut scratch = GroupScratch::default();
+    scratch.fit(latent, joined, states);
+    scratch
+}
+
 fn block_nodes<'a, T>(nodes: &'a mut [T], sums: &'a mut [T]) -> NodeGradients<'a, T> {
     NodeGradients {
         nodes: Rows::new(nodes, 5),
         sums: Rows::new(sums, 10),
+    }
+}
+
+fn block_arcs<'a, T>(arcs: &'a mut [T], pre_activation: &'a mut [T]) -> ArcGradients<'a, T> {
+    ArcGradients {
+        arcs: Rows::new(arcs, 5),
+        pre_activation: Rows::new(pre_activation, 5),
     }
 }
 
@@ -360,8 +372,7 @@ fn block_case<T: Real>() {
     let mut nodes: Vec<T> = case.real("cotangent.nodes");
     let mut edges: Vec<T> = real(&arcs(&case, "cotangent.edges"));
     let mut pre_activation = vec![T::ZERO; edges.len()];
-    let mut scratch = GroupScratch::default();
-    scratch.fit(5, 0, 0);
+    let mut scratch = group_scratch(5, 0, 0);
     let mut group = GroupWork {
         scratch: &mut scratch,
         gradient: ModuleGradient::new(&mut gradient, 0),
@@ -372,10 +383,7 @@ fn block_case<T: Real>() {
         record: &record,
     };
     let by_nodes = block_nodes(&mut nodes, &mut products);
-    let by_arcs = ArcGradients {
-        arcs: Rows::new(&mut edges, 5),
-        pre_activation: Rows::new(&mut pre_activation, 5),
-    };
+    let by_arcs = block_arcs(&mut edges, &mut pre_activation);
     block.backward(weights, kept, by_nodes, by_arcs, &mut group);
     let by_nodes = block_nodes(&mut nodes, &mut products);
     block.endpoints_backward(weights, kept, &pre_activation, by_nodes, &mut group);
