@@ -1,5 +1,5 @@
-//! The axis that points up, here and elsewhere. Ours is y; what has z up is turned by a quarter about
-//! x.
+//! The axis that points up, here and elsewhere. Ours is y; what has z up is turned by a quarter
+//! about x.
 
 use glam::{DVec3, Vec3};
 use serde::Serialize;

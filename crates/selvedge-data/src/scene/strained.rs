@@ -1,5 +1,6 @@
-//! A warning for a cloth that starts far from its material size, by the median over its edges of l/l₀ at the start.
-//! Far from 1, its texture coordinates are in another unit, or its start is no start of this cloth.
+//! A warning for a cloth that starts far from its material size, by the median over its edges of
+//! l/l₀ at the start. Far from 1, its texture coordinates are in another unit, or its start is no
+//! start of this cloth.
 
 use glam::DVec3;
 use selvedge_cloth::Mesh;
