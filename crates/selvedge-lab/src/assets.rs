@@ -17,7 +17,8 @@ macro_rules! trainings {
     };
 }
 
-/// The shipped training configurations, names and TOML texts: those of our own models, the paper's models, its ablations, and one that is trained in another way.
+/// The shipped training configurations, names and TOML texts: those of our own models, the paper's
+/// models, its ablations, and one that is trained in another way.
 pub const TRAININGS: &[(&str, &str)] = trainings![
     "first",
     "small",

@@ -1,7 +1,8 @@
 //! Progress of long operations, and the request to stop them.
 //!
-//! An operation calls its listener for every [`Event`]. A listener that breaks ends the operation in
-//! an orderly way: files under way are finished, and what is done is returned with [`End::Interrupted`].
+//! An operation calls its listener for every [`Event`]. A listener that breaks ends the operation
+//! in an orderly way: files under way are finished, and what is done is returned with
+//! [`End::Interrupted`].
 
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};

@@ -1,20 +1,31 @@
 //! Folders for results, made before the work begins.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use thiserror::Error;
+
+/// A folder that cannot be made.
+#[derive(Debug, Error)]
+#[error("{}: the folder cannot be made: {source}", path.display())]
+pub struct FolderError {
+    path: PathBuf,
+    source: io::Error,
+}
 
 /// Makes the folder `path` and those above it.
 ///
 /// # Errors
-/// What is in the way.
-pub fn make_folder(path: &Path) -> anyhow::Result<()> {
-    fs::create_dir_all(path)
-        .with_context(|| format!("{}: the folder cannot be made", path.display()))
+/// An obstacle, such as a file of that name.
+pub fn make_folder(path: &Path) -> Result<(), FolderError> {
+    fs::create_dir_all(path).map_err(|source| FolderError {
+        path: path.to_owned(),
+        source,
+    })
 }
 
-/// A folder for results. What of it was made here goes away again if nothing is put into it.
+/// A folder for results. Folders made for it are removed on drop if they are empty.
 #[must_use]
 pub struct ClaimedFolder {
     /// The innermost first.
@@ -28,11 +39,11 @@ impl Drop for ClaimedFolder {
     }
 }
 
-/// Makes the folder `path` and those above it, for as long as there is something in it.
+/// Makes the folder `path` and those above it; see [`ClaimedFolder`] for their removal.
 ///
 /// # Errors
-/// What is in the way.
-pub fn claim_folder(path: &Path) -> anyhow::Result<ClaimedFolder> {
+/// As for [`make_folder`].
+pub fn claim_folder(path: &Path) -> Result<ClaimedFolder, FolderError> {
     let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
     let made = path.ancestors().take_while(missing).map(Path::to_owned);
     let claimed = ClaimedFolder {

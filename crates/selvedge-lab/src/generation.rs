@@ -7,17 +7,56 @@
 //! preset may be another the next time.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Context, anyhow};
 use glam::DVec3;
 use rayon::prelude::*;
-use selvedge_data::{Dataset, DatasetPreset, DatasetWriter, LoadedScene, Split};
+use selvedge_cloth::MotionError;
+use selvedge_data::{
+    Dataset, DatasetError, DatasetPreset, DatasetWriter, LoadedScene, SceneSpecError, Split,
+};
 use selvedge_sim::Threads;
+use thiserror::Error;
 
 use crate::event::{End, OnEvent, Reporter};
-use crate::{folder, physics};
+use crate::folder::{self, FolderError};
+use crate::physics::{self, RestPoseError, RunTrajectoryError, SimulationError};
+use crate::workers::WorkerError;
+
+/// A data set that cannot be made.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the parts")]
+pub enum GenerateError {
+    Preset(#[from] SceneSpecError),
+    #[error("motion {0:?} is not in the preset")]
+    NoMotion(String),
+    Motion(#[from] MotionError),
+    Folder(#[from] FolderError),
+    Dataset(#[from] DatasetError),
+    RestPose(#[from] RestPoseError),
+    Simulation(#[from] SimulationError),
+    Trajectory(#[from] RunTrajectoryError),
+    Threads(#[from] WorkerError),
+}
+
+/// A data set that cannot be opened.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum OpenDatasetError {
+    #[error(
+        "{}: this data set is not complete: run again the command that began it, \
+         `selvedge dataset generate` or `selvedge dataset import`: {source}",
+        folder.display()
+    )]
+    Incomplete {
+        folder: PathBuf,
+        source: DatasetError,
+    },
+    Dataset(#[from] DatasetError),
+}
 
 /// A data set after [`generate`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,8 +98,8 @@ struct Job {
     frames: usize,
 }
 
-/// Makes the data set of `preset` in `folder`, or goes on with it, on so many threads; as many as there
-/// are processors where none is said.
+/// Makes the data set of `preset` in `folder`, or goes on with it, on so many threads; as many as
+/// there are processors where none is said.
 ///
 /// # Errors
 /// What of a scene, the folder or a file went wrong.
@@ -69,7 +108,7 @@ pub fn generate(
     folder: &Path,
     threads: Option<usize>,
     on_event: &mut OnEvent<'_>,
-) -> anyhow::Result<Generated> {
+) -> Result<Generated, GenerateError> {
     make_dataset(preset, folder, threads, &Reporter::new(on_event))
 }
 
@@ -79,7 +118,7 @@ pub(crate) fn make_dataset(
     folder: &Path,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<Generated> {
+) -> Result<Generated, GenerateError> {
     let plan = preset.plan()?;
     let _claimed = folder::claim_folder(folder)?;
     let mut writer = DatasetWriter::open(folder, plan)?;
@@ -116,19 +155,19 @@ fn make(
     writer: &mut DatasetWriter,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<Vec<Job>> {
+) -> Result<Vec<Job>, GenerateError> {
     let jobs = jobs(preset, writer)?;
     let rests = rest_poses(&jobs, reporter)?;
     simulate_all(&jobs, &rests, writer, threads, reporter)?;
     Ok(jobs)
 }
 
-fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Job>> {
+fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> Result<Vec<Job>, GenerateError> {
     let missing = writer.missing();
     let mut jobs = Vec::with_capacity(missing.len());
     for (split, name) in missing {
         let motion = preset.motions(split).iter().find(|m| m.name == name);
-        let motion = motion.ok_or_else(|| anyhow!("motion {name:?} is not in the preset"))?;
+        let motion = motion.ok_or_else(|| GenerateError::NoMotion(name.clone()))?;
         let scene = preset.scene(motion)?;
         jobs.push(Job {
             split,
@@ -145,7 +184,7 @@ fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> anyhow::Result<Vec<Jo
 type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
 
 /// The rest pose of every cloth that the jobs have, until an end is asked for.
-fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> anyhow::Result<Rests> {
+fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests, GenerateError> {
     let mut rests = Rests::new();
     for job in jobs {
         if rests.contains_key(&job.cloth) {
@@ -160,14 +199,15 @@ fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> anyhow::Result<Rests> {
     Ok(rests)
 }
 
-/// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked for.
+/// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked
+/// for.
 fn simulate_all(
     jobs: &[Job],
     rests: &Rests,
     writer: &mut DatasetWriter,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<()> {
+) -> Result<(), GenerateError> {
     let frames = jobs.iter().map(|job| job.frames).sum();
     let task = reporter.count("simulating", frames, "frames");
     let writer = Mutex::new(writer);
@@ -175,9 +215,9 @@ fn simulate_all(
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build()
-        .context("starting the threads")?;
+        .map_err(WorkerError::from)?;
     // One job at a time for each thread: blocks of them would leave threads idle at the end.
-    let simulate = |job: &Job| -> anyhow::Result<()> {
+    let simulate = |job: &Job| -> Result<(), GenerateError> {
         let scene = &job.scene.scene;
         // There is none where an end was asked for before.
         let Some(rest) = rests.get(&job.cloth) else {
@@ -208,16 +248,14 @@ fn simulate_all(
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn open(folder: &Path) -> anyhow::Result<Dataset> {
+pub fn open(folder: &Path) -> Result<Dataset, OpenDatasetError> {
     let dataset = Dataset::open(folder);
     let begun = folder.join("index.partial.json").is_file();
     match dataset {
-        Err(error) if begun && !folder.join("index.json").exists() => Err(anyhow!(error).context(
-            format!(
-                "{}: this data set is not complete: run again the command that began it, `selvedge dataset generate` or `selvedge dataset import`",
-                folder.display()
-            ),
-        )),
+        Err(source) if begun && !folder.join("index.json").exists() => {
+            let folder = folder.to_owned();
+            Err(OpenDatasetError::Incomplete { folder, source })
+        }
         other => Ok(other?),
     }
 }

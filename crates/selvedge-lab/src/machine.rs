@@ -1,7 +1,7 @@
-//! Where models run: on the processor, or on a GPU where the program was built for them.
+//! Machines that run models: the processor, or a GPU with the feature `gpu`.
 //!
-//! Whatever drives, guards, measures or shows a model takes the [`Mover`] that it gets here and does not
-//! ask where its arithmetic is done.
+//! Code that drives, guards, measures or shows a model takes the [`Mover`] that a [`Machine`] gives
+//! and does not ask for its arithmetic.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,20 +10,21 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
-use selvedge_gpu::device::{Device, Precision};
-use selvedge_model::{ClothGraph, LearnedStepper, Model};
+use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
+#[cfg(feature = "gpu")]
+use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
+use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError};
 use selvedge_train::{EngineMaker, OnProcessor};
-
 use thiserror::Error;
 
-/// What computes.
+/// A name of a device, as the command line has it: `cpu`, `cuda`, `cuda:N`, `host`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceName {
-    /// The processor, by the engine that is made for it.
+    /// The processor with its own engine.
     Cpu,
     /// An NVIDIA GPU.
     Cuda(usize),
-    /// The processor, by the kernels of the GPU: slow, to test them.
+    /// The processor with the kernels of the GPU: slow, to test them.
     Host,
 }
 
@@ -58,10 +59,10 @@ impl FromStr for DeviceName {
 #[error("there is no device {0:?}: there are cpu, cuda and cuda:N")]
 pub struct DeviceNameError(pub String);
 
-/// How factors are rounded before they are multiplied.
+/// A rounding of factors before they are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrecisionName {
-    /// Not at all.
+    /// None.
     Full,
     /// To 10 bits (TF32).
     Tensor,
@@ -70,7 +71,7 @@ pub enum PrecisionName {
 }
 
 impl PrecisionName {
-    /// As the command line has it.
+    /// The name as the command line has it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
@@ -86,7 +87,7 @@ pub const PROCESSOR: &str = "cpu";
 /// A model at work on a cloth.
 pub type Mover = Box<dyn Correctable + Send>;
 
-/// What models run on.
+/// A place where models run.
 #[derive(Clone)]
 pub enum Machine {
     /// The processor.
@@ -96,55 +97,83 @@ pub enum Machine {
     Gpu(Arc<dyn Device>, Precision),
 }
 
+/// A machine that cannot be opened.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum MachineError {
+    #[error(
+        "--precision {}: the processor multiplies in full precision: name a GPU with --device, or \
+         leave out --precision",
+        precision.name()
+    )]
+    Precision { precision: PrecisionName },
+    #[error(
+        "--device: this selvedge was built without GPUs: build it with cargo build --release \
+         --features gpu, or leave out --device"
+    )]
+    BuiltWithout,
+    #[error("--device cpu is no GPU")]
+    Processor,
+    #[cfg(feature = "gpu")]
+    #[error("--device {name}: {source}")]
+    Device {
+        name: DeviceName,
+        source: DeviceError,
+    },
+}
+
+/// A model that a machine cannot start.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the engines")]
+pub enum StartError {
+    Processor(#[from] RolloutError),
+    #[cfg(feature = "gpu")]
+    Gpu(#[from] OpeningError),
+}
+
 impl Machine {
-    /// What is asked for.
+    /// Opens the machine of this name.
     ///
     /// # Errors
     /// A device that is not there, with what is missing, or a precision that it does not have.
-    pub fn open(device: DeviceName, precision: PrecisionName) -> anyhow::Result<Self> {
+    pub fn open(device: DeviceName, precision: PrecisionName) -> Result<Self, MachineError> {
         match device {
-            DeviceName::Cpu if precision != PrecisionName::Full => anyhow::bail!(
-                "--precision {}: the processor multiplies in full precision: name a GPU with --device, or leave \
-                 out --precision",
-                precision.name()
-            ),
+            DeviceName::Cpu if precision != PrecisionName::Full => {
+                Err(MachineError::Precision { precision })
+            }
             DeviceName::Cpu => Ok(Self::Cpu),
             #[cfg(feature = "gpu")]
             name => Ok(Self::Gpu(open_device(name)?, precision_of(precision))),
             #[cfg(not(feature = "gpu"))]
-            DeviceName::Cuda(_) | DeviceName::Host => anyhow::bail!(
-                "--device: this selvedge was built without GPUs: build it with \
-                 cargo build --release --features gpu, or leave out --device"
-            ),
+            DeviceName::Cuda(_) | DeviceName::Host => Err(MachineError::BuiltWithout),
         }
     }
 
-    /// `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
+    /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
     ///
     /// # Errors
-    /// A start that does not fit the cloth; of a GPU also what it does not have.
+    /// A start that does not fit the cloth; on a GPU also memory that it does not have.
     pub fn start(
         &self,
         model: &Arc<Model>,
         graph: ClothGraph,
         start: &[&[Vec3]],
-    ) -> anyhow::Result<Mover> {
+    ) -> Result<Mover, StartError> {
         let model = Arc::clone(model);
         match self {
             Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, precision) => {
                 let (device, precision) = (device.as_ref(), *precision);
-                let stepper = selvedge_gpu::rollout::stepper::GpuStepper::new(
-                    device, model, graph, start, precision,
-                )?;
+                let stepper = GpuStepper::new(device, model, graph, start, precision)?;
                 Ok(Box::new(stepper))
             }
         }
     }
 
-    /// The maker of a training's engine; on the processor `micro_batch` samples go through the network
-    /// together.
+    /// The maker of a training's engine; on the processor `micro_batch` samples go through the
+    /// network together.
     pub fn engine(&self, micro_batch: usize) -> Box<dyn EngineMaker + '_> {
         match self {
             Self::Cpu => Box::new(OnProcessor { micro_batch }),
@@ -156,7 +185,7 @@ impl Machine {
         }
     }
 
-    /// What it is, for people, with its precision where that is not full.
+    /// The name for people, with the precision where that is not full.
     pub fn name(&self) -> String {
         match self {
             Self::Cpu => PROCESSOR.to_owned(),
@@ -170,27 +199,21 @@ impl Machine {
     }
 }
 
-/// The device of this name.
+/// Opens the GPU of this name.
 ///
 /// # Errors
 /// What is missing.
 #[cfg(feature = "gpu")]
-pub fn open_device(name: DeviceName) -> anyhow::Result<Arc<dyn Device>> {
-    use anyhow::Context;
+pub fn open_device(name: DeviceName) -> Result<Arc<dyn Device>, MachineError> {
+    let failed = |source| MachineError::Device { name, source };
     match name {
-        DeviceName::Cpu => anyhow::bail!("--device cpu is no GPU"),
-        DeviceName::Cuda(number) => {
-            let cuda = selvedge_gpu::device::cuda::Cuda::new(number);
-            Ok(Arc::new(cuda.with_context(|| format!("--device {name}"))?))
-        }
-        DeviceName::Host => {
-            let host = selvedge_gpu::device::host::Host::new();
-            Ok(Arc::new(host.context("--device host")?))
-        }
+        DeviceName::Cpu => Err(MachineError::Processor),
+        DeviceName::Cuda(number) => Ok(Arc::new(Cuda::new(number).map_err(failed)?)),
+        DeviceName::Host => Ok(Arc::new(Host::new().map_err(failed)?)),
     }
 }
 
-/// What a device multiplies with.
+/// The precision of this name, as devices have it.
 #[cfg(feature = "gpu")]
 pub fn precision_of(name: PrecisionName) -> Precision {
     match name {

@@ -1,78 +1,118 @@
-//! The learned simulator as commands use it: a model from its file, the graph of a scene or of a
-//! trajectory, and a run that is driven by a path of handles.
+//! Models by their names: opened from a file or shipped, and started on a cloth.
 
+use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::Context;
 use glam::Vec3;
-use selvedge_cloth::{Cloth, HandlePath, Scene, Stepper};
+use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
 use selvedge_data::{Drive, record};
-use selvedge_model::{ClothGraph, Model};
+use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
+use thiserror::Error;
 
 use crate::assets;
-use crate::machine::{Machine, Mover};
-use crate::physics::{self, Run};
+use crate::machine::{Machine, Mover, StartError};
+use crate::physics::{self, TimedRun};
 
-/// A model and what people call it.
+/// A model with its name.
 pub struct NamedModel {
     /// Its file, or the name of the shipped one.
     pub name: String,
-    /// Ready to run.
+    /// The model, ready to run.
     pub model: Arc<Model>,
 }
 
-/// Opens the model in `file`, or the shipped one.
+/// A model that cannot be opened.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum OpenModelError {
+    #[error("{name}: could not be read: {source}")]
+    Read { name: String, source: io::Error },
+    #[error("{name}: {source}")]
+    Content {
+        name: String,
+        source: ModelFileError,
+    },
+}
+
+/// A scene whose parts make no graph.
+#[derive(Debug, Error)]
+#[error("the graph of scene {scene:?}: {source}")]
+pub struct SceneGraphError {
+    scene: String,
+    source: GraphError,
+}
+
+/// A model that cannot be started on a cloth.
+#[derive(Debug, Error)]
+#[error("starting model {model}: {source}")]
+pub struct StartModelError {
+    model: String,
+    source: StartError,
+}
+
+impl NamedModel {
+    /// Opens the model in `file`, or the shipped one.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no model of this version.
+    pub fn open(file: Option<&Path>) -> Result<Self, OpenModelError> {
+        let (name, model) = match file {
+            Some(path) => {
+                let name = path.display().to_string();
+                let bytes = std::fs::read(path).map_err(|source| {
+                    let name = name.clone();
+                    OpenModelError::Read { name, source }
+                })?;
+                (name, Model::from_bytes(&bytes))
+            }
+            None => (
+                assets::MODEL.0.to_owned(),
+                Model::from_bytes(assets::MODEL.1),
+            ),
+        };
+        match model {
+            Ok(model) => Ok(Self {
+                name,
+                model: Arc::new(model),
+            }),
+            Err(source) => Err(OpenModelError::Content { name, source }),
+        }
+    }
+
+    /// Starts the model at `start` `[m]`, `[vertices]`, at rest, on a machine.
+    ///
+    /// # Errors
+    /// A start that does not fit the cloth, or a machine that cannot run it.
+    pub fn start(
+        &self,
+        graph: ClothGraph,
+        start: &[Vec3],
+        machine: &Machine,
+    ) -> Result<Mover, StartModelError> {
+        let started = machine.start(&self.model, graph, &[start]);
+        started.map_err(|source| StartModelError {
+            model: self.name.clone(),
+            source,
+        })
+    }
+}
+
+/// Returns the graph of `cloth`, which knows its rest pose, in the environment of `scene`.
 ///
 /// # Errors
-/// When the file cannot be read or is no model of this version.
-pub fn open(file: Option<&Path>) -> anyhow::Result<NamedModel> {
-    let (name, model) = match file {
-        Some(path) => {
-            let name = path.display().to_string();
-            let bytes =
-                std::fs::read(path).with_context(|| format!("{name}: could not be read"))?;
-            (name, Model::from_bytes(&bytes))
-        }
-        None => (
-            assets::MODEL.0.to_owned(),
-            Model::from_bytes(assets::MODEL.1),
-        ),
-    };
-    let model = model.with_context(|| name.clone())?;
-    Ok(NamedModel {
-        name,
-        model: Arc::new(model),
+/// Parts that do not fit.
+pub fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> Result<ClothGraph, SceneGraphError> {
+    let graph = ClothGraph::new(cloth, scene.environment, scene.frame_rate);
+    graph.map_err(|source| SceneGraphError {
+        scene: scene.name.clone(),
+        source,
     })
 }
 
-/// The graph of the cloth of `scene` with its `cloth`, which knows its rest pose.
-///
-/// # Errors
-/// When the parts do not fit.
-pub fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> anyhow::Result<ClothGraph> {
-    ClothGraph::new(cloth, scene.environment, scene.frame_rate)
-        .with_context(|| format!("the graph of scene {:?}", scene.name))
-}
-
-/// `model` at `start` `[m]`, `[vertices]`, at rest, on a machine.
-///
-/// # Errors
-/// A start that does not fit the cloth, or a machine that cannot run it.
-pub fn stepper(
-    model: &NamedModel,
-    graph: ClothGraph,
-    start: &[Vec3],
-    machine: &Machine,
-) -> anyhow::Result<Mover> {
-    machine
-        .start(&model.model, graph, &[start])
-        .with_context(|| format!("starting model {}", model.name))
-}
-
-/// Steps `stepper` for `frames` along `path`, with one target per frame.
+/// Steps `stepper` for `frames` along `path`, with one target per frame, and times it.
 ///
 /// # Errors
 /// A step that fails.
@@ -81,7 +121,7 @@ pub fn drive(
     path: &HandlePath,
     frames: usize,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> anyhow::Result<Run> {
+) -> Result<TimedRun, StepError> {
     let vertices = stepper.positions().len();
     let drive = Drive {
         path,

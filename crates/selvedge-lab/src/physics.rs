@@ -1,48 +1,95 @@
-//! The reference simulator as commands use it: the sagged rest pose of a scene, a run from there,
-//! and what a trajectory says about where it comes from.
+//! Runs of the physics: the sagged rest pose of a scene, a run from there, and the trajectory that
+//! a run makes.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use anyhow::Context;
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, Scene, Stepper};
+use selvedge_cloth::{Cloth, ClothError, MotionError, Scene, StepError, Stepper};
+use selvedge_data::metrics::{self, MetricError};
 use selvedge_data::{
-    Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, StateRun, Trajectory,
-    metrics, record,
+    Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, SceneSpecError, StateRun,
+    Trajectory, TrajectoryError, record,
 };
-use selvedge_sim::{SaggedRest, Simulator, Threads, sag_with_progress};
+use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, Threads, sag_with_progress};
+use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
-use crate::state_log::KeepingStates;
+use crate::state_log::StateLog;
 
-/// A run and what it cost.
-pub struct Run {
+/// A run and its cost.
+pub struct TimedRun {
     /// Positions `[m]`, `[frames * vertices]`, the start first.
     pub positions: Vec<Vec3>,
-    /// Whether it came to its end.
+    /// The end that it came to.
     pub end: End,
     /// Wall time of a frame `[ms]`.
     pub ms_per_frame: f64,
 }
 
-/// The sagged rest pose of a scene.
+/// A rest pose that was not found, or not before the listener asked to stop.
+#[derive(Debug, Error)]
+#[error("the rest pose of scene {scene:?}: {source}")]
+pub struct RestPoseError {
+    scene: String,
+    /// The reason.
+    pub source: SagError,
+}
+
+/// A simulation that failed.
+#[derive(Debug, Error)]
+#[error("simulating scene {scene:?}: {source}")]
+pub struct SimulationError {
+    scene: String,
+    source: SimulationProblem,
+}
+
+#[derive(Debug, Error)]
+#[error(transparent)]
+enum SimulationProblem {
+    Start(#[from] SimulatorError),
+    Motion(#[from] MotionError),
+    Step(#[from] StepError),
+}
+
+/// A run whose parts make no trajectory.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum RunTrajectoryError {
+    #[error("the resolved scene as JSON: {0}")]
+    Scene(#[from] SceneSpecError),
+    #[error("the trajectory of scene {scene:?}: {source}")]
+    Cloth { scene: String, source: ClothError },
+    #[error("the trajectory of scene {scene:?}: {source}")]
+    Trajectory {
+        scene: String,
+        source: TrajectoryError,
+    },
+}
+
+/// Finds the sagged rest pose of a scene.
 ///
 /// # Errors
-/// When there is none, or it is not found before an end is asked for.
-pub fn rest_pose(scene: &Scene, on_event: &mut OnEvent<'_>) -> anyhow::Result<SaggedRest> {
+/// A scene that comes to no rest, or a listener that asks to stop.
+pub fn rest_pose(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest, RestPoseError> {
     find_rest_pose(scene, &Reporter::new(on_event))
 }
 
-/// As [`rest_pose`], reporting to one of several listeners.
-pub(crate) fn find_rest_pose(scene: &Scene, reporter: &Reporter<'_>) -> anyhow::Result<SaggedRest> {
+/// As [`rest_pose`], within a longer operation.
+pub(crate) fn find_rest_pose(
+    scene: &Scene,
+    reporter: &Reporter<'_>,
+) -> Result<SaggedRest, RestPoseError> {
     let task = reporter.begin("sagging to rest", Goal::Open, "solves");
     let rest = sag_with_progress(scene, &mut |now| {
         let (left, wanted) = (now.residual, now.tolerance);
         task.note(&format!("{left:.1e} m/s² left, to be {wanted:.0e}"));
         task.advance()
-    })
-    .with_context(|| format!("the rest pose of scene {:?}", scene.name))?;
+    });
+    let rest = rest.map_err(|source| RestPoseError {
+        scene: scene.name.clone(),
+        source,
+    })?;
     tracing::info!(
         solves = rest.solves,
         residual = rest.residual,
@@ -51,19 +98,19 @@ pub(crate) fn find_rest_pose(scene: &Scene, reporter: &Reporter<'_>) -> anyhow::
     Ok(rest)
 }
 
-/// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`. `on_frame`
-/// hears of every frame and may stop.
+/// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`.
+/// `on_frame` hears of every frame and may stop.
 ///
 /// # Errors
-/// When the simulator cannot be made, or a step fails.
+/// A simulator that cannot be made, or a step that fails.
 pub fn run(
     scene: &Scene,
     start: Vec<DVec3>,
     frames: usize,
     threads: Threads,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> anyhow::Result<Run> {
-    let plan = Plan {
+) -> Result<TimedRun, SimulationError> {
+    let plan = SimulationPlan {
         start: SavedState::at_rest(start),
         frames,
         keep: Keep::Positions,
@@ -72,67 +119,71 @@ pub fn run(
     Ok(run_plan(scene, plan, on_frame)?.0)
 }
 
-/// What of a run is kept.
+/// The part of a run that is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keep {
-    /// Its positions as a trajectory has them.
+    /// Positions as a trajectory has them.
     Positions,
     /// Also the states, in f64.
     States,
 }
 
-/// A run to be made.
-pub struct Plan {
-    /// Where it starts.
+/// A simulation to be made.
+pub struct SimulationPlan {
+    /// The state at the start.
     pub start: SavedState,
     /// Steps from there.
     pub frames: usize,
-    /// What is kept of it.
+    /// The part that is kept.
     pub keep: Keep,
-    /// On how many threads it is made; the result is the same on any.
+    /// The threads; the result is the same on any number.
     pub threads: Threads,
 }
 
-/// Simulates `scene` as `plan` says; also the states, where they are kept. `on_frame` hears of every
-/// frame and may stop.
+/// Simulates `scene` as `plan` says; also returns the states, where they are kept. `on_frame` hears
+/// of every frame and may stop.
 ///
 /// # Errors
 /// As for [`run`].
 pub fn run_plan(
     scene: &Scene,
-    plan: Plan,
+    plan: SimulationPlan,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> anyhow::Result<(Run, Option<StateRun>)> {
-    let context = || format!("simulating scene {:?}", scene.name);
-    let Plan {
-        start,
-        frames,
-        keep,
-        threads,
-    } = plan;
+) -> Result<(TimedRun, Option<StateRun>), SimulationError> {
+    simulate(scene, plan, on_frame).map_err(|source| SimulationError {
+        scene: scene.name.clone(),
+        source,
+    })
+}
+
+fn simulate(
+    scene: &Scene,
+    plan: SimulationPlan,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<(TimedRun, Option<StateRun>), SimulationProblem> {
+    let start = plan.start;
     let mut simulator = Simulator::with_state(scene, start.positions, start.velocities)
-        .and_then(|simulator| simulator.taken_up_at(start.frame))
-        .with_context(context)?;
-    simulator.set_threads(threads);
-    let path = scene.handle_path().with_context(context)?;
+        .and_then(|simulator| simulator.taken_up_at(start.frame))?;
+    simulator.set_threads(plan.threads);
+    let path = scene.handle_path()?;
     let drive = Drive {
         path: &path,
         samples_per_frame: scene.physics.substeps as usize,
     };
-    let mut simulator = match keep {
+    let mut simulator = match plan.keep {
         Keep::Positions => Kept::Positions(simulator),
-        Keep::States => Kept::States(KeepingStates::new(simulator)),
+        Keep::States => Kept::States(StateLog::new(simulator)),
     };
     let started = Instant::now();
-    let recording = record(simulator.stepper(), drive, frames, &mut |_| on_frame());
-    let run = timed(recording, scene.mesh.positions().len(), started).with_context(context)?;
+    let recording = record(simulator.stepper(), drive, plan.frames, &mut |_| on_frame());
+    let run = timed(recording, scene.mesh.positions().len(), started)?;
     Ok((run, simulator.into_states()))
 }
 
 #[allow(clippy::large_enum_variant, reason = "there is one at a time")]
 enum Kept {
     Positions(Simulator),
-    States(KeepingStates),
+    States(StateLog),
 }
 
 impl Kept {
@@ -151,53 +202,63 @@ impl Kept {
     }
 }
 
-/// A recording that did not fail, with what it cost since `started`.
+/// A recording that did not fail, with its cost since `started`.
 ///
 /// # Errors
 /// The step that failed.
-pub fn timed(recording: Recording, vertices: usize, started: Instant) -> anyhow::Result<Run> {
+pub(crate) fn timed(
+    recording: Recording,
+    vertices: usize,
+    started: Instant,
+) -> Result<TimedRun, StepError> {
     let elapsed_ms = 1e3 * started.elapsed().as_secs_f64();
     let steps = (recording.positions.len() / vertices).saturating_sub(1);
     let end = match recording.end {
         RecordingEnd::Complete => End::Complete,
         RecordingEnd::Stopped => End::Interrupted,
-        RecordingEnd::Failed(error) => return Err(error.into()),
+        RecordingEnd::Failed(error) => return Err(error),
     };
-    Ok(Run {
+    Ok(TimedRun {
         positions: recording.positions,
         end,
         ms_per_frame: elapsed_ms / steps.max(1) as f64,
     })
 }
 
-/// Where a run of `spec` comes from.
+/// Returns the origin of a run of `spec`.
 ///
 /// # Errors
-/// When the spec cannot be written.
-pub fn provenance(spec: &SceneSpec, scene: &Scene) -> anyhow::Result<Provenance> {
+/// A spec that cannot be written as JSON.
+pub fn provenance(spec: &SceneSpec, scene: &Scene) -> Result<Provenance, RunTrajectoryError> {
     Ok(Provenance {
         frame_rate: scene.frame_rate,
-        scene: spec.to_json().context("the resolved scene as JSON")?,
+        scene: spec.to_json()?,
         made_by: concat!("selvedge ", env!("CARGO_PKG_VERSION")).to_owned(),
     })
 }
 
-/// The trajectory of a run of `spec`, whose cloth rests at `rest` `[m]`, `[vertices]`.
+/// Makes the trajectory of a run of `spec`, whose cloth rests at `rest` `[m]`, `[vertices]`.
 ///
 /// # Errors
-/// When the parts make no trajectory.
+/// Parts that make no trajectory.
 pub fn trajectory(
     spec: &SceneSpec,
     scene: &Scene,
     rest: &[DVec3],
     positions: Vec<Vec3>,
-) -> anyhow::Result<Trajectory> {
-    let of_scene = || format!("the trajectory of scene {:?}", scene.name);
-    let cloth = Cloth::of_scene(scene, rounded(rest)).with_context(of_scene)?;
-    Trajectory::new(cloth, positions, provenance(spec, scene)?).with_context(of_scene)
+) -> Result<Trajectory, RunTrajectoryError> {
+    let cloth = Cloth::of_scene(scene, rounded(rest)).map_err(|source| {
+        let scene = scene.name.clone();
+        RunTrajectoryError::Cloth { scene, source }
+    })?;
+    Trajectory::new(cloth, positions, provenance(spec, scene)?).map_err(|source| {
+        let scene = scene.name.clone();
+        RunTrajectoryError::Trajectory { scene, source }
+    })
 }
 
-/// Positions as files have them.
+/// Positions in f32, as files have them.
+#[must_use]
 pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| p.as_vec3()).collect()
 }
@@ -205,12 +266,11 @@ pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
 /// The largest strain of an edge over all frames: (l - l₀)/l₀ against the material.
 ///
 /// # Errors
-/// When there is nothing to measure.
-pub fn largest_strain(trajectory: &Trajectory) -> anyhow::Result<f64> {
+/// A trajectory with nothing to measure.
+pub fn largest_strain(trajectory: &Trajectory) -> Result<f64, MetricError> {
     let topology = trajectory.topology();
     let lengths =
         metrics::material_edge_lengths(topology, trajectory.cloth().material_coordinates());
-    let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)
-        .context("the largest strain")?;
+    let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
     Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }

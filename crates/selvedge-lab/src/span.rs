@@ -1,13 +1,20 @@
-//! Spans of time as people write them on the command line: `90s`, `30m`, `2h`, `1h30m`.
+//! Spans of time as people write them: `90s`, `30m`, `2h`, `1h30m`.
 
 use std::time::Duration;
+
+use thiserror::Error;
+
+/// A text that is no span of time.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{0:?} is no span of time: write 90s, 30m, 2h or 1h30m")]
+pub struct SpanError(pub String);
 
 /// Reads a span of whole hours, minutes and seconds, each at most once and in this order.
 ///
 /// # Errors
-/// Says how a span is written.
-pub fn parse(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("{text:?} is no span of time: write 90s, 30m, 2h or 1h30m");
+/// Another text; the message says how a span is written.
+pub fn parse(text: &str) -> Result<Duration, SpanError> {
+    let wrong = || SpanError(text.to_owned());
     let (mut seconds, mut digits, mut units) = (0_u64, String::new(), "hms".chars());
     for character in text.chars() {
         if character.is_ascii_digit() {

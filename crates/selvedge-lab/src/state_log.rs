@@ -1,18 +1,18 @@
-//! A simulator that keeps its states: positions and velocities of every frame in f64, which a
-//! trajectory has in f32 or not at all.
+//! A simulator with a log of its states: positions and velocities of every frame in f64. A
+//! trajectory has positions in f32 and no velocities.
 
 use selvedge_cloth::{HandleTargets, StepError, Stepper};
 use selvedge_data::StateRun;
 use selvedge_sim::Simulator;
 
-/// A simulator and the states that it has been in.
-pub(crate) struct KeepingStates {
+/// A simulator and its states so far.
+pub(crate) struct StateLog {
     simulator: Simulator,
     run: StateRun,
 }
 
-impl KeepingStates {
-    /// Keeps the state now and that after every step.
+impl StateLog {
+    /// Begins with the state now; every step adds one.
     pub(crate) fn new(simulator: Simulator) -> Self {
         let mut keeping = Self {
             simulator,
@@ -35,7 +35,7 @@ impl KeepingStates {
     }
 }
 
-impl Stepper for KeepingStates {
+impl Stepper for StateLog {
     selvedge_cloth::delegate_stepper!(simulator);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {

@@ -1,7 +1,7 @@
 //! The beginning of a training, which may be stopped.
 
 use selvedge_data::Dataset;
-use selvedge_train::{EngineMaker, TrainConfig, Trainer};
+use selvedge_train::{EngineMaker, TrainConfig, TrainError, Trainer};
 
 use crate::event::{OnEvent, Reporter};
 
@@ -25,7 +25,7 @@ pub fn fresh(
     data: &Dataset,
     engine: &dyn EngineMaker,
     on_event: &mut OnEvent<'_>,
-) -> anyhow::Result<Option<Trainer>> {
+) -> Result<Option<Trainer>, TrainError> {
     begin(cfg, data, engine, &Reporter::new(on_event))
 }
 
@@ -35,8 +35,7 @@ pub(crate) fn begin(
     data: &Dataset,
     engine: &dyn EngineMaker,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<Option<Trainer>> {
+) -> Result<Option<Trainer>, TrainError> {
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::new_observed(cfg, data, engine, &mut |_| task.advance())?;
-    Ok(trainer)
+    Trainer::new_observed(cfg, data, engine, &mut |_| task.advance())
 }

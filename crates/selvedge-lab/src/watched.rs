@@ -1,37 +1,44 @@
-//! A model under a guard, as commands run it: the guard's word on every frame is kept, and summed up.
+//! A model under a guard whose word on every frame is kept and summed up.
 
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Context;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
-use selvedge_data::write_atomically;
-use selvedge_guard::{Guard, GuardSettings, Measured, PhysicsFailure, Replacement, Tally, Trust};
+use selvedge_data::{WriteError, write_atomically};
+use selvedge_guard::{
+    Guard, GuardError, GuardSettings, Measured, PhysicsFailure, Replacement, Tally, Trust,
+};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use crate::machine::Mover;
 
-/// A run diverges where some edge strains more, (l - l₀)/l₀ against the material ...
+/// Strain (l - l₀)/l₀ of an edge, against the material, over which a run diverges ...
 pub const DIVERGED_STRAIN: f64 = 0.3;
-/// ... for more frames in a row.
+/// ... where it lasts for more frames in a row.
 pub const DIVERGED_FRAMES: usize = 10;
 
+/// A cloth that cannot be guarded.
+#[derive(Debug, Error)]
+#[error("the guard (--guard none does without): {0}")]
+pub struct WatchError(#[from] GuardError);
+
 /// A model under a guard.
-pub struct Watched {
+pub struct WatchedModel {
     guard: Guard<Mover>,
     log: Vec<Trust>,
 }
 
-/// What a guard did in a run, or in several.
+/// Counts of a guard's corrections in a run, or in several.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Guarded {
+pub struct GuardSummary {
     /// Frames that were stepped.
     pub frames: usize,
-    /// Those that were corrected.
+    /// Frames that were corrected.
     pub corrected: usize,
-    /// Those that were lost.
+    /// Frames that were lost.
     pub lost: usize,
     /// Lost frames that were replaced by the physics; the others were carried by the handles.
     #[serde(default)]
@@ -43,9 +50,9 @@ pub struct Guarded {
     pub largest_correction: f64,
 }
 
-impl Watched {
-    /// `stepper`, which moves `cloth` at `frame_rate`, watched as `settings` say; with its `scene`, where that
-    /// is known.
+impl WatchedModel {
+    /// Watches `stepper`, which moves `cloth` at `frame_rate`, as `settings` say; with its `scene`,
+    /// where that is known.
     ///
     /// # Errors
     /// A cloth that cannot be guarded.
@@ -55,15 +62,15 @@ impl Watched {
         frame_rate: f64,
         scene: Option<Arc<Scene>>,
         settings: GuardSettings,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, WatchError> {
         let guard = Guard::new(stepper, cloth, frame_rate, scene, settings);
         Ok(Self {
-            guard: guard.context("the guard (--guard none does without)")?,
+            guard: guard?,
             log: Vec::new(),
         })
     }
 
-    /// What is known of each frame that was stepped.
+    /// The guard's word on each frame that was stepped.
     pub fn log(&self) -> &[Trust] {
         &self.log
     }
@@ -73,11 +80,11 @@ impl Watched {
         self.guard.physics_failure()
     }
 
-    /// The same summed up.
-    pub fn summary(&self) -> Guarded {
+    /// The log summed up.
+    pub fn summary(&self) -> GuardSummary {
         let mut tally = Tally::default();
         self.log.iter().for_each(|trust| tally.add(trust));
-        Guarded {
+        GuardSummary {
             frames: tally.frames,
             corrected: tally.corrected,
             lost: tally.lost,
@@ -88,8 +95,8 @@ impl Watched {
     }
 }
 
-impl Guarded {
-    /// All together.
+impl GuardSummary {
+    /// The counts of all together.
     pub fn sum(all: impl Iterator<Item = Self>) -> Self {
         all.fold(Self::default(), |a, b| Self {
             frames: a.frames + b.frames,
@@ -125,7 +132,7 @@ impl Guarded {
     }
 }
 
-impl Stepper for Watched {
+impl Stepper for WatchedModel {
     selvedge_cloth::delegate_stepper!(guard);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
@@ -135,11 +142,12 @@ impl Stepper for Watched {
     }
 }
 
-/// Writes a line per frame: what the guard found, did and gave on. SI units; strains without one.
+/// Writes a line per frame with the guard's verdict, measures and correction (.csv). SI units;
+/// strains have none.
 ///
 /// # Errors
-/// When the file cannot be written.
-pub fn write_trust(path: &Path, log: &[Trust]) -> anyhow::Result<()> {
+/// A file that cannot be written.
+pub fn write_trust(path: &Path, log: &[Trust]) -> Result<(), WriteError> {
     write_atomically(path, |out| {
         writeln!(
             out,
@@ -167,6 +175,5 @@ pub fn write_trust(path: &Path, log: &[Trust]) -> anyhow::Result<()> {
             )?;
         }
         Ok(())
-    })?;
-    Ok(())
+    })
 }

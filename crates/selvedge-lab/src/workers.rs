@@ -1,4 +1,4 @@
-//! Jobs shared among threads, each the work of one of them from its start to its end.
+//! Jobs shared among threads. One thread does a job from its start to its end.
 //!
 //! Each worker has a pool of its own, so that a job that waits for its parts does not begin another
 //! job meanwhile: no more jobs are under way than there are workers, and each has its share of the
@@ -8,18 +8,29 @@ use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
-use anyhow::{Context, anyhow};
+use rayon::ThreadPoolBuildError;
+use thiserror::Error;
 
-/// Does all `jobs` on so many threads, as many as there are processors where none is said. After a
-/// job that fails no other is begun.
+/// Threads that cannot do their work.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum WorkerError {
+    #[error("starting the threads: {0}")]
+    Start(#[from] ThreadPoolBuildError),
+    #[error("a thread has ended early")]
+    Ended,
+}
+
+/// Does all `jobs` on `threads`, by default one per processor. After a job that fails no other is
+/// begun.
 ///
 /// # Errors
-/// What the first of the jobs that failed says, or threads that cannot be started.
-pub fn share<J: Sync, R: Send>(
+/// The error of the first job that failed, or threads that cannot be started.
+pub fn share<J: Sync, R: Send, E: From<WorkerError> + Send>(
     threads: Option<usize>,
     jobs: &[J],
-    work: impl Fn(&J) -> anyhow::Result<R> + Sync,
-) -> anyhow::Result<Vec<R>> {
+    work: impl Fn(&J) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, E> {
     let threads = threads.unwrap_or_else(processors);
     let workers = threads.min(jobs.len()).max(1);
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -27,7 +38,7 @@ pub fn share<J: Sync, R: Send>(
         let job = next.fetch_add(1, Ordering::Relaxed);
         (job < jobs.len() && !failed.load(Ordering::Relaxed)).then_some(job)
     };
-    let worker = || -> anyhow::Result<Vec<(usize, anyhow::Result<R>)>> {
+    let worker = || -> Result<Vec<(usize, Result<R, E>)>, WorkerError> {
         let pool = pool(threads / workers)?;
         let mut done = Vec::new();
         while let Some(job) = take() {
@@ -41,12 +52,10 @@ pub fn share<J: Sync, R: Send>(
         let handles: Vec<_> = (0..workers).map(|_| scope.spawn(worker)).collect();
         let mut answers = Vec::with_capacity(jobs.len());
         for handle in handles {
-            let done = handle
-                .join()
-                .map_err(|_| anyhow!("a thread has ended early"))?;
+            let done = handle.join().map_err(|_| WorkerError::Ended)?;
             answers.extend(done?);
         }
-        anyhow::Ok(answers)
+        Ok::<_, WorkerError>(answers)
     })?;
     answers.sort_by_key(|(job, _)| *job);
     answers.into_iter().map(|(_, answer)| answer).collect()
@@ -59,15 +68,13 @@ pub fn share<J: Sync, R: Send>(
 pub fn alone<R: Send>(
     threads: Option<usize>,
     work: impl FnOnce() -> R + Send,
-) -> anyhow::Result<R> {
+) -> Result<R, WorkerError> {
     Ok(pool(threads.unwrap_or_else(processors))?.install(work))
 }
 
-fn pool(threads: usize) -> anyhow::Result<rayon::ThreadPool> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.max(1))
-        .build()
-        .context("starting the threads")
+fn pool(threads: usize) -> Result<rayon::ThreadPool, WorkerError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1));
+    Ok(pool.build()?)
 }
 
 fn processors() -> usize {
@@ -78,11 +85,20 @@ fn processors() -> usize {
 mod tests {
     use super::*;
 
+    #[derive(Debug)]
+    struct JobError(String);
+
+    impl From<WorkerError> for JobError {
+        fn from(error: WorkerError) -> Self {
+            Self(error.to_string())
+        }
+    }
+
     #[test]
     fn answers_come_in_the_order_of_the_jobs_for_any_number_of_threads() {
         let jobs: Vec<usize> = (0..100).collect();
         for threads in [1, 2, 3, 7] {
-            let squares = share(Some(threads), &jobs, |job| Ok(job * job)).unwrap();
+            let squares = share(Some(threads), &jobs, |job| Ok::<_, JobError>(job * job)).unwrap();
             assert!(
                 squares
                     .iter()
@@ -91,7 +107,11 @@ mod tests {
             );
         }
         let none: [usize; 0] = [];
-        assert!(share(Some(2), &none, |job| Ok(*job)).unwrap().is_empty());
+        assert!(
+            share(Some(2), &none, |job| Ok::<_, JobError>(*job))
+                .unwrap()
+                .is_empty()
+        );
     }
 
     #[test]
@@ -101,12 +121,12 @@ mod tests {
         let result = share(Some(1), &jobs, |job| {
             begun.fetch_add(1, Ordering::Relaxed);
             if *job == 3 {
-                Err(anyhow!("job {job}"))
+                Err(JobError(format!("job {job}")))
             } else {
                 Ok(())
             }
         });
-        assert_eq!(result.unwrap_err().to_string(), "job 3");
+        assert_eq!(result.unwrap_err().0, "job 3");
         assert_eq!(begun.into_inner(), 4);
     }
 }

@@ -34,7 +34,7 @@ use crate::output::Reader;
 #[derive(Debug, Parser)]
 #[command(version, propagate_version = true, after_help = OVERVIEW)]
 pub(crate) struct Cli {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub(crate) command: Command,
     /// Print the answer as one JSON object on standard output.
@@ -46,7 +46,7 @@ pub(crate) struct Cli {
 }
 
 impl Cli {
-    /// Who is to read the answer.
+    /// The reader of the answer.
     pub(crate) fn reader(&self) -> Reader {
         if self.json {
             Reader::Program
@@ -136,17 +136,17 @@ pub(crate) struct RolloutArgs {
     /// The folder to write into; it is made.
     #[arg(long, value_name = "FOLDER", default_value = "out")]
     pub(crate) out: PathBuf,
-    /// How many frames [default: as long as the scene's motion].
+    /// Number of frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
-    /// What is done about frames that no cloth could have.
+    /// Correction of frames that no cloth could have.
     #[arg(long, value_enum, default_value_t = GuardName::Limit)]
     pub(crate) guard: GuardName,
-    /// Where the model runs.
+    /// The machine of the model.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
-    /// Write how far each frame can be trusted to this file (.csv): verdict, strains, energy, speed,
-    /// correction.
+    /// Write how far each frame can be trusted to this file (.csv): verdict, strains, energy,
+    /// speed, correction.
     #[arg(long, value_name = "FILE")]
     pub(crate) trust: Option<PathBuf>,
     /// Also simulate the truth and compare with it (the default).
@@ -158,13 +158,13 @@ pub(crate) struct RolloutArgs {
     /// Do not make a clip.
     #[arg(long)]
     no_clip: bool,
-    /// Also write the model's run in the format of another program, as its name ends: .usda, .glb, .pc2, .npz,
-    /// .gif or .mp4; may stand several times (`selvedge export` has more).
+    /// Also write the model's run in the format of another program, as its name ends: .usda, .glb,
+    /// .pc2, .npz, .gif or .mp4; may stand several times (`selvedge export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
 }
 
-/// Whether something is wanted.
+/// A wish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
     /// It is.
@@ -180,12 +180,12 @@ impl Wanted {
 }
 
 impl RolloutArgs {
-    /// Whether the physics is to run too.
+    /// The wish for a run of the physics.
     pub(crate) fn truth(&self) -> Wanted {
         Wanted::unless(self.no_truth && !self.truth)
     }
 
-    /// Whether a clip is to be made.
+    /// The wish for a clip.
     pub(crate) fn clip(&self) -> Wanted {
         Wanted::unless(self.no_clip)
     }
@@ -193,8 +193,9 @@ impl RolloutArgs {
 
 /// Run the physics on a scene.
 ///
-/// The cloth starts where the scene says, by default in its sagged rest pose; the handles follow the
-/// scene's motion. Ctrl-C writes the frames so far. A scene of ARCSim (.json) is run as ARCSim runs it.
+/// The cloth starts where the scene says, by default in its sagged rest pose; the handles follow
+/// the scene's motion. Ctrl-C writes the frames so far. A scene of ARCSim (.json) is run as ARCSim
+/// runs it.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -212,7 +213,7 @@ pub(crate) struct SimulateArgs {
     /// The trajectory to write (.safetensors).
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// How many frames [default: as long as the scene's motion].
+    /// Number of frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
     /// Also draw the run as a clip (.gif), in real time.
@@ -233,43 +234,43 @@ pub(crate) struct SimulateArgs {
     /// Also keep positions and velocities of every frame in double precision (.safetensors).
     #[arg(long, value_name = "FILE")]
     pub(crate) states: Option<PathBuf>,
-    /// Also write the run in the format of another program, as its name ends: .usda, .glb, .pc2, .npz,
-    /// .gif or .mp4; may stand several times (`selvedge export` has more).
+    /// Also write the run in the format of another program, as its name ends: .usda, .glb, .pc2,
+    /// .npz, .gif or .mp4; may stand several times (`selvedge export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
 }
 
-/// Where a simulation starts.
+/// The start of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum From<'a> {
+pub(crate) enum Start<'a> {
     /// As the scene says.
     Scene,
-    /// From the sagged rest pose.
+    /// The sagged rest pose.
     Rest,
-    /// From the positions of the mesh.
-    Start,
-    /// From a saved state, of this frame.
+    /// The positions of the mesh.
+    Mesh,
+    /// A saved state: its file, and its frame where one is named.
     State(&'a Path, Option<usize>),
 }
 
-impl<'a> From<'a> {
+impl<'a> Start<'a> {
     /// The file of the saved state.
     pub(crate) fn file(self) -> Option<&'a Path> {
         match self {
             Self::State(path, _) => Some(path),
-            Self::Scene | Self::Rest | Self::Start => None,
+            Self::Scene | Self::Rest | Self::Mesh => None,
         }
     }
 }
 
 impl SimulateArgs {
-    /// Where to start.
-    pub(crate) fn from(&self) -> From<'_> {
+    /// The start that is asked for.
+    pub(crate) fn start(&self) -> Start<'_> {
         match &self.state {
-            Some(path) => From::State(path, self.state_frame),
-            None if self.from_start => From::Start,
-            None if self.from_rest => From::Rest,
-            None => From::Scene,
+            Some(path) => Start::State(path, self.state_frame),
+            None if self.from_start => Start::Mesh,
+            None if self.from_rest => Start::Rest,
+            None => Start::Scene,
         }
     }
 }
@@ -284,11 +285,11 @@ Examples:
 pub(crate) struct SagArgs {
     /// A scene: a TOML file, a JSON file of ARCSim, or the name of a shipped one.
     pub(crate) scene: String,
-    /// What to write: a trajectory of one frame (.safetensors) or a mesh (.obj).
+    /// The file to write: a trajectory of one frame (.safetensors) or a mesh (.obj).
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Let the cloth move until it comes to rest, as a simulation would: slower, but where there are
-    /// several rest poses this is the one that it reaches.
+    /// Let the cloth move until it comes to rest, as a simulation would: slower, but where there
+    /// are several rest poses this is the one that it reaches.
     #[arg(long)]
     pub(crate) by_motion: bool,
 }
@@ -377,7 +378,8 @@ pub(crate) struct TrainArgs {
     /// else, from the steps to the data, is this training's own.
     #[arg(long, value_name = "FOLDER", conflicts_with = "resume")]
     pub(crate) from: Option<PathBuf>,
-    /// Change a value of the configuration, by its dotted path and as in TOML; may stand several times.
+    /// Change a value of the configuration, by its dotted path and as in TOML; may stand several
+    /// times.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<Setting>,
     /// Optimiser steps in all [default: as the configuration says].
@@ -386,9 +388,9 @@ pub(crate) struct TrainArgs {
     /// Stop after this long, as 90s, 30m or 2h.
     #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
     pub(crate) span: Option<Duration>,
-    /// Samples that go through the network together on the processor [default: 1]. Threads share such
-    /// micro-batches: a larger number takes less memory and leaves less to share. Results differ only by
-    /// rounding.
+    /// Samples that go through the network together on the processor [default: 1]. Threads share
+    /// such micro-batches: a larger number takes less memory and leaves less to share. Results
+    /// differ only by rounding.
     #[arg(long, value_name = "N")]
     pub(crate) micro_batch: Option<NonZeroUsize>,
     #[command(flatten)]
@@ -403,15 +405,15 @@ Example:
 pub(crate) struct CompareArgs {
     /// The truth.
     pub(crate) a: PathBuf,
-    /// What is compared with it.
+    /// The trajectory to compare with it.
     pub(crate) b: PathBuf,
 }
 
 /// Say what a file or folder is and what is in it.
 ///
-/// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations, meshes,
-/// exported arrays (.npz), nodes of other programs (.glb, .usda), and the folders of data sets, trainings
-/// and studies.
+/// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations,
+/// meshes, exported arrays (.npz), nodes of other programs (.glb, .usda), and the folders of data
+/// sets, trainings and studies.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -423,8 +425,9 @@ Examples:
 pub(crate) struct InspectArgs {
     /// A file, a folder, or the name of a shipped scene.
     pub(crate) path: PathBuf,
-    /// Also draw it (.png; curves also .svg): a run with its strain, a mesh or a scene as it stands, a
-    /// training as the curves of its loss, a data set and a model as histograms, states as speeds.
+    /// Also draw it (.png; curves also .svg): a run with its strain, a mesh or a scene as it
+    /// stands, a training as the curves of its loss, a data set and a model as histograms, states
+    /// as speeds.
     #[arg(long, value_name = "FILE")]
     pub(crate) picture: Option<PathBuf>,
 }
@@ -439,8 +442,8 @@ Example:
 pub(crate) struct ConvertArgs {
     /// The model (.safetensors).
     pub(crate) model: PathBuf,
-    /// f16 keeps 11 bits of each weight and refuses those above 65504; bf16 keeps 8 bits of any; f32 widens
-    /// them again.
+    /// f16 keeps 11 bits of each weight and refuses those above 65504; bf16 keeps 8 bits of any;
+    /// f32 widens them again.
     #[arg(long, value_enum)]
     pub(crate) weights: WeightsName,
     /// The file to write (.safetensors).

@@ -1,5 +1,5 @@
-//! Trajectories as files of other programs: which format a name asks for, checked before any work, and
-//! the work. Numbers are written by `selvedge-data`, pictures are drawn here ([`film`]).
+//! Trajectories as files of other programs: which format a name asks for, checked before any work,
+//! and the work. Numbers are written by `selvedge-data`, pictures are drawn here ([`film`]).
 
 use std::path::{Path, PathBuf};
 
@@ -26,18 +26,18 @@ pub(crate) struct Wish {
     choice: Choice,
 }
 
-/// What can be chosen of any export.
+/// The choices of an export.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Choice {
-    /// Which frames.
+    /// The frames.
     pub(crate) frames: FrameSpan,
-    /// Which axis points up.
+    /// The axis that points up.
     pub(crate) up: UpAxis,
-    /// Whether normals are written; as the format has it, if nothing was said.
+    /// The choice of normals; none takes what the format has.
     pub(crate) normals: Option<Normals>,
 }
 
-/// What is written.
+/// The kind of an export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Numbers(ExportFormat),
@@ -129,7 +129,7 @@ impl Wish {
         }
     }
 
-    /// How many frames of a run of `frames` are written.
+    /// The number of frames that are written of a run of `frames`.
     ///
     /// # Errors
     /// Where the run does not have them.
@@ -215,7 +215,7 @@ impl Kind {
     }
 }
 
-/// What `--export` asks for, each checked.
+/// Returns the exports that `--export` asks for, each checked.
 ///
 /// # Errors
 /// As [`Wish::new`]; wrong usage for a format of one frame.

@@ -30,7 +30,7 @@ impl fmt::Display for WrongUsage {
 
 impl std::error::Error for WrongUsage {}
 
-/// What the program exits with.
+/// The exit code of the program.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     if error.is::<WrongUsage>() || error.is::<SelectionError>() {
         WRONG_USAGE

@@ -1,4 +1,5 @@
-//! Frames of a trajectory as pictures: one (.png), a folder of them, a clip (.gif), or a film (.mp4).
+//! Frames of a trajectory as pictures: one (.png), a folder of them, a clip (.gif), or a film
+//! (.mp4).
 //!
 //! Films are made by ffmpeg, a program that is not part of this one: it is given the pixels of each
 //! picture and writes a file beside the place of the film, which is then renamed.
@@ -23,7 +24,7 @@ use crate::progress::Progress;
 /// Width and height of a picture in pixels; even, as films want it.
 const SIZE: [u32; 2] = [960, 720];
 
-/// What is run to make films.
+/// The program that makes films.
 const FFMPEG: &str = "ffmpeg";
 
 /// Frames to be drawn.
@@ -58,7 +59,7 @@ fn ended(result: Result<(), Halt>) -> anyhow::Result<End> {
     }
 }
 
-/// Whether ffmpeg can be run.
+/// Checks that ffmpeg can be run.
 ///
 /// # Errors
 /// When it cannot, with what to do.
@@ -208,7 +209,8 @@ impl<'a> Film<'a> {
         #[cfg(unix)]
         {
             use std::os::unix::process::CommandExt;
-            // Ctrl-C in a terminal goes to a whole group: ffmpeg is to be ended from here, and only from here.
+            // Ctrl-C in a terminal goes to a whole group: ffmpeg is to be ended from here, and only
+            // from here.
             command.process_group(0);
         }
         command.spawn().context("starting ffmpeg")

@@ -11,7 +11,7 @@ use anyhow::Context;
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// What the program exits with when it is ended by a second press, or was interrupted at all.
+/// The exit code after an interruption.
 pub(crate) const EXIT_CODE: u8 = 1;
 
 /// Starts to listen for presses.
@@ -32,12 +32,12 @@ pub(crate) fn install() -> anyhow::Result<()> {
     .context("listening for Ctrl-C")
 }
 
-/// Whether an end was asked for.
+/// Returns `true` after the first press.
 pub(crate) fn requested() -> bool {
     REQUESTED.load(Ordering::SeqCst)
 }
 
-/// What a loop that can be stopped is to do.
+/// Breaks a loop after the first press.
 pub(crate) fn flow() -> ControlFlow<()> {
     if requested() {
         ControlFlow::Break(())

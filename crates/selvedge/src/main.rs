@@ -1,5 +1,5 @@
-//! `selvedge`, the command line: reads what is asked, composes the crates that do it, prints a table
-//! for people or one JSON object for programs.
+//! `selvedge`, the command line: reads what is asked, composes the crates that do it, prints a
+//! table for people or one JSON object for programs.
 //!
 //! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
 //! command answers goes to standard output, everything else to standard error.

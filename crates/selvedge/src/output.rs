@@ -12,7 +12,7 @@ use serde_json::Value;
 pub(crate) use selvedge_lab::End;
 pub(crate) use selvedge_lab::numbers::{length, percent};
 
-/// What a command has to say at its end.
+/// The answer of a command at its end.
 pub(crate) struct Answer {
     text: String,
     json: Value,
@@ -20,7 +20,7 @@ pub(crate) struct Answer {
     problem: Option<String>,
 }
 
-/// Who reads the answer.
+/// The reader of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reader {
     /// A person.
@@ -57,7 +57,7 @@ impl Answer {
         }
     }
 
-    /// What it comes to after it was told.
+    /// Returns the end of the command, after its answer was printed.
     ///
     /// # Errors
     /// What is not as it should be.

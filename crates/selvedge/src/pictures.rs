@@ -15,11 +15,11 @@ use crate::interrupt;
 use crate::output::End;
 use crate::progress::Progress;
 
-/// What is drawn.
+/// A run to draw, alone or beside another.
 pub(crate) struct Show<'a> {
     /// The heading.
     pub(crate) title: &'a str,
-    /// What stands over the run.
+    /// The label over the run.
     pub(crate) label: &'a str,
     /// The run: the model's, where there is a truth.
     pub(crate) prediction: &'a Trajectory,
@@ -27,9 +27,9 @@ pub(crate) struct Show<'a> {
     pub(crate) truth: Option<&'a Trajectory>,
 }
 
-/// What stands over a model's run.
+/// The label over a model's run.
 pub(crate) const MODEL: &str = "model";
-/// What stands over a run of the physics.
+/// The label over a run of the physics.
 pub(crate) const PHYSICS: &str = "physics";
 
 /// Writes a contact sheet (.png) of moments in motion; beside a truth, the model's run once

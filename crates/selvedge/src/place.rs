@@ -75,8 +75,8 @@ fn check_folder_above(path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks that no two of `files`, each with its flag, are one and the same, however they are written:
-/// what is written last would be all that is left.
+/// Checks that no two of `files`, each with its flag, are one and the same, however they are
+/// written: what is written last would be all that is left.
 ///
 /// # Errors
 /// Wrong usage that names both flags.
@@ -95,8 +95,8 @@ pub(crate) fn check_distinct(files: &[(&str, &Path)]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks that none of `outputs`, each with its flag, is another one of them or takes the place of one of
-/// `inputs`, which may well be the same file.
+/// Checks that none of `outputs`, each with its flag, is another one of them or takes the place of
+/// one of `inputs`, which may well be the same file.
 ///
 /// # Errors
 /// Wrong usage that names both.
@@ -113,7 +113,7 @@ pub(crate) fn check_outputs(
     Ok(())
 }
 
-/// Where the bytes of a file at `path` end up: links followed, whether or not there is a file yet.
+/// The place of the bytes of a file at `path`, which may not exist yet, with links followed.
 fn place_of(path: &Path) -> PathBuf {
     /// Links that are followed before they are taken to go round in a circle, as Linux does.
     const MOST_LINKS: usize = 40;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use selvedge_data::{LoadedScene, open_scene};
 
-/// Opens a scene by the path of its file or by the name of a shipped one; warns of what the file asks
-/// for and cannot have.
+/// Opens a scene by the path of its file or by the name of a shipped one; warns of what the file
+/// asks for and cannot have.
 ///
 /// # Errors
 /// What of the scene is wrong.

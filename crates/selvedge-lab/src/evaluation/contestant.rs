@@ -8,22 +8,27 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use anyhow::{Context, anyhow};
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandlePath, Motion, RecordedMotion, Scene, Stepper};
-use selvedge_data::{Drive, Playback, Recording, SceneSpec, Setting, Trajectory, record};
+use selvedge_cloth::{HandlePath, Motion, MotionError, RecordedMotion, Scene, Stepper};
+use selvedge_data::{
+    Drive, Playback, Recording, SceneSpec, SceneSpecError, Setting, Trajectory, record,
+};
 use selvedge_guard::{Correction, GuardSettings};
 use selvedge_model::Model;
-use selvedge_sim::{Simulator, Threads};
+use selvedge_sim::{Simulator, SimulatorError, Threads};
+use selvedge_train::TrainingSetError;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
+use super::measures::MeasureError;
+use crate::cause::chain;
 use crate::event::Reporter;
-use crate::machine::Machine;
-use crate::physics::find_rest_pose;
+use crate::machine::{Machine, StartError};
+use crate::physics::{RestPoseError, find_rest_pose};
 use crate::rigid::RigidRest;
-use crate::watched::{Guarded, Watched};
+use crate::watched::{GuardSummary, WatchError, WatchedModel};
 
-/// What somebody is who runs.
+/// A kind of contestant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Who {
@@ -39,15 +44,40 @@ pub enum Who {
     Truth,
 }
 
-/// Somebody who runs.
+/// A contestant that cannot run, or whose run cannot be measured.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the parts")]
+pub enum ContestantError {
+    Graph(#[from] TrainingSetError),
+    Model(#[from] StartError),
+    Guard(#[from] WatchError),
+    #[error("{0}")]
+    Mirror(String),
+    #[error("there is no mirror of this scene")]
+    NoMirror,
+    #[error("the trajectory has no scene")]
+    NoScene,
+    #[error("the scene's mesh is not that of the trajectory")]
+    OtherMesh,
+    Scene(#[from] SceneSpecError),
+    RestPose(#[from] RestPoseError),
+    Physics(#[from] SimulatorError),
+    Motion(#[from] MotionError),
+    #[error("the recorded path of the handles: {0}")]
+    Path(MotionError),
+    Measure(#[from] MeasureError),
+}
+
+/// A contestant with its name.
 pub struct Contestant {
-    /// What people call it.
+    /// Its name in tables.
     pub name: String,
-    /// What moves the cloth.
+    /// The mover of the cloth.
     pub racer: Racer,
 }
 
-/// What moves the cloth.
+/// The mover of the cloth.
 pub enum Racer {
     /// A model, guarded so, on this machine.
     Model(Arc<Model>, GuardSettings, Machine),
@@ -61,7 +91,7 @@ pub enum Racer {
     Truth,
 }
 
-/// What there is to run along.
+/// A trajectory to run along, with what contestants may need of its scene.
 #[derive(Clone, Copy)]
 pub struct Course<'a> {
     /// The motion's name.
@@ -69,7 +99,7 @@ pub struct Course<'a> {
     /// The trajectory.
     pub truth: &'a Trajectory,
     /// Its scene on the other branch of the buckling, where somebody runs there.
-    pub mirror: Option<&'a Result<Mirror, String>>,
+    pub mirror: Option<&'a Result<Mirror, ContestantError>>,
     /// Its own scene, where somebody needs it and it is known.
     pub scene: Option<&'a Arc<Scene>>,
 }
@@ -81,9 +111,9 @@ pub struct Runner {
     samples_per_frame: usize,
 }
 
-/// Who moves the cloth.
+/// The mover of a contestant at its start.
 enum Mover {
-    Watched(Box<Watched>),
+    Watched(Box<WatchedModel>),
     Other(Box<dyn Stepper>),
 }
 
@@ -127,7 +157,7 @@ impl Contestant {
         })
     }
 
-    /// What it is.
+    /// The kind of the contestant.
     pub fn who(&self) -> Who {
         match self.racer {
             Racer::Model(..) => Who::Model,
@@ -138,7 +168,7 @@ impl Contestant {
         }
     }
 
-    /// Whether it wants the scene of what it runs along.
+    /// Returns `true` where the contestant wants the scene of its course.
     pub fn wants_scene(&self) -> bool {
         match &self.racer {
             Racer::Model(_, guard, _) => guard.correction != Correction::None,
@@ -146,24 +176,22 @@ impl Contestant {
         }
     }
 
-    /// Ready to run along `course`. A model starts at frame `start` and knows the true frames before
-    /// it; all others start at frame 0.
+    /// Makes the contestant ready to run along `course`. A model starts at frame `start` and knows
+    /// the true frames before it; all others start at frame 0.
     ///
     /// # Errors
     /// When its parts do not fit, or there is no `mirror` that can be run.
-    pub fn runner(&self, course: &Course<'_>, start: usize) -> anyhow::Result<Runner> {
+    pub fn runner(&self, course: &Course<'_>, start: usize) -> Result<Runner, ContestantError> {
         let truth = course.truth;
         let stepper = match &self.racer {
-            Racer::Model(model, guard, machine) => {
-                guarded((model, machine), *guard, course, start)?
-            }
+            Racer::Model(model, guard, machine) => guarded(model, machine, *guard, course, start)?,
             Racer::Rigid => Mover::Other(Box::new(RigidRest::new(truth.cloth()))),
             Racer::Truth => Mover::Other(Box::new(Playback::new(truth.clone()))),
             Racer::Mirror => {
                 return match course.mirror {
                     Some(Ok(mirror)) => simulated(&mirror.scene, mirror.rest.clone()),
-                    Some(Err(problem)) => Err(anyhow!("{problem}")),
-                    None => Err(anyhow!("there is no mirror of this scene")),
+                    Some(Err(problem)) => Err(ContestantError::Mirror(chain(problem))),
+                    None => Err(ContestantError::NoMirror),
                 };
             }
             Racer::Physics(substeps) => return physics(truth, *substeps),
@@ -194,8 +222,8 @@ impl Runner {
         record(stepper, drive, frames, &mut |_| on_frame())
     }
 
-    /// What a guard has done so far; none where there is none.
-    pub fn guarded(&self) -> Option<Guarded> {
+    /// Counts of the guard so far; none without a guard.
+    pub fn guarded(&self) -> Option<GuardSummary> {
         match &self.stepper {
             Mover::Watched(watched) => Some(watched.summary()),
             Mover::Other(_) => None,
@@ -205,11 +233,12 @@ impl Runner {
 
 /// A model that knows the true frames up to `start`, with a guard where that is to do something.
 fn guarded(
-    (model, machine): (&Arc<Model>, &Machine),
+    model: &Arc<Model>,
+    machine: &Machine,
     guard: GuardSettings,
     course: &Course<'_>,
     start: usize,
-) -> anyhow::Result<Mover> {
+) -> Result<Mover, ContestantError> {
     let truth = course.truth;
     let graph = selvedge_train::graph_of(course.motion, truth)?;
     let first = (start + 1).saturating_sub(model.spec().history());
@@ -220,7 +249,7 @@ fn guarded(
     }
     let (cloth, rate) = (truth.cloth(), truth.frame_rate());
     let scene = course.scene.map(Arc::clone);
-    let watched = Watched::new(stepper, cloth, rate, scene, guard)?;
+    let watched = WatchedModel::new(stepper, cloth, rate, scene, guard)?;
     Ok(Mover::Watched(Box::new(watched)))
 }
 
@@ -241,9 +270,9 @@ impl Scenes {
     }
 }
 
-/// The physics of the scene of `truth` with so many substeps per frame, from the same rest pose. Mesh
-/// files are looked for from the current folder.
-fn physics(truth: &Trajectory, substeps: u32) -> anyhow::Result<Runner> {
+/// The physics of the scene of `truth` with so many substeps per frame, from the same rest pose.
+/// Mesh files are looked for from the current folder.
+fn physics(truth: &Trajectory, substeps: u32) -> Result<Runner, ContestantError> {
     let mut spec = spec_of(truth)?;
     spec.setting.physics.substeps = substeps;
     let scene = built(&spec, truth)?;
@@ -252,25 +281,25 @@ fn physics(truth: &Trajectory, substeps: u32) -> anyhow::Result<Runner> {
 }
 
 /// The scene that a trajectory says it was made from.
-fn spec_of(truth: &Trajectory) -> anyhow::Result<SceneSpec> {
+fn spec_of(truth: &Trajectory) -> Result<SceneSpec, ContestantError> {
     let json = &truth.provenance().scene;
     if json.is_null() {
-        return Err(anyhow!("the trajectory has no scene"));
+        return Err(ContestantError::NoScene);
     }
     Ok(SceneSpec::from_json(json)?)
 }
 
 /// The scene of `spec`, which is to be of the mesh of `truth`.
-fn built(spec: &SceneSpec, truth: &Trajectory) -> anyhow::Result<Scene> {
+fn built(spec: &SceneSpec, truth: &Trajectory) -> Result<Scene, ContestantError> {
     let scene = spec.build("".as_ref())?;
     if scene.mesh.topology() != truth.topology() {
-        return Err(anyhow!("the scene's mesh is not that of the trajectory"));
+        return Err(ContestantError::OtherMesh);
     }
     Ok(scene)
 }
 
 /// The physics of `scene`, at rest at `rest` `[m]`, `[vertices]`, before its first frame.
-fn simulated(scene: &Scene, rest: Vec<DVec3>) -> anyhow::Result<Runner> {
+fn simulated(scene: &Scene, rest: Vec<DVec3>) -> Result<Runner, ContestantError> {
     let still = vec![DVec3::ZERO; rest.len()];
     let mut simulator = Simulator::with_state(scene, rest, still)?;
     // Those of the pool that the run was given.
@@ -283,7 +312,7 @@ fn simulated(scene: &Scene, rest: Vec<DVec3>) -> anyhow::Result<Runner> {
 }
 
 /// The path of the handles as it was recorded, from frame `start` on.
-fn recorded_path(truth: &Trajectory, start: usize) -> anyhow::Result<HandlePath> {
+fn recorded_path(truth: &Trajectory, start: usize) -> Result<HandlePath, ContestantError> {
     let held = |frame: usize| -> Vec<DVec3> {
         let positions = truth.handles().select(truth.frame(frame));
         positions.iter().map(|p| p.as_dvec3()).collect()
@@ -291,7 +320,7 @@ fn recorded_path(truth: &Trajectory, start: usize) -> anyhow::Result<HandlePath>
     let positions: Vec<Vec<DVec3>> = (start..truth.frame_count()).map(held).collect();
     Motion::Recorded(RecordedMotion { positions })
         .bind(&held(start), truth.frame_rate())
-        .context("the recorded path of the handles")
+        .map_err(ContestantError::Path)
 }
 
 impl Mirrors {
@@ -304,7 +333,7 @@ impl Mirrors {
         &mut self,
         truth: &Trajectory,
         reporter: &Reporter<'_>,
-    ) -> anyhow::Result<Mirror> {
+    ) -> Result<Mirror, ContestantError> {
         let mut spec = spec_of(truth)?;
         spec.setting.sag.bulge = -spec.setting.sag.bulge;
         let scene = built(&spec, truth)?;

@@ -2,18 +2,21 @@
 //! it, and is fed with its own output from then on.
 //!
 //! Over k steps: √(mean over starts, the k frames after each and vertices of |p - p̂|²), as in
-//! MeshGraphNets (Pfaff et al. 2021); at the last of them: the same over the k-th frame alone. Each k
-//! has starts of its own, spread evenly from the first frame to the last that leaves room for k, so
-//! that its error does not depend on which other k are asked for. A rival that knows no truth is
+//! MeshGraphNets (Pfaff et al. 2021); at the last of them: the same over the k-th frame alone. Each
+//! k has starts of its own, spread evenly from the first frame to the last that leaves room for k,
+//! so that its error does not depend on which other k are asked for. A rival that knows no truth is
 //! measured on the same frames of its one whole run.
+
+use std::convert::Infallible;
 
 use glam::Vec3;
 use selvedge_data::{Frames, Trajectory, metrics};
 use serde::{Deserialize, Serialize};
 
 use super::Curves;
+use super::measures::MeasureError;
 
-/// Which k, and from how many starts.
+/// Numbers k of steps, and the starts of each.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Horizons {
@@ -68,7 +71,8 @@ impl Horizons {
     }
 
     /// First frames of the runs of so many steps, rising: from the first frame to the last that
-    /// leaves room for them; the middle of these where there is one start; none where there is no room.
+    /// leaves room for them; the middle of these where there is one start; none where there is no
+    /// room.
     fn starts_of(&self, steps: usize, frames: usize) -> Vec<usize> {
         let Some(last) = frames.checked_sub(1 + steps) else {
             return Vec::new();
@@ -85,42 +89,46 @@ impl Horizons {
     ///
     /// # Errors
     /// What `run` says.
-    pub fn over_true_starts(
+    pub(super) fn over_true_starts<E: From<MeasureError>>(
         &self,
         truth: &Trajectory,
-        mut run: impl FnMut(usize, usize) -> anyhow::Result<Vec<Vec3>>,
-    ) -> anyhow::Result<Vec<Horizon>> {
+        mut run: impl FnMut(usize, usize) -> Result<Vec<Vec3>, E>,
+    ) -> Result<Vec<Horizon>, E> {
         let frames = truth.frame_count();
         self.each(frames, |start, steps| {
             let positions = run(start, steps)?;
             let after = truth.frames().last(frames - start);
-            let run = Frames::new(&positions, truth.vertex_count())?;
-            let position = metrics::per_frame_rmse(after, run)?;
-            let edges = metrics::per_frame_edge_length_rmse(after, run, truth.topology())?;
+            let run = Frames::new(&positions, truth.vertex_count()).map_err(MeasureError::from)?;
+            let position = metrics::per_frame_rmse(after, run).map_err(MeasureError::from)?;
+            let edges = metrics::per_frame_edge_length_rmse(after, run, truth.topology());
+            let edges = edges.map_err(MeasureError::from)?;
             Ok([position, edges].map(|errors| errors[1..].to_vec()))
         })
     }
 
     /// The errors on the same frames of one whole run.
     pub fn of_whole_run(&self, curves: &Curves, frames: usize) -> Vec<Horizon> {
-        let errors = self.each(frames, |start, steps| {
+        let errors: Result<_, Infallible> = self.each(frames, |start, steps| {
             let curves = [&curves.position_rmse, &curves.edge_length_rmse];
             Ok(curves.map(|curve| {
                 let reached = curve.len().min(start + steps + 1);
                 curve.get(start + 1..reached).unwrap_or_default().to_vec()
             }))
         });
-        errors.unwrap_or_default()
+        match errors {
+            Ok(errors) => errors,
+            Err(never) => match never {},
+        }
     }
 
-    /// The errors over each number of steps that fits, from those of position and edge length `[m]` in
-    /// each frame after each start. None where a run ended early: a mean over the other starts would
-    /// be one over the easier ones.
-    fn each(
+    /// The errors over each number of steps that fits, from those of position and edge length `[m]`
+    /// in each frame after each start. None where a run ended early: a mean over the other starts
+    /// would be one over the easier ones.
+    fn each<E>(
         &self,
         frames: usize,
-        mut run: impl FnMut(usize, usize) -> anyhow::Result<[Vec<f64>; 2]>,
-    ) -> anyhow::Result<Vec<Horizon>> {
+        mut run: impl FnMut(usize, usize) -> Result<[Vec<f64>; 2], E>,
+    ) -> Result<Vec<Horizon>, E> {
         let mut errors = Vec::new();
         for &steps in &self.steps {
             let mut sums = Sums::default();
@@ -222,8 +230,8 @@ mod tests {
             starts: 2,
         };
         assert_eq!(alone.of_whole_run(&curves, 10), errors[1..2]);
-        // A run that ended after frame 8: the second starts of 1 and 2 steps are not reached, nor is
-        // that of 5.
+        // A run that ended after frame 8: the second starts of 1 and 2 steps are not reached, nor
+        // is that of 5.
         let mut short = curves;
         short.position_rmse.truncate(9);
         short.edge_length_rmse.truncate(9);

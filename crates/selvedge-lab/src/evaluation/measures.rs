@@ -2,14 +2,25 @@
 //! `selvedge_data::metrics`; all are against the recorded truth.
 
 use glam::Vec3;
-use selvedge_data::{Frames, Trajectory, metrics};
+use selvedge_data::metrics::{self, MetricError};
+use selvedge_data::{Frames, FramesError, Trajectory};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// A run is stable up to the first frame in which an edge strains more, (l - l₀)/l₀ against the
 /// material.
 pub const STRAIN_LIMIT: f64 = 0.2;
 
-/// What is measured of a whole run.
+/// A run that cannot be measured: of another mesh, or with no frames.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the parts")]
+pub enum MeasureError {
+    Frames(#[from] FramesError),
+    Metric(#[from] MetricError),
+}
+
+/// Measures of a whole run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measures {
@@ -46,7 +57,7 @@ impl Measures {
     ///
     /// # Errors
     /// When the run is of another mesh.
-    pub fn of(truth: &Trajectory, positions: &[Vec3]) -> anyhow::Result<Self> {
+    pub fn of(truth: &Trajectory, positions: &[Vec3]) -> Result<Self, MeasureError> {
         let (a, b) = (
             truth.frames(),
             Frames::new(positions, truth.vertex_count())?,
@@ -88,7 +99,7 @@ impl Curves {
     ///
     /// # Errors
     /// When the run is of another mesh.
-    pub fn of(truth: &Trajectory, positions: &[Vec3]) -> anyhow::Result<Self> {
+    pub fn of(truth: &Trajectory, positions: &[Vec3]) -> Result<Self, MeasureError> {
         let (a, b) = (
             truth.frames(),
             Frames::new(positions, truth.vertex_count())?,

@@ -9,7 +9,7 @@ pub(super) struct Meshes {
 }
 
 impl Meshes {
-    /// What makes the mesh of `truth`, how many vertices it has and how many are held; with a number
+    /// Words for the mesh of `truth`: its source, its vertices and its handles. A number follows
     /// where another mesh, or the same with other handles, has these words already.
     pub(super) fn name(&mut self, truth: &Trajectory) -> String {
         let identity = identity(truth);

@@ -1,10 +1,11 @@
 //! How well models predict recorded trajectories, and how well their naive rivals do: whole runs,
 //! and runs of k steps from the truth.
 //!
-//! Everyone is a `Stepper`, starts from the trajectory's first frame or from a rest pose of its own,
-//! and runs with the handles where they were recorded. Every run is the work of one thread from its
-//! start to its end, so that the numbers are the same for any number of threads; only the time of a
-//! frame depends on the machine and is taken afterwards, from runs that have it for themselves.
+//! Everyone is a `Stepper`, starts from the trajectory's first frame or from a rest pose of its
+//! own, and runs with the handles where they were recorded. Every run is the work of one thread
+//! from its start to its end, so that the numbers are the same for any number of threads; only the
+//! time of a frame depends on the machine and is taken afterwards, from runs that have it for
+//! themselves.
 //!
 //! What is measured stands in `measures`, errors over k steps in `horizons`, who runs in
 //! `contestant`, means over motions in `summary`.
@@ -19,13 +20,13 @@ mod timing;
 use std::sync::Arc;
 
 use selvedge_cloth::Scene;
-use selvedge_data::{Dataset, Entry, RecordingEnd, Split, Trajectory, metrics};
+use selvedge_data::{Dataset, DatasetError, Entry, RecordingEnd, Split, Trajectory, metrics};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use self::contestant::{Contestant, Racer, Who};
+pub use self::contestant::{Contestant, ContestantError, Racer, Who};
 pub use self::horizons::{Horizon, Horizons};
-pub use self::measures::{Curves, Measures, STRAIN_LIMIT};
+pub use self::measures::{Curves, MeasureError, Measures, STRAIN_LIMIT};
 pub use self::summary::{Summary, summary};
 pub use self::timing::Timing;
 
@@ -33,35 +34,44 @@ use self::contestant::{Course, Mirror, Mirrors, Scenes};
 use self::meshes::Meshes;
 use crate::cause::chain;
 use crate::event::{End, OnEvent, Reporter, Task};
-use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded};
-use crate::workers;
+use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary};
+use crate::workers::{self, WorkerError};
 
 /// A choice of motions or of numbers of steps that the data do not have.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct SelectionError(pub String);
 
+/// An evaluation that failed as a whole.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the parts")]
+pub enum EvaluateError {
+    Read(#[from] DatasetError),
+    Threads(#[from] WorkerError),
+}
+
 /// Trajectories of a data set to run along.
 pub struct TestData {
-    /// What people call it.
+    /// Its name in tables.
     pub name: String,
     data: Dataset,
     entries: Vec<Entry>,
 }
 
-/// Who runs along what.
-pub struct Plan<'a> {
+/// Contestants and the trajectories that they run along.
+pub struct EvaluationPlan<'a> {
     /// One after another.
     pub data: &'a [TestData],
     /// In the order of a table.
     pub contestants: &'a [Contestant],
     /// Runs of k steps.
     pub horizons: &'a Horizons,
-    /// How many threads; as many as there are processors where none is said.
+    /// Threads; by default one per processor.
     pub threads: Option<usize>,
 }
 
-/// What came out.
+/// The outcome of an evaluation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Evaluation {
@@ -83,7 +93,7 @@ pub struct Row {
     pub motion: String,
     /// The contestant's name.
     pub name: String,
-    /// What it is.
+    /// The kind of the contestant.
     pub who: Who,
     /// Frames per second.
     pub frame_rate: f64,
@@ -91,25 +101,26 @@ pub struct Row {
     pub measures: Option<Measures>,
     /// The first frame in which an edge strains over [`STRAIN_LIMIT`], or that was not reached.
     pub unstable_frame: Option<usize>,
-    /// The first of more than ten frames in a row in which some edge strains over 30 %, or the first
-    /// that was not reached.
+    /// The first of more than ten frames in a row in which some edge strains over 30 %, or the
+    /// first that was not reached.
     pub diverged_frame: Option<usize>,
-    /// What a guard did in the whole run; none where there was none.
-    pub guarded: Option<Guarded>,
+    /// Counts of the guard in the whole run; none without a guard.
+    pub guarded: Option<GuardSummary>,
     /// Errors over k steps from the truth.
     pub horizons: Vec<Horizon>,
-    /// Why there are no measures.
+    /// The reason where there are no measures.
     pub failure: Option<String>,
     /// Frame by frame, as far as the run went.
     pub curves: Curves,
 }
 
-/// A trajectory to run along, its mesh in words, and the mirror of its scene where somebody runs there.
+/// A trajectory to run along, its mesh in words, and the mirror of its scene where somebody runs
+/// there.
 struct Trial<'a> {
     data: &'a TestData,
     entry: &'a Entry,
     mesh: String,
-    mirror: Option<Result<Mirror, String>>,
+    mirror: Option<Result<Mirror, ContestantError>>,
     scene: Option<Arc<Scene>>,
 }
 
@@ -134,21 +145,21 @@ impl TestData {
         data: Dataset,
         split: Split,
         motions: &[String],
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, SelectionError> {
         let entries = data.entries(split);
         for motion in motions {
             if !entries.iter().any(|entry| entry.motion == *motion) {
                 let known: Vec<&str> = entries.iter().map(|e| e.motion.as_str()).collect();
                 let known = known.join(", ");
                 let problem = format!("motion {motion}: the split of data set {name} has {known}");
-                return Err(SelectionError(problem).into());
+                return Err(SelectionError(problem));
             }
         }
         let is_chosen = |entry: &&Entry| motions.is_empty() || motions.contains(&entry.motion);
         let entries: Vec<Entry> = entries.iter().filter(is_chosen).cloned().collect();
         if entries.is_empty() {
             let problem = format!("data set {name}: the split has no trajectories");
-            return Err(SelectionError(problem).into());
+            return Err(SelectionError(problem));
         }
         Ok(Self {
             name,
@@ -158,19 +169,23 @@ impl TestData {
     }
 }
 
-/// Runs everyone along everything. Where an end is asked for, the rows are those that were done.
+/// Runs every contestant along every trajectory. An interrupted evaluation has the rows of the runs
+/// that were done.
 ///
 /// # Errors
 /// A trajectory that cannot be read. A run that fails is a row that says so.
-pub fn evaluate(plan: &Plan<'_>, on_event: &mut OnEvent<'_>) -> anyhow::Result<(Evaluation, End)> {
+pub fn evaluate(
+    plan: &EvaluationPlan<'_>,
+    on_event: &mut OnEvent<'_>,
+) -> Result<(Evaluation, End), EvaluateError> {
     measure(plan, &Reporter::new(on_event))
 }
 
 /// As [`evaluate`], within a longer operation.
 pub(crate) fn measure(
-    plan: &Plan<'_>,
+    plan: &EvaluationPlan<'_>,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<(Evaluation, End)> {
+) -> Result<(Evaluation, End), EvaluateError> {
     let trials = trials(plan, reporter)?;
     let jobs: Vec<(&Trial<'_>, &Contestant)> = trials
         .iter()
@@ -205,11 +220,11 @@ pub(crate) fn measure(
     Ok((Evaluation { rows, timings }, End::Complete))
 }
 
-/// That every k that somebody asked for fits into a trajectory at least.
+/// Checks that every k fits into at least one trajectory.
 ///
 /// # Errors
 /// Wrong usage, with the longest k that there may be.
-pub fn check_horizons(data: &[TestData], horizons: &Horizons) -> anyhow::Result<()> {
+pub fn check_horizons(data: &[TestData], horizons: &Horizons) -> Result<(), SelectionError> {
     let frames = data.iter().flat_map(|data| &data.entries).map(|e| e.frames);
     let most = frames.max().unwrap_or(0).saturating_sub(1);
     match horizons.steps.iter().find(|steps| **steps > most) {
@@ -217,12 +232,15 @@ pub fn check_horizons(data: &[TestData], horizons: &Horizons) -> anyhow::Result<
         Some(steps) => {
             let problem =
                 format!("steps: {steps} fit into no trajectory: the longest has {most} steps");
-            Err(SelectionError(problem).into())
+            Err(SelectionError(problem))
         }
     }
 }
 
-fn trials<'a>(plan: &Plan<'a>, reporter: &Reporter<'_>) -> anyhow::Result<Vec<Trial<'a>>> {
+fn trials<'a>(
+    plan: &EvaluationPlan<'a>,
+    reporter: &Reporter<'_>,
+) -> Result<Vec<Trial<'a>>, EvaluateError> {
     let is_mirror = |contestant: &Contestant| contestant.who() == Who::Mirror;
     let with_mirror = plan.contestants.iter().any(is_mirror);
     let with_scene = plan.contestants.iter().any(Contestant::wants_scene);
@@ -234,7 +252,6 @@ fn trials<'a>(plan: &Plan<'a>, reporter: &Reporter<'_>) -> anyhow::Result<Vec<Tr
             // Read here for its mesh and scene, and again where it is run along: all may not fit.
             let truth = data.data.read(entry)?;
             let mirror = with_mirror.then(|| mirrors.of(&truth, reporter));
-            let mirror = mirror.map(|mirror| mirror.map_err(|error| chain(error.as_ref())));
             trials.push(Trial {
                 data,
                 entry,
@@ -253,7 +270,7 @@ fn run(
     contestant: &Contestant,
     horizons: &Horizons,
     task: &Task<'_, '_>,
-) -> anyhow::Result<Option<Row>> {
+) -> Result<Option<Row>, EvaluateError> {
     let truth = trial.data.data.read(trial.entry)?;
     let on_frame = &mut || task.advance();
     let mut row = Row {
@@ -273,7 +290,7 @@ fn run(
     };
     let told = fill(&mut row, trial, contestant, &truth, horizons, on_frame);
     if let Err(error) = told {
-        row.failure = Some(chain(error.as_ref()));
+        row.failure = Some(chain(&error));
     }
     Ok((!task.is_stopped()).then_some(row))
 }
@@ -285,7 +302,7 @@ fn fill(
     truth: &Trajectory,
     horizons: &Horizons,
     on_frame: &mut dyn FnMut() -> std::ops::ControlFlow<()>,
-) -> anyhow::Result<()> {
+) -> Result<(), ContestantError> {
     let course = trial.course(truth);
     let mut runner = contestant.runner(&course, 0)?;
     let recording = runner.run(truth.frame_count() - 1, on_frame);
@@ -313,7 +330,7 @@ fn fill(
         }
         Who::Model => horizons.over_true_starts(truth, |start, steps| {
             let mut runner = contestant.runner(&course, start)?;
-            Ok(runner.run(steps, on_frame).positions)
+            Ok::<_, ContestantError>(runner.run(steps, on_frame).positions)
         })?,
     };
     Ok(())
@@ -321,10 +338,10 @@ fn fill(
 
 /// The time of a frame, of each contestant on the first trajectory of each mesh.
 fn timings(
-    plan: &Plan<'_>,
+    plan: &EvaluationPlan<'_>,
     trials: &[Trial<'_>],
     reporter: &Reporter<'_>,
-) -> anyhow::Result<Vec<Timing>> {
+) -> Result<Vec<Timing>, EvaluateError> {
     let mut found: Vec<Timing> = Vec::new();
     for trial in trials {
         let mesh = &trial.mesh;

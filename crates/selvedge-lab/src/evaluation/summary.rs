@@ -3,12 +3,12 @@
 use serde::Serialize;
 
 use super::{Horizon, Measures, Row};
-use crate::watched::Guarded;
+use crate::watched::GuardSummary;
 
 /// One contestant over several motions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// How many motions.
+    /// Motions.
     pub motions: usize,
     /// Runs in which no edge strained over the limit.
     pub stable: usize,
@@ -16,8 +16,8 @@ pub struct Summary {
     pub unstable_frame: Option<usize>,
     /// Runs that diverged.
     pub diverged: usize,
-    /// What a guard did in all runs; none where one had none.
-    pub guarded: Option<Guarded>,
+    /// Counts of the guards in all runs; none where a run had no guard.
+    pub guarded: Option<GuardSummary>,
     /// Means over the motions; none where one run failed: a mean over the others would flatter.
     pub measures: Option<Measures>,
     /// Means over the motions, for those k that every motion has.
@@ -38,8 +38,8 @@ pub fn summary(rows: &[&Row]) -> Summary {
             .filter(|row| row.diverged_frame.is_some())
             .count(),
         guarded: {
-            let all: Option<Vec<Guarded>> = rows.iter().map(|row| row.guarded).collect();
-            all.map(|all| Guarded::sum(all.into_iter()))
+            let all: Option<Vec<GuardSummary>> = rows.iter().map(|row| row.guarded).collect();
+            all.map(|all| GuardSummary::sum(all.into_iter()))
         },
         measures: if all_measured {
             Measures::mean(measured())

@@ -22,13 +22,14 @@ pub struct Timing {
     pub mesh: String,
     /// The contestant's name.
     pub name: String,
-    /// What it is.
+    /// The kind of the contestant.
     pub who: Who,
     /// Wall time, median over frames `[ms]`.
     pub ms_per_frame: f64,
 }
 
-/// The median time of the frames of `runner`, at most `frames` of them `[ms]`; none where it made none.
+/// The median time of the frames of `runner`, at most `frames` of them `[ms]`; none where it made
+/// none.
 pub(super) fn milliseconds(
     runner: &mut Runner,
     frames: usize,

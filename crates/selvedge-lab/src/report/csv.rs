@@ -3,7 +3,7 @@
 
 use super::{Contest, Subject};
 use crate::evaluation::{Horizon, Measures, Row, Timing, Who, summary};
-use crate::watched::Guarded;
+use crate::watched::GuardSummary;
 
 const MEASURES: &str = "position_rmse,mean_vertex_error,largest_vertex_error,relative_error,edge_length_rmse,largest_strain,final_speed";
 
@@ -168,7 +168,7 @@ impl Csv {
         all.into_iter().for_each(|value| self.number(value));
     }
 
-    fn guarded(&mut self, guarded: Option<&Guarded>) {
+    fn guarded(&mut self, guarded: Option<&GuardSummary>) {
         self.number(guarded.map(|g| g.frames as f64));
         self.number(guarded.map(|g| g.corrected as f64));
         self.number(guarded.map(|g| g.lost as f64));

@@ -4,7 +4,7 @@ use selvedge_view::plot::PlotError;
 
 use super::{Cells, Contest, Measure, Page, bars, horizons_plot, markdown, over_time, slug};
 
-/// What stands above the tables.
+/// The head of a page, above the tables.
 pub struct Heading<'a> {
     /// The title.
     pub title: &'a str,

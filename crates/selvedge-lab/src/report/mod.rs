@@ -1,5 +1,5 @@
-//! What an evaluation or a training looks like on paper: tables in Markdown, all numbers in CSV, plots in
-//! SVG and PNG.
+//! What an evaluation or a training looks like on paper: tables in Markdown, all numbers in CSV,
+//! plots in SVG and PNG.
 //!
 //! Everything but the times is a pure function of the rows: the same rows, the same bytes. Times
 //! depend on the machine and stand in files of their own.
@@ -14,7 +14,8 @@ mod training;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use selvedge_data::write_atomically;
+use selvedge_data::{WriteError, write_atomically};
+use thiserror::Error;
 
 pub use self::csv::curves_csv;
 pub use self::evaluated::{Heading, evaluation_page};
@@ -23,33 +24,42 @@ pub use self::markdown::{
 };
 pub use self::page::{Page, TABLES};
 pub use self::plots::{Measure, Plot, bars, by_cost, horizons_plot, over_time};
-pub use self::training::{TrainingLog, training_chart};
+pub use self::training::{ReadLogError, TrainingLog, training_chart};
 
 use crate::evaluation::{Row, Who};
-use crate::folder;
+use crate::folder::{self, FolderError};
 
-/// Those who are compared, in groups.
+/// Contestants to compare, in groups.
 pub struct Contest<'a> {
     /// From top to bottom.
     pub groups: Vec<Group<'a>>,
 }
 
-/// Those who belong together.
+/// Contestants that belong together.
 pub struct Group<'a> {
-    /// What they have in common; empty where there is nothing to say.
+    /// The heading of the group; may be empty.
     pub heading: String,
     /// From top to bottom.
     pub subjects: Vec<Subject<'a>>,
 }
 
-/// One who is compared, with its runs.
+/// A contestant with its runs.
 pub struct Subject<'a> {
-    /// What stands beside its numbers.
+    /// The label beside its numbers.
     pub label: String,
-    /// What it is.
+    /// The kind of the contestant.
     pub who: Who,
     /// One per motion.
     pub rows: Vec<&'a Row>,
+}
+
+/// A report that cannot be written.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the parts")]
+pub enum WriteReportError {
+    Folder(#[from] FolderError),
+    File(#[from] WriteError),
 }
 
 /// The files of a report, in the order in which they are written.
@@ -125,7 +135,7 @@ impl Report {
     ///
     /// # Errors
     /// A folder or a file that cannot be written.
-    pub fn write(&self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, WriteReportError> {
         folder::make_folder(folder)?;
         let mut wrote = Vec::with_capacity(self.files.len());
         for (name, content) in &self.files {

@@ -53,8 +53,8 @@ impl Page {
         self.times.push_str(&format!("\n{}\n", text.trim()));
     }
 
-    /// Shows a plot, where there is one, which goes to `file` (.svg), with a number where another has that
-    /// name, and beside it as .png.
+    /// Shows a plot, where there is one, which goes to `file` (.svg), with a number where another
+    /// has that name, and beside it as .png.
     pub fn plot(&mut self, file: &str, alternative: &str, plot: Option<Plot>) {
         if let Some(plot) = plot {
             let stem = self.free_stem(file.strip_suffix(".svg").unwrap_or(file));
@@ -127,7 +127,7 @@ const PER_FRAME: &str = "## Time per frame
 Median over up to 120 frames, each run alone, with all threads.
 ";
 
-/// What the names and the columns mean.
+/// An explanation of names and columns.
 const NOTES: &str = "## What was measured
 
 Rigid: the rest pose moved with the handles. Mirror: the physics from the other branch of the

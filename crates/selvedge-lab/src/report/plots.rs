@@ -11,7 +11,7 @@ use crate::numbers::length;
 /// Lines that are so many times apart are drawn by their logarithm.
 const FAR_APART: f64 = 30.0;
 
-/// Which error a plot is of.
+/// The error that a plot shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
     /// Of positions.
@@ -114,7 +114,8 @@ pub fn over_time(
 }
 
 /// Error of whole runs by the time that a frame takes: a point for each model, a line through the
-/// physics with more and more substeps. None where nothing was timed, or there is nobody to compare with.
+/// physics with more and more substeps. None where nothing was timed, or there is nobody to compare
+/// with.
 ///
 /// # Errors
 /// A value that is not finite.

@@ -1,10 +1,25 @@
 //! The log of a training as curves: the loss by step, and the parts that it is made of.
 
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use selvedge_view::plot::{Axis, Line, LineChart, Role, Scale};
 use serde::Deserialize;
+use thiserror::Error;
+
+/// A log that cannot be read.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ReadLogError {
+    #[error("{}: could not be read: {source}", path.display())]
+    Read { path: PathBuf, source: io::Error },
+    #[error("{}: line {line} is no line of a log: {source}", path.display())]
+    Line {
+        path: PathBuf,
+        line: usize,
+        source: serde_json::Error,
+    },
+}
 
 /// The lines of a log.
 pub struct TrainingLog {
@@ -32,22 +47,22 @@ impl TrainingLog {
     ///
     /// # Errors
     /// When it cannot be read, with the line that is none.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("{}: could not be read", path.display()))?;
+    pub fn read(path: &Path) -> Result<Self, ReadLogError> {
+        let text = std::fs::read_to_string(path).map_err(|source| {
+            let path = path.to_owned();
+            ReadLogError::Read { path, source }
+        })?;
         let whole = text.rfind('\n').map_or("", |end| &text[..end]);
         let lines = whole.lines().enumerate();
         let rows = lines.map(|(number, line)| {
-            serde_json::from_str(line).with_context(|| {
-                format!(
-                    "{}: line {} is no line of a log",
-                    path.display(),
-                    number + 1
-                )
+            serde_json::from_str(line).map_err(|source| ReadLogError::Line {
+                path: path.to_owned(),
+                line: number + 1,
+                source,
             })
         });
         Ok(Self {
-            rows: rows.collect::<anyhow::Result<_>>()?,
+            rows: rows.collect::<Result<_, _>>()?,
         })
     }
 
@@ -126,6 +141,6 @@ mod tests {
         assert_eq!(chart.lines[0].points, [[10.0, 4.0], [20.0, 1.0]]);
         std::fs::write(&path, format!("{text}\n")).unwrap();
         let error = TrainingLog::read(&path).err().unwrap();
-        assert!(format!("{error:#}").contains("line 3"), "{error:#}");
+        assert!(error.to_string().contains("line 3"), "{error}");
     }
 }

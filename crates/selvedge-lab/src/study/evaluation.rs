@@ -3,18 +3,20 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, anyhow};
 use selvedge_data::Split;
 use selvedge_guard::{Correction, GuardSettings};
 use serde::{Deserialize, Serialize};
 
-use super::{Desk, StudyData, kept, training};
+use super::desk::{Desk, StudyData};
+use super::error::{OfPart, StudyError};
+use super::{kept, training};
 use crate::evaluation::{
-    Contestant, Evaluation, Horizons, Plan, Racer, Row, TestData, Timing, check_horizons,
+    Contestant, Evaluation, EvaluationPlan, Horizons, Racer, Row, TestData, Timing, check_horizons,
     measure as measure_plan,
 };
 use crate::event::End;
-use crate::{folder, models};
+use crate::folder;
+use crate::models::NamedModel;
 
 /// An evaluation and what it is of.
 #[derive(Serialize, Deserialize)]
@@ -24,7 +26,7 @@ struct Kept {
     evaluation: Evaluation,
 }
 
-/// What an evaluation is of.
+/// The inputs of an evaluation; a kept one is only taken for the same.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Subject {
@@ -36,7 +38,7 @@ struct Subject {
     data: Vec<(String, String)>,
     motions: Vec<String>,
     horizons: Horizons,
-    /// What ran it, since its times are in there: `cpu` for a rival, and where nothing is said.
+    /// The device, since times depend on it: `cpu` for a rival, and by default.
     #[serde(default = "kept::processor")]
     device: String,
 }
@@ -44,7 +46,7 @@ struct Subject {
 /// Raised where evaluations that are kept would come out differently now.
 const VERSION: u32 = 3;
 
-/// All that is measured, contestant after contestant.
+/// Measures of all contestants, one after another.
 pub(super) struct Results {
     pub(super) rows: Vec<Row>,
     pub(super) timings: Vec<Timing>,
@@ -54,20 +56,21 @@ pub(super) struct Results {
 ///
 /// # Errors
 /// Names the entry of the study, or the file.
-pub(super) fn check(desk: &Desk<'_>) -> anyhow::Result<()> {
+pub(super) fn check(desk: &Desk<'_>) -> Result<(), StudyError> {
     for data in &desk.data {
         let context = || format!("data set {:?} of the study", data.name);
-        data.set.verify_hashes().with_context(context)?;
+        data.set.verify_hashes().of(context)?;
     }
     for entry in &desk.study.model {
         let (path, _) = training::model_file(desk, entry)?;
-        models::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
+        NamedModel::open(Some(&path)).of(|| format!("model {:?}", entry.name))?;
     }
     let data = test_data(desk)?;
     if desk.study.evaluation.steps.is_none() {
         return Ok(());
     }
-    check_horizons(&data, &horizons(desk)).map_err(|error| anyhow!("evaluation.{error}"))
+    check_horizons(&data, &horizons(desk))
+        .map_err(|error| StudyError::new(format!("evaluation.{error}")))
 }
 
 fn horizons(desk: &Desk<'_>) -> Horizons {
@@ -76,18 +79,18 @@ fn horizons(desk: &Desk<'_>) -> Horizons {
     Horizons::new(steps.iter().copied(), asked.starts)
 }
 
-/// Measures everyone who is not measured yet. None where an end was asked for.
+/// Measures every contestant that is not measured yet. None where the listener asked to stop.
 ///
 /// # Errors
 /// A model that has vanished, or what of the data or a file went wrong.
-pub(super) fn measure_all(desk: &Desk<'_>) -> anyhow::Result<Option<Results>> {
+pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Results>, StudyError> {
     let data = test_data(desk)?;
     folder::make_folder(&desk.out.join("evaluations"))?;
     let mut results = Results {
         rows: Vec::new(),
         timings: Vec::new(),
     };
-    let mut add = |contestant: Waiting| -> anyhow::Result<bool> {
+    let mut add = |contestant: Waiting| -> Result<bool, StudyError> {
         let Some(found) = measure(desk, &data, contestant)? else {
             return Ok(false);
         };
@@ -120,14 +123,14 @@ pub(super) fn measure_all(desk: &Desk<'_>) -> anyhow::Result<Option<Results>> {
     Ok(Some(results))
 }
 
-/// Somebody who is to be measured, and what changes where it is another.
+/// A contestant to be measured, with a hash that changes where it does.
 struct Waiting {
     name: String,
     hash: String,
     runs: Runs,
 }
 
-/// Who runs: a model is only opened where it has to.
+/// A contestant to be; a model is opened late, where it must run.
 enum Runs {
     Model(PathBuf),
     Rival(Contestant),
@@ -143,7 +146,7 @@ impl Waiting {
     }
 }
 
-fn test_data(desk: &Desk<'_>) -> anyhow::Result<Vec<TestData>> {
+fn test_data(desk: &Desk<'_>) -> Result<Vec<TestData>, StudyError> {
     let asked = &desk.study.evaluation;
     let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
     let sets = desk.data.iter().filter(|data| is_asked(&data.name));
@@ -151,7 +154,7 @@ fn test_data(desk: &Desk<'_>) -> anyhow::Result<Vec<TestData>> {
         let (name, set) = (data.name.clone(), data.set.clone());
         let test = TestData::new(name, set, Split::Test, &asked.motions);
         // The study's mistake, not one of the command line.
-        test.map_err(|error| anyhow!("evaluation.motions: {error}"))
+        test.map_err(|error| StudyError::new(format!("evaluation.motions: {error}")))
     };
     sets.map(open).collect()
 }
@@ -160,9 +163,9 @@ fn measure(
     desk: &Desk<'_>,
     data: &[TestData],
     waiting: Waiting,
-) -> anyhow::Result<Option<Evaluation>> {
+) -> Result<Option<Evaluation>, StudyError> {
     let asked = &desk.study.evaluation;
-    let hash_of = |test: &TestData| -> anyhow::Result<(String, String)> {
+    let hash_of = |test: &TestData| -> Result<(String, String), StudyError> {
         Ok((test.name.clone(), desk.data(&test.name)?.hash.clone()))
     };
     let of = Subject {
@@ -188,13 +191,13 @@ fn measure(
         Runs::Model(file) => Contestant {
             name: waiting.name,
             racer: Racer::Model(
-                models::open(Some(&file))?.model,
+                NamedModel::open(Some(&file))?.model,
                 GuardSettings::with(Correction::None),
                 desk.machine.clone(),
             ),
         },
     };
-    let plan = Plan {
+    let plan = EvaluationPlan {
         data,
         contestants: &[contestant],
         horizons: &of.horizons,

@@ -6,10 +6,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, bail};
 use selvedge_train::{Setting, TrainConfig};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::error::{OfPart, StudyError};
 use crate::evaluation::{Contestant, Who};
 use crate::{assets, span};
 
@@ -19,20 +19,20 @@ use crate::{assets, span};
 pub struct Study {
     /// The title of its report.
     pub title: String,
-    /// Under the title.
+    /// Text under the title.
     #[serde(default)]
     pub(super) text: String,
     /// Data sets by name.
     pub(super) data: BTreeMap<String, DataSource>,
-    /// Where trainings end that do not say it themselves.
+    /// The budget of trainings that name none.
     budget: Option<Budget>,
-    /// Whether the schedules of a configuration are shrunk or stretched from its own steps to its budget.
+    /// Schedules of a configuration are scaled from its own steps to its budget.
     #[serde(default)]
     pub(super) scale_schedules: bool,
     /// Values that are changed in every training, before its own.
     #[serde(default)]
     set: Vec<String>,
-    /// How all are measured.
+    /// The measurement of all models.
     pub(super) evaluation: Measured,
     /// Models that are trained, in this order.
     #[serde(default)]
@@ -40,14 +40,14 @@ pub struct Study {
     /// Models that are there already.
     #[serde(default)]
     pub(super) model: Vec<Finished>,
-    /// What is asked, a section of the report each.
+    /// Questions, a section of the report each.
     pub(super) question: Vec<Question>,
-    /// Where its paths begin.
+    /// The folder of relative paths.
     #[serde(skip)]
     pub(super) folder: PathBuf,
 }
 
-/// Where a data set comes from.
+/// The source of a data set.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum DataSource {
@@ -57,7 +57,7 @@ pub(super) enum DataSource {
     Folder(PathBuf),
 }
 
-/// Where a training ends.
+/// The end of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Budget {
@@ -68,7 +68,7 @@ pub(super) enum Budget {
     Time(Duration),
 }
 
-/// How all are measured.
+/// The measurement of all models.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Measured {
@@ -78,17 +78,18 @@ pub(super) struct Measured {
     /// Motions; all where none is said.
     #[serde(default)]
     pub(super) motions: Vec<String>,
-    /// k, for errors over k steps from the truth; those of the usual ones that fit where none is said.
+    /// k, for errors over k steps from the truth; those of the usual ones that fit where none is
+    /// said.
     pub(super) steps: Option<Vec<usize>>,
     /// True frames per trajectory from which these start.
     #[serde(default = "usual_starts")]
     pub(super) starts: usize,
-    /// Who runs beside the models.
+    /// Rivals beside the models.
     #[serde(default)]
     rivals: Vec<Rival>,
 }
 
-/// Who can run beside the models.
+/// A rival beside the models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Rival {
@@ -96,7 +97,7 @@ enum Rival {
     Rigid,
     /// The physics from the other branch of the buckling.
     Mirror,
-    /// The recorded trajectory itself: what no error looks like.
+    /// The recorded trajectory itself, without any error.
     Truth,
 }
 
@@ -104,9 +105,9 @@ enum Rival {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Training {
-    /// By which questions call it; its folder.
+    /// Its name in questions, and of its folder.
     pub(super) name: String,
-    /// What stands beside its numbers; the name where there is none.
+    /// The label beside its numbers; by default the name.
     pub(super) label: Option<String>,
     /// A TOML file, or the name of a shipped configuration.
     pub(super) config: String,
@@ -124,44 +125,44 @@ pub(super) struct Training {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Finished {
-    /// By which questions call it.
+    /// Its name in questions.
     pub(super) name: String,
-    /// What stands beside its numbers; the name where there is none.
+    /// The label beside its numbers; by default the name.
     pub(super) label: Option<String>,
     /// Its file.
     pub(super) file: PathBuf,
 }
 
-/// What is asked.
+/// A question.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Question {
     /// The heading.
     pub(super) title: String,
-    /// Under it.
+    /// Text under the heading.
     #[serde(default)]
     pub(super) text: String,
-    /// Names of those who are compared.
+    /// Names of the models to compare.
     #[serde(default)]
     pub(super) models: Vec<String>,
     /// Instead of `models`: in groups with headings.
     #[serde(default)]
     pub(super) groups: Vec<Grouped>,
-    /// What is shown of them, in this order.
+    /// Tables and plots, in this order.
     pub(super) show: Vec<Show>,
 }
 
-/// Those who belong together.
+/// Models that belong together.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Grouped {
-    /// What they have in common.
+    /// The heading of the group.
     pub(super) heading: String,
     /// Their names.
     pub(super) models: Vec<String>,
 }
 
-/// What is shown.
+/// A table or a plot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Show {
@@ -213,30 +214,29 @@ const STUDIES: [(&str, &str); 6] = [
 ///
 /// # Errors
 /// Names the file, the entry and what is wrong.
-pub fn open(name: &str) -> anyhow::Result<Study> {
+pub fn open(name: &str) -> Result<Study, StudyError> {
     if let Some((_, text)) = STUDIES.iter().find(|study| study.0 == name) {
         return parse(text, Path::new(""), name);
     }
     let path = Path::new(name);
     let known = STUDIES.map(|study| study.0).join(", ");
-    let text = std::fs::read_to_string(path).with_context(|| {
-        format!("{name}: could not be read, and is none of the shipped studies {known}")
-    })?;
+    let text = std::fs::read_to_string(path)
+        .of(|| format!("{name}: could not be read, and is none of the shipped studies {known}"))?;
     parse(&text, path.parent().unwrap_or(Path::new("")), name)
 }
 
-fn parse(text: &str, folder: &Path, name: &str) -> anyhow::Result<Study> {
-    let read = || -> anyhow::Result<Study> {
+fn parse(text: &str, folder: &Path, name: &str) -> Result<Study, StudyError> {
+    let read = || -> Result<Study, StudyError> {
         let mut study: Study = toml::from_str(text)?;
         study.folder = folder.to_owned();
         study.check()?;
         Ok(study)
     };
-    read().with_context(|| name.to_owned())
+    read().of(|| name.to_owned())
 }
 
 impl Measured {
-    /// Who runs beside the models, in the order of a table.
+    /// Rivals beside the models, in the order of a table.
     pub(super) fn rivals(&self) -> impl Iterator<Item = Contestant> {
         let asked = self.rivals.iter().map(|rival| match rival {
             Rival::Rigid => Who::Rigid,
@@ -254,11 +254,11 @@ impl Study {
     ///
     /// # Errors
     /// Names the file and the field.
-    pub(super) fn config(&self, entry: &Training) -> anyhow::Result<TrainConfig> {
+    pub(super) fn config(&self, entry: &Training) -> Result<TrainConfig, StudyError> {
         let path = self.folder.join(&entry.config);
         let text = match assets::training(&entry.config) {
             Some(text) => text.to_owned(),
-            None => std::fs::read_to_string(&path).with_context(|| {
+            None => std::fs::read_to_string(&path).of(|| {
                 format!(
                     "{}: could not be read, and is no shipped configuration",
                     path.display()
@@ -267,17 +267,17 @@ impl Study {
         };
         let shown = Path::new(&entry.config);
         let set: Result<Vec<Setting>, _> = self.settings(entry).map(|text| text.parse()).collect();
-        let cfg = TrainConfig::parse_with(&text, shown, &set.context("set")?)?;
+        let cfg = TrainConfig::parse_with(&text, shown, &set.of(|| "set".to_owned())?)?;
         if !self.scale_schedules {
             return Ok(cfg);
         }
         let Budget::Steps(steps) = self.budget(entry)? else {
-            bail!(
+            return Err(StudyError::new(format!(
                 "scale_schedules: a budget in time has no steps to scale to: give {{ steps = 1000 }}"
-            )
+            )));
         };
         let scaled = cfg.scaled_to(steps);
-        scaled.with_context(|| format!("scaled from {} steps to the budget of {steps}", cfg.steps))
+        scaled.of(|| format!("scaled from {} steps to the budget of {steps}", cfg.steps))
     }
 
     /// Values of its configuration that are changed for `entry`.
@@ -285,17 +285,19 @@ impl Study {
         self.set.iter().chain(&entry.set)
     }
 
-    /// Where `entry` ends.
+    /// The end of `entry`.
     ///
     /// # Errors
     /// Where nobody says it, or it is zero.
-    pub(super) fn budget(&self, entry: &Training) -> anyhow::Result<Budget> {
+    pub(super) fn budget(&self, entry: &Training) -> Result<Budget, StudyError> {
         match entry.budget.or(self.budget) {
-            Some(Budget::Steps(0)) => bail!("budget: 0 steps train nothing: give at least 1"),
+            Some(Budget::Steps(0)) => Err(StudyError::new(format!(
+                "budget: 0 steps train nothing: give at least 1"
+            ))),
             Some(budget) => Ok(budget),
-            None => bail!(
+            None => Err(StudyError::new(format!(
                 "there is no budget: write budget = {{ steps = 1000 }} or {{ time = \"10m\" }}, here or for the whole study"
-            ),
+            ))),
         }
     }
 
@@ -303,15 +305,17 @@ impl Study {
     ///
     /// # Errors
     /// Where there are several and none is said.
-    pub(super) fn data_of<'a>(&'a self, entry: &'a Training) -> anyhow::Result<&'a str> {
+    pub(super) fn data_of<'a>(&'a self, entry: &'a Training) -> Result<&'a str, StudyError> {
         match (&entry.data, self.data.keys().next()) {
             (Some(name), _) => Ok(name),
             (None, Some(only)) if self.data.len() == 1 => Ok(only),
-            _ => bail!("data: the study has several data sets: say which one it learns from"),
+            _ => Err(StudyError::new(format!(
+                "data: the study has several data sets: say which one it learns from"
+            ))),
         }
     }
 
-    /// What stands beside the numbers of the model or rival of this name; none where nobody has it.
+    /// The label of the model or rival of this name; none for an unknown name.
     pub(super) fn label<'a>(&'a self, name: &'a str) -> Option<&'a str> {
         let trained = self.train.iter().map(|entry| (&entry.name, &entry.label));
         let finished = self.model.iter().map(|entry| (&entry.name, &entry.label));
@@ -325,7 +329,7 @@ impl Study {
 }
 
 impl Question {
-    /// Those who are compared, in groups.
+    /// Names of the models to compare, in groups.
     pub(super) fn groups(&self) -> Vec<Grouped> {
         if !self.groups.is_empty() {
             return self.groups.clone();

@@ -4,37 +4,36 @@
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-use anyhow::Context;
 use selvedge_data::write_atomically;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::error::{OfPart, StudyError};
 use crate::machine::PROCESSOR;
 
 /// The hash of a file, in hexadecimal.
 ///
 /// # Errors
 /// When it cannot be read.
-pub(super) fn hash_of(path: &Path) -> anyhow::Result<String> {
-    let bytes =
-        std::fs::read(path).with_context(|| format!("{}: could not be read", path.display()))?;
+pub(super) fn hash_of(path: &Path) -> Result<String, StudyError> {
+    let bytes = std::fs::read(path).of(|| format!("{}: could not be read", path.display()))?;
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// What is kept in `path`; none where there is no such file.
+/// Reads what is kept in `path`; none where there is no such file.
 ///
 /// # Errors
 /// A file that is not what was written there.
-pub(super) fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<Option<T>> {
+pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, StudyError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => {
             let context = format!("{}: could not be read", path.display());
-            return Err(anyhow::Error::new(error).context(context));
+            return Err(error).of(|| context);
         }
     };
-    serde_json::from_str(&text).map(Some).with_context(|| {
+    serde_json::from_str(&text).map(Some).of(|| {
         format!(
             "{}: is not what a study keeps: remove it, and it is made again",
             path.display()
@@ -51,9 +50,8 @@ pub(super) fn processor() -> String {
 ///
 /// # Errors
 /// When it cannot be written.
-pub(super) fn write(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
-    let text = serde_json::to_string(value)
-        .with_context(|| format!("{}: writing JSON", path.display()))?;
+pub(super) fn write(path: &Path, value: &impl Serialize) -> Result<(), StudyError> {
+    let text = serde_json::to_string(value).of(|| format!("{}: writing JSON", path.display()))?;
     Ok(write_atomically(path, |out| {
         out.write_all(text.as_bytes())
     })?)

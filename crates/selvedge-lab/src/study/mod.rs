@@ -1,9 +1,11 @@
 //! Studies: what is trained, what is measured, and what is asked of the outcome, in one file.
 //!
-//! `file` is what a study says, checked; `training` and `evaluation` do the work and keep what is done in the study's folder, so that a
-//! study that was interrupted goes on; `page` answers the questions. What is kept says what it was
-//! made from, and is only taken for that.
+//! `file` is what a study says, checked; `training` and `evaluation` do the work and keep what is
+//! done in the study's folder, so that a study that was interrupted goes on; `page` answers the
+//! questions. What is kept says what it was made from, and is only taken for that.
 
+mod desk;
+mod error;
 mod evaluation;
 mod file;
 mod kept;
@@ -12,43 +14,27 @@ mod training;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
-use selvedge_data::{Dataset, DatasetPreset, shipped_presets};
+use selvedge_data::{DatasetPreset, shipped_presets};
 
+use self::desk::{Desk, StudyData};
+use self::error::OfPart;
 use self::file::{DataSource, Study};
 use crate::event::{End, OnEvent, Reporter};
 use crate::generation;
 use crate::machine::Machine;
 
+pub use self::error::StudyError;
 pub use self::file::open;
 
-/// A study at work.
-struct Desk<'a> {
-    study: &'a Study,
-    out: &'a Path,
-    threads: Option<u16>,
-    machine: &'a Machine,
-    reporter: &'a Reporter<'a>,
-    data: Vec<StudyData>,
-}
-
-/// A data set of a study.
-struct StudyData {
-    name: String,
-    set: Dataset,
-    /// Of its index.
-    hash: String,
-}
-
-/// What a study came to.
-pub struct Outcome {
-    /// How many trainings are finished.
+/// The outcome of a study.
+pub struct StudyOutcome {
+    /// Trainings that are finished.
     pub trained: usize,
-    /// How many contestants are measured.
+    /// Contestants that are measured.
     pub measured: usize,
     /// The files of the report; none where it was interrupted.
     pub wrote: Vec<PathBuf>,
-    /// How it ended.
+    /// The end that it came to.
     pub end: End,
 }
 
@@ -62,8 +48,8 @@ pub fn run(
     threads: Option<u16>,
     machine: &Machine,
     on_event: &mut OnEvent<'_>,
-) -> anyhow::Result<Outcome> {
-    let mut outcome = Outcome {
+) -> Result<StudyOutcome, StudyError> {
+    let mut outcome = StudyOutcome {
         trained: 0,
         measured: 0,
         wrote: Vec::new(),
@@ -86,7 +72,7 @@ pub fn run(
     let mut trained = Vec::with_capacity(study.train.len());
     for entry in &study.train {
         let Some(training) = training::train(&desk, entry)
-            .with_context(|| format!("training {:?} of the study", entry.name))?
+            .of(|| format!("training {:?} of the study", entry.name))?
         else {
             outcome.trained = trained.len();
             return Ok(outcome);
@@ -110,7 +96,7 @@ fn prepare(
     out: &Path,
     threads: Option<u16>,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<Option<Vec<StudyData>>> {
+) -> Result<Option<Vec<StudyData>>, StudyError> {
     let mut all = Vec::with_capacity(study.data.len());
     for (name, source) in &study.data {
         let context = || format!("data set {name:?} of the study");
@@ -123,14 +109,14 @@ fn prepare(
                     false => study.folder.join(preset).display().to_string(),
                 };
                 let folder = out.join("data").join(name);
-                let end = make(&preset, &folder, threads, reporter).with_context(context)?;
+                let end = make(&preset, &folder, threads, reporter).of(context)?;
                 if end == End::Interrupted {
                     return Ok(None);
                 }
                 folder
             }
         };
-        let set = generation::open(&folder).with_context(context)?;
+        let set = generation::open(&folder).of(context)?;
         let hash = kept::hash_of(&folder.join("index.json"))?;
         all.push(StudyData {
             name: name.clone(),
@@ -147,7 +133,7 @@ fn make(
     folder: &Path,
     threads: Option<u16>,
     reporter: &Reporter<'_>,
-) -> anyhow::Result<End> {
+) -> Result<End, StudyError> {
     let preset = DatasetPreset::open(name)?;
     if !folder.join("index.json").is_file() {
         let threads = threads.map(usize::from);
@@ -156,18 +142,10 @@ fn make(
     let plan = preset.plan()?;
     let made = generation::open(folder)?;
     if let Some(difference) = plan.difference(made.index()) {
-        bail!(
+        return Err(StudyError::new(format!(
             "{}: the data set that is there was not made from the preset {name}, since it {difference}: remove the folder, or choose another --out",
             folder.display()
-        );
+        )));
     }
     Ok(End::Complete)
-}
-
-impl Desk<'_> {
-    /// The data set of this name, which `file` has checked to be there.
-    fn data(&self, name: &str) -> anyhow::Result<&StudyData> {
-        let found = self.data.iter().find(|data| data.name == name);
-        found.with_context(|| format!("the study has no data set {name:?}"))
-    }
 }

@@ -2,6 +2,7 @@
 
 use selvedge_view::plot::PlotError;
 
+use super::error::StudyError;
 use super::evaluation::Results;
 use super::file::{Budget, Question, Show, Study};
 use super::training::Record;
@@ -16,7 +17,7 @@ pub(super) fn report(
     study: &Study,
     trained: &[Record],
     results: &Results,
-) -> anyhow::Result<Report> {
+) -> Result<Report, StudyError> {
     let mut page = Page::new(&study.title);
     page.say(&study.text);
     for (number, question) in study.question.iter().enumerate() {
@@ -44,7 +45,7 @@ pub(super) fn report(
     Ok(page.finish(&everyone, &results.timings)?)
 }
 
-/// Those whom a question compares.
+/// The contestants that a question compares.
 fn contest<'a>(study: &'a Study, question: &Question, rows: &'a [Row]) -> Contest<'a> {
     let subject = |name: &String| {
         let rows: Vec<&Row> = rows.iter().filter(|row| row.name == *name).collect();
@@ -100,8 +101,8 @@ fn answer(
     Ok(())
 }
 
-/// What each model is and how long it was trained.
-fn models(study: &Study, trained: &[Record]) -> anyhow::Result<String> {
+/// A table of the models and of their trainings.
+fn models(study: &Study, trained: &[Record]) -> Result<String, StudyError> {
     let headings = [
         "model",
         "what",

@@ -1,16 +1,17 @@
-//! The trainings of a study: each in a folder of its own, with a record of what it was made from and
-//! how far it is. A finished one is kept, one under way goes on from its checkpoint.
+//! The trainings of a study: each in a folder of its own, with a record of what it was made from
+//! and how far it is. A finished one is kept, one under way goes on from its checkpoint.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
 use selvedge_train::{RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::desk::{Desk, StudyData};
+use super::error::{OfPart, StudyError};
 use super::file::{Budget, Finished, Training};
-use super::{Desk, StudyData, kept};
+use super::kept;
 use crate::event::{Goal, Task};
 use crate::{folder, training};
 
@@ -20,7 +21,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);
 /// Samples that go through the network together on the processor.
 const MICRO_BATCH: usize = 1;
 
-/// How far a training is, and what it was made from.
+/// The progress of a training, and its inputs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Record {
@@ -29,7 +30,7 @@ pub(super) struct Record {
     data: String,
     budget: Budget,
     after: Option<After>,
-    /// What did the arithmetic when it was begun: `cpu` where nothing is said.
+    /// The device at its beginning; by default `cpu`.
     #[serde(default = "kept::processor")]
     pub(super) device: String,
     /// Steps in all, with those of the training that this one goes on from.
@@ -57,7 +58,7 @@ struct After {
 ///
 /// # Errors
 /// Names the model and what to do.
-pub(super) fn check_kept(desk: &Desk<'_>) -> anyhow::Result<()> {
+pub(super) fn check_kept(desk: &Desk<'_>) -> Result<(), StudyError> {
     for entry in &desk.study.train {
         let folder = folder(desk, &entry.name);
         if kept::read::<Record>(&folder.join(RECORD))?.is_some_and(|record| record.model.is_some())
@@ -75,9 +76,12 @@ pub(super) fn check_kept(desk: &Desk<'_>) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// When it is gone, with the remedy.
-pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> anyhow::Result<(PathBuf, String)> {
+pub(super) fn model_file(
+    desk: &Desk<'_>,
+    entry: &Finished,
+) -> Result<(PathBuf, String), StudyError> {
     let path = desk.study.folder.join(&entry.file);
-    let hash = kept::hash_of(&path).with_context(|| {
+    let hash = kept::hash_of(&path).of(|| {
         format!(
             "model {:?} of the study has vanished: train it again to {}, or remove the entry from the study",
             entry.name,
@@ -94,7 +98,7 @@ pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> anyhow::Result<(P
 pub(super) fn finished_model(
     desk: &Desk<'_>,
     entry: &Training,
-) -> anyhow::Result<(PathBuf, String)> {
+) -> Result<(PathBuf, String), StudyError> {
     let folder = folder(desk, &entry.name);
     let path = folder.join(files::MODEL);
     let remedy = || {
@@ -105,20 +109,20 @@ pub(super) fn finished_model(
     };
     let name = &entry.name;
     if !path.is_file() {
-        bail!(
+        return Err(StudyError::new(format!(
             "training {name:?} is finished, but its model {} has vanished: {}",
             path.display(),
             remedy()
-        );
+        )));
     }
     let hash = kept::hash_of(&path)?;
     let record: Option<Record> = kept::read(&folder.join(RECORD))?;
     if record.and_then(|record| record.model).as_ref() != Some(&hash) {
-        bail!(
+        return Err(StudyError::new(format!(
             "training {name:?} is finished, but its model {} is another one by now: {}",
             path.display(),
             remedy()
-        );
+        )));
     }
     Ok((path, hash))
 }
@@ -127,7 +131,7 @@ pub(super) fn finished_model(
 ///
 /// # Errors
 /// What of the configuration, what is kept, or a step went wrong.
-pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<Record>> {
+pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>, StudyError> {
     let data = desk.data(desk.study.data_of(entry)?)?;
     let mut cfg = desk.study.config(entry)?;
     let after = after(desk, entry)?;
@@ -138,11 +142,11 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     folder::make_folder(&folder)?;
     let path = folder.join(RECORD);
     if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
-        bail!(
+        return Err(StudyError::new(format!(
             "{}: there is a checkpoint, but no {RECORD} that says what it was made from and how long it was \
              trained: remove the folder to train again",
             folder.display()
-        );
+        )));
     }
     let mut record = record(desk, entry, after, &cfg, data)?;
     if record.model.is_some() {
@@ -176,28 +180,30 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<
     }
 }
 
-/// What `entry` goes on from, which is finished by now.
-fn after(desk: &Desk<'_>, entry: &Training) -> anyhow::Result<Option<After>> {
+/// The finished training that `entry` goes on from.
+fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>, StudyError> {
     let Some(name) = &entry.after else {
         return Ok(None);
     };
     let path = folder(desk, name).join(RECORD);
     let record = kept::read::<Record>(&path)?;
     let finished = record.and_then(|record| Some((record.model?, record.steps_done)));
-    let (model, steps) = finished
-        .with_context(|| format!("{}: training {name:?} is not finished", path.display()))?;
+    let (model, steps) = finished.ok_or_else(|| {
+        let path = path.display();
+        StudyError::new(format!("{path}: training {name:?} is not finished"))
+    })?;
     let name = name.clone();
     Ok(Some(After { name, model, steps }))
 }
 
-/// How far a training is, which may be its beginning.
+/// The record of a training, which may be at its beginning.
 fn record(
     desk: &Desk<'_>,
     entry: &Training,
     after: Option<After>,
     cfg: &TrainConfig,
     data: &StudyData,
-) -> anyhow::Result<Record> {
+) -> Result<Record, StudyError> {
     let fresh = Record {
         config: serde_json::to_value(cfg)?,
         data: data.hash.clone(),
@@ -233,7 +239,7 @@ fn without_earlier_keys(config: &Value) -> Value {
 }
 
 /// A training in this folder goes on only as what it was begun as.
-fn check_same(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()> {
+fn check_same(known: &Record, now: &Record, folder: &Path) -> Result<(), StudyError> {
     let what = if without_earlier_keys(&known.config) != now.config {
         "configuration"
     } else if known.data != now.data {
@@ -245,34 +251,34 @@ fn check_same(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()>
     } else {
         return check_device(known, now, folder);
     };
-    bail!(
+    Err(StudyError::new(format!(
         "{} was made with another {what}: remove the folder to train again, or give the entry another name",
         folder.display()
-    )
+    )))
 }
 
 /// So many steps are the same wherever they are made, but for rounding; so many seconds are not.
-fn check_device(known: &Record, now: &Record, folder: &Path) -> anyhow::Result<()> {
+fn check_device(known: &Record, now: &Record, folder: &Path) -> Result<(), StudyError> {
     if known.device == now.device || matches!(now.budget, Budget::Steps(_)) {
         return Ok(());
     }
-    bail!(
+    Err(StudyError::new(format!(
         "{} has a budget in time and was begun on {:?}, not on {:?}: take the --device and --precision that it was \
          begun with, remove the folder to train again, or give the entry another name",
         folder.display(),
         known.device,
         now.device
-    )
+    )))
 }
 
-/// At the checkpoint of its folder, at the end of the training that it goes on from, or new. None where
-/// an end was asked for.
+/// At the checkpoint of its folder, at the end of the training that it goes on from, or new. None
+/// where an end was asked for.
 fn trainer(
     desk: &Desk<'_>,
     entry: &Training,
     cfg: TrainConfig,
     data: &StudyData,
-) -> anyhow::Result<Option<Trainer>> {
+) -> Result<Option<Trainer>, StudyError> {
     let engine = desk.machine.engine(MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
     if own.is_file() {
@@ -282,10 +288,10 @@ fn trainer(
         Some(before) => {
             let checkpoint = folder(desk, before).join(files::CHECKPOINT);
             let trainer = Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
-                .with_context(|| format!("going on after training {before:?}"))?;
+                .of(|| format!("going on after training {before:?}"))?;
             Ok(Some(trainer))
         }
-        None => training::begin(cfg, &data.set, &*engine, desk.reporter),
+        None => Ok(training::begin(cfg, &data.set, &*engine, desk.reporter)?),
     }
 }
 
@@ -296,7 +302,7 @@ fn slice(
     folder: &Path,
     record: &mut Record,
     task: &Task<'_, '_>,
-) -> anyhow::Result<RunEnd> {
+) -> Result<RunEnd, StudyError> {
     let time = match record.budget {
         Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
         Budget::Steps(_) => None,

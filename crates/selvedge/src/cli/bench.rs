@@ -19,8 +19,8 @@ pub(crate) enum BenchCommand {
 
 /// Time the networks: a frame and a training step of each variant.
 ///
-/// Beside each, in the same run and in turn: its matrix products alone (the roofline), and with --against
-/// another program. Medians; ratios are of runs beside each other.
+/// Beside each, in the same run and in turn: its matrix products alone (the roofline), and with
+/// --against another program. Medians; ratios are of runs beside each other.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -32,8 +32,8 @@ The other program gets one line of JSON on its standard input: spec, vertices, n
 senders, receivers, threads. It answers \"ready\"; then, for each line \"frame\" or \"step\", it runs one and
 answers with the milliseconds that it took.")]
 pub(crate) struct EngineArgs {
-    /// One of gru-10, gru-5, node-gru-10, streaming-gru, mlp, meshgraphnets, small; may stand several times
-    /// [default: all].
+    /// One of gru-10, gru-5, node-gru-10, streaming-gru, mlp, meshgraphnets, small; may stand
+    /// several times [default: all].
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Vec<String>,
     /// Runs of each; before each, after a rest, some that do not count.
@@ -48,14 +48,14 @@ pub(crate) struct EngineArgs {
     /// A program that runs the same networks, with its arguments.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) against: Option<String>,
-    /// What the engine computes with: the widest instructions that are detected, or those that every
-    /// machine of its kind has (on x86-64 no AVX), as on one that has no others.
+    /// Instructions of the engine: the widest that are detected, or those that every machine of its
+    /// kind has (on x86-64 no AVX).
     #[arg(long, value_enum, default_value_t = InstructionsName::Detected)]
     instructions: InstructionsName,
 }
 
 impl EngineArgs {
-    /// What the engine computes with; the bare products always take what is detected.
+    /// Instructions of the engine; the bare products always take what is detected.
     pub(crate) fn instructions(&self) -> Instructions {
         match self.instructions {
             InstructionsName::Detected => Instructions::Detected,
@@ -90,11 +90,12 @@ pub(crate) struct ScaleArgs {
     pub(crate) threads: Option<u16>,
 }
 
-/// Time the networks on a GPU: the forward pass alone, whole frames with features and integration, and steps
-/// of learning.
+/// Time the networks on a GPU: the forward pass alone, whole frames with features and integration,
+/// and steps of learning.
 ///
-/// Beside them what the card can do at most, measured in the same run: products in each precision, and its
-/// bandwidth. With --against, another program runs the same forward passes and steps afterwards. Medians.
+/// Beside them what the card can do at most, measured in the same run: products in each precision,
+/// and its bandwidth. With --against, another program runs the same forward passes and steps
+/// afterwards. Medians.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -104,7 +105,7 @@ Examples:
 
 The other programs get what those of `selvedge bench engine` get.")]
 pub(crate) struct GpuArgs {
-    /// Where, and how exactly.
+    /// The device and its precision.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
     /// As for `selvedge bench engine`; may stand several times [default: all but small].
@@ -130,9 +131,9 @@ pub(crate) struct GpuArgs {
 /// Cloths of a size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Cloths {
-    /// How many.
+    /// Number of cloths.
     pub(crate) count: usize,
-    /// Of each.
+    /// Vertices of each.
     pub(crate) vertices: usize,
 }
 
@@ -160,9 +161,9 @@ impl FromStr for Cloths {
 
 /// Hold a GPU against the processor: forward passes, gradients, training steps, rollouts.
 ///
-/// Every network of `selvedge bench engine` with weights drawn from a seed, and the shipped model. What fails, or is
-/// off by more than its bound, makes the command fail at its end. Other precisions than full have no bounds: how far
-/// off they are is told.
+/// Every network of `selvedge bench engine` with weights drawn from a seed, and the shipped model.
+/// What fails, or is off by more than its bound, makes the command fail at its end. Other
+/// precisions than full have no bounds: how far off they are is told.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -170,7 +171,7 @@ Examples:
   selvedge bench conformance --device cuda --precision half --variant gru-10
   selvedge bench conformance --device host --variant small")]
 pub(crate) struct ConformanceArgs {
-    /// Where, and how exactly.
+    /// The device and its precision.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
     /// As for `selvedge bench engine`; may stand several times [default: all].

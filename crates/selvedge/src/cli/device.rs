@@ -1,19 +1,20 @@
-//! Where the arithmetic of a model is done.
+//! The device and the precision of a model's arithmetic.
 
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use selvedge_lab::machine::{self, DeviceName, Machine};
+use selvedge_lab::machine::{DeviceName, Machine, MachineError, PrecisionName};
 
-/// Where, and how exactly.
+/// A device and its precision.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct DeviceArgs {
-    /// What computes the model: cpu, or a GPU as cuda or cuda:N (the N-th, counted from 0).
+    /// The device of the model: cpu, or a GPU as cuda or cuda:N (the N-th, counted from 0).
     #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = DeviceName::from_str)]
     pub(crate) device: DeviceName,
-    /// How a GPU multiplies: sums are single precision always. The processor multiplies in full.
-    #[arg(long, value_enum, default_value_t = PrecisionName::Full)]
-    pub(crate) precision: PrecisionName,
+    /// Precision of products on a GPU; sums are always in single precision. The processor
+    /// multiplies in full.
+    #[arg(long, value_enum, default_value_t = PrecisionFlag::Full)]
+    precision: PrecisionFlag,
 }
 
 impl DeviceArgs {
@@ -21,15 +22,20 @@ impl DeviceArgs {
     ///
     /// # Errors
     /// A device that is not there, or a precision that it does not have.
-    pub(crate) fn open(&self) -> anyhow::Result<Machine> {
-        Machine::open(self.device, self.precision.name())
+    pub(crate) fn open(&self) -> Result<Machine, MachineError> {
+        Machine::open(self.device, self.precision())
+    }
+
+    /// The precision that is asked for.
+    pub(crate) fn precision(&self) -> PrecisionName {
+        self.precision.name()
     }
 }
 
-/// How factors are rounded before they are multiplied.
+/// A rounding of factors before they are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PrecisionName {
-    /// Not at all.
+enum PrecisionFlag {
+    /// None.
     Full,
     /// To 10 bits (TF32).
     Tensor,
@@ -37,13 +43,13 @@ pub(crate) enum PrecisionName {
     Half,
 }
 
-impl PrecisionName {
-    /// The same, as the laboratory names it.
-    pub(crate) fn name(self) -> machine::PrecisionName {
+impl PrecisionFlag {
+    /// The precision as the laboratory names it.
+    fn name(self) -> PrecisionName {
         match self {
-            Self::Full => machine::PrecisionName::Full,
-            Self::Tensor => machine::PrecisionName::Tensor,
-            Self::Half => machine::PrecisionName::Half,
+            Self::Full => PrecisionName::Full,
+            Self::Tensor => PrecisionName::Tensor,
+            Self::Half => PrecisionName::Half,
         }
     }
 }
@@ -54,7 +60,7 @@ mod tests {
 
     #[test]
     fn precisions_are_called_what_is_asked_for() {
-        for precision in PrecisionName::value_variants() {
+        for precision in PrecisionFlag::value_variants() {
             let value = precision.to_possible_value().unwrap();
             assert_eq!(value.get_name(), precision.name().name());
         }

@@ -34,7 +34,7 @@ pub(crate) struct EvaluateArgs {
     /// The folder of a data set. May stand several times.
     #[arg(long, value_name = "FOLDER", required = true)]
     pub(crate) data: Vec<PathBuf>,
-    /// What is done about frames that no cloth could have; several, separated by commas, are several
+    /// Correction of frames that no cloth could have; several, separated by commas, are several
     /// contestants.
     #[arg(
         long = "guard",
@@ -44,7 +44,7 @@ pub(crate) struct EvaluateArgs {
         default_value = "limit"
     )]
     pub(crate) guards: Vec<GuardName>,
-    /// Which trajectories.
+    /// The split of trajectories.
     #[arg(long, value_enum, default_value_t = SplitName::Test)]
     pub(crate) split: SplitName,
     /// Only these motions, separated by commas.
@@ -60,8 +60,8 @@ pub(crate) struct EvaluateArgs {
     /// Leave out the physics from the other branch of the buckling, the dearest of all.
     #[arg(long)]
     pub(crate) no_mirror: bool,
-    /// Run the physics itself too, with so many substeps per frame; several, separated by commas. The
-    /// report then has its errors beside the models' by the time of a frame.
+    /// Run the physics itself too, with so many substeps per frame; several, separated by commas.
+    /// The report then has its errors beside the models' by the time of a frame.
     #[arg(long, value_name = "SUBSTEPS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1000))]
     physics: Vec<u32>,
     /// Write tables and plots into this folder; it is made.
@@ -73,7 +73,7 @@ pub(crate) struct EvaluateArgs {
     /// Runs that are made at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
-    /// Where the models run.
+    /// The machine of the models.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
 }
@@ -130,7 +130,7 @@ pub(crate) struct StudyArgs {
     /// Runs that are measured at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
-    /// Where models are trained and run.
+    /// The machine that trains and runs models.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
 }
@@ -138,9 +138,9 @@ pub(crate) struct StudyArgs {
 /// Part of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SplitName {
-    /// What models learn from.
+    /// Trajectories to learn from.
     Train,
-    /// What they never see.
+    /// Trajectories to test on.
     Test,
 }
 

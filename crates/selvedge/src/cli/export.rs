@@ -8,10 +8,11 @@ use selvedge_data::export::{FrameSpan, Normals};
 
 /// Write a trajectory in the format of another program.
 ///
-/// The format follows from the ending of the name: .usda (USD), .glb (glTF), .pc2 (a point cache, with
-/// the mesh beside it as .obj), .npz (NumPy), .gif, .mp4 (by ffmpeg, where that is installed), or .obj and
-/// .png for one frame. With --format obj or png the name is that of a new folder, which gets a file per
-/// frame. Lengths are metres; the first exported frame is at time 0. Ctrl-C leaves nothing behind.
+/// The format follows from the ending of the name: .usda (USD), .glb (glTF), .pc2 (a point cache,
+/// with the mesh beside it as .obj), .npz (NumPy), .gif, .mp4 (by ffmpeg, where that is installed),
+/// or .obj and .png for one frame. With --format obj or png the name is that of a new folder, which
+/// gets a file per frame. Lengths are metres; the first exported frame is at time 0. Ctrl-C leaves
+/// nothing behind.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -31,18 +32,18 @@ pub(crate) struct ExportArgs {
     /// The format [default: as the name ends].
     #[arg(long, value_enum)]
     pub(crate) format: Option<FormatName>,
-    /// Which frames, from 0: 20..80 (both included), 20.., ..80 or 20 [default: all].
+    /// Frames, from 0: 20..80 (both included), 20.., ..80 or 20 [default: all].
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     frames: Option<FrameSpan>,
     /// Only every Nth of these frames; the motion keeps its speed.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Which axis points up in the file: z turns the cloth by a quarter about x, as Blender has it. USD
-    /// says in the file which it is, and glTF is always y.
+    /// The axis that points up in the file: z turns the cloth by a quarter about x, as Blender has
+    /// it. A USD file names its axis; glTF is always y.
     #[arg(long, value_enum, default_value_t = UpName::Y)]
     up: UpName,
-    /// Whether to write a normal for each vertex and frame [default: yes for .glb, no for all others,
-    /// whose readers make their own].
+    /// A normal for each vertex and frame [default: yes for .glb, no for all others, whose readers
+    /// make their own].
     #[arg(long, value_enum)]
     normals: Option<NormalsName>,
 }
@@ -78,23 +79,23 @@ impl FormatName {
 /// An axis that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpName {
-    /// As here.
+    /// As in Selvedge.
     Y,
     /// As in Blender.
     Z,
 }
 
-/// Whether normals are written.
+/// The choice of normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum NormalsName {
-    /// They are.
+    /// Normals are written.
     Yes,
-    /// They are not.
+    /// Normals are left out.
     No,
 }
 
 impl ExportArgs {
-    /// Which frames.
+    /// The frames that are asked for.
     pub(crate) fn frames(&self) -> FrameSpan {
         FrameSpan {
             every: self.every as usize,
@@ -102,7 +103,7 @@ impl ExportArgs {
         }
     }
 
-    /// Which axis points up.
+    /// The axis that points up.
     pub(crate) fn up(&self) -> UpAxis {
         match self.up {
             UpName::Y => UpAxis::Y,
@@ -110,7 +111,7 @@ impl ExportArgs {
         }
     }
 
-    /// Whether normals are written, where that was said.
+    /// The choice of normals, where there was one.
     pub(crate) fn normals(&self) -> Option<Normals> {
         self.normals.map(|normals| match normals {
             NormalsName::Yes => Normals::Written,

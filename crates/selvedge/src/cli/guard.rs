@@ -7,10 +7,10 @@ use selvedge_guard::{Correction, GuardSettings, When};
 
 use super::evaluate::MOST_THREADS;
 
-/// What is done about frames that no cloth could have.
+/// Correction of frames that no cloth could have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GuardName {
-    /// Nothing.
+    /// No correction.
     None,
     /// Edges are brought back within bounds; what is lost is replaced by the physics.
     Limit,
@@ -21,7 +21,7 @@ pub(crate) enum GuardName {
 }
 
 impl GuardName {
-    /// As the command line has it.
+    /// The name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -31,7 +31,7 @@ impl GuardName {
         }
     }
 
-    /// What it means.
+    /// The settings of the guard.
     pub(crate) fn settings(self) -> GuardSettings {
         match self {
             Self::None => GuardSettings::with(Correction::None),
@@ -47,10 +47,10 @@ impl GuardName {
 
 /// Drive a model through random motions, without a truth: does it stay whole?
 ///
-/// Every run starts in the rest pose; the handles stand still for half a second and then move in every
-/// direction and turn, as in the random motions of the data sets. A run diverges where some edge strains
-/// over 30 % for more than 10 frames in a row. The numbers are the same for any number of threads,
-/// but for the time of a frame. Ctrl-C prints what is done.
+/// Every run starts in the rest pose; the handles stand still for half a second and then move in
+/// every direction and turn, as in the random motions of the data sets. A run diverges where some
+/// edge strains over 30 % for more than 10 frames in a row. The numbers are the same for any number
+/// of threads, but for the time of a frame. Ctrl-C prints what is done.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -66,32 +66,32 @@ pub(crate) struct StressArgs {
     /// The model's weights [default: the shipped model].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
-    /// How many motions.
+    /// Number of motions.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) runs: u32,
-    /// Only these of them, by the numbers that --out writes, separated by commas.
+    /// Only these motions, by the numbers that --out writes, separated by commas.
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', conflicts_with = "runs", value_parser = clap::value_parser!(u32).range(..1_000_000))]
     pub(crate) only: Vec<u32>,
-    /// Frames of each.
+    /// Frames of each run.
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u32).range(1..=super::MOST_FRAMES))]
     pub(crate) frames: u32,
-    /// Which motions.
+    /// Seed of the motions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) seed: u64,
     /// Peak speed of the handles, in parts of that of the shipped training motions (1.57 m/s).
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
     pub(crate) speed: f64,
-    /// What is done about frames that no cloth could have.
+    /// Correction of frames that no cloth could have.
     #[arg(long, value_enum, default_value_t = GuardName::Limit)]
     pub(crate) guard: GuardName,
-    /// Cloths in turn instead of the scene's own, as data presets name them: all, or names separated by
-    /// commas.
+    /// Cloths in turn instead of the scene's own, as data presets name them: all, or names
+    /// separated by commas.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) mesh: Vec<String>,
-    /// Of these cloths [vertices/m²].
+    /// Density of these cloths [vertices/m²].
     #[arg(long, value_name = "D", default_value_t = 400.0, requires = "mesh")]
     pub(crate) density: f64,
-    /// Decides where the inner vertices of these cloths lie.
+    /// Seed of the places of the inner vertices of these cloths.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh")]
     pub(crate) mesh_seed: u64,
     /// Write a line for each run to this file (.csv).

@@ -9,9 +9,9 @@ use selvedge_data::foreign::{ForeignFormat, ImportOptions, Purpose, RestSource};
 /// Make a data set from data of another project.
 ///
 /// flag-simple is DeepMind's folder of meta.json and TFRecord files; released is the folder of the
-/// code that came with MeshGraphNetRP, one folder of .npy files per trajectory. What the data do not
-/// say must be said here; what they say themselves must not. An interrupted import goes on when it
-/// is started again.
+/// code that came with MeshGraphNetRP, one folder of .npy files per trajectory. What the data do
+/// not say must be said here; what they say themselves must not. An interrupted import goes on when
+/// it is started again.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -20,15 +20,15 @@ Examples:
 
 docs/src/guides/data.md says what each format lacks, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
-    /// What the data are.
+    /// The format of the data.
     #[arg(value_enum)]
     pub(crate) format: FormatName,
-    /// Their folder.
+    /// The folder of the data.
     pub(crate) source: PathBuf,
     /// The folder of the data set; it is made.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
-    /// What the data set is called [default: as the folder].
+    /// The name of the data set [default: that of the folder].
     #[arg(long)]
     pub(crate) name: Option<String>,
     /// Mass per area in kg/m² (flag-simple: required).
@@ -47,7 +47,7 @@ pub(crate) struct ImportArgs {
     /// A mesh (.obj) whose material coordinates are taken (released, where rest.obj has none).
     #[arg(long, value_name = "FILE")]
     pub(crate) flat: Option<PathBuf>,
-    /// Which axis points up [default: z for flag-simple, y for released].
+    /// The axis that points up [default: z for flag-simple, y for released].
     #[arg(long, value_enum)]
     pub(crate) up: Option<UpName>,
     /// At most so many trajectories of each split.
@@ -73,7 +73,7 @@ pub(crate) enum FormatName {
 /// An axis that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpName {
-    /// As here.
+    /// As in Selvedge.
     Y,
     /// As in ARCSim and Blender.
     Z,

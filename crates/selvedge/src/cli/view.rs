@@ -9,9 +9,9 @@ use super::DeviceArgs;
 
 /// Take hold of a cloth, live, in the browser.
 ///
-/// Serves a page at an address of this machine and says where. The cloth is moved by the learned model, by
-/// the physics, or by both side by side under the same hands; or a recorded trajectory is played. Several
-/// pages may watch. Ctrl-C ends; a recording under way is written.
+/// Serves a page at an address of this machine and says where. The cloth is moved by the learned
+/// model, by the physics, or by both side by side under the same hands; or a recorded trajectory is
+/// played. Several pages may watch. Ctrl-C ends; a recording under way is written.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -22,26 +22,28 @@ Examples:
 
 In the page: drag a handle, or any point of the cloth; arrows, page up and down, q and e move all handles.")]
 pub(crate) struct ViewArgs {
-    /// A scene (a TOML file, ARCSim's JSON, or the name of a shipped one) or a trajectory (.safetensors).
+    /// A scene (a TOML file, ARCSim's JSON, or the name of a shipped one) or a trajectory
+    /// (.safetensors).
     #[arg(default_value = "default", value_name = "SCENE|TRAJECTORY")]
     pub(crate) subject: String,
     /// A model's weights; may stand several times, to choose from [default: the shipped model].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Vec<PathBuf>,
-    /// Who moves the cloth at first.
+    /// The mover of the cloth at first.
     #[arg(long, value_enum, default_value_t = Shown::Model)]
     pub(crate) show: Shown,
-    /// Where the models run.
+    /// The machine of the models.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,
     /// Another trajectory of the same mesh, to play beside the first.
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) beside: Option<PathBuf>,
-    /// Where to listen; port 0 takes one that is free. Beyond 127.0.0.1 anyone who reaches it may take hold.
+    /// The address to listen at; port 0 takes one that is free. Beyond 127.0.0.1 anyone who reaches
+    /// it may take hold.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7878")]
     pub(crate) address: SocketAddr,
-    /// A name under which the page may be reached, beside localhost and addresses in numbers; may stand
-    /// several times.
+    /// A name under which the page may be reached, beside localhost and addresses in numbers; may
+    /// stand several times.
     #[arg(long, value_name = "NAME")]
     pub(crate) allow_host: Vec<String>,
     /// The folder for what is recorded; it is made when there is something.
@@ -52,7 +54,7 @@ pub(crate) struct ViewArgs {
     pub(crate) open: bool,
 }
 
-/// Who moves the cloth.
+/// The mover of the cloth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Shown {
     /// The learned model.

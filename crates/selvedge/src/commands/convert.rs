@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use selvedge_data::write_atomically;
-use selvedge_lab::models;
+use selvedge_lab::models::NamedModel;
 use selvedge_model::{Model, WeightType};
 use serde_json::json;
 
@@ -16,11 +16,12 @@ use crate::place;
 /// Converts the model.
 ///
 /// # Errors
-/// When the model cannot be read, a weight is too large for the format, or the file cannot be written.
+/// When the model cannot be read, a weight is too large for the format, or the file cannot be
+/// written.
 pub(crate) fn run(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--out", &args.out)])?;
-    let model = models::open(Some(&args.model))?.model;
+    let model = NamedModel::open(Some(&args.model))?.model;
     let bytes = model
         .to_bytes_as(weight_type(args.weights))
         .with_context(|| args.model.display().to_string())?;

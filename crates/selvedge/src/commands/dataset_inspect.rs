@@ -1,5 +1,5 @@
-//! `selvedge dataset inspect`: what a data set holds, how its numbers are distributed, and a picture
-//! of every trajectory. Every file is read and checked against its hash.
+//! `selvedge dataset inspect`: what a data set holds, how its numbers are distributed, and a
+//! picture of every trajectory. Every file is read and checked against its hash.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

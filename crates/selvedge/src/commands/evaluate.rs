@@ -8,12 +8,13 @@ use std::sync::Arc;
 use anyhow::Context;
 use selvedge_data::{Dataset, write_atomically};
 use selvedge_lab::evaluation::{
-    Contestant, Evaluation, Measures, Plan, Racer, Row, Summary, TestData, Timing, Who,
+    Contestant, Evaluation, EvaluationPlan, Measures, Racer, Row, Summary, TestData, Timing, Who,
     check_horizons, evaluate, summary,
 };
 use selvedge_lab::machine::Machine;
+use selvedge_lab::models::NamedModel;
 use selvedge_lab::report::{self, Contest, Heading, Report};
-use selvedge_lab::{folder, generation, models};
+use selvedge_lab::{folder, generation};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -24,8 +25,8 @@ use crate::{place, progress};
 
 #[derive(Serialize)]
 struct Answered<'a> {
-    models: &'a [Named],
-    /// What the models ran on.
+    models: &'a [ModelFile],
+    /// The device of the models.
     device: String,
     data: &'a [PathBuf],
     split: &'static str,
@@ -40,7 +41,7 @@ struct Answered<'a> {
 
 /// A model that is measured.
 #[derive(Clone, Debug, Serialize)]
-struct Named {
+struct ModelFile {
     name: String,
     file: PathBuf,
     parameters: usize,
@@ -85,7 +86,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     if args.steps.is_some() {
         check_horizons(&data, &horizons)?;
     }
-    let plan = Plan {
+    let plan = EvaluationPlan {
         data: &data,
         contestants: &contestants,
         horizons: &horizons,
@@ -93,7 +94,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     };
     let (evaluation, end) = evaluate(&plan, &mut progress::listener())?;
     let contest = Contest::of(&evaluation.rows);
-    let wrote = write_files(args, (&models, &machine), &evaluation, end)?;
+    let wrote = write_files(args, &models, &machine, &evaluation, end)?;
     let answered = Answered {
         models: &models,
         device: machine.name(),
@@ -122,7 +123,8 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
 /// Writes what is asked for and says where it is.
 fn write_files(
     args: &EvaluateArgs,
-    (models, machine): (&[Named], &Machine),
+    models: &[ModelFile],
+    machine: &Machine,
     evaluation: &Evaluation,
     end: End,
 ) -> anyhow::Result<Vec<PathBuf>> {
@@ -133,7 +135,7 @@ fn write_files(
         wrote.push(curves.clone());
     }
     if let Some(folder) = &args.report {
-        wrote.extend(paper(args, (models, machine), evaluation, end)?.write(folder)?);
+        wrote.extend(paper(args, models, machine, evaluation, end)?.write(folder)?);
     }
     Ok(wrote)
 }
@@ -142,14 +144,14 @@ fn write_files(
 fn open_models(
     args: &EvaluateArgs,
     machine: &Machine,
-) -> anyhow::Result<(Vec<Named>, Vec<Contestant>)> {
+) -> anyhow::Result<(Vec<ModelFile>, Vec<Contestant>)> {
     let (named, guards) = (&args.models, args.guards());
     let parted: Vec<(Option<&str>, &Path)> = named.iter().map(|text| part(text)).collect();
     let short: Vec<String> = parted
         .iter()
         .map(|(name, file)| name.map_or_else(|| short_name(file), str::to_owned))
         .collect();
-    let mut models: Vec<Named> = Vec::with_capacity(named.len());
+    let mut models: Vec<ModelFile> = Vec::with_capacity(named.len());
     let mut contestants = Vec::with_capacity(named.len());
     for ((given, file), name) in parted.into_iter().zip(&short) {
         let is_double = short.iter().filter(|other| *other == name).count() > 1;
@@ -162,8 +164,8 @@ fn open_models(
             let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
             return Err(WrongUsage::new(problem).into());
         }
-        let model = models::open(Some(file))?.model;
-        models.push(Named {
+        let model = NamedModel::open(Some(file))?.model;
+        models.push(ModelFile {
             name: name.clone(),
             file: file.to_owned(),
             parameters: model.weights().len(),
@@ -219,12 +221,19 @@ fn open_data(args: &EvaluateArgs) -> anyhow::Result<Vec<TestData>> {
     }
     let named = names_of(&all).into_iter().zip(all);
     named
-        .map(|(name, data)| TestData::new(name, data, args.split.split(), &args.motions))
+        .map(|(name, data)| {
+            Ok(TestData::new(
+                name,
+                data,
+                args.split.split(),
+                &args.motions,
+            )?)
+        })
         .collect()
 }
 
-/// A name of its own for each data set: that of its index, its folder where others have that too, and
-/// a number on top where another is called like the folder.
+/// A name of its own for each data set: that of its index, its folder where others have that too,
+/// and a number on top where another is called like the folder.
 fn names_of(all: &[Dataset]) -> Vec<String> {
     let mut names: Vec<String> = Vec::with_capacity(all.len());
     for data in all {
@@ -271,12 +280,13 @@ fn without_curves(row: &Row) -> Result<Value, serde_json::Error> {
 /// The report of an evaluation.
 fn paper(
     args: &EvaluateArgs,
-    (models, machine): (&[Named], &Machine),
+    models: &[ModelFile],
+    machine: &Machine,
     evaluation: &Evaluation,
     end: End,
 ) -> anyhow::Result<Report> {
     let contest = Contest::of(&evaluation.rows);
-    let cells = |m: &Named| {
+    let cells = |m: &ModelFile| {
         let file = m.file.display().to_string();
         vec![m.name.clone(), file, m.parameters.to_string()]
     };
@@ -367,7 +377,7 @@ fn runs_table(rows: &[Row], means: &[Mean]) -> Table {
     table
 }
 
-/// How many runs diverge, and what the guards did.
+/// Counts of runs that diverge, and of corrections by guards.
 fn stability_table(means: &[Mean]) -> Table {
     let mut table = Table::new([
         "over 30 % for more than 10 frames",

@@ -1,4 +1,5 @@
-//! `selvedge reference` (hidden): every command with its options and defaults, as a page of Markdown.
+//! `selvedge reference` (hidden): every command with its options and defaults, as a page of
+//! Markdown.
 //!
 //! The page is made of what clap knows, so that it says the same as `--help`. With words after `--`
 //! it only says whether they are a command: `cargo xtask book` asks so for every command of the book.

@@ -15,8 +15,8 @@ use selvedge_guard::Trust;
 use selvedge_lab::folder;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics::{self, Run};
-use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, Guarded, Watched};
+use selvedge_lab::physics::{self, TimedRun};
+use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchedModel};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ const SHEET: &str = "sheet.png";
 const CLIP: &str = "clip.gif";
 
 #[derive(Serialize)]
-struct Report {
+struct RolloutReport {
     scene: String,
     model: String,
     device: String,
@@ -44,27 +44,34 @@ struct Report {
     model_ms_per_frame: f64,
     truth_ms_per_frame: Option<f64>,
     largest_strain: f64,
-    /// What is done about frames that no cloth could have.
+    /// The guard of frames that no cloth could have.
     guard: &'static str,
-    guarded: Guarded,
+    guarded: GuardSummary,
     /// The first of more than ten frames in a row with an edge over 30 % strain.
     diverged_frame: Option<usize>,
     comparison: Option<Comparison>,
     wrote: Vec<PathBuf>,
-    /// What the scene asks for and cannot have, or can hardly mean.
+    /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
     interrupted: bool,
 }
 
 /// A trajectory and the wall time of a frame `[ms]`.
-struct Timed {
+struct TimedTrajectory {
     trajectory: Trajectory,
     ms_per_frame: f64,
     end: End,
 }
 
-/// What is run.
-struct Stage {
+/// The model's run, with the guard's word on every frame.
+struct Prediction {
+    run: TimedTrajectory,
+    log: Vec<Trust>,
+    guarded: GuardSummary,
+}
+
+/// A scene at rest, and the frames to be run.
+struct Setup {
     loaded: LoadedScene,
     rest: SaggedRest,
     frames: usize,
@@ -82,71 +89,90 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     }
     let loaded = open_at_rest(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
-    let model = models::open(args.model.as_deref())?;
+    let model = NamedModel::open(args.model.as_deref())?;
     let machine = args.machine.open()?;
-    let frames = match args.frames {
-        Some(frames) => frames as usize,
-        None => loaded.scene.frame_count()?,
-    };
-    let rest = physics::rest_pose(&loaded.scene, &mut progress::listener())?;
-    let stage = Stage {
-        loaded,
-        rest,
-        frames,
-    };
+    let setup = setup(args, loaded)?;
     let mut wrote = Vec::new();
-    let (prediction, log, guarded) = predict(&stage, (&model, &machine), args)?;
-    write(&prediction.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
+    let Prediction { run, log, guarded } = predict(&setup, &model, &machine, args)?;
+    write(&run.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
         watched::write_trust(trust, &log)?;
         wrote.push(trust.clone());
     }
-    let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
-    let mut end = prediction.end;
-    let mut truth = None;
-    if args.truth() == Wanted::Yes && end == End::Complete {
-        let run = simulate(&stage)?;
-        write(&run.trajectory, args.out.join(TRUTH), &mut wrote)?;
-        end = run.end;
-        truth = Some(run);
-    }
+    let truth = truth(&setup, args, run.end, &mut wrote)?;
     let comparison = match &truth {
-        Some(truth) => Some(compare(&truth.trajectory, &prediction.trajectory)?),
+        Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
         None => None,
     };
+    let mut end = truth.as_ref().map_or(run.end, |truth| truth.end);
     if end == End::Complete {
         let show = Show {
-            title: &stage.loaded.scene.name,
+            title: &setup.loaded.scene.name,
             label: pictures::MODEL,
-            prediction: &prediction.trajectory,
+            prediction: &run.trajectory,
             truth: truth.as_ref().map(|truth| &truth.trajectory),
         };
         end = draw(&show, args, &mut wrote)?;
     }
-    end = exporting::fulfil(&wishes, &prediction.trajectory, end, &mut wrote)?;
-    let report = Report {
-        scene: stage.loaded.scene.name.clone(),
+    end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
+    let report = RolloutReport {
+        scene: setup.loaded.scene.name.clone(),
         model: model.name,
         device: machine.name(),
-        vertices: prediction.trajectory.vertex_count(),
-        frames: prediction.trajectory.frame_count(),
-        model_ms_per_frame: prediction.ms_per_frame,
+        vertices: run.trajectory.vertex_count(),
+        frames: run.trajectory.frame_count(),
+        model_ms_per_frame: run.ms_per_frame,
         truth_ms_per_frame: truth.as_ref().map(|truth| truth.ms_per_frame),
-        largest_strain: physics::largest_strain(&prediction.trajectory)?,
+        largest_strain: physics::largest_strain(&run.trajectory)?,
         guard: args.guard.name(),
         guarded,
-        diverged_frame: metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES)
-            .map(|frame| frame + 1),
+        diverged_frame: diverged_frame(&log),
         comparison,
         wrote,
-        warnings: stage.loaded.warnings.clone(),
+        warnings: setup.loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
 }
 
-/// Opens a scene that is to start in its sagged rest pose, which is all that a model can start from; warns
-/// where the scene says otherwise.
+/// The rest pose of a scene, and the frames that are asked for.
+fn setup(args: &RolloutArgs, loaded: LoadedScene) -> anyhow::Result<Setup> {
+    let frames = match args.frames {
+        Some(frames) => frames as usize,
+        None => loaded.scene.frame_count()?,
+    };
+    let rest = physics::rest_pose(&loaded.scene, &mut progress::listener())?;
+    Ok(Setup {
+        loaded,
+        rest,
+        frames,
+    })
+}
+
+/// The first of the frames over which the run diverges.
+fn diverged_frame(log: &[Trust]) -> Option<usize> {
+    let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
+    // The first strain is that after the first step.
+    metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES).map(|frame| frame + 1)
+}
+
+/// Simulates and writes the truth where it is asked for, after a run that was not interrupted.
+fn truth(
+    setup: &Setup,
+    args: &RolloutArgs,
+    end: End,
+    wrote: &mut Vec<PathBuf>,
+) -> anyhow::Result<Option<TimedTrajectory>> {
+    if args.truth() == Wanted::No || end == End::Interrupted {
+        return Ok(None);
+    }
+    let run = simulate(setup)?;
+    write(&run.trajectory, args.out.join(TRUTH), wrote)?;
+    Ok(Some(run))
+}
+
+/// Opens a scene in its sagged rest pose, the only start of a model; warns where the scene says
+/// otherwise.
 fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
     let mut loaded = scenes::open(scene)?;
     if loaded.spec.start != StartSpec::Rest {
@@ -180,24 +206,25 @@ fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> an
 }
 
 fn predict(
-    stage: &Stage,
-    (model, machine): (&NamedModel, &Machine),
+    setup: &Setup,
+    model: &NamedModel,
+    machine: &Machine,
     args: &RolloutArgs,
-) -> anyhow::Result<(Timed, Vec<Trust>, Guarded)> {
-    let scene = &stage.loaded.scene;
-    let cloth = Cloth::of_scene(scene, physics::rounded(&stage.rest.positions))?;
+) -> anyhow::Result<Prediction> {
+    let scene = &setup.loaded.scene;
+    let cloth = Cloth::of_scene(scene, physics::rounded(&setup.rest.positions))?;
     let graph = models::graph_of_scene(scene, &cloth)?;
     let path = scene.handle_path()?;
-    let stepper = models::stepper(model, graph, cloth.rest_positions(), machine)?;
-    let mut watched = Watched::new(
+    let stepper = model.start(graph, cloth.rest_positions(), machine)?;
+    let mut watched = WatchedModel::new(
         stepper,
         &cloth,
         scene.frame_rate,
         Some(Arc::new(scene.clone())),
         args.guard.settings(),
     )?;
-    let progress = Progress::new("predicting", stage.frames, "frames");
-    let run = models::drive(&mut watched, &path, stage.frames, &mut || {
+    let progress = Progress::new("predicting", setup.frames, "frames");
+    let run = models::drive(&mut watched, &path, setup.frames, &mut || {
         progress.advance();
         interrupt::flow()
     })
@@ -205,30 +232,33 @@ fn predict(
     if let Some(failure) = watched.physics_failure() {
         tracing::warn!("the guard did without its physics: {failure}");
     }
-    let summary = watched.summary();
-    Ok((timed(stage, run)?, watched.log().to_vec(), summary))
+    Ok(Prediction {
+        run: timed(setup, run)?,
+        log: watched.log().to_vec(),
+        guarded: watched.summary(),
+    })
 }
 
-fn simulate(stage: &Stage) -> anyhow::Result<Timed> {
-    let progress = Progress::new("simulating the truth", stage.frames, "frames");
-    let start = stage.rest.positions.clone();
+fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
+    let progress = Progress::new("simulating the truth", setup.frames, "frames");
+    let start = setup.rest.positions.clone();
     let run = physics::run(
-        &stage.loaded.scene,
+        &setup.loaded.scene,
         start,
-        stage.frames,
+        setup.frames,
         Threads::Pool,
         &mut || {
             progress.advance();
             interrupt::flow()
         },
     )?;
-    timed(stage, run)
+    timed(setup, run)
 }
 
-fn timed(stage: &Stage, run: Run) -> anyhow::Result<Timed> {
-    let (spec, scene) = (&stage.loaded.spec, &stage.loaded.scene);
-    Ok(Timed {
-        trajectory: physics::trajectory(spec, scene, &stage.rest.positions, run.positions)?,
+fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
+    let (spec, scene) = (&setup.loaded.spec, &setup.loaded.scene);
+    Ok(TimedTrajectory {
+        trajectory: physics::trajectory(spec, scene, &setup.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
         end: run.end,
     })
@@ -253,8 +283,8 @@ fn draw(show: &Show<'_>, args: &RolloutArgs, wrote: &mut Vec<PathBuf>) -> anyhow
     Ok(end)
 }
 
-fn guard_line(report: &Report) -> String {
-    let Guarded {
+fn guard_line(report: &RolloutReport) -> String {
+    let GuardSummary {
         corrected,
         lost,
         largest_correction,
@@ -270,7 +300,7 @@ fn guard_line(report: &Report) -> String {
     }
 }
 
-fn text(report: &Report) -> Facts {
+fn text(report: &RolloutReport) -> Facts {
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);
     facts.add("model", &report.model);

@@ -17,14 +17,14 @@ struct Report {
     scene: String,
     out: PathBuf,
     vertices: usize,
-    /// How far the middle between the handles hangs below them `[m]`.
+    /// Depth of the middle between the handles below them `[m]`.
     middle_sag: f64,
-    /// How far the lowest vertex hangs below the handles `[m]`.
+    /// Depth of the lowest vertex below the handles `[m]`.
     lowest: f64,
     largest_strain: f64,
     solves: u32,
     residual: f64,
-    /// What the scene asks for and cannot have, or can hardly mean.
+    /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
 }
 
@@ -95,7 +95,7 @@ fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64
     } else {
         trajectory.write(out)?;
     }
-    physics::largest_strain(&trajectory)
+    Ok(physics::largest_strain(&trajectory)?)
 }
 
 /// The vertex nearest in the material to the middle of the handles: for a square held by two
@@ -110,7 +110,7 @@ fn middle(scene: &Scene) -> usize {
         .unwrap_or_default()
 }
 
-/// How far `position` `[m]` is below the mean height of the handles `[m]`.
+/// Depth of `position` `[m]` below the mean height of the handles `[m]`.
 fn below_handles(scene: &Scene, position: DVec3) -> f64 {
     let held = scene.handles.select(scene.mesh.positions());
     let height: f64 = held.iter().map(|p| p.y).sum::<f64>() / held.len().max(1) as f64;

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, Trajectory, metrics};
-use selvedge_lab::physics::{self, Keep, Plan};
+use selvedge_cloth::Scene;
+use selvedge_data::{
+    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
+};
+use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
-use crate::cli::{From, SimulateArgs};
+use crate::cli::{SimulateArgs, Start};
 use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
@@ -15,12 +18,12 @@ use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, pictures, place, scenes};
 
 #[derive(Serialize)]
-struct Report {
+struct SimulateReport {
     scene: String,
     out: PathBuf,
     states: Option<PathBuf>,
     vertices: usize,
-    /// How many frames of the motion had passed at the start.
+    /// Frames of the motion that had passed at the start.
     first_frame: usize,
     frames: usize,
     ms_per_frame: f64,
@@ -31,7 +34,7 @@ struct Report {
     final_speed: f64,
     clip: Option<PathBuf>,
     exported: Vec<PathBuf>,
-    /// What the scene asks for and cannot have, or can hardly mean.
+    /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
     interrupted: bool,
 }
@@ -41,41 +44,20 @@ struct Report {
 /// # Errors
 /// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
-    place::check_file(&args.out, "--out", &["safetensors"])?;
-    if let Some(clip) = &args.clip {
-        place::check_file(clip, "--clip", &["gif"])?;
-    }
-    if let Some(states) = &args.states {
-        place::check_file(states, "--states", &["safetensors"])?;
-    }
+    check_files(args)?;
     let wishes = exporting::wishes(&args.export)?;
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
-    choose_start(&mut loaded, args.from())?;
+    choose_start(&mut loaded, args.start())?;
     let (rest, start) = rest_and_start(&loaded)?;
     let (scene, passed) = (&loaded.scene, start.frame);
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => frames_left(scene.frame_count()?, passed)?,
     };
+    let (run, states) = simulate(args, scene, start, frames)?;
     let sheet = scene.mesh.positions();
     let rest_positions = rest.as_ref().map_or(sheet, |rest| &rest.positions);
-    let keep = match args.states {
-        Some(_) => Keep::States,
-        None => Keep::Positions,
-    };
-    let plan = Plan {
-        start,
-        frames,
-        keep,
-        threads: Threads::Pool,
-    };
-    let progress = Progress::new("simulating", frames, "frames");
-    let (run, states) = physics::run_plan(scene, plan, &mut || {
-        progress.advance();
-        interrupt::flow()
-    })?;
-    drop(progress);
     let trajectory = physics::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
     if let (Some(states), Some(path)) = (states, &args.states) {
@@ -87,7 +69,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     };
     let mut exported = Vec::new();
     end = exporting::fulfil(&wishes, &trajectory, end, &mut exported)?;
-    let report = Report {
+    let report = SimulateReport {
         scene: scene.name.clone(),
         out: args.out.clone(),
         clip: args.clip.clone().filter(|_| run.end == End::Complete),
@@ -107,6 +89,41 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
 }
 
+/// Checks that the files that are asked for can be made.
+fn check_files(args: &SimulateArgs) -> anyhow::Result<()> {
+    place::check_file(&args.out, "--out", &["safetensors"])?;
+    if let Some(clip) = &args.clip {
+        place::check_file(clip, "--clip", &["gif"])?;
+    }
+    if let Some(states) = &args.states {
+        place::check_file(states, "--states", &["safetensors"])?;
+    }
+    Ok(())
+}
+
+/// Runs the physics; also returns the states where they are asked for.
+fn simulate(
+    args: &SimulateArgs,
+    scene: &Scene,
+    start: SavedState,
+    frames: usize,
+) -> anyhow::Result<(TimedRun, Option<StateRun>)> {
+    let plan = SimulationPlan {
+        start,
+        frames,
+        keep: match args.states {
+            Some(_) => Keep::States,
+            None => Keep::Positions,
+        },
+        threads: Threads::Pool,
+    };
+    let progress = Progress::new("simulating", frames, "frames");
+    Ok(physics::run_plan(scene, plan, &mut || {
+        progress.advance();
+        interrupt::flow()
+    })?)
+}
+
 /// Checks that nothing is written over something else that is written, or over what is read.
 fn check_places(args: &SimulateArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
     let exports = exporting::outputs(wishes);
@@ -115,7 +132,7 @@ fn check_places(args: &SimulateArgs, wishes: &[Wish], loaded: &LoadedScene) -> a
     outputs.extend(args.clip.as_deref().map(|path| ("--clip", path)));
     outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
     let mut inputs = scenes::inputs(loaded);
-    inputs.extend(args.from().file().map(|path| ("--state", path)));
+    inputs.extend(args.start().file().map(|path| ("--state", path)));
     place::check_outputs(&outputs, &inputs)
 }
 
@@ -131,12 +148,12 @@ fn draw(clip: &Path, title: &str, trajectory: &Trajectory) -> anyhow::Result<End
 }
 
 /// Puts what the command line says of the start in the place of what the scene says.
-fn choose_start(loaded: &mut LoadedScene, from: From<'_>) -> anyhow::Result<()> {
-    let (spec, state) = match from {
-        From::Scene => return Ok(()),
-        From::Rest => (StartSpec::Rest, None),
-        From::Start => (StartSpec::Mesh, None),
-        From::State(path, frame) => {
+fn choose_start(loaded: &mut LoadedScene, start: Start<'_>) -> anyhow::Result<()> {
+    let (spec, state) = match start {
+        Start::Scene => return Ok(()),
+        Start::Rest => (StartSpec::Rest, None),
+        Start::Mesh => (StartSpec::Mesh, None),
+        Start::State(path, frame) => {
             let choice = StateChoice {
                 frame,
                 frame_rate: Some(loaded.scene.frame_rate),
@@ -153,12 +170,12 @@ fn choose_start(loaded: &mut LoadedScene, from: From<'_>) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// What can be done about a rest pose that is not found.
+/// The remedy for a rest pose that is not found.
 const ELSEWHERE: &str = "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene)";
 
-/// The sagged rest pose, and where the run starts. A cloth that nothing holds has no rest pose: it can
-/// only be let go where it starts, and is then at rest there. So is one whose rest pose is not needed
-/// for the run and not found.
+/// The sagged rest pose, and where the run starts. A cloth that nothing holds has no rest pose: it
+/// can only be let go where it starts, and is then at rest there. So is one whose rest pose is not
+/// needed for the run and not found.
 fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> {
     let scene = &loaded.scene;
     let from_rest = loaded.spec.start == StartSpec::Rest;
@@ -173,10 +190,12 @@ fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, S
     } else {
         match physics::rest_pose(scene, &mut progress::listener()) {
             Ok(rest) => Some(rest),
-            Err(error) if interrupt::requested() => return Err(error),
-            Err(error) if from_rest => return Err(error.context(ELSEWHERE)),
+            Err(error) if interrupt::requested() => return Err(error.into()),
+            Err(error) if from_rest => {
+                return Err(anyhow::Error::new(error).context(ELSEWHERE));
+            }
             Err(error) => {
-                tracing::warn!("{error:#}: the file has the mesh as rest positions");
+                tracing::warn!("{error}: the file has the mesh as rest positions");
                 None
             }
         }
@@ -199,7 +218,7 @@ fn frames_left(all: usize, passed: usize) -> anyhow::Result<usize> {
     }
 }
 
-fn text(report: &Report, wanted: usize) -> Facts {
+fn text(report: &SimulateReport, wanted: usize) -> Facts {
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);
     facts.add("vertices", report.vertices);

@@ -13,7 +13,7 @@ use crate::progress;
 #[derive(Serialize)]
 struct Answered {
     title: String,
-    /// What does the arithmetic of models.
+    /// The device of the models.
     device: String,
     out: PathBuf,
     trained: usize,

@@ -22,9 +22,9 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(300);
 const NEWEST: f64 = 0.02;
 
 #[derive(Serialize)]
-struct Report {
+struct TrainReport {
     name: String,
-    /// What did the arithmetic.
+    /// The device of the arithmetic.
     device: String,
     out: PathBuf,
     parameters: usize,
@@ -34,14 +34,15 @@ struct Report {
     /// A moving mean over about fifty steps; none where no step was made.
     loss: Option<f64>,
     seconds: f64,
-    /// What it learned from, checkpoints and all; a sample that a step goes through several frames of is one.
+    /// Samples that it learned from, in the whole time with checkpoints; a sample of several frames
+    /// counts once.
     samples_per_second: f64,
     interrupted: bool,
 }
 
 /// A training that was interrupted before its first step.
 #[derive(Serialize)]
-struct Stopped {
+struct StoppedReport {
     out: PathBuf,
     steps_done: u64,
     steps: u64,
@@ -53,14 +54,7 @@ struct Stopped {
 /// # Errors
 /// What of the configuration, the data, the folder or a step went wrong.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
-    let path = args.config.as_ref();
-    let mut cfg = match assets::training(&args.config) {
-        Some(text) => TrainConfig::parse_with(text, path, &args.set)?,
-        None => TrainConfig::read_with(path, &args.set)?,
-    };
-    if let Some(steps) = args.steps {
-        cfg.steps = steps;
-    }
+    let cfg = config(args)?;
     let machine = args.machine.open()?;
     let data = generation::open(&args.data)?;
     let _claimed = folder::claim_folder(&args.out)?;
@@ -68,7 +62,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
     let engine = machine.engine(micro_batch);
     let Some(mut trainer) = trainer(cfg, &data, args, &*engine)? else {
-        let report = Stopped {
+        let report = StoppedReport {
             out: args.out.clone(),
             steps_done: 0,
             steps,
@@ -77,27 +71,11 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
     training::warn_of_images(&trainer);
-    let limits = RunLimits {
-        time: args.span,
-        checkpoint_every: CHECKPOINT_EVERY,
-    };
-    let left = trainer.config().steps.saturating_sub(trainer.steps_done());
-    let progress = Progress::new("training", usize::try_from(left)?, "steps");
     let (started, first) = (Instant::now(), trainer.steps_done());
-    let mut loss = None;
-    let end = selvedge_train::run(&mut trainer, &data, &args.out, limits, &mut |step| {
-        let newest = step.terms.total;
-        let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
-        loss = Some(mean);
-        progress.note(format!("loss {mean:.4}"));
-        progress.advance();
-        interrupt::flow()
-    })
-    .with_context(|| format!("training into {}", args.out.display()))?;
-    drop(progress);
+    let (end, loss) = steps_until_end(&mut trainer, &data, args)?;
     let seconds = started.elapsed().as_secs_f64();
     let shown = (trainer.steps_done() - first) * trainer.config().batch.samples as u64;
-    let report = Report {
+    let report = TrainReport {
         name: trainer.config().name.clone(),
         device: machine.name(),
         out: args.out.clone(),
@@ -108,16 +86,54 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         loss,
         seconds,
         samples_per_second: shown as f64 / seconds.max(f64::MIN_POSITIVE),
-        interrupted: end == RunEnd::Stopped,
+        interrupted: end == End::Interrupted,
     };
-    let ended = match end {
+    Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// The configuration with the changes of the call.
+fn config(args: &TrainArgs) -> anyhow::Result<TrainConfig> {
+    let path = args.config.as_ref();
+    let mut cfg = match assets::training(&args.config) {
+        Some(text) => TrainConfig::parse_with(text, path, &args.set)?,
+        None => TrainConfig::read_with(path, &args.set)?,
+    };
+    if let Some(steps) = args.steps {
+        cfg.steps = steps;
+    }
+    Ok(cfg)
+}
+
+/// Steps until the training ends; also returns the moving mean of the loss.
+fn steps_until_end(
+    trainer: &mut Trainer,
+    data: &Dataset,
+    args: &TrainArgs,
+) -> anyhow::Result<(End, Option<f64>)> {
+    let limits = RunLimits {
+        time: args.span,
+        checkpoint_every: CHECKPOINT_EVERY,
+    };
+    let left = trainer.config().steps.saturating_sub(trainer.steps_done());
+    let progress = Progress::new("training", usize::try_from(left)?, "steps");
+    let mut loss = None;
+    let end = selvedge_train::run(trainer, data, &args.out, limits, &mut |step| {
+        let newest = step.terms.total;
+        let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
+        loss = Some(mean);
+        progress.note(format!("loss {mean:.4}"));
+        progress.advance();
+        interrupt::flow()
+    })
+    .with_context(|| format!("training into {}", args.out.display()))?;
+    let end = match end {
         RunEnd::Finished | RunEnd::TimeUp => End::Complete,
         RunEnd::Stopped => End::Interrupted,
     };
-    Ok(Answer::new(text(&report), &report)?.ended(ended))
+    Ok((end, loss))
 }
 
-/// None where an end was asked for before the first step.
+/// Opens the training that is asked for; none where an end was asked for before the first step.
 fn trainer(
     cfg: TrainConfig,
     data: &Dataset,
@@ -140,7 +156,12 @@ fn trainer(
         let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
         return Ok(Some(trainer));
     }
-    training::fresh(cfg, data, engine, &mut progress::listener())
+    Ok(training::fresh(
+        cfg,
+        data,
+        engine,
+        &mut progress::listener(),
+    )?)
 }
 
 fn stopped(steps: u64) -> Facts {
@@ -151,7 +172,7 @@ fn stopped(steps: u64) -> Facts {
     facts
 }
 
-fn text(report: &Report) -> Facts {
+fn text(report: &TrainReport) -> Facts {
     let mut facts = Facts::new();
     facts.add("training", &report.name);
     facts.add("device", &report.device);

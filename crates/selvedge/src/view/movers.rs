@@ -95,12 +95,11 @@ impl LiveModel {
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let text = |error: anyhow::Error| MoverError::new(crate::failure::chain(&error));
-        let graph = models::graph_of_scene(&held_scene, &held).map_err(text)?;
+        let graph = models::graph_of_scene(&held_scene, &held).map_err(MoverError::new)?;
         let stepper = model
             .machine
             .start(&model.model, graph, frames)
-            .map_err(text)?;
+            .map_err(MoverError::new)?;
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
         let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);
         let needed = model.model.spec().history();

@@ -15,7 +15,7 @@ use selvedge_data::{
     materials, shipped_scenes,
 };
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::{self, NamedModel};
+use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, physics};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
 use selvedge_sim::{SagError, sag_with_progress};
@@ -52,9 +52,9 @@ impl ViewWorkshop {
         scenes.extend(shipped.filter(|name| name != scene));
         let mut opened: Vec<NamedModel> = Vec::new();
         for file in models {
-            opened.push(models::open(Some(file))?);
+            opened.push(NamedModel::open(Some(file))?);
         }
-        opened.push(models::open(None)?);
+        opened.push(NamedModel::open(None)?);
         Ok(Self {
             scenes,
             models: opened,
@@ -63,7 +63,7 @@ impl ViewWorkshop {
         })
     }
 
-    /// The order of the first cloth.
+    /// The order that is shown at first.
     pub(crate) fn first_order(&self) -> Order {
         Order {
             scene: self.scenes[0].clone(),
@@ -201,9 +201,9 @@ impl Workshop for ViewWorkshop {
     }
 }
 
-/// Returns true for a cloth that cannot be shown without its rest pose: the scene starts in
-/// it, or nobody waits for it any more. Where all handles have let go at the start there is none to
-/// be found.
+/// Returns `true` where a cloth cannot be shown without the rest pose that was not found: the scene
+/// starts in it, or nobody waits for it any more. A cloth whose handles have all let go has no rest
+/// pose.
 fn is_needed(loaded: &LoadedScene, error: &anyhow::Error) -> bool {
     match error.downcast_ref::<SagError>() {
         Some(SagError::Stopped { .. }) => true,
@@ -276,7 +276,7 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The remark for people where the shipped model meets a cloth that it was not trained on.
+/// A remark where the shipped model meets a cloth that it was not trained on.
 fn beyond_training(model: &str, loaded: &LoadedScene) -> Option<String> {
     let trained = GeneratorSpec {
         kind: Shape::Square,

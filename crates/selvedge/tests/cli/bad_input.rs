@@ -1,5 +1,5 @@
-//! Bad input: each kind has an error that names file, field and remedy, the exit code 1 (2 where the
-//! call itself is wrong), and leaves nothing behind.
+//! Bad input: each kind has an error that names file, field and remedy, the exit code 1 (2 where
+//! the call itself is wrong), and leaves nothing behind.
 
 use crate::common::{Desk, PUSH, contents};
 

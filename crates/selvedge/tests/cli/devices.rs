@@ -1,5 +1,5 @@
-//! Where models run: what is said where there is no GPU, and, in a program built for them, the kernels of
-//! a GPU on the processor.
+//! Where models run: what is said where there is no GPU, and, in a program built for them, the
+//! kernels of a GPU on the processor.
 
 use crate::common::{Desk, PUSH, TRAINING};
 

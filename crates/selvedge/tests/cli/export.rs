@@ -1,5 +1,6 @@
-//! `selvedge export`, `--export`, and rigs that drive the cloth, from outside: what is written comes
-//! back, a motion goes to another program's format and back again, and bad calls leave nothing.
+//! `selvedge export`, `--export`, and rigs that drive the cloth, from outside: what is written
+//! comes back, a motion goes to another program's format and back again, and bad calls leave
+//! nothing.
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_data::Trajectory;

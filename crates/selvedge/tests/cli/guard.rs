@@ -33,7 +33,8 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         let text = String::from_utf8(desk.read(&format!("{guard}.csv"))).unwrap();
         let told = column(&text, "largest_strain");
         assert_eq!(told.len(), PUSH_FRAMES);
-        // The same number by two routes, both in f64 from f32 positions; material coordinates alike.
+        // The same number by two routes, both in f64 from f32 positions; material coordinates
+        // alike.
         for (told, found) in told.iter().zip(&strains(&run)[1..]) {
             assert!((told.parse::<f64>().unwrap() - found).abs() < 1e-9);
         }

@@ -1,5 +1,5 @@
-//! The program as people call it: one binary of tests, so that it is linked once and what they share is
-//! used by all.
+//! The program as people call it: one binary of tests, so that it is linked once and what they
+//! share is used by all.
 
 // A test that cannot be set up fails where it is set up.
 #![allow(clippy::unwrap_used)]

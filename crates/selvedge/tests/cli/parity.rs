@@ -1,8 +1,8 @@
 //! Agreement with ARCSim, and what it needs: its scenes from the command line, runs that start from
 //! saved states and keep theirs.
 //!
-//! `arcsim/` holds a scene, the mesh and two states (frames 120 and 180) of a run of ARCSim 0.3.1 in
-//! double precision: its own numbers, made once for this test.
+//! `arcsim/` holds a scene, the mesh and two states (frames 120 and 180) of a run of ARCSim 0.3.1
+//! in double precision: its own numbers, made once for this test.
 use std::path::Path;
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
@@ -83,8 +83,8 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
     let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
     assert_eq!(run.frame_count(), 13);
     assert_eq!(run.frame(0)[4].to_array(), [0.05, 0.05, 0.0]);
-    // Spring handles lag behind their targets: by the force on them over 1000 N/m, for a sheet of 2 g
-    // that is accelerated by up to 60 m/s² at most 0.12 mm.
+    // Spring handles lag behind their targets: by the force on them over 1000 N/m, for a sheet of 2
+    // g that is accelerated by up to 60 m/s² at most 0.12 mm.
     let [before, after] = [run.frame(0)[6], run.frame(12)[6]];
     assert!((after.z - before.z - 0.1).abs() < 1.2e-4);
     let report = desk.json("inspect swing.json");

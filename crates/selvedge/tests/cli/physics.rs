@@ -1,4 +1,5 @@
-//! The physics from the command line: `simulate`, `sag`, `compare`, and `inspect` of what they make.
+//! The physics from the command line: `simulate`, `sag`, `compare`, and `inspect` of what they
+//! make.
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_data::{Trajectory, open_scene, read_obj, shipped_scenes};
@@ -95,7 +96,8 @@ fn the_rest_pose_is_where_the_cloth_stays() {
     }
 }
 
-/// The first scene of docs/src/guides/scenes.md, a flag, starts in its rest pose although it flutters.
+/// The first scene of docs/src/guides/scenes.md, a flag, starts in its rest pose although it
+/// flutters.
 #[test]
 fn the_first_scene_of_the_docs_runs() {
     let docs = include_str!("../../../../docs/src/guides/scenes.md");

@@ -1,26 +1,25 @@
 //! What of a study makes no sense is found before anything is done.
 
-use anyhow::{Context, bail};
-
 use selvedge_train::TrainConfig;
 
 use super::{Question, Study, Training};
 use crate::evaluation::Contestant;
+use crate::study::error::{OfPart, StudyError};
 
 impl Study {
     /// Checks everything that can be known before anything is done.
     ///
     /// # Errors
     /// Names the entry and the remedy.
-    pub(super) fn check(&self) -> anyhow::Result<()> {
+    pub(super) fn check(&self) -> Result<(), StudyError> {
         self.check_names()?;
         if self.data.is_empty() {
-            bail!(
+            return Err(StudyError::new(format!(
                 "data: there is no data set: write [data] and a line such as small = {{ preset = \"small\" }}"
-            );
+            )));
         }
         for name in &self.evaluation.data {
-            self.check_data(name).context("evaluation.data")?;
+            self.check_data(name).of(|| "evaluation.data".to_owned())?;
         }
         for (field, bad) in [
             (
@@ -30,21 +29,23 @@ impl Study {
             ("starts", self.evaluation.starts == 0),
         ] {
             if bad {
-                bail!("evaluation.{field} must be at least 1, found 0");
+                return Err(StudyError::new(format!(
+                    "evaluation.{field} must be at least 1, found 0"
+                )));
             }
         }
         for (number, entry) in self.train.iter().enumerate() {
             self.check_training(entry, &self.train[..number])
-                .with_context(|| format!("training {:?}", entry.name))?;
+                .of(|| format!("training {:?}", entry.name))?;
         }
         for question in &self.question {
             self.check_question(question)
-                .with_context(|| format!("question {:?}", question.title))?;
+                .of(|| format!("question {:?}", question.title))?;
         }
         Ok(())
     }
 
-    fn check_training(&self, entry: &Training, before: &[Training]) -> anyhow::Result<()> {
+    fn check_training(&self, entry: &Training, before: &[Training]) -> Result<(), StudyError> {
         self.check_data(self.data_of(entry)?)?;
         let cfg = self.config(entry)?;
         self.budget(entry)?;
@@ -52,15 +53,19 @@ impl Study {
             return Ok(());
         };
         if self.scale_schedules {
-            bail!(
+            return Err(StudyError::new(format!(
                 "after: with scale_schedules every training is a whole one: leave one of the two out"
-            );
+            )));
         }
         let Some(before) = before.iter().find(|entry| entry.name == *after) else {
-            bail!("after: no training before this one is called {after:?}")
+            return Err(StudyError::new(format!(
+                "after: no training before this one is called {after:?}"
+            )));
         };
         if self.data_of(before)? != self.data_of(entry)? {
-            bail!("after: {after:?} learns from another data set: a training goes on with its own");
+            return Err(StudyError::new(format!(
+                "after: {after:?} learns from another data set: a training goes on with its own"
+            )));
         }
         // A budget of steps decides when each ends.
         let comparable = |mut cfg: TrainConfig| {
@@ -70,12 +75,14 @@ impl Study {
             cfg
         };
         if comparable(self.config(before)?) != comparable(cfg) {
-            bail!("after: {after:?} has another configuration: a training goes on with its own");
+            return Err(StudyError::new(format!(
+                "after: {after:?} has another configuration: a training goes on with its own"
+            )));
         }
         Ok(())
     }
 
-    fn check_names(&self) -> anyhow::Result<()> {
+    fn check_names(&self) -> Result<(), StudyError> {
         let mut seen: Vec<&str> = Vec::new();
         let rivals = Contestant::rivals().map(|rival| rival.name);
         let trained = self.train.iter().map(|entry| &entry.name);
@@ -83,50 +90,56 @@ impl Study {
         for name in models {
             let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
             if name.is_empty() || !name.chars().all(plain) {
-                bail!(
+                return Err(StudyError::new(format!(
                     "name {name:?}: use letters, digits, - and _, since it is the name of a folder"
-                );
+                )));
             }
             if rivals.contains(name) {
-                bail!("name {name:?}: a rival has this name: take another");
+                return Err(StudyError::new(format!(
+                    "name {name:?}: a rival has this name: take another"
+                )));
             }
             if seen.contains(&name.as_str()) {
-                bail!("two entries are called {name:?}: rename one");
+                return Err(StudyError::new(format!(
+                    "two entries are called {name:?}: rename one"
+                )));
             }
             seen.push(name);
         }
         Ok(())
     }
 
-    fn check_data(&self, name: &str) -> anyhow::Result<()> {
+    fn check_data(&self, name: &str) -> Result<(), StudyError> {
         if self.data.contains_key(name) {
             return Ok(());
         }
         let known: Vec<&str> = self.data.keys().map(String::as_str).collect();
-        bail!(
+        Err(StudyError::new(format!(
             "there is no data set {name:?}: the study has {}",
             known.join(", ")
-        )
+        )))
     }
 
-    fn check_question(&self, question: &Question) -> anyhow::Result<()> {
+    fn check_question(&self, question: &Question) -> Result<(), StudyError> {
         if question.models.is_empty() == question.groups.is_empty() {
-            bail!("write either models or groups");
+            return Err(StudyError::new(format!("write either models or groups")));
         }
         for group in question.groups() {
             let mut seen: Vec<&String> = Vec::new();
             for name in &group.models {
                 if seen.contains(&name) {
-                    bail!("{name:?} stands twice: name everyone once");
+                    return Err(StudyError::new(format!(
+                        "{name:?} stands twice: name everyone once"
+                    )));
                 }
                 seen.push(name);
             }
         }
         for name in question.groups().iter().flat_map(|group| &group.models) {
             if self.label(name).is_none() {
-                bail!(
+                return Err(StudyError::new(format!(
                     "there is nobody called {name:?}: name trainings, models or rivals of the study"
-                );
+                )));
             }
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! Cloths to measure rollouts on: an irregular square, or, where that would take longer to make than to
-//! measure, a sheet of squares with diagonals.
+//! Cloths to measure rollouts on: an irregular square, or, where that would take longer to make
+//! than to measure, a sheet of squares with diagonals.
 
 use anyhow::Context;
 use glam::{Vec2, Vec3};

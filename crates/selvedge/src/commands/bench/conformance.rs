@@ -1,9 +1,10 @@
 //! `selvedge bench conformance`: what a GPU computes, held against the processor's engine.
 //!
-//! Bounds: a forward pass of normalised numbers 1e-5, in parts of the largest where that is above 1; a rollout 2e-5 m after so many frames of small
-//! accelerations, which the integration doubles; gradients and trainings as `learning` says, bounds of edges as `limits`
-//! does. Other precisions than full are told without bounds. What fails is a check that does not hold, and the rest
-//! goes on.
+//! Bounds: a forward pass of normalised numbers 1e-5, in parts of the largest where that is above
+//! 1; a rollout 2e-5 m after so many frames of small accelerations, which the integration doubles;
+//! gradients and trainings as `learning` says, bounds of edges as `limits` does. Other precisions
+//! than full are told without bounds. What fails is a check that does not hold, and the rest goes
+//! on.
 
 mod learning;
 mod limits;
@@ -20,7 +21,7 @@ use selvedge_gpu::bench::inference::Inference;
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::rollout::stepper::GpuStepper;
 use selvedge_lab::machine::{self, DeviceName};
-use selvedge_lab::models;
+use selvedge_lab::models::NamedModel;
 use selvedge_model::{
     ClothGraph, Connectivity, Extent, Input, LearnedStepper, Model, Pass, Workspace,
 };
@@ -34,7 +35,8 @@ use crate::cli::ConformanceArgs;
 use crate::output::{Answer, End, Table};
 use crate::{failure, interrupt};
 
-/// Most that a normalised acceleration may be off, in parts of the largest of the pass where that is above 1.
+/// Most that a normalised acceleration may be off, in parts of the largest of the pass where that
+/// is above 1.
 const FORWARD: f64 = 1e-5;
 
 /// Most that a vertex may be off after a rollout `[m]`.
@@ -43,15 +45,15 @@ const ROLLOUT: f64 = 2e-5;
 /// Something that was compared.
 #[derive(Serialize)]
 struct Check {
-    /// Whose.
+    /// The name of the model.
     model: String,
-    /// What.
+    /// The quantity.
     what: String,
-    /// How far it is off; none where that could not be found out.
+    /// The difference; none where the comparison failed.
     off: Option<f64>,
-    /// How far it may be; none where nothing is asked of it.
+    /// The largest difference that holds; none where there is no bound.
     bound: Option<f64>,
-    /// Why it could not be found out.
+    /// The reason where the comparison failed.
     failure: Option<String>,
 }
 
@@ -66,7 +68,7 @@ impl Check {
     }
 }
 
-/// How far something may be off.
+/// A bound of a difference.
 #[derive(Clone, Copy)]
 enum Bound {
     /// As rounding in full precision goes; other precisions have no bound.
@@ -83,7 +85,7 @@ struct Checks {
 
 impl Checks {
     /// Adds what was found, or why nothing was.
-    fn add(&mut self, model: &str, what: &str, (off, bound): (anyhow::Result<f64>, Bound)) {
+    fn add(&mut self, model: &str, what: &str, off: anyhow::Result<f64>, bound: Bound) {
         let (off, failure) = match off {
             Ok(off) => (Some(off), None),
             Err(error) => (None, Some(failure::chain(&error))),
@@ -138,7 +140,7 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
         "cpu is what a GPU is held against: take --device cuda"
     );
     let device = machine::open_device(args.machine.device)?;
-    let precision = machine::precision_of(args.machine.precision.name());
+    let precision = machine::precision_of(args.machine.precision());
     let conformance = Conformance {
         device: &*device,
         precision,
@@ -155,10 +157,10 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
         let graph = hanging(variant.vertices)?;
         let model = Arc::new(model(&variant)?);
         conformance.check(variant.name, &model, &graph, &mut checks);
-        limits::check(&conformance, variant.name, (&model, &graph), &mut checks);
+        limits::check(&conformance, variant.name, &model, &graph, &mut checks);
     }
     if !interrupt::requested() {
-        let shipped = models::open(None)?;
+        let shipped = NamedModel::open(None)?;
         let graph = hanging(289)?;
         // A network to measure may be called the same.
         let name = format!("{}, shipped", shipped.name);
@@ -172,12 +174,12 @@ pub(super) fn run(args: &ConformanceArgs) -> anyhow::Result<Answer> {
         End::Complete
     };
     let report = json!({
-        "device": device.name(), "precision": args.machine.precision.name().name(), "checks": checks.all,
+        "device": device.name(), "precision": args.machine.precision().name(), "checks": checks.all,
     });
     let name = format!(
         "{}, precision {}",
         device.name(),
-        args.machine.precision.name().name()
+        args.machine.precision().name()
     );
     let answer = Answer::new(format!("{name}\n{}", checks.text()), &report)?.ended(end);
     Ok(match checks.wrong() {
@@ -201,19 +203,19 @@ impl Conformance<'_> {
             Ok((off, differing)) => (Ok(off), Ok(differing as f64)),
             Err(error) => (Err(error), Err(anyhow::anyhow!("there is no forward pass"))),
         };
-        checks.add(name, "forward pass", (off, Bound::Rounding(FORWARD)));
+        checks.add(name, "forward pass", off, Bound::Rounding(FORWARD));
         let what = "plain, recorded, replayed: numbers that differ";
-        checks.add(name, what, (differing, Bound::Always(0.0)));
+        checks.add(name, what, differing, Bound::Always(0.0));
         if interrupt::requested() {
             return;
         }
         let what = format!("rollout of {} frames, m", self.frames);
         let off = self.rollout(model, graph);
-        checks.add(name, &what, (off, Bound::Rounding(ROLLOUT)));
+        checks.add(name, &what, off, Bound::Rounding(ROLLOUT));
     }
 
-    /// How far normalised accelerations for drawn features are apart, as [`FORWARD`] has it, and how many of them are
-    /// not the same to the last bit whichever way the device runs them.
+    /// Compares normalised accelerations for drawn features. Returns their distance, as [`FORWARD`]
+    /// has it, and the count of numbers that differ between plain, recorded and replayed runs.
     fn forward(&self, model: &Model, graph: &ClothGraph) -> anyhow::Result<(f64, usize)> {
         let (network, spec) = (model.network(), model.spec());
         let arcs = Connectivity::of(graph.topology());
@@ -258,7 +260,7 @@ impl Conformance<'_> {
         Ok((off, differing.count()))
     }
 
-    /// How far vertices are apart after some frames, the handles on a swing `[m]`.
+    /// The largest distance of vertices after some frames, the handles on a swing `[m]`.
     fn rollout(&self, model: &Arc<Model>, graph: &ClothGraph) -> anyhow::Result<f64> {
         let start: [&[Vec3]; 1] = [graph.rest_positions()];
         let mut cpu = LearnedStepper::new(Arc::clone(model), graph.clone(), &start)?;
@@ -298,11 +300,11 @@ mod tests {
             all: Vec::new(),
         };
         for (what, off) in [("near", 1e-6), ("far", 1e-3), ("none", f64::NAN)] {
-            checks.add("mlp", what, (Ok(off), Bound::Rounding(1e-5)));
+            checks.add("mlp", what, Ok(off), Bound::Rounding(1e-5));
         }
         let failed = || Err(anyhow::anyhow!("no memory").context("a pass"));
-        checks.add("mlp", "failing", (failed(), Bound::Rounding(1e-5)));
-        checks.add("mlp", "differing", (Ok(2.0), Bound::Always(0.0)));
+        checks.add("mlp", "failing", failed(), Bound::Rounding(1e-5));
+        checks.add("mlp", "differing", Ok(2.0), Bound::Always(0.0));
         checks
     }
 

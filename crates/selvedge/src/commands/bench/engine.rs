@@ -1,5 +1,5 @@
-//! `selvedge bench engine`: frames and training steps of the networks, beside their bare products and, where
-//! asked for, another program's.
+//! `selvedge bench engine`: frames and training steps of the networks, beside their bare products
+//! and, where asked for, another program's.
 
 use std::thread::sleep;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use crate::cli::EngineArgs;
 use crate::interrupt;
 use crate::output::{Answer, End, Table, percent};
 
-/// What was measured of a frame or of a step.
+/// Measures of a frame or of a step.
 #[derive(Serialize)]
 struct Row {
     variant: &'static str,
@@ -59,7 +59,7 @@ impl What {
         }
     }
 
-    /// How much more arithmetic than a frame.
+    /// Arithmetic in parts of that of a frame.
     fn times(self) -> f64 {
         match self {
             Self::Frame => 1.0,
@@ -119,14 +119,15 @@ pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(format!("{}\n{note}", table(&rows)), &report)?.ended(end))
 }
 
-/// Between those who take turns `[s]`: threads of one that has run go on waiting for work for a while.
+/// The rest between programs that take turns `[s]`: threads of the last one go on waiting for work
+/// for a while.
 const REST: Duration = Duration::from_millis(30);
 
-/// How long the runs that do not count take at least `[ms]`: the first finds cold caches, sleeping threads
+/// The least time of runs that do not count `[ms]`: the first meets cold caches, sleeping threads
 /// and slow processors.
 const WARM: f64 = 50.0;
 
-/// How long a run takes `[ms]`, after a rest and runs that do not count; `run` says how long each takes.
+/// The time of a run `[ms]`, after a rest and runs that do not count; `run` returns its own time.
 fn rested(mut run: impl FnMut() -> anyhow::Result<f64>) -> anyhow::Result<f64> {
     sleep(REST);
     let mut elapsed = 0.0;
@@ -139,7 +140,7 @@ fn rested(mut run: impl FnMut() -> anyhow::Result<f64>) -> anyhow::Result<f64> {
 /// Frames whose times are of interest beside each other.
 const PAIRS: [[&str; 2]; 2] = [["node-gru-10", "gru-10"], ["streaming-gru", "mlp"]];
 
-/// What a frame of one variant takes beside one of another, run by run.
+/// The time of a frame of one variant beside one of another, run by run.
 #[derive(Serialize)]
 struct Beside {
     variant: &'static str,
@@ -154,8 +155,8 @@ fn beside(pair: [&Variant; 2], args: &EngineArgs) -> anyhow::Result<Beside> {
     let mut gflop = Vec::new();
     for variant in pair {
         let graph = Connectivity::of(&cloth(variant.vertices)?);
-        let counts = (graph.vertex_count(), graph.arc_count());
-        gflop.push(arithmetic(&variant.spec, counts));
+        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+        gflop.push(arithmetic(&variant.spec, vertices, arcs));
         engines.push(Engine::new(&variant.spec, graph, args.instructions())?);
     }
     let mut elapsed: [Vec<f64>; 2] = Default::default();
@@ -173,8 +174,8 @@ fn beside(pair: [&Variant; 2], args: &EngineArgs) -> anyhow::Result<Beside> {
     })
 }
 
-/// Of a frame `[GFLOP]`.
-fn arithmetic(spec: &ModelSpec, (vertices, arcs): (usize, usize)) -> f64 {
+/// Arithmetic of a frame `[GFLOP]`.
+fn arithmetic(spec: &ModelSpec, vertices: usize, arcs: usize) -> f64 {
     1e-9 * flops(spec, FirstEdgeLayer::Split).per_frame(vertices, arcs) as f64
 }
 
@@ -199,11 +200,7 @@ fn measure(
     let mut peer = peer
         .map(|command| Peer::start(command, spec, &topology, threads))
         .transpose()?;
-    let mut runs: [Vec<f64>; 4] = Default::default();
-    for _ in 0..args.runs {
-        if interrupt::requested() {
-            break;
-        }
+    let runs = in_turn(args.runs, || {
         let elapsed = [
             rested(|| {
                 Ok(time(|| match what {
@@ -215,14 +212,11 @@ fn measure(
             rested(|| Ok(time(|| products.faer())))?,
         ];
         let peers = peer.as_mut().map(|peer| rested(|| peer.run(what.name())));
-        let peers = peers.transpose()?;
-        for (to, x) in runs.iter_mut().zip(elapsed.into_iter().chain(peers)) {
-            to.push(x);
-        }
-    }
+        Ok((elapsed, peers.transpose()?))
+    })?;
     let [ours, bare, faer, peers] = runs;
     let fastest: Vec<f64> = bare.iter().zip(&faer).map(|(a, b)| a.min(*b)).collect();
-    let gflop = what.times() * arithmetic(spec, (vertices, arcs));
+    let gflop = what.times() * arithmetic(spec, vertices, arcs);
     let share_of_roofline = median_ratio(&fastest, &ours);
     let times_faster = (!peers.is_empty()).then(|| median_ratio(&peers, &ours));
     let elapsed_ms = median(ours);
@@ -240,6 +234,25 @@ fn measure(
         times_faster_than_peer: times_faster,
         peer_ms: times_faster.map(|_| median(peers)),
     })
+}
+
+/// Times of so many rounds `[ms]`: of a pass, of its products by our kernel and by faer, and of
+/// another program where there is one. Ends early where an end is asked for.
+fn in_turn(
+    rounds: u16,
+    mut round: impl FnMut() -> anyhow::Result<([f64; 3], Option<f64>)>,
+) -> anyhow::Result<[Vec<f64>; 4]> {
+    let mut times: [Vec<f64>; 4] = Default::default();
+    for _ in 0..rounds {
+        if interrupt::requested() {
+            break;
+        }
+        let (elapsed, peer) = round()?;
+        for (to, x) in times.iter_mut().zip(elapsed.into_iter().chain(peer)) {
+            to.push(x);
+        }
+    }
+    Ok(times)
 }
 
 fn table(rows: &[Row]) -> Table {

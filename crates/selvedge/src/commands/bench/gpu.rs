@@ -1,5 +1,5 @@
-//! `selvedge bench gpu`: forward passes, whole frames and steps of learning on a GPU, beside what the card
-//! can do at most and, where asked for, other programs'. `page` writes what comes out.
+//! `selvedge bench gpu`: forward passes, whole frames and steps of learning on a GPU, beside what
+//! the card can do at most and, where asked for, other programs'. `page` writes what comes out.
 
 mod page;
 
@@ -35,8 +35,8 @@ use crate::output::{Answer, End};
 /// Runs of each that do not count.
 const WARM: usize = 5;
 
-/// What was measured of a network on some cloths. What is not there could not be measured, and a remark says why; another
-/// says where the card did not replay what it ran but was called piece by piece.
+/// Measures of a network on some cloths. A measure is missing where it failed, with the reason as a
+/// remark. Another remark tells of commands that the card could not replay from a recording.
 #[derive(Default, Serialize)]
 struct Row {
     variant: &'static str,
@@ -50,11 +50,12 @@ struct Row {
     pass_ms: Option<f64>,
     /// The pass, of the card's measured products in the precision that it had.
     share_of_products: Option<f64>,
-    /// The pass, of the card's measured bandwidth, each array counted once for each command that takes it.
+    /// The pass, of the card's measured bandwidth, each array counted once for each command that
+    /// takes it.
     share_of_bandwidth: Option<f64>,
     /// A frame with handles up, features, network, integration, and positions down.
     frame_ms: Option<f64>,
-    /// What the paper says of such a frame.
+    /// The paper's time of such a frame.
     paper_ms: Option<f64>,
     /// A step of learning on features that lie ready: forward, mean square error, backward, Adam.
     step_ms: Option<f64>,
@@ -72,7 +73,7 @@ struct PeerTimes {
     step_ms: Option<f64>,
 }
 
-/// Where the time of a frame and of a step of learning goes.
+/// The times of the commands of a frame and of a step of learning.
 #[derive(Serialize)]
 struct Profile {
     frame: Vec<Part>,
@@ -101,7 +102,7 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
         "cpu is no GPU: take --device cuda (`selvedge bench engine` measures the processor)"
     );
     let device = machine::open_device(args.machine.device)?;
-    let precision = machine::precision_of(args.machine.precision.name());
+    let precision = machine::precision_of(args.machine.precision());
     let limits = limits(&*device, usize::from(args.side))?;
     let mut variants = named(&args.variant)?;
     if args.variant.is_empty() {
@@ -133,7 +134,7 @@ pub(super) fn run(args: &GpuArgs) -> anyhow::Result<Answer> {
     };
     let text = page::page(&device.name(), &limits, args, &rows);
     let report = json!({
-        "device": device.name(), "precision": args.machine.precision.name().name(), "runs": args.runs,
+        "device": device.name(), "precision": args.machine.precision().name(), "runs": args.runs,
         "full_flop_per_second": limits.products[0], "tensor_flop_per_second": limits.products[1],
         "half_flop_per_second": limits.products[2], "bytes_per_second": limits.bandwidth,
         "against": args.against, "rows": rows,
@@ -176,7 +177,7 @@ impl Bench<'_> {
             Err(error) => row.remarks.push(format!("pass: {error:#}")),
         }
         let mut frame = Vec::new();
-        match self.frames(model, (graph, cloths), &mut row.remarks) {
+        match self.frames(model, graph, cloths, &mut row.remarks) {
             Ok((ms, parts)) => (row.frame_ms, frame) = (Some(ms), parts),
             Err(error) => row.remarks.push(format!("frame: {error:#}")),
         }
@@ -188,7 +189,7 @@ impl Bench<'_> {
         row.profile = self.args.profile.then_some(Profile { frame, step });
         for (number, command) in self.args.against.iter().enumerate() {
             let mut times = PeerTimes::default();
-            if let Err(error) = self.peer(command, spec, (graph, cloths), &mut times) {
+            if let Err(error) = self.peer(command, spec, graph, cloths, &mut times) {
                 row.remarks.push(format!("({}): {error:#}", number + 1));
             }
             row.peers.push(times);
@@ -221,15 +222,16 @@ impl Bench<'_> {
         spent.into_iter().map(part).collect()
     }
 
-    /// What another program takes; what was measured before it failed stays.
+    /// Measures another program; times from before a failure stay.
     fn peer(
         &self,
         command: &str,
         spec: &ModelSpec,
-        (graph, cloths): (&ClothGraph, usize),
+        graph: &ClothGraph,
+        cloths: usize,
         times: &mut PeerTimes,
     ) -> anyhow::Result<()> {
-        let mut peer = Peer::start_many(command, spec, (graph.topology(), cloths), 1)?;
+        let mut peer = Peer::start_many(command, spec, graph.topology(), cloths, 1)?;
         let both = [("frame", &mut times.pass_ms), ("step", &mut times.step_ms)];
         for (what, ms) in both {
             let mut found = Vec::new();
@@ -321,7 +323,8 @@ impl Bench<'_> {
     fn frames(
         &self,
         model: Model,
-        (graph, cloths): (&ClothGraph, usize),
+        graph: &ClothGraph,
+        cloths: usize,
         remarks: &mut Vec<String>,
     ) -> anyhow::Result<(f64, Vec<Part>)> {
         let start: [&[Vec3]; 1] = [graph.rest_positions()];
@@ -353,7 +356,7 @@ fn unrecorded(what: &str, reason: Option<&str>) -> Option<String> {
     reason.map(|reason| format!("{what}: not replayed from a recording: {reason}"))
 }
 
-/// What the paper says of a frame of 1024 vertices on an RTX 3080 `[ms]`.
+/// The paper's time of a frame of 1024 vertices on an RTX 3080 `[ms]`.
 fn paper_ms(variant: &str) -> Option<f64> {
     match variant {
         "gru-10" => Some(37.0),

@@ -66,7 +66,7 @@ fn median_ratio(above: &[f64], below: &[f64]) -> f64 {
     median(above.iter().zip(below).map(|(a, b)| a / b).collect())
 }
 
-/// How long something takes `[ms]`.
+/// The time of some work `[ms]`.
 fn time(work: impl FnOnce()) -> f64 {
     let begin = Instant::now();
     work();

@@ -1,5 +1,5 @@
-//! Another program that runs the same networks, asked run by run so that both are measured on the same
-//! machine in the same minutes.
+//! Another program that runs the same networks, asked run by run so that both are measured on the
+//! same machine in the same minutes.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -28,7 +28,7 @@ impl Peer {
         topology: &Topology,
         threads: usize,
     ) -> anyhow::Result<Self> {
-        Self::start_many(command, spec, (topology, 1), threads)
+        Self::start_many(command, spec, topology, 1, threads)
     }
 
     /// The same for several such cloths side by side.
@@ -38,7 +38,8 @@ impl Peer {
     pub(crate) fn start_many(
         command: &str,
         spec: &ModelSpec,
-        (topology, cloths): (&Topology, usize),
+        topology: &Topology,
+        cloths: usize,
         threads: usize,
     ) -> anyhow::Result<Self> {
         let mut words = command.split_whitespace();
@@ -87,7 +88,7 @@ impl Peer {
         Ok(peer)
     }
 
-    /// How long one "frame" or "step" takes it `[ms]`.
+    /// The other program's time of one "frame" or "step" `[ms]`.
     ///
     /// # Errors
     /// When it does not answer with a number.

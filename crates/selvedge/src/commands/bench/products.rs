@@ -1,5 +1,5 @@
-//! The bare matrix products of a network, computed by a library: so that the roofline is not only our
-//! own kernel's.
+//! The bare matrix products of a network, computed by a library: so that the roofline is not only
+//! our own kernel's.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};

@@ -1,7 +1,7 @@
 //! `selvedge bench scale`: time and memory of a frame of ever larger cloth.
 //!
-//! The cloth is a sheet of squares with diagonals: an irregular mesh of a million vertices would take
-//! longer to make than to measure, and the network sees the same numbers of arcs.
+//! The cloth is a sheet of squares with diagonals: an irregular mesh of a million vertices would
+//! take longer to make than to measure, and the network sees the same numbers of arcs.
 
 use anyhow::Context;
 use selvedge_cloth::Topology;
@@ -24,7 +24,7 @@ struct Row {
     arcs: usize,
     elapsed_ms: f64,
     microseconds_per_vertex: f64,
-    /// What the first frame took of the memory, with input and weights.
+    /// Memory that the first frame took, with input and weights.
     bytes_per_vertex: Option<f64>,
 }
 

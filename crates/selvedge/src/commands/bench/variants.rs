@@ -89,7 +89,7 @@ pub(crate) struct Engine {
     learning: Option<Learning>,
 }
 
-/// What a step of learning needs besides: made for the first one.
+/// The further needs of a step of learning, made for the first one.
 struct Learning {
     weights: PackedWeights<f32>,
     gradient: Vec<f32>,
@@ -183,8 +183,8 @@ impl Engine {
         Ok(())
     }
 
-    /// One step of learning, after [`Self::learn`]: packing, forward, the mean square error of the output,
-    /// backward, Adam.
+    /// One step of learning, after [`Self::learn`]: packing, forward, the mean square error of the
+    /// output, backward, Adam.
     pub(crate) fn step(&mut self) {
         let Some(learning) = &mut self.learning else {
             return;

@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::commands::dataset_inspect;
 use crate::output::{Answer, Facts};
 
-/// What a folder is.
+/// The kind of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FolderKind {
     DataSet,
@@ -18,7 +18,7 @@ pub(super) enum FolderKind {
     Study,
 }
 
-/// What `folder` is.
+/// Returns the kind of `folder`.
 ///
 /// # Errors
 /// When it is nothing that Selvedge makes.

@@ -1,10 +1,11 @@
-//! `selvedge inspect`: what a file or folder is, and what is in it; with a picture, what it looks like.
+//! `selvedge inspect`: what a file or folder is, and what is in it; with a picture, what it looks
+//! like.
 //!
-//! What it is taken for follows from its name and from what it says itself: a folder by the files in it,
-//! `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a `.safetensors` file says
-//! whether it is a trajectory, a model, states or a checkpoint; a `.toml` file is a data set's preset if it
-//! has a `setting`, a training configuration if it has a `batch`, and a scene if it has neither; `.json` is
-//! a scene of ARCSim.
+//! What it is taken for follows from its name and from what it says itself: a folder by the files
+//! in it, `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a
+//! `.safetensors` file says whether it is a trajectory, a model, states or a checkpoint; a `.toml`
+//! file is a data set's preset if it has a `setting`, a training configuration if it has a `batch`,
+//! and a scene if it has neither; `.json` is a scene of ARCSim.
 
 mod exported;
 mod folders;

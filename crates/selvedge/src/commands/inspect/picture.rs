@@ -1,5 +1,5 @@
-//! What a file looks like: a cloth as a still or a contact sheet, a training as curves, a model as a
-//! histogram of its weights.
+//! What a file looks like: a cloth as a still or a contact sheet, a training as curves, a model as
+//! a histogram of its weights.
 
 use std::io::Write;
 use std::path::Path;
@@ -99,7 +99,7 @@ fn draw_mesh(mesh: &Mesh, handles: &[VertexId], to: &Path) -> anyhow::Result<()>
     write_image(to, &still(&panel, 0, &StillSettings::default())?)
 }
 
-/// How the weights of a model are spread, in equal bins around zero.
+/// Draws a histogram of the weights of a model, in equal bins around zero.
 fn weights_page(weights: &[f32], path: &Path) -> anyhow::Result<Image> {
     const BINS: usize = 96;
     let largest = weights

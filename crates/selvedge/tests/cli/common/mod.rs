@@ -48,7 +48,7 @@ pub(crate) struct Desk {
     folder: TempDir,
 }
 
-/// What the program said.
+/// The output of the program.
 pub(crate) struct Said {
     pub(crate) code: Option<i32>,
     pub(crate) out: String,

@@ -1,8 +1,10 @@
-//! The learning half of `selvedge bench conformance`: gradients of networks, and trainings from one seed.
+//! The learning half of `selvedge bench conformance`: gradients of networks, and trainings from one
+//! seed.
 //!
-//! Bounds, in parts of the processor's numbers: 1e-4 for a gradient, of the network alone by each of its
-//! arrays of weights, and of the first step of a training as a whole, features, losses and rollout and all;
-//! 2e-2 for the loss of each of a hundred steps, which go apart as any two roundings do.
+//! Bounds, in parts of the processor's numbers: 1e-4 for a gradient, of the network alone by each
+//! of its arrays of weights, and of the first step of a training as a whole, features, losses and
+//! rollout and all; 2e-2 for the loss of each of a hundred steps, which go apart as any two
+//! roundings do.
 
 use std::path::Path;
 
@@ -36,8 +38,8 @@ const GRADIENT: f64 = 1e-4;
 /// Most that a loss may be off, in parts of it.
 const LOSS: f64 = 0.02;
 
-/// Steps of a training with coarse levels: after a hundred, two of the processor that only add in another order
-/// are a percent apart.
+/// Steps of a training with coarse levels: after a hundred, two of the processor that only add in
+/// another order are a percent apart.
 const COARSE_STEPS: usize = 20;
 
 /// Vertices of the cloths that are learned from.
@@ -59,7 +61,7 @@ pub(super) fn check(
         }
         let graph = Connectivity::of(hanging(variant.vertices)?.topology());
         let off = gradients(device, precision, &variant.spec, &graph);
-        checks.add(variant.name, "gradient", (off, Bound::Rounding(GRADIENT)));
+        checks.add(variant.name, "gradient", off, Bound::Rounding(GRADIENT));
     }
     let folder = tempfile::tempdir().context("a folder for data")?;
     let data = data(folder.path())?;
@@ -76,15 +78,15 @@ pub(super) fn check(
             Ok(found) => (Ok(found.gradient), Ok(found.losses)),
             Err(error) => (Err(error.into()), Err(anyhow!("there is no training"))),
         };
-        let gradient = (gradient, Bound::Rounding(GRADIENT));
-        checks.add(&name, "gradient of a training", gradient);
-        let losses = (losses, Bound::Rounding(LOSS));
-        checks.add(&name, &format!("losses of {steps} steps"), losses);
+        let bound = Bound::Rounding(GRADIENT);
+        checks.add(&name, "gradient of a training", gradient, bound);
+        let what = format!("losses of {steps} steps");
+        checks.add(&name, &what, losses, Bound::Rounding(LOSS));
     }
     Ok(())
 }
 
-/// How far the gradient of the mean square error for drawn numbers is off: the worst of all arrays of
+/// The error of the gradient of the mean square error for drawn numbers: the worst of all arrays of
 /// weights.
 fn gradients(
     device: &dyn Device,
@@ -132,6 +134,12 @@ fn gradients(
     let mut expected = vec![0.0; weights.len()];
     let gradients = Gradients::new(&by_output, &mut expected);
     network.backward(&weights, graph, input, gradients, &mut workspace);
+    Ok(worst_array(&network, &found, &expected))
+}
+
+/// The distance of two gradients in the array of weights where it is largest, in parts of the
+/// second.
+fn worst_array(network: &Network, found: &[f32], expected: &[f32]) -> f64 {
     let of_arrays = network.parameters().iter().map(|parameter| {
         let range = parameter.range.clone();
         let pairs = found[range.clone()].iter().zip(&expected[range]);
@@ -142,11 +150,12 @@ fn gradients(
         });
         (off / f64::max(size, f64::MIN_POSITIVE)).sqrt()
     });
-    Ok(worst(0.0, of_arrays))
+    worst(0.0, of_arrays)
 }
 
-/// Small trainings in which everything plays a part that can: noise, mirror images, clipping, a mean of the
-/// weights, dropout, coarse levels, the model's own predictions, and several frames at a time.
+/// Small trainings in which everything plays a part that can: noise, mirror images, clipping, a
+/// mean of the weights, dropout, coarse levels, the model's own predictions, and several frames at
+/// a time.
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
         ("gru", Encoder::Gru { window: 5 }, 1, 0),

@@ -1,6 +1,7 @@
-//! The bounds of edges in `selvedge bench conformance`. A GPU goes through the edges colour by colour, the processor in
-//! their order, so that the two end at different positions where neighbours are out of bounds. Here single edges are, as
-//! far from each other that what one moves touches no other: the two must agree, and both keep the bounds.
+//! The bounds of edges in `selvedge bench conformance`. A GPU goes through the edges colour by
+//! colour, the processor in their order, so that the two end at different positions where
+//! neighbours are out of bounds. Here single edges are, as far from each other that what one moves
+//! touches no other: the two must agree, and both keep the bounds.
 
 use std::sync::Arc;
 
@@ -12,24 +13,24 @@ use selvedge_model::{ClothGraph, EdgeLimits, LearnedStepper, Model};
 
 use super::{Bound, Checks, Conformance, ROLLOUT, worst};
 
-/// What edges are held to.
+/// The bounds of edges.
 const LIMITS: EdgeLimits = EdgeLimits {
     least: 0.8,
     most: 1.25,
     sweeps: 20,
 };
 
-/// How long the edges are that are to act, in parts of their length at rest.
+/// Length of the pulled edges, in parts of their length at rest.
 const PULLED: f32 = 1.3;
 
-/// So few of them are enough.
+/// The least number of pulled edges.
 const LEAST_PULLED: usize = 5;
 
-/// Within what all other edges stay.
+/// The range of all other edges.
 const WITHIN: std::ops::Range<f32> = 0.82..1.23;
 
-/// Most that an edge may be beyond its bounds, in parts of its length at rest: sweeps leave 1e-5, rounding of positions of
-/// 1 m about as much on edges of 3 cm.
+/// Most that an edge may be beyond its bounds, in parts of its length at rest: sweeps leave 1e-5,
+/// rounding of positions of 1 m about as much on edges of 3 cm.
 const BEYOND: f64 = 3e-5;
 
 /// A model with other bounds of edges.
@@ -41,25 +42,29 @@ pub(super) fn limited(model: &Model, limits: Option<EdgeLimits>) -> anyhow::Resu
     Ok(Model::new(&spec, weights, normalizers, String::new())?)
 }
 
-/// Compares a frame from a cloth some of whose edges are pulled out of bounds; the model hardly moves it.
+/// Compares a frame from a cloth some of whose edges are pulled out of bounds; the model hardly
+/// moves it.
 pub(super) fn check(
     conformance: &Conformance<'_>,
     name: &str,
-    both: (&Model, &ClothGraph),
+    model: &Model,
+    graph: &ClothGraph,
     checks: &mut Checks,
 ) {
-    let (apart, beyond) = match compare(conformance, both) {
+    let (apart, beyond) = match compare(conformance, model, graph) {
         Ok([apart, beyond]) => (Ok(apart), Ok(beyond)),
         Err(error) => (Err(error), Err(anyhow::anyhow!("there is no frame"))),
     };
-    checks.add(name, "edges held, m", (apart, Bound::Rounding(ROLLOUT)));
-    checks.add(name, "beyond their bounds", (beyond, Bound::Always(BEYOND)));
+    checks.add(name, "edges held, m", apart, Bound::Rounding(ROLLOUT));
+    checks.add(name, "beyond their bounds", beyond, Bound::Always(BEYOND));
 }
 
-/// How far vertices are apart `[m]`, and how far the edges of either are beyond their bounds, in parts of their length.
+/// Returns the distance of vertices `[m]`, and the excess of edges over their bounds in parts of
+/// their length.
 fn compare(
     conformance: &Conformance<'_>,
-    (model, graph): (&Model, &ClothGraph),
+    model: &Model,
+    graph: &ClothGraph,
 ) -> anyhow::Result<[f64; 2]> {
     let model = Arc::new(limited(model, Some(LIMITS))?);
     let (start, pulled) = pulled(graph);
@@ -79,8 +84,8 @@ fn compare(
     Ok([apart, worst(0.0, beyond.into_iter())])
 }
 
-/// The rest pose with single edges pulled, and how many they are. None of a pulled edge's ends and their neighbours is one
-/// of another's, and all other edges stay well within the bounds.
+/// The rest pose with single edges pulled, and how many they are. None of a pulled edge's ends and
+/// their neighbours is one of another's, and all other edges stay well within the bounds.
 fn pulled(graph: &ClothGraph) -> (Vec<Vec3>, usize) {
     let edges: Vec<[usize; 2]> = ends(graph).collect();
     let mut at_vertex = vec![Vec::new(); graph.vertex_count()];
@@ -110,7 +115,7 @@ fn pulled(graph: &ClothGraph) -> (Vec<Vec3>, usize) {
     (positions, count)
 }
 
-/// How far the edge that is farthest beyond its bounds is, in parts of its length at rest.
+/// The largest excess of an edge over its bounds, in parts of its length at rest.
 fn beyond(graph: &ClothGraph, positions: &[Vec3]) -> f64 {
     let all = (0..graph.topology().edges().len()).map(|edge| {
         let stretch = f64::from(stretch(graph, positions, edge));

@@ -48,7 +48,7 @@ fn heading(device: &str, limits: &Limits, args: &GpuArgs) -> String {
          pass: the forward pass on features that lie ready; of products, of bandwidth: its share of those limits; \
          frame: handles up, features, network, integration, positions down; paper: its frame on an RTX 3080; step: \
          forward, mean square error, backward, Adam on features that lie ready, of so many samples.\n",
-        args.machine.precision.name().name(),
+        args.machine.precision().name(),
         args.runs,
         1e-12 * limits.bandwidth,
     );
