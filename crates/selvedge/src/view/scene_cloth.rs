@@ -96,8 +96,7 @@ impl ReadyCloth for SceneCloth {
         spec.setting.schedule.releases.clear();
         spec.setting.environment = hold.environment;
         spec.motion = Motion::Recorded(RecordedMotion { positions: handles });
-        physics::provenance(&spec, &self.scene)
-            .map_err(|error| ProvenanceError::new(crate::failure::chain(&error)))
+        physics::provenance(&spec, &self.scene).map_err(ProvenanceError::new)
     }
 }
 
