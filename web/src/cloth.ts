@@ -98,7 +98,7 @@ export class ClothObject {
     this.normals(positions);
   }
 
-  /** Colours by the field, of which `most` is the brightest; nothing for plain cloth. */
+  /** Colours by the field, with the brightest colour at `most`; null for plain cloth. */
   colour(most: number | null): void {
     this.uniforms.fieldShown!.value = most === null ? 0 : 1;
     if (most !== null) {

@@ -22,7 +22,7 @@ const VIRIDIS = [
 export interface Scale {
   title: string;
   unit: string;
-  /** What full colour stands for, in the unit. */
+  /** The value of the full colour, in the unit. */
   most: number;
   /** The unit in SI. */
   factor: number;
@@ -155,14 +155,14 @@ function foldAngle(p: Float32Array, a: number, b: number, c: number, d: number):
   return Math.atan2(Math.sqrt(cx * cx + cy * cy + cz * cz), nx * mx + ny * my + nz * mz);
 }
 
-/** How fast each vertex moved from one frame to another, m/s. */
+/** Writes the speed of each vertex between two frames, m/s. */
 export function speed(now: Float32Array, before: Float32Array, seconds: number, to: Float32Array): void {
   for (let vertex = 0; vertex < to.length; vertex++) {
     to[vertex] = apart(now, before, vertex) / seconds;
   }
 }
 
-/** How far each vertex is from the same vertex elsewhere, m. */
+/** Writes the distance of each vertex from the same vertex of another cloth, m. */
 export function difference(one: Float32Array, other: Float32Array, to: Float32Array): void {
   for (let vertex = 0; vertex < to.length; vertex++) {
     to[vertex] = apart(one, other, vertex);

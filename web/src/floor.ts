@@ -63,7 +63,7 @@ export class Floor {
           vec2 world = (place + at) * 2.0;
           vec2 width = fwidth(world) * 1.2;
           vec2 line = smoothstep(width, vec2(0.0), abs(fract(world - 0.5) - 0.5));
-          // Where lines are closer than pixels there are none.
+          // Lines closer than pixels are left out.
           float fine = 1.0 - smoothstep(0.15, 0.5, max(width.x, width.y));
           vec3 colour = mix(far, near, light);
           colour = mix(colour, grid, max(line.x, line.y) * 0.35 * light * fine);

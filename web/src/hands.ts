@@ -10,13 +10,13 @@ interface Grip {
   plane: three.Plane;
   /** From the point that was hit to each vertex that goes with it. */
   moved: { vertex: number; away: three.Vector3 }[];
-  /** Whether the vertex was taken hold of just now. */
+  /** True where the vertex was taken hold of just now. */
   isNew: boolean;
   hasMoved: boolean;
 }
 
 export class Hands {
-  /** Whether a vertex that was taken hold of is let go with the pointer. */
+  /** True where a vertex that was taken hold of is let go with the pointer. */
   letsGo = false;
   /** The last drag that was sent, and when its event happened. */
   readonly sent: { number: number; at: number }[] = [];
@@ -172,7 +172,7 @@ export class Hands {
 
 const MOVES = new Set(["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "q", "e"]);
 
-/** Whether a key belongs to the control that has the focus. */
+/** Returns true for a key that belongs to the control with the focus. */
 export function isTyping(target: EventTarget | null, key: string): boolean {
   if (target instanceof HTMLSelectElement || target instanceof HTMLTextAreaElement) return true;
   if (target instanceof HTMLInputElement) {

@@ -1,10 +1,10 @@
-// How fast things go: drawings and frames per second, and the time from a hand's move to its picture.
+// The meters: drawings and frames per second, and the time from a hand's move to its picture.
 
 import type { Frame, State } from "./protocol";
 import type { Hands } from "./hands";
 import { element } from "./panel";
 
-/** What cloth of these materials shows when it moves; above, a prediction is doubtful, then wrong. */
+/** The largest strain of moving cloth of these materials; above, a prediction is doubtful, then wrong. */
 const USUAL_STRAIN = 0.35;
 const WRONG_STRAIN = 0.6;
 

@@ -44,7 +44,7 @@ export class Panel {
   }
 
   offer(catalogue: Catalogue): void {
-    // What was chosen is to be shown anew.
+    // The choices are shown anew.
     this.state = null;
     const fill = (id: string, names: (string | number)[], first?: string) => {
       const options = names.map((name) => new Option(String(name), String(name)));
@@ -93,7 +93,7 @@ export class Panel {
     element("busy-text").textContent = state.busy ?? "";
     const notice = state.notice;
     if (notice && notice.number !== this.seen) {
-      // What was said before this page came is not said again.
+      // A notice from before this page came is not shown.
       if (before) this.say(notice.text, notice.level);
       this.seen = notice.number;
     }

@@ -1,4 +1,4 @@
-// Whether drawing keeps up: where it does not, something is left out of the picture, step by step, until it does.
+// The quality of the picture: where drawing does not keep up, something is left out, step by step, until it does.
 
 /** A picture may take this long on average, ms. */
 const SLOW = 42;
@@ -23,7 +23,7 @@ export class Quality {
     return this.level > 0;
   }
 
-  /** Another picture is to be drawn; says whether something more is to be left out of it. */
+  /** Counts another picture. Returns true where something more is left out of it. */
   next(): boolean {
     const now = performance.now();
     // A page that was hidden draws nothing, and is not slow.

@@ -13,7 +13,7 @@ import { THEMES, type Theme } from "./theme";
 export interface Hit {
   vertex: number;
   track: number;
-  /** Where it is, in the room. */
+  /** The place in the room. */
   point: three.Vector3;
   isHandle: boolean;
 }
@@ -27,13 +27,13 @@ export class Stage {
   handlesShown = true;
   colouring: Colouring = "plain";
   together = false;
-  /** Whether the view goes where the cloth goes. */
+  /** True where the view goes along with the cloth. */
   follows = true;
-  /** Whether a hand drags: the view then stays, or it would run away from the hand. */
+  /** True while a hand drags: the view then stays, or it would run away from the hand. */
   dragging = false;
   /** The last frame that was put in place. */
   frame: Frame | null = null;
-  /** What full colour stands for, in SI; only the difference finds its own. */
+  /** The value of the full colour, in SI; only the difference finds its own. */
   most = 1;
 
   private readonly scene = new three.Scene();
@@ -117,7 +117,7 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** How much is left out of the picture so that it keeps up, from 0. */
+  /** The level of what is left out of the picture, from 0. */
   get level(): number {
     return this.quality.level;
   }
@@ -126,13 +126,13 @@ export class Stage {
     return this.objects.length;
   }
 
-  /** Where a track stands beside the others, m along z. */
+  /** The place of a track beside the others, m along z. */
   offset(track: number): number {
     if (this.together || this.objects.length < 2) return 0;
     return (track - (this.objects.length - 1) / 2) * -this.width;
   }
 
-  /** What is under a point of the screen, in pixels of the canvas; handles reach farther than cloth. */
+  /** The vertex under a point of the screen, in pixels of the canvas; handles reach farther than cloth. */
   pick(x: number, y: number, reach: number): Hit | null {
     if (!this.frame) return null;
     const handle = this.pickHandle(x, y, reach);
@@ -156,7 +156,7 @@ export class Stage {
     return best;
   }
 
-  /** Where a vertex of a track is in the room. */
+  /** The place of a vertex of a track in the room. */
   point(track: number, vertex: number): three.Vector3 {
     const positions = this.frame!.tracks[track]!;
     return new three.Vector3(
@@ -166,7 +166,7 @@ export class Stage {
     );
   }
 
-  /** Where a point of the room is on the screen, in pixels of the canvas. */
+  /** The place of a point of the room on the screen, in pixels of the canvas. */
   onScreen(point: three.Vector3): { x: number; y: number } {
     const at = point.clone().project(this.camera);
     const size = this.canvas.getBoundingClientRect();
@@ -264,7 +264,7 @@ export class Stage {
     this.scene.add(rim);
   }
 
-  /** How much of the room is covered on the right and below, in pixels. */
+  /** Sets the parts of the room that are covered on the right and below, in pixels. */
   cover(right: number, bottom: number): void {
     this.covered = { right, bottom };
     this.resize();
@@ -275,7 +275,7 @@ export class Stage {
     const most = [2, 1, 0.75, 0.5][this.quality.level]!;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, most));
     this.renderer.setSize(width, height, false);
-    // What the panel covers is not looked at: the middle of the view is that of the rest.
+    // The part under the panel is not seen: the middle of the view is that of the rest.
     const seen = [width - this.covered.right, Math.max(height - this.covered.bottom, 120)] as const;
     this.camera.aspect = seen[0] / seen[1];
     this.camera.setViewOffset(seen[0], seen[1], 0, 0, width, height);
@@ -335,7 +335,7 @@ export class Stage {
     object.colour(this.most);
   }
 
-  /** Lets the scale of the difference follow what there is to see. */
+  /** Fits the scale of the difference to the largest one. */
   private widen(field: Float32Array): void {
     const largest = field.reduce((a, b) => Math.max(a, b), 0);
     const steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
@@ -372,14 +372,14 @@ export class Stage {
   }
 }
 
-/** Whether pictures are computed by the processor: then most is left out from the start. */
+/** Returns true where the processor computes pictures: then most is left out from the start. */
 function isSoftware(context: WebGLRenderingContext | WebGL2RenderingContext): boolean {
   const about = context.getExtension("WEBGL_debug_renderer_info");
   const name: unknown = context.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : context.RENDERER);
   return /swiftshader|llvmpipe|software/i.test(String(name));
 }
 
-/** How wide the widest of the tracks is along z, m. */
+/** The width of the widest track along z, m. */
 function spread(tracks: Float32Array[]): number {
   const widths = tracks.map((positions) => {
     let low = Infinity;
