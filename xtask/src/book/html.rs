@@ -97,17 +97,27 @@ fn copy_of(path: &str) -> String {
     format!("{}.txt", path.replace(".md", "-md"))
 }
 
-/// A page whose links to files outside of the book lead to their copies.
+/// A page whose links to files outside of the book lead to their copies, and those to a folder's
+/// `README.md` to the page that mdBook makes of it.
 fn redirected(page: &TextFile) -> String {
     let folder = links::folder_of(&page.path);
-    let depth = folder.matches('/').count().saturating_sub(1);
+    let up = "../".repeat(folder.matches('/').count().saturating_sub(1));
     let mut text = page.text.clone();
     for link in markdown::links(&markdown::page(&page.text)) {
-        let outside = links::resolve(folder, link.path).filter(|path| !path.starts_with(PAGES));
-        if let Some(outside) = outside.filter(|path| !path.is_empty()) {
-            let up = "../".repeat(depth);
-            let target = format!("]({up}{REPOSITORY}/{}", copy_of(&outside));
-            text = text.replace(&format!("]({}", link.path), &target);
+        let resolved = links::resolve(folder, link.path);
+        let Some(path) = resolved.filter(|_| !link.path.is_empty()) else {
+            continue;
+        };
+        let target = match link.path.strip_suffix("README.md") {
+            _ if !path.starts_with(PAGES) => format!("{up}{REPOSITORY}/{}", copy_of(&path)),
+            Some(before) => format!("{before}index.md"),
+            None => continue,
+        };
+        for end in [')', '#'] {
+            text = text.replace(
+                &format!("]({}{end}", link.path),
+                &format!("]({target}{end}"),
+            );
         }
     }
     text
@@ -136,6 +146,16 @@ mod tests {
         };
         assert_eq!(outside_of(&page), ["X.md"]);
         let expected = "[x](../repository/X-md.txt) [c](../c.md#d) [e](#e)\n";
+        assert_eq!(redirected(&page), expected);
+    }
+
+    #[test]
+    fn links_within_the_book_stay() {
+        let page = TextFile {
+            path: "docs/src/b.md".to_owned(),
+            text: "[e](#e) [c](c.md) [r](n/README.md#x)\n".to_owned(),
+        };
+        let expected = "[e](#e) [c](c.md) [r](n/index.md#x)\n";
         assert_eq!(redirected(&page), expected);
     }
 
