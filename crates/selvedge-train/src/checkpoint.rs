@@ -66,10 +66,10 @@ impl Trainer {
         let flat = flat
             .into_iter()
             .map(|(name, values)| (name, vec![values.len()], values));
-        let of_lanes = histories.iter();
-        let of_lanes =
-            of_lanes.map(|(name, shape, values)| (&name[..], shape.clone(), &values[..]));
-        let tensors: Vec<parts::Tensor<'_>> = flat.chain(of_lanes).collect();
+        let of_slots = histories.iter();
+        let of_slots =
+            of_slots.map(|(name, shape, values)| (&name[..], shape.clone(), &values[..]));
+        let tensors: Vec<parts::Tensor<'_>> = flat.chain(of_slots).collect();
         let metadata = BTreeMap::from([
             ("format", CHECKPOINT_FORMAT.to_owned()),
             ("version", VERSION.to_owned()),
@@ -148,7 +148,7 @@ impl Trainer {
 impl Trainer {
     /// A new training from its first step, but with the weights and the statistics of the
     /// checkpoint at `path`, which may be of another configuration and other data; only `model`
-    /// must be the same, but for its edge limits.
+    /// must be the same, except its edge limits.
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.

@@ -28,7 +28,7 @@ const MOST_LOG_EVERY: u64 = 100_000;
 pub struct TrainConfig {
     /// Name for people.
     pub name: String,
-    /// Decides every random number.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Optimiser steps in all.
     pub steps: u64,
@@ -43,7 +43,7 @@ pub struct TrainConfig {
     /// The learning rate.
     pub learning_rate: LearningRate,
     /// The largest Euclidean norm of the batch's mean gradient; a longer one is shortened to it.
-    /// Without this key nothing is.
+    /// Without this key no gradient is shortened.
     #[serde(default)]
     pub gradient_clip: Option<f64>,
     /// A sample whose loss L is above this counts with the weight `loss_cap`/L, so that one
@@ -75,7 +75,7 @@ pub struct TrainConfig {
     pub unroll: UnrollFrames,
     /// Samples from which the statistics of inputs and targets are taken before the first step.
     pub statistics_samples: usize,
-    /// A line of the log every so many steps.
+    /// Steps from one line of the log to the next.
     pub log_every: u64,
 }
 
@@ -100,7 +100,7 @@ impl TrainConfig {
         Self::parse_with(&text, path, settings)
     }
 
-    /// Checks the TOML text of a configuration that people know as `path`.
+    /// Reads and checks the TOML text of a configuration; errors name it `path`.
     ///
     /// # Errors
     /// [`ConfigError`] names the file and the field.
@@ -144,8 +144,8 @@ impl TrainConfig {
     /// proportion, to the nearest step.
     ///
     /// # Errors
-    /// [`InvalidConfig`] where so few steps leave no room between two that have to follow each
-    /// other, or so many are too many.
+    /// [`InvalidConfig`] where so few steps leave no room between two steps of a schedule,
+    /// or so many are too many.
     pub fn scaled_to(&self, steps: u64) -> Result<Self, InvalidConfig> {
         let mut cfg = self.clone();
         let mut changes = cfg.learning_rate.steps();

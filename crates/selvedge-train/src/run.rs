@@ -31,7 +31,7 @@ pub mod files {
     pub const CONFIG: &str = "config.toml";
 }
 
-/// RunLimits of a run besides its last step, and the time between checkpoints.
+/// Limits of a run besides its last step, and the time between checkpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunLimits {
     /// Stop cleanly after this time.

@@ -1,4 +1,4 @@
-//! The trajectories that are learned from, in memory, as the network needs them.
+//! The training set: trajectories to learn from, in memory, with their graphs.
 
 use std::sync::Arc;
 

@@ -18,7 +18,7 @@ use crate::graph::frame::Yaw;
 use crate::spec::ModelSpec;
 use crate::spec::integration::{Integration, LastFrames};
 
-/// Two frames that a cloth goes on from, all positions in the same axes `[m]`, `[vertices]`.
+/// Two frames from which a cloth moves on, all positions in the same axes `[m]`, `[vertices]`.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoFrames<'a, V> {
     /// The cloth.

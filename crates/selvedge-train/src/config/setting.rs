@@ -11,7 +11,7 @@ use toml::{Table, Value};
 use super::TrainConfig;
 use super::error::SettingError;
 
-/// One value of a configuration and what it is to be.
+/// A change of one value of a configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
     path: Vec<String>,

@@ -1,7 +1,7 @@
 //! The frames of a training step: one loop for every engine ([`run_slots`]).
 //!
 //! Each slot shows a sample, the engine takes it through the network and judges the prediction, and
-//! the slot goes on from its prediction to the next frame. Then the losses of its frames are
+//! the slot moves on with its prediction to the next frame. Then the losses of its frames are
 //! weighed and the engine goes back through all of them.
 //!
 //! Frame k of a rollout, from 1, is judged by the truth plus what is left of the offset that the

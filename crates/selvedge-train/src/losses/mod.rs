@@ -155,8 +155,8 @@ pub struct LossTerms {
 }
 
 impl LossTerms {
-    /// Those of acceleration, kinetic energy, edge vector, edge length and bending angle, of which
-    /// ones of weight 0 are off.
+    /// The terms of acceleration, kinetic energy, edge vector, edge length and bending angle, in
+    /// this order; those of weight 0 are left out.
     #[must_use]
     pub fn weighted(weights: &LossWeights, terms: [f64; 5]) -> Self {
         let [acceleration, rest @ ..] = terms;

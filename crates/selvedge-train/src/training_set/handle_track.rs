@@ -31,8 +31,8 @@ impl HandleTrack {
         }
     }
 
-    /// True if `other` is the same path, but for a turn about the vertical, as far as the shorter
-    /// one goes, and that is half of this one at least.
+    /// True if `other` is the same path, except for a turn about the vertical, as far as the
+    /// shorter one goes, and that is half of this one at least.
     pub(super) fn goes_as(&self, other: &Self) -> bool {
         let is_long = 2 * other.places.len() >= self.places.len();
         if !is_long || self.handles != other.handles || self.frame_rate != other.frame_rate {
