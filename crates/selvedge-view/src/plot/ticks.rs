@@ -1,5 +1,4 @@
-//! Where an axis has its marks, and what stands beside them: round numbers, 1, 2 or 5 times a power
-//! of ten.
+//! The marks of an axis and their labels: round numbers, 1, 2 or 5 times a power of ten.
 
 /// An axis from `start` to `end` with marks at `at`; on a logarithmic one all three are powers of
 /// 10.

@@ -1,4 +1,4 @@
-//! What stands behind the cloth: a soft wall that runs into a floor, and the shadow that the cloth
+//! The backdrop: a soft wall that runs into a floor, and the shadow that the cloth
 //! throws onto it.
 //!
 //! The wall and the floor depend on the camera alone and are computed once. The shadow is drawn

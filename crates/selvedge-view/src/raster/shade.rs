@@ -1,8 +1,10 @@
-//! Light on cloth, in linear light: a soft key from the upper left of the viewer, a faint fill from
-//! the right, a sky and a ground, a satin highlight and a trace of light at grazing angles.
+//! Light on cloth, in linear light: a warm key from the upper left of the viewer, a faint cool fill
+//! from the right, a sky, a satin highlight and a trace of light at grazing angles.
 //!
-//! The lights hang on the camera, so that a cloth is lit alike from everywhere. A point whose
-//! normal looks away is the back of the cloth: it has the back's tint and the turned normal.
+//! The key light falls only where the rest of the cloth leaves it free, and a little of it comes
+//! through from the far side. Ridges are lighter than valleys. The lights hang on the camera, so that
+//! a cloth is lit alike from everywhere. A point whose normal looks away is the back of the cloth: it
+//! has the back's tint and the turned normal.
 
 use glam::{Mat4, Vec3, Vec3A, Vec4};
 
@@ -109,8 +111,8 @@ impl Shader {
         let [x, y, z] = point.normal.to_array();
         let cosines: Vec4 =
             self.cosines.x_axis * x + self.cosines.y_axis * y + self.cosines.z_axis * z;
+        // A little of the light that falls on the far side comes through.
         let through = (-cosines.x).max(0.0) * point.sun;
-        // Wrapped: light reaches a little behind the terminator, as it does in woven cloth.
         let [key, fill, eye, half] = cosines.max(Vec4::ZERO).to_array();
         let key = key * point.sun;
         let sky = 0.5 + 0.5 * y;
