@@ -114,8 +114,8 @@ fn check_line(line: &str, is_rust: bool) -> Vec<(String, &'static str)> {
     found
 }
 
-/// True where `mark` occurs with no letter, digit or other character of a name on the sides on which
-/// the mark itself has one.
+/// True where `mark` occurs with no letter, digit or other character of a name on the sides on
+/// which the mark itself has one.
 fn stands_alone(line: &str, mark: &str) -> bool {
     line.match_indices(mark).any(|(start, _)| {
         let before = line[..start].chars().next_back();

@@ -1,5 +1,5 @@
-//! The page of the live viewer is built with tools that cargo does not know, and its built files are
-//! kept. This check compares them with the sources that stand beside them.
+//! The page of the live viewer is built with tools that cargo does not know, and its built files
+//! are kept. This check compares them with the sources that stand beside them.
 //!
 //! The build notes the FNV-1a hash (64 bits) of every source in `sources.txt`, a line each.
 

@@ -2,7 +2,8 @@
 //! Markdown.
 //!
 //! The page is made of what clap knows, so that it says the same as `--help`. With words after `--`
-//! it only says whether they are a command: `cargo xtask book` asks so for every command of the book.
+//! it says only whether they are a command. `cargo xtask book` asks so for every command of the
+//! book.
 
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, Command, CommandFactory, Parser};

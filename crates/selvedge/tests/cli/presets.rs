@@ -185,7 +185,8 @@ fn losses(cfg: TrainConfig, data: &Dataset, steps: usize) -> [f64; 2] {
     [mean(&all[..10]), mean(&all[steps - 50..])]
 }
 
-/// Environment: `SELVEDGE_LEARN` names the presets to train, with commas between them; all by default.
+/// Environment: `SELVEDGE_LEARN` names the presets to train, with commas between them. All by
+/// default.
 #[test]
 #[ignore = "trains every preset twice, or those that SELVEDGE_LEARN names: minutes"]
 fn every_preset_learns_and_learns_one_section_by_heart() {
