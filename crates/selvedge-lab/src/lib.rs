@@ -1,8 +1,47 @@
-//! The laboratory: runs that are timed and guarded, evaluations of models beside naive rivals,
-//! reports, and studies that train, measure and compare.
+//! The laboratory: cloths that are run, timed, guarded, measured and compared.
 //!
-//! Long operations report to an [`OnEvent`] and stop when it says so. Nothing here prints or parses
-//! a command line.
+//! A **machine** ([`machine`]) runs models, on the processor or on a GPU. The two engines are the
+//! physics ([`physics`]) and a **model** with its name ([`models`]); a model under a guard keeps the
+//! guard's word on every frame ([`watched`]). An **evaluation** ([`evaluation`]) runs *contestants*
+//! along the *trajectories* of data sets: models, their naive *rivals*, and the physics itself. A
+//! **report** ([`report`]) makes tables, CSV and plots of it. A **study** ([`study`]) is a file that
+//! says what to train, what to measure and what to ask; its folder keeps what is done. A **stress
+//! test** ([`stress`]) drives a model through random motions without a truth. [`generation`] makes
+//! data sets.
+//!
+//! Long operations call a listener ([`OnEvent`]) for every [`Event`] and stop when it breaks. Every
+//! operation has an error type of its own; [`cause::chain`] tells an error with its causes in one
+//! line.
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//!
+//! use selvedge_cloth::Cloth;
+//! use selvedge_data::{DatasetPreset, Split};
+//! use selvedge_lab::machine::Machine;
+//! use selvedge_lab::models::{self, NamedModel};
+//! use selvedge_lab::{Event, physics};
+//!
+//! let preset = DatasetPreset::open("tiny")?;
+//! let scene = preset.scene(&preset.motions(Split::Test)[0])?.scene;
+//! let mut solves = 0;
+//! let rest = physics::rest_pose(&scene, &mut |event| {
+//!     solves += u32::from(event == Event::Advanced);
+//!     ControlFlow::Continue(())
+//! })?;
+//! assert!(solves > 0);
+//! let cloth = Cloth::of_scene(&scene, physics::rounded(&rest.positions))?;
+//! let graph = models::graph_of_scene(&scene, &cloth)?;
+//! let model = NamedModel::open(None)?;
+//! let mut stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu)?;
+//! let path = scene.handle_path()?;
+//! let run = models::drive(&mut stepper, &path, 5, &mut || ControlFlow::Continue(()))?;
+//! assert_eq!(run.positions.len(), 6 * cloth.rest_positions().len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The laboratory prints nothing, draws no progress bar, hears no Ctrl-C and reads no command line:
+//! the program `selvedge` does. It does not know the viewer.
 
 pub mod assets;
 pub mod cause;
