@@ -275,7 +275,8 @@ mod tests {
             let made = Cloth::new(cloth.topology().clone(), cloth.handles().clone(), arrays);
             made.unwrap_err().to_string()
         };
-        let cases: [(fn(&mut ClothArrays), &str); 8] = [
+        type Edit = fn(&mut ClothArrays);
+        let cases: [(Edit, &str); 8] = [
             (
                 |a| a.vertex_mass.truncate(3),
                 "vertex_mass has 3 entries, expected 4",

@@ -3,6 +3,7 @@
 //!
 //! `cargo run -p selvedge-data --example custom_stepper` writes `follower.usda` to the working
 //! directory.
+#![allow(clippy::print_stdout, reason = "an example that prints its result")]
 
 use std::error::Error;
 use std::ops::ControlFlow;

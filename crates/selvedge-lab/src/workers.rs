@@ -38,7 +38,7 @@ pub fn share<J: Sync, R: Send, E: From<WorkerError> + Send>(
         let job = next.fetch_add(1, Ordering::Relaxed);
         (job < jobs.len() && !failed.load(Ordering::Relaxed)).then_some(job)
     };
-    let worker = || -> Result<Vec<(usize, Result<R, E>)>, WorkerError> {
+    let worker = || {
         let pool = pool(threads / workers)?;
         let mut done = Vec::new();
         while let Some(job) = take() {
@@ -46,7 +46,7 @@ pub fn share<J: Sync, R: Send, E: From<WorkerError> + Send>(
             failed.fetch_or(answer.is_err(), Ordering::Relaxed);
             done.push((job, answer));
         }
-        Ok(done)
+        Ok::<_, WorkerError>(done)
     };
     let mut answers = thread::scope(|scope| {
         let handles: Vec<_> = (0..workers).map(|_| scope.spawn(worker)).collect();

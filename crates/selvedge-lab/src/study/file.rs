@@ -272,9 +272,10 @@ impl Study {
             return Ok(cfg);
         }
         let Budget::Steps(steps) = self.budget(entry)? else {
-            return Err(StudyError::new(format!(
-                "scale_schedules: a budget in time has no steps to scale to: give {{ steps = 1000 }}"
-            )));
+            return Err(StudyError::new(
+                "scale_schedules: a budget in time has no steps to scale to: give { steps = 1000 }"
+                    .to_string(),
+            ));
         };
         let scaled = cfg.scaled_to(steps);
         scaled.of(|| format!("scaled from {} steps to the budget of {steps}", cfg.steps))
@@ -291,13 +292,9 @@ impl Study {
     /// Where nobody says it, or it is zero.
     pub(super) fn budget(&self, entry: &Training) -> Result<Budget, StudyError> {
         match entry.budget.or(self.budget) {
-            Some(Budget::Steps(0)) => Err(StudyError::new(format!(
-                "budget: 0 steps train nothing: give at least 1"
-            ))),
+            Some(Budget::Steps(0)) => Err(StudyError::new("budget: 0 steps train nothing: give at least 1".to_string())),
             Some(budget) => Ok(budget),
-            None => Err(StudyError::new(format!(
-                "there is no budget: write budget = {{ steps = 1000 }} or {{ time = \"10m\" }}, here or for the whole study"
-            ))),
+            None => Err(StudyError::new("there is no budget: write budget = { steps = 1000 } or { time = \"10m\" }, here or for the whole study".to_string())),
         }
     }
 
@@ -309,9 +306,9 @@ impl Study {
         match (&entry.data, self.data.keys().next()) {
             (Some(name), _) => Ok(name),
             (None, Some(only)) if self.data.len() == 1 => Ok(only),
-            _ => Err(StudyError::new(format!(
-                "data: the study has several data sets: say which one it learns from"
-            ))),
+            _ => Err(StudyError::new(
+                "data: the study has several data sets: say which one it learns from".to_string(),
+            )),
         }
     }
 

@@ -14,9 +14,7 @@ impl Study {
     pub(super) fn check(&self) -> Result<(), StudyError> {
         self.check_names()?;
         if self.data.is_empty() {
-            return Err(StudyError::new(format!(
-                "data: there is no data set: write [data] and a line such as small = {{ preset = \"small\" }}"
-            )));
+            return Err(StudyError::new("data: there is no data set: write [data] and a line such as small = { preset = \"small\" }".to_string()));
         }
         for name in &self.evaluation.data {
             self.check_data(name).of(|| "evaluation.data".to_owned())?;
@@ -53,9 +51,7 @@ impl Study {
             return Ok(());
         };
         if self.scale_schedules {
-            return Err(StudyError::new(format!(
-                "after: with scale_schedules every training is a whole one: leave one of the two out"
-            )));
+            return Err(StudyError::new("after: with scale_schedules every training is a whole one: leave one of the two out".to_string()));
         }
         let Some(before) = before.iter().find(|entry| entry.name == *after) else {
             return Err(StudyError::new(format!(
@@ -122,7 +118,7 @@ impl Study {
 
     fn check_question(&self, question: &Question) -> Result<(), StudyError> {
         if question.models.is_empty() == question.groups.is_empty() {
-            return Err(StudyError::new(format!("write either models or groups")));
+            return Err(StudyError::new("write either models or groups".to_string()));
         }
         for group in question.groups() {
             let mut seen: Vec<&String> = Vec::new();
