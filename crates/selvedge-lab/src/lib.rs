@@ -1,13 +1,13 @@
 //! The laboratory: cloths that are run, timed, guarded, measured and compared.
 //!
 //! A **machine** ([`machine`]) runs models, on the processor or on a GPU. The two engines are the
-//! physics ([`physics`]) and a **model** with its name ([`models`]); a model under a guard keeps the
-//! guard's word on every frame ([`watched`]). An **evaluation** ([`evaluation`]) runs *contestants*
-//! along the *trajectories* of data sets: models, their naive *rivals*, and the physics itself. A
-//! **report** ([`report`]) makes tables, CSV and plots of it. A **study** ([`study`]) is a file that
-//! says what to train, what to measure and what to ask; its folder keeps what is done. A **stress
-//! test** ([`stress`]) drives a model through random motions without a truth. [`generation`] makes
-//! data sets.
+//! physics ([`physics`]) and a **model** with its name ([`models`]); a model under a guard keeps
+//! the guard's word on every frame ([`watched`]). An **evaluation** ([`evaluation`]) runs
+//! *contestants* along the *trajectories* of data sets: models, their naive *rivals*, and the
+//! physics itself. A **report** ([`report`]) makes tables, CSV and plots of it. A **study**
+//! ([`study`]) is a file that says what to train, what to measure and what to ask; its folder keeps
+//! what is done. A **stress test** ([`stress`]) drives a model through random motions without a
+//! truth. [`generation`] makes data sets.
 //!
 //! Long operations call a listener ([`OnEvent`]) for every [`Event`] and stop when it breaks. Every
 //! operation has an error type of its own; [`cause::chain`] tells an error with its causes in one
