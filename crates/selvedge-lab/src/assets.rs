@@ -1,5 +1,5 @@
-//! What ships with the program: the model that `rollout` runs when none is named, and the
-//! configurations that `train` knows by name.
+//! Assets of the program: the model that `rollout` runs when none is named, and the configurations
+//! that `train` knows by name.
 
 /// The weights of the shipped model, and what they are called in answers.
 pub const MODEL: (&str, &[u8]) = (

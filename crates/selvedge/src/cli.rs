@@ -1,4 +1,4 @@
-//! What can be asked, and the help that teaches it.
+//! The commands with their arguments, and the help that teaches them.
 
 mod bench;
 mod device;

@@ -1,4 +1,4 @@
-//! How a failure is told: one line, `error: what was done: what went wrong: why`, and an exit code
+//! Messages of failures: one line, `error: what was done: what went wrong: why`, and an exit code
 //! that says whether the call itself was wrong.
 
 use std::fmt;

@@ -1,4 +1,4 @@
-//! What a command answers: a text for people or, with `--json`, one JSON object for programs. It is
+//! Answers of commands: a text for people or, with `--json`, one JSON object for programs. It is
 //! the only thing that goes to standard output; all else goes to standard error.
 
 use std::fmt::{self, Display, Write as _};

@@ -1,4 +1,4 @@
-//! Where results go: checked before the work begins, so that an hour is not spent on a file that
+//! Places of results: checked before the work begins, so that an hour is not spent on a file that
 //! cannot be written.
 
 use std::ffi::OsStr;

@@ -1,5 +1,5 @@
-//! How far something is: a bar with rate and estimate on standard error for what takes longer than
-//! two seconds. Where standard error is no terminal, a plain line every ten seconds instead.
+//! Progress: a bar with rate and estimate on standard error for what takes longer than two seconds.
+//! Where standard error is no terminal, a plain line every ten seconds instead.
 //!
 //! A [`Progress`] may be told from several threads at once; [`listener`] shows what the laboratory
 //! reports.

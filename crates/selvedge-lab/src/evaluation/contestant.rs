@@ -1,5 +1,5 @@
-//! Who runs along a trajectory: a model, its naive rivals, or the truth itself, each as a `Stepper`
-//! with its path.
+//! Contestants along a trajectory: a model, its naive rivals, or the truth itself, each as a
+//! `Stepper` with its path.
 //!
 //! The rivals: the rest pose moved rigidly with the handles, and the physics itself from the other
 //! branch of the buckling: what somebody would predict who knew the physics but not to which side

@@ -1,5 +1,5 @@
-//! What is measured of a run, and its course frame by frame. The formulas are in
-//! `selvedge_data::metrics`; all are against the recorded truth.
+//! Measures of a run, and its course frame by frame. The formulas are in `selvedge_data::metrics`;
+//! all are against the recorded truth.
 
 use glam::Vec3;
 use selvedge_data::metrics::{self, MetricError};

@@ -1,4 +1,4 @@
-//! Which mesh a trajectory is of, in words that no other mesh has.
+//! Names of meshes: words for the mesh of a trajectory that no other mesh has.
 
 use selvedge_data::Trajectory;
 

@@ -1,5 +1,5 @@
-//! How well models predict recorded trajectories, and how well their naive rivals do: whole runs,
-//! and runs of k steps from the truth.
+//! Errors of models, and of their naive rivals, along recorded trajectories: whole runs, and runs
+//! of k steps from the truth.
 //!
 //! Everyone is a `Stepper`, starts from the trajectory's first frame or from a rest pose of its
 //! own, and runs with the handles where they were recorded. Every run is the work of one thread

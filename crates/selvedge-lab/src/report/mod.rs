@@ -1,5 +1,5 @@
-//! What an evaluation or a training looks like on paper: tables in Markdown, all numbers in CSV,
-//! plots in SVG and PNG.
+//! Reports of evaluations and trainings: tables in Markdown, all numbers in CSV, plots in SVG and
+//! PNG.
 //!
 //! Everything but the times is a pure function of the rows: the same rows, the same bytes. Times
 //! depend on the machine and stand in files of their own.

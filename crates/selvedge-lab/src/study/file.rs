@@ -1,4 +1,4 @@
-//! What a study says: a TOML file, checked before anything is done.
+//! The file of a study: TOML, checked before anything is done.
 
 mod check;
 

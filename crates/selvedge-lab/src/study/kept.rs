@@ -1,5 +1,5 @@
-//! What a study keeps: JSON files that are written whole, and hashes that say what they were made
-//! from.
+//! Files that a study keeps: JSON files that are written whole, and hashes that say what they were
+//! made from.
 
 use std::io::{ErrorKind, Write};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Studies: what is trained, what is measured, and what is asked of the outcome, in one file.
+//! Studies: trainings, measurements, and questions about their outcome, in one file.
 //!
 //! `file` is what a study says, checked; `training` and `evaluation` do the work and keep what is
 //! done in the study's folder, so that a study that was interrupted goes on; `page` answers the

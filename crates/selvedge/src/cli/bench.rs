@@ -1,4 +1,4 @@
-//! What can be measured.
+//! The call of `selvedge bench`.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;

@@ -1,4 +1,4 @@
-//! How a model is guarded, and the call of `selvedge stress`.
+//! The names of guards, and the call of `selvedge stress`.
 
 use std::path::PathBuf;
 

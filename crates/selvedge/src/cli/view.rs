@@ -1,4 +1,4 @@
-//! What can be asked of `selvedge view`.
+//! The call of `selvedge view`.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;

@@ -1,5 +1,4 @@
-//! What the live viewer shows: cloths made ready from scenes, and who moves them, the physics or a
-//! model.
+//! Cloths of the live viewer: made ready from scenes, and moved by the physics or a model.
 
 mod movers;
 mod scene_cloth;

@@ -1,4 +1,4 @@
-//! What may be ordered of the viewer's workshop, and what it says where it cannot be had.
+//! Orders to the viewer's workshop, and its words where one cannot be had.
 
 use std::ops::ControlFlow;
 

@@ -1,4 +1,4 @@
-//! What of a study makes no sense is found before anything is done.
+//! Checks of a study: mistakes are found before anything is done.
 
 use selvedge_train::TrainConfig;
 

@@ -1,5 +1,5 @@
-//! What a file looks like: a cloth as a still or a contact sheet, a training as curves, a model as
-//! a histogram of its weights.
+//! Pictures of files: a cloth as a still or a contact sheet, a training as curves, a model as a
+//! histogram of its weights.
 
 use std::io::Write;
 use std::path::Path;

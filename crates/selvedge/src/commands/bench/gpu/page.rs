@@ -1,4 +1,4 @@
-//! What `selvedge bench gpu` says: Markdown that may stand in a page as it is.
+//! The answer of `selvedge bench gpu`: Markdown that may stand in a page as it is.
 
 use selvedge_gpu::bench::limits::Limits;
 
