@@ -42,6 +42,19 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         let count = |name: &str| verdicts.iter().filter(|v| *v == name).count() as f64;
         assert_eq!(number(&report, "/guarded/corrected"), count("corrected"));
         assert_eq!(number(&report, "/guarded/lost"), count("lost"));
+        // Each lost frame says what replaced it; the scene is at hand and its physics never fails.
+        let replaced = column(&text, "replaced_by");
+        for (verdict, replaced) in verdicts.iter().zip(&replaced) {
+            let expected = match (verdict.as_str(), guard) {
+                ("lost", "none") => "nothing",
+                ("lost", _) => "physics",
+                _ => "",
+            };
+            assert_eq!(replaced, expected, "{guard}");
+        }
+        let by_physics = replaced.iter().filter(|r| *r == "physics").count() as f64;
+        assert_eq!(number(&report, "/guarded/lost_to_physics"), by_physics);
+        assert!(column(&text, "physics_failed").iter().all(|f| f == "false"));
         assert_eq!(number(&report, "/guarded/frames"), PUSH_FRAMES as f64);
         assert_eq!(report["guard"], guard);
         if guard != "none" {
