@@ -10,7 +10,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use super::places::PAGES;
+use super::places::{PAGES, SUMMARY};
 use super::{links, markdown};
 use crate::tree::{TextFile, Tree};
 
@@ -60,7 +60,8 @@ fn copy_book(root: &Path, tree: &Tree, copy: &Path) -> Result<()> {
     for path in tree.sizes.keys().filter(|path| path.starts_with("docs/")) {
         let target = copy.join(path.trim_start_matches("docs/"));
         make_folder_of(&target)?;
-        let page = tree.text(path).filter(|file| file.path.ends_with(".md"));
+        let is_page = path.ends_with(".md") && path != SUMMARY;
+        let page = tree.text(path).filter(|_| is_page);
         match page {
             Some(page) => fs::write(&target, redirected(page))?,
             None => {

@@ -6,3 +6,5 @@ pub(super) const PAGES: &str = "docs/src/";
 pub(super) const NOTEBOOK: &str = "docs/src/notebook/";
 /// Page that the program itself writes.
 pub(super) const REFERENCE: &str = "docs/src/reference/commands.md";
+/// List of the book's pages, in their order.
+pub(super) const SUMMARY: &str = "docs/src/SUMMARY.md";

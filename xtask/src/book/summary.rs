@@ -1,11 +1,9 @@
 //! Every page of the book stands in its summary, once.
 
 use super::fault::Fault;
-use super::places::PAGES;
+use super::places::{PAGES, SUMMARY};
 use super::{links, markdown};
 use crate::tree::Tree;
-
-const SUMMARY: &str = "docs/src/SUMMARY.md";
 
 /// Pages that the summary lacks or has twice.
 pub(super) fn check(tree: &Tree) -> Vec<Fault> {
