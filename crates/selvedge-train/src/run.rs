@@ -198,16 +198,23 @@ impl LogLine {
     /// The means of steps in a row, with number and rates of the last.
     fn of(steps: &[StepReport]) -> Option<Self> {
         let last = steps.last()?;
-        let terms = LossTerms::mean(steps.iter().map(|step| &step.terms));
+        let LossTerms {
+            total,
+            acceleration,
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
+        } = LossTerms::mean(steps.iter().map(|step| &step.terms));
         let norms: f64 = steps.iter().map(|step| step.gradient_norm).sum();
         Some(Self {
             step: last.step,
-            loss: terms.total,
-            acceleration: terms.acceleration,
-            kinetic_energy: terms.kinetic_energy,
-            edge_vector: terms.edge_vector,
-            edge_length: terms.edge_length,
-            bending_angle: terms.bending_angle,
+            loss: total,
+            acceleration,
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
             gradient_norm: norms / steps.len() as f64,
             learning_rate: last.learning_rate,
             truth_probability: last.truth_probability,

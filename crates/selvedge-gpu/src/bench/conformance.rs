@@ -1,7 +1,7 @@
 //! Comparison of a training on a device with the same training on the processor: the gradient of
 //! the first step, and the losses of all steps from one seed.
 
-use selvedge_train::{EngineMaker, OnProcessor, StepReport, TrainError, Trainer};
+use selvedge_train::{EngineMaker, LossTerms, OnProcessor, StepReport, TrainError, Trainer};
 
 use crate::device::{Device, Precision};
 use crate::training::OnDevice;
@@ -51,14 +51,21 @@ pub fn training(
 /// The largest relative difference of a term.
 fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
     let terms = |report: &StepReport| {
-        let terms = &report.terms;
+        let LossTerms {
+            total,
+            acceleration,
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
+        } = report.terms;
         [
-            Some(terms.total),
-            Some(terms.acceleration),
-            terms.kinetic_energy,
-            terms.edge_vector,
-            terms.edge_length,
-            terms.bending_angle,
+            Some(total),
+            Some(acceleration),
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
         ]
     };
     let pairs = terms(expected).into_iter().zip(terms(found));

@@ -133,12 +133,13 @@ pub fn loss_numbers(statistics: &LossStatistics, weights: &LossWeights) -> Vec<f
             .into_iter()
             .flat_map(|of| -> Vec<f64> { scales(of) }),
     );
-    numbers.extend([
-        weights.kinetic_energy,
-        weights.edge_vector,
-        weights.edge_length,
-        weights.bending_angle,
-    ]);
+    let LossWeights {
+        kinetic_energy,
+        edge_vector,
+        edge_length,
+        bending_angle,
+    } = *weights;
+    numbers.extend([kinetic_energy, edge_vector, edge_length, bending_angle]);
     numbers
 }
 

@@ -71,11 +71,17 @@ impl LossWeights {
     /// # Errors
     /// Names the field.
     pub fn validate(&self) -> Result<(), LossWeightsError> {
+        let Self {
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
+        } = *self;
         for (field, found) in [
-            ("kinetic_energy", self.kinetic_energy),
-            ("edge_vector", self.edge_vector),
-            ("edge_length", self.edge_length),
-            ("bending_angle", self.bending_angle),
+            ("kinetic_energy", kinetic_energy),
+            ("edge_vector", edge_vector),
+            ("edge_length", edge_length),
+            ("bending_angle", bending_angle),
         ] {
             if !(found.is_finite() && found >= 0.0) {
                 return Err(LossWeightsError { field, found });

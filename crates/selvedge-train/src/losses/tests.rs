@@ -313,10 +313,18 @@ fn statistics_count_free_vertices_and_edges_both_ways_and_merge() {
     twice.merge(&once);
     twice.merge(&once);
     assert_eq!(twice.count(), 2.0 * once.count());
-    assert_eq!(
-        twice.freeze().acceleration.mean(),
-        once.freeze().acceleration.mean()
-    );
+    let (twice, once) = (twice.freeze(), once.freeze());
+    let means = |of: &LossStatistics| {
+        [
+            &of.acceleration,
+            &of.kinetic_energy,
+            &of.edge_vector,
+            &of.edge_length,
+            &of.bending_angle,
+        ]
+        .map(|part| part.mean().to_vec())
+    };
+    assert_eq!(means(&twice), means(&once));
 }
 
 #[test]

@@ -2,9 +2,9 @@
 //! from the right, a sky, a satin highlight and a trace of light at grazing angles.
 //!
 //! The key light falls only where the rest of the cloth leaves it free, and a little of it comes
-//! through from the far side. Ridges are lighter than valleys. The lights hang on the camera, so that
-//! a cloth is lit alike from everywhere. A point whose normal looks away is the back of the cloth: it
-//! has the back's tint and the turned normal.
+//! through from the far side. Ridges are lighter than valleys. The lights hang on the camera, so
+//! that a cloth is lit alike from everywhere. A point whose normal looks away is the back of the
+//! cloth: it has the back's tint and the turned normal.
 
 use glam::{Mat4, Vec3, Vec3A, Vec4};
 
