@@ -111,8 +111,7 @@ impl Wish {
             Ok(frames) => frames.len(),
             Err(error) => return wrong(format!("--frames: {error}")),
         };
-        let is_one = matches!(self.kind, Kind::Picture | Kind::Numbers(ExportFormat::Obj));
-        if is_one && count > 1 {
+        if self.kind.holds_one_frame() && count > 1 {
             return wrong(format!(
                 "{}: such a file holds one frame, and {count} were asked for: choose one with --frames, or name a folder with --format",
                 self.path.display()
@@ -204,6 +203,15 @@ impl Wish {
 }
 
 impl Kind {
+    /// True for a file that holds one frame.
+    fn holds_one_frame(self) -> bool {
+        match self {
+            Self::Numbers(format) => format.holds_one_frame(),
+            Self::Picture => true,
+            Self::Pictures | Self::Gif | Self::Mp4 => false,
+        }
+    }
+
     /// Checks that `path` can be made.
     fn check(self, path: &Path) -> anyhow::Result<()> {
         match self {
@@ -222,14 +230,14 @@ impl Kind {
 pub(crate) fn wishes(paths: &[PathBuf]) -> anyhow::Result<Vec<Wish>> {
     let wish = |path: &PathBuf| {
         let wish = Wish::new(path, None)?;
-        match wish.kind {
-            Kind::Picture | Kind::Numbers(ExportFormat::Obj) => Err(WrongUsage::new(format!(
+        if wish.kind.holds_one_frame() {
+            return Err(WrongUsage::new(format!(
                 "--export {}: such a file holds one frame: take `selvedge export`, which can choose one",
                 path.display()
             ))
-            .into()),
-            _ => Ok(wish),
+            .into());
         }
+        Ok(wish)
     };
     paths.iter().map(wish).collect()
 }

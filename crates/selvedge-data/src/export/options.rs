@@ -20,6 +20,17 @@ pub enum ExportFormat {
     Npz,
 }
 
+impl ExportFormat {
+    /// True for a file that holds one frame.
+    #[must_use]
+    pub fn holds_one_frame(self) -> bool {
+        match self {
+            Self::Obj => true,
+            Self::Usda | Self::Glb | Self::Pc2 | Self::ObjSequence | Self::Npz => false,
+        }
+    }
+}
+
 /// Choice of writing a normal for each vertex and frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {

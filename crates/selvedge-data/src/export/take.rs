@@ -24,7 +24,7 @@ impl<'a> Take<'a> {
     ) -> Result<Self, ExportError> {
         let frames = options.frames.of(trajectory.frame_count())?;
         match options.format {
-            ExportFormat::Obj if frames.len() > 1 => {
+            format if format.holds_one_frame() && frames.len() > 1 => {
                 let frames = frames.len();
                 return Err(ExportError::OneFrame { frames });
             }

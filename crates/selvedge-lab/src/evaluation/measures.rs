@@ -20,24 +20,66 @@ pub enum MeasureError {
     Metric(#[from] MetricError),
 }
 
-/// Measures of a whole run.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Measures {
+/// A run beside its truth, as the formulas of the table see it.
+struct Compared<'a> {
+    truth: &'a Trajectory,
+    expected: Frames<'a>,
+    found: Frames<'a>,
+}
+
+/// Makes [`Measures`] of the table of measures: its fields, its names, its values and its mean.
+macro_rules! measures {
+    ($($(#[$doc:meta])* $name:ident = $formula:expr;)+) => {
+        /// Measures of a whole run.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct Measures {
+            $($(#[$doc])* pub $name: f64,)+
+        }
+
+        impl Measures {
+            /// Names of the measures, as JSON and CSV have them.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),+];
+
+            /// Values in the order of [`Self::NAMES`].
+            pub fn values(&self) -> impl Iterator<Item = f64> {
+                [$(self.$name),+].into_iter()
+            }
+
+            fn compute(run: &Compared<'_>) -> Result<Self, MeasureError> {
+                $(let $name: fn(&Compared<'_>) -> Result<f64, MetricError> = $formula;)+
+                Ok(Self { $($name: $name(run)?,)+ })
+            }
+
+            /// Mean of each measure over `all`; none where there are none.
+            pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
+                let count = all.clone().count();
+                let mean = |of: fn(&Self) -> f64| all.clone().map(of).sum::<f64>() / count as f64;
+                (count > 0).then(|| Self { $($name: mean(|m| m.$name),)+ })
+            }
+        }
+    };
+}
+
+measures! {
     /// √(mean over frames and vertices of the squared distance to the truth) `[m]`.
-    pub position_rmse: f64,
+    position_rmse = |run| metrics::position_rmse(run.expected, run.found);
     /// Mean over frames and vertices of the distance to the truth `[m]`.
-    pub mean_vertex_error: f64,
+    mean_vertex_error = |run| metrics::mean_vertex_error(run.expected, run.found);
     /// The largest distance of a vertex to the truth `[m]`.
-    pub largest_vertex_error: f64,
+    largest_vertex_error = |run| metrics::max_vertex_error(run.expected, run.found);
     /// e₃D: mean over frames of ‖error‖/‖truth‖.
-    pub relative_error: f64,
+    relative_error = |run| metrics::relative_error(run.expected, run.found);
     /// √(mean over frames and edges of the squared difference of lengths) `[m]`.
-    pub edge_length_rmse: f64,
+    edge_length_rmse =
+        |run| metrics::edge_length_rmse(run.expected, run.found, run.truth.topology());
     /// The largest (l - l₀)/l₀ against the material.
-    pub largest_strain: f64,
+    largest_strain = |run| {
+        let strains = strains(run.truth, run.found)?;
+        Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
+    };
     /// Settling: mean speed of the vertices in the last second `[m/s]`.
-    pub final_speed: f64,
+    final_speed = |run| metrics::final_speed(run.found, run.truth.frame_rate());
 }
 
 /// A run frame by frame, `[frames]` each.
@@ -58,38 +100,10 @@ impl Measures {
     /// # Errors
     /// When the run is of another mesh.
     pub fn of(truth: &Trajectory, positions: &[Vec3]) -> Result<Self, MeasureError> {
-        let (a, b) = (
-            truth.frames(),
-            Frames::new(positions, truth.vertex_count())?,
-        );
-        let topology = truth.topology();
-        let strains = metrics::largest_strain(b, topology, &material_lengths(truth))?;
-        Ok(Self {
-            position_rmse: metrics::position_rmse(a, b)?,
-            mean_vertex_error: metrics::mean_vertex_error(a, b)?,
-            largest_vertex_error: metrics::max_vertex_error(a, b)?,
-            relative_error: metrics::relative_error(a, b)?,
-            edge_length_rmse: metrics::edge_length_rmse(a, b, topology)?,
-            largest_strain: strains.into_iter().fold(f64::NEG_INFINITY, f64::max),
-            final_speed: metrics::final_speed(b, truth.frame_rate())?,
-        })
-    }
-
-    /// Means of each; none where there are none.
-    pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
-        let count = all.clone().count();
-        if count == 0 {
-            return None;
-        }
-        let mean = |of: fn(&Self) -> f64| all.clone().map(of).sum::<f64>() / count as f64;
-        Some(Self {
-            position_rmse: mean(|m| m.position_rmse),
-            mean_vertex_error: mean(|m| m.mean_vertex_error),
-            largest_vertex_error: mean(|m| m.largest_vertex_error),
-            relative_error: mean(|m| m.relative_error),
-            edge_length_rmse: mean(|m| m.edge_length_rmse),
-            largest_strain: mean(|m| m.largest_strain),
-            final_speed: mean(|m| m.final_speed),
+        Self::compute(&Compared {
+            truth,
+            expected: truth.frames(),
+            found: Frames::new(positions, truth.vertex_count())?,
         })
     }
 }
@@ -108,12 +122,14 @@ impl Curves {
         Ok(Self {
             position_rmse: metrics::per_frame_rmse(a, b)?,
             edge_length_rmse: metrics::per_frame_edge_length_rmse(a, b, topology)?,
-            largest_strain: metrics::largest_strain(b, topology, &material_lengths(truth))?,
+            largest_strain: strains(truth, b)?,
         })
     }
 }
 
-fn material_lengths(truth: &Trajectory) -> Vec<f64> {
+/// The largest strain of each of `frames` against the material of the truth's cloth.
+fn strains(truth: &Trajectory, frames: Frames<'_>) -> Result<Vec<f64>, MetricError> {
     let coordinates = truth.cloth().material_coordinates();
-    metrics::material_edge_lengths(truth.topology(), coordinates)
+    let lengths = metrics::material_edge_lengths(truth.topology(), coordinates);
+    metrics::largest_strain(frames, truth.topology(), &lengths)
 }

@@ -5,14 +5,13 @@ use super::{Contest, Subject};
 use crate::evaluation::{Horizon, Measures, Row, Timing, Who, summary};
 use crate::watched::GuardSummary;
 
-const MEASURES: &str = "position_rmse,mean_vertex_error,largest_vertex_error,relative_error,edge_length_rmse,largest_strain,final_speed";
-
 const GUARDED: &str = "frames,frames_corrected,frames_lost,largest_correction";
 
 /// A line per contestant and mesh, and per contestant over all meshes ("all").
 pub(super) fn means_csv(contest: &Contest<'_>) -> String {
+    let measures = Measures::NAMES.join(",");
     let head = format!(
-        "who,mesh,motions,runs_under_strain_limit,first_frame_over,{MEASURES},runs_diverged,{GUARDED}"
+        "who,mesh,motions,runs_under_strain_limit,first_frame_over,{measures},runs_diverged,{GUARDED}"
     );
     let mut csv = Csv::new(&head);
     let meshes = contest.values(|row| &row.mesh);
@@ -42,8 +41,9 @@ pub(super) fn means_csv(contest: &Contest<'_>) -> String {
 
 /// A line per contestant and motion.
 pub(super) fn motions_csv(contest: &Contest<'_>) -> String {
+    let measures = Measures::NAMES.join(",");
     let head = format!(
-        "who,data,mesh,motion,first_frame_over,{MEASURES},first_frame_diverged,{GUARDED},failure"
+        "who,data,mesh,motion,first_frame_over,{measures},first_frame_diverged,{GUARDED},failure"
     );
     let mut csv = Csv::new(&head);
     each(contest, |name, row| {
@@ -155,17 +155,10 @@ impl Csv {
     }
 
     fn measures(&mut self, measures: Option<&Measures>) {
-        let of = |of: fn(&Measures) -> f64| measures.map(of);
-        let all = [
-            of(|m| m.position_rmse),
-            of(|m| m.mean_vertex_error),
-            of(|m| m.largest_vertex_error),
-            of(|m| m.relative_error),
-            of(|m| m.edge_length_rmse),
-            of(|m| m.largest_strain),
-            of(|m| m.final_speed),
-        ];
-        all.into_iter().for_each(|value| self.number(value));
+        match measures {
+            Some(measures) => measures.values().for_each(|value| self.number(Some(value))),
+            None => Measures::NAMES.iter().for_each(|_| self.number(None)),
+        }
     }
 
     fn guarded(&mut self, guarded: Option<&GuardSummary>) {
