@@ -19,7 +19,7 @@ pub struct NetworkCase<'a> {
     /// The arcs.
     pub graph: &'a Connectivity,
     /// The frames that a pass takes. A pass of [`Extent::Newest`] starts from states, which are
-    /// zero until [`NetworkArrays::put_state`].
+    /// zero until `NetworkArrays::put_state`.
     pub extent: Extent,
 }
 
