@@ -5,6 +5,7 @@
 //! than this one are left out, so that nothing has to be downloaded.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result};
@@ -31,6 +32,19 @@ pub(crate) fn workspace_root() -> Result<String> {
         .exec()
         .context("cannot read the workspace with cargo metadata")?;
     Ok(metadata.workspace_root.into_string())
+}
+
+/// Folder into which the workspace at `root` is built, which the environment can move.
+///
+/// # Errors
+/// When cargo cannot read the workspace.
+pub(crate) fn target_folder(root: &Path) -> Result<PathBuf> {
+    let metadata = MetadataCommand::new()
+        .no_deps()
+        .current_dir(root)
+        .exec()
+        .context("cannot read the workspace with cargo metadata")?;
+    Ok(metadata.target_directory.into_std_path_buf())
 }
 
 /// The graph of all packages of the workspace.

@@ -44,7 +44,8 @@ impl Program {
             bail!("the program could not be built");
         }
         let name = format!("selvedge{}", std::env::consts::EXE_SUFFIX);
-        Ok(Self::at(&root.join("target/debug").join(name)))
+        let folder = crate::metadata::target_folder(root)?.join("debug");
+        Ok(Self::at(&folder.join(name)))
     }
 
     /// Runs the program in `folder`.
