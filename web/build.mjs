@@ -1,5 +1,5 @@
-// Builds the page that the program carries, into ../crates/selvedge-live/page, and notes the hash of every
-// source beside it, so that a test can say whether what is carried is what stands here.
+// Builds the page that the program carries, into ../crates/selvedge-live/page, and notes the hash
+// of every source beside it, so that a test can say whether what is carried is what stands here.
 import { build } from "esbuild";
 import { copyFileSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
 

@@ -1,30 +1,32 @@
 #!/usr/bin/env bash
-# Everything that docs/src/guides/gpu.md and docs/src/benchmarks.md want to know of a GPU, in one go, as Markdown on
-# standard output:
+# Everything that docs/src/guides/gpu.md and docs/src/benchmarks.md want to know of a GPU, in one
+# go, as Markdown on standard output:
 #
 #     benches/gpu/measure.sh > gpu.md
 #
-# What is ours comes first, in all precisions, then PyTorch beside it, eager, then compiled. What was measured is printed
-# as it comes; what fails, or takes longer than LIMIT, is said and the rest goes on.
+# What is ours comes first, in all precisions, then PyTorch beside it, eager, then compiled. What
+# was measured is printed as it comes; what fails, or takes longer than LIMIT, is said and the rest
+# goes on.
 #
-# Parts that should fit into 9 minutes each, where a machine is lent no longer (reckoned, not measured), P each of full,
-# tensor and half, and V each of 1024,64x1024 and 10000,100000:
+# Parts that should fit into 9 minutes each, where a machine is lent no longer (reckoned, not
+# measured), P each of full, tensor and half, and V each of 1024,64x1024 and 10000,100000:
 #
 #     SECTIONS=conformance benches/gpu/measure.sh > conformance.md
 #     SECTIONS=training benches/gpu/measure.sh > training.md
 #     SECTIONS=frames PRECISIONS=P benches/gpu/measure.sh > frames-P.md
 #     SECTIONS=time PRECISIONS=P benches/gpu/measure.sh > time-P.md
 #     SECTIONS=eager PRECISIONS=P VERTICES=V benches/gpu/measure.sh > eager-P-V.md
-#     SECTIONS=compiled PRECISIONS=P VERTICES=1024 VARIANTS="gru-10 mlp meshgraphnets" benches/gpu/measure.sh > compiled-P.md
+#     SECTIONS=compiled PRECISIONS=P VERTICES=1024 VARIANTS="gru-10 mlp meshgraphnets" \
+#         benches/gpu/measure.sh > compiled-P.md
 #
-# The last makes every network at every size in every precision anew, about a minute each: of it take as much as there
-# is time for.
+# The last makes every network at every size in every precision anew, about a minute each: of it
+# take as much as there is time for.
 #
 # May be set, with what holds where nothing is:
 #
 #   DEVICE      cuda; as for --device
-#   PYTHON      python3, with PyTorch for CUDA; none leaves PyTorch out. Where it has NVIDIA's packages, CUDA's libraries
-#               are taken from them after those of LD_LIBRARY_PATH
+#   PYTHON      python3, with PyTorch for CUDA; none leaves PyTorch out. Where it has NVIDIA's
+#               packages, CUDA's libraries are taken from them after those of LD_LIBRARY_PATH
 #   SELVEDGE    a built program, with --features gpu; none builds target/release/selvedge
 #   FOLDER      out/gpu; for data and trainings
 #   SECTIONS    conformance frames time training eager compiled; what to do of it
@@ -32,7 +34,8 @@
 #   VARIANTS    gru-10 gru-5 node-gru-10 streaming-gru mlp meshgraphnets
 #   VERTICES    1024,10000,100000,64x1024; of the cloths, the last one 64 at once
 #   RUNS        30; of each
-#   SIDE        8192; rows of the matrices that the card's limits are measured with; half as many beside PyTorch
+#   SIDE        8192; rows of the matrices that the card's limits are measured with; half as many
+#               beside PyTorch
 #   PROFILED    gru-10 meshgraphnets; the variants of which every command is timed by itself
 #   CHECKED     none for all; the variants that are held against the processor
 #   FRAMES      30; of its rollouts
@@ -43,12 +46,13 @@
 #   SPAN        1m; for how long
 #   LIMIT       300; seconds that any one of all this may take
 #
-# Where there is no GPU, this runs all of it in a few minutes, by the kernels on the processor; its times say
-# nothing of a GPU:
+# Where there is no GPU, this runs all of it in a few minutes, by the kernels on the processor; its
+# times say nothing of a GPU:
 #
 #     DEVICE=host PYTHON=none PRECISIONS=full VARIANTS="small mlp" VERTICES=64,2x64 RUNS=2 SIDE=64 \
 #         PROFILED=small CHECKED=small FRAMES=3 STEPS=20 PRESETS=rp-mlp DATASET=tiny SPAN=10s \
-#         SETTINGS="batch.samples=2 model.latent=16 model.blocks=2 statistics_samples=20" benches/gpu/measure.sh
+#         SETTINGS="batch.samples=2 model.latent=16 model.blocks=2 statistics_samples=20" \
+#         benches/gpu/measure.sh
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 

@@ -1,5 +1,5 @@
-// Numbers per vertex to colour a cloth by, and the map from number to colour. The map is viridis (van der
-// Walt and Smith, matplotlib 2015, CC0), as in the pictures of the command line.
+// Numbers per vertex to colour a cloth by, and the map from number to colour. The map is viridis
+// (van der Walt and Smith, matplotlib 2015, CC0), as in the pictures of the command line.
 
 import { DataTexture, LinearFilter, RGBAFormat, SRGBColorSpace } from "three";
 import type { Cloth } from "./protocol";
@@ -62,7 +62,7 @@ export function colourMap(): DataTexture {
 export class Edges {
   /** [edges, 2] */
   readonly ends: Uint32Array;
-  /** [edges, 2]: the vertices across, in the face on either side; the same twice on the boundary. */
+  /** [edges, 2]: vertices across, in the face on either side; the same twice on the boundary. */
   private readonly across: Uint32Array;
   /** Material length of each, m. */
   private readonly lengths: Float32Array;

@@ -1,5 +1,5 @@
-// The floor: a pool of light that fades into the room, with faint lines half a metre apart, by which one sees that
-// the cloth moves on, and the shadow that falls on it.
+// The floor: a pool of light that fades into the room, with faint lines half a metre apart, by
+// which one sees that the cloth moves on, and the shadow that falls on it.
 
 import * as three from "three";
 import type { Theme } from "./theme";

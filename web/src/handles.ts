@@ -1,7 +1,8 @@
-// The marks of the handles: a knob at each, and a line with a smaller knob to the place where a hand wants it.
+// The marks of the handles: a knob at each, and a line with a smaller knob to the place where a
+// hand wants it.
 //
-// Knobs and lines live in one buffer each, and a part of it is drawn. A full buffer is replaced by one of twice
-// the size.
+// Knobs and lines live in one buffer each, and a part of it is drawn. A full buffer is replaced by
+// one of twice the size.
 
 import * as three from "three";
 

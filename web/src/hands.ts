@@ -1,4 +1,5 @@
-// The person's hands: pointers that drag handles, or take hold of any vertex, and keys that move all handles.
+// The person's hands: pointers that drag handles, or take hold of any vertex, and keys that move
+// all handles.
 
 import * as three from "three";
 import type { Link } from "./link";

@@ -4,7 +4,7 @@ import type { Frame, State } from "./protocol";
 import type { Hands } from "./hands";
 import { element } from "./panel";
 
-/** The largest strain of moving cloth of these materials; above, a prediction is doubtful, then wrong. */
+/** Largest strain of moving cloth of these materials; above it a prediction is doubtful. */
 const USUAL_STRAIN = 0.35;
 const WRONG_STRAIN = 0.6;
 

@@ -1,4 +1,5 @@
-// The quality of the picture: where drawing does not keep up, something is left out, step by step, until it does.
+// The quality of the picture: where drawing does not keep up, something is left out, step by step,
+// until it does.
 
 /** A picture may take this long on average, ms. */
 const SLOW = 42;

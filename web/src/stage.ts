@@ -132,7 +132,7 @@ export class Stage {
     return (track - (this.objects.length - 1) / 2) * -this.width;
   }
 
-  /** The vertex under a point of the screen, in pixels of the canvas; handles reach farther than cloth. */
+  /** The vertex under a point of the screen, in pixels; handles reach farther than cloth. */
   pick(x: number, y: number, reach: number): Hit | null {
     if (!this.frame) return null;
     const handle = this.pickHandle(x, y, reach);

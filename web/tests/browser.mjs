@@ -1,5 +1,5 @@
-// What tests and measurements share: the program, started on a free port, and a page of it in Debian's
-// Chromium, headless, with software GL.
+// What tests and measurements share: the program, started on a free port, and a page of it in
+// Debian's Chromium, headless, with software GL.
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -9,7 +9,7 @@ import { chromium } from "playwright-core";
 /** The program to try: SELVEDGE, or the release build. */
 export const program = process.env.SELVEDGE ?? "../target/release/selvedge";
 
-/** How long anything may take, ms; PATIENCE (s) says so where a machine is busy with other things. */
+/** Time that anything may take, ms; PATIENCE (s) says so where a machine is busy otherwise. */
 const patience = 1000 * Number(process.env.PATIENCE ?? 60);
 
 /** Starts `selvedge view` with `args`; gives its address and a way to end it. */

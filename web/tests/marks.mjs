@@ -1,5 +1,5 @@
-// The marks of handles without a browser: however many there are, each has its knob, and the buffers are
-// made anew only when they are full.
+// The marks of handles without a browser: however many there are, each has its knob, and the
+// buffers are made anew only when they are full.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { build } from "esbuild";

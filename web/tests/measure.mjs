@@ -1,4 +1,5 @@
-// Measures what docs/src/guides/viewer.md says of the live viewer: node tests/measure.mjs [start|drag|playback]
+// Measures what docs/src/guides/viewer.md says of the live viewer:
+// node tests/measure.mjs [start|drag|playback]
 // Needs the release build (or SELVEDGE=PATH) and Debian's Chromium; draws with software GL.
 import { spawnSync } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
@@ -12,7 +13,7 @@ const wanted = (name) => what.length === 0 || what.includes(name);
 const median = (numbers) => numbers.toSorted((a, b) => a - b)[Math.floor(numbers.length / 2)];
 const small = { width: 640, height: 480 };
 
-/** From the start of the program to the first frame of a cloth in a browser that is open already. */
+/** From the start of the program to a cloth's first frame in a browser that is open already. */
 async function startTime() {
   const { context, close } = await browser(small);
   const times = [];
@@ -39,10 +40,10 @@ async function pace(page, seconds) {
   return { steps_per_second: (1000 * (after.number - before.number)) / (after.at - before.at), drawn_per_second: after.fps };
 }
 
-/** Leaves the drawing itself out: software GL takes the processor that a graphics card would spare. */
+/** Leaves the drawing out: software GL takes the processor that a graphics card would spare. */
 const withoutDrawing = (page) => page.evaluate(() => (window.selvedge.stage.renderer.render = () => {}));
 
-/** Drags a handle in circles for `seconds`: from a pointer's move to the picture that follows it. */
+/** Drags a handle in circles for `seconds`: from a pointer's move to the picture after it. */
 async function circles(page, vertex, seconds) {
   const from = await place(page, vertex);
   await page.evaluate(() => (window.selvedge.meters.latencies.length = 0));

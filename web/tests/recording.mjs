@@ -1,5 +1,5 @@
-// A recording to play, as large as is asked for: a sheet of side × side vertices with a wave running through it,
-// written as a trajectory file (ARCHITECTURE.md, "Files").
+// A recording to play, as large as is asked for: a sheet of side × side vertices with a wave
+// running through it, written as a trajectory file (ARCHITECTURE.md, "Files").
 import { writeFileSync } from "node:fs";
 
 export function writeRecording(file, side, frames) {

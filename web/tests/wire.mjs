@@ -1,6 +1,8 @@
-// Measures the session without a browser, over its socket: node --experimental-websocket tests/wire.mjs
-// From the start of the program to the first frame; from a drag that is sent to the frame that follows it; frames per
-// second of the shipped model on 400 vertices; frames per second of 10,000 recorded vertices.
+// Measures the session without a browser, over its socket:
+// node --experimental-websocket tests/wire.mjs
+// From the start of the program to the first frame; from a drag that is sent to the frame that
+// follows it; frames per second of the shipped model on 400 vertices; frames per second of 10,000
+// recorded vertices.
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";

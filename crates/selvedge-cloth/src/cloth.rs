@@ -32,7 +32,7 @@ pub struct Cloth {
     arrays: ClothArrays,
 }
 
-/// Why parts do not make a [`Cloth`].
+/// Parts that do not make a [`Cloth`].
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ClothError {

@@ -12,7 +12,7 @@ pub struct Handles {
     vertices: Vec<VertexId>,
 }
 
-/// Why a list of vertices cannot be the handles of a mesh, or targets not theirs.
+/// A list of vertices that cannot be the handles of a mesh, or targets that are not theirs.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum HandleError {

@@ -15,7 +15,7 @@ pub struct Mesh {
     positions: Vec<DVec3>,
 }
 
-/// Why topology, coordinates and positions do not make a mesh.
+/// Topology, coordinates and positions that do not make a mesh.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MeshError {

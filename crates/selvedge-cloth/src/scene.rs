@@ -36,7 +36,7 @@ pub struct Scene {
     pub frame_rate: f64,
 }
 
-/// Why the parts of a scene do not fit.
+/// Parts of a scene that do not fit.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "each message is its source's")]
 pub enum SceneError {

@@ -59,7 +59,7 @@ pub struct Topology {
     first_arc: Vec<u32>,
 }
 
-/// Why a list of triangles is not a cloth.
+/// A list of triangles that is not a cloth.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TopologyError {

@@ -58,7 +58,7 @@ pub(crate) struct SlotRandom {
 }
 
 impl SlotRandom {
-    /// Those of slot `slot` of `slots` in step `step`.
+    /// Streams of slot `slot` of `slots` in step `step`.
     pub(crate) fn new(seed: u64, step: u64, slot: usize, slots: usize) -> Self {
         let rng = rng_of(seed, step, slot, slots);
         Self { step, rng }

@@ -33,7 +33,7 @@ pub(crate) struct Film<'a> {
     title: String,
 }
 
-/// Why nothing was written: Ctrl-C, or something that went wrong.
+/// Reason for no film: Ctrl-C, or something that went wrong.
 enum Halt {
     Interrupted,
     Failed(anyhow::Error),

@@ -3,8 +3,9 @@
 //     npm install three
 //     node check_glb.mjs out/rollout.safetensors exports/cloth.glb 0 1
 //
-// The numbers are the first exported frame and every how many frames one was exported. Every twentieth exported
-// frame is compared. Exits with 1 if a vertex is farther than 1e-6 m from where it should be.
+// The numbers are the first exported frame and every how many frames one was exported. Every
+// twentieth exported frame is compared. Exits with 1 if a vertex is farther than 1e-6 m from where
+// it should be.
 
 import { readFileSync } from "node:fs";
 

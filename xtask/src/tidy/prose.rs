@@ -1,7 +1,8 @@
-//! Text that people read: a doc of an item begins with a noun or a verb, and lines of comments and
-//! Markdown are at most 100 columns long.
+//! Text that people read: a doc of an item begins with a noun or a verb, and lines of comments, in
+//! whatever language, and of Markdown are at most 100 columns long.
 //!
-//! Tables, headings, code blocks and lines that are one image or link are not wrapped.
+//! Tables, headings, code blocks and lines that are one image or link are not wrapped, and no code
+//! is, with a comment behind it or not.
 
 use super::violation::Violation;
 use crate::tree::{TextFile, Tree};
@@ -10,17 +11,36 @@ use crate::tree::{TextFile, Tree};
 const COLUMNS: usize = 100;
 
 /// First words of a doc that names no subject.
-const QUESTION_WORDS: [&str; 6] = ["What", "Where", "How", "Who", "Which", "Whether"];
+const QUESTION_WORDS: [&str; 7] = ["What", "Where", "How", "Why", "Who", "Which", "Whether"];
 
 /// Markdown that programs write.
 const GENERATED: [&str; 2] = ["/studies/", "docs/src/reference/commands.md"];
+
+/// Beginnings of lines that are comments and nothing else, by the ends of the names of files.
+const COMMENTS: [(&str, &[&str]); 8] = [
+    (".rs", &["//"]),
+    (".cu", C_COMMENTS),
+    (".h", C_COMMENTS),
+    (".ts", C_COMMENTS),
+    (".mjs", C_COMMENTS),
+    (".toml", &["#"]),
+    (".sh", &["#"]),
+    (".ci/run", &["#"]),
+];
+
+/// Those of languages like C; lines in the middle of a comment begin with an asterisk.
+const C_COMMENTS: &[&str] = &["//", "/*", "* "];
 
 /// Docs with a weak beginning and lines that are too long.
 pub(crate) fn check(tree: &Tree) -> Vec<Violation> {
     let mut found = Vec::new();
     for file in &tree.texts {
-        if file.path.ends_with(".rs") {
-            found.extend(check_comments(file));
+        let mut languages = COMMENTS.iter();
+        if let Some((_, marks)) = languages.find(|(end, _)| file.path.ends_with(end)) {
+            found.extend(check_comments(file, marks));
+            if file.path.ends_with(".rs") {
+                found.extend(check_beginnings(file));
+            }
         } else if file.path.ends_with(".md") && !GENERATED.iter().any(|g| file.path.contains(g)) {
             found.extend(check_markdown(file));
         }
@@ -28,15 +48,24 @@ pub(crate) fn check(tree: &Tree) -> Vec<Violation> {
     found
 }
 
-fn check_comments(file: &TextFile) -> Vec<Violation> {
+/// Comments that are too long, of a language that begins them with one of `marks`.
+fn check_comments(file: &TextFile, marks: &[&str]) -> Vec<Violation> {
+    let is_comment = |line: &str| {
+        let text = line.trim_start();
+        marks.iter().any(|mark| text.starts_with(mark))
+    };
+    let lines = file.text.lines().enumerate();
+    let long = lines.filter(|(_, line)| line.chars().count() > COLUMNS && is_comment(line));
+    long.map(|(number, line)| too_long(file, number, line))
+        .collect()
+}
+
+/// Docs of items that begin with a question.
+fn check_beginnings(file: &TextFile) -> Vec<Violation> {
     let mut found = Vec::new();
     let mut in_doc = false;
     for (number, line) in file.text.lines().enumerate() {
-        let text = line.trim_start();
-        if text.starts_with("//") && line.chars().count() > COLUMNS {
-            found.push(too_long(file, number, line));
-        }
-        let doc = text.strip_prefix("///");
+        let doc = line.trim_start().strip_prefix("///");
         if let Some(doc) = doc.filter(|_| !in_doc) {
             let word = doc
                 .trim_start()
@@ -118,5 +147,30 @@ mod tests {
         assert_eq!(whats("a.rs", &format!("// {}", "x".repeat(98))).len(), 1);
         assert!(whats("a.rs", &format!("// {}", "x".repeat(97))).is_empty());
         assert!(whats("a.rs", &format!("let a = \"{long}\";")).is_empty());
+    }
+
+    #[test]
+    fn comments_of_other_languages_are_wrapped_and_their_code_is_left() {
+        let long = "x".repeat(100);
+        for (path, mark) in [
+            ("a.cu", "// "),
+            ("a.h", "//"),
+            ("a.ts", "/** "),
+            ("a.ts", " * "),
+            ("a.mjs", "    // "),
+            ("a.toml", "# "),
+            ("a.sh", "    # "),
+            (".ci/run", "# "),
+        ] {
+            assert_eq!(whats(path, &format!("{mark}{long}")).len(), 1, "{path}");
+            let short = "x".repeat(100 - mark.len());
+            assert!(whats(path, &format!("{mark}{short}")).is_empty(), "{path}");
+        }
+        for path in ["a.cu", "a.h"] {
+            assert!(whats(path, &format!("#define A {long}")).is_empty());
+        }
+        assert!(whats("a.toml", &format!("a = \"{long}\"  # {long}")).is_empty());
+        assert!(whats("a.cu", &format!("    *{long} = 1;")).is_empty());
+        assert!(whats("a.css", &format!("/* {long} */")).is_empty());
     }
 }

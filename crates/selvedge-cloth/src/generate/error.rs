@@ -7,7 +7,7 @@ use crate::MeshError;
 /// Most vertices that are made: a million take a minute or so.
 pub(super) const MOST_VERTICES: usize = 1_000_000;
 
-/// Why a sheet cannot be made.
+/// A sheet that cannot be made.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GenerateError {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use thiserror::Error;
 
-/// Why a motion cannot drive the handles.
+/// A motion that cannot drive the handles.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MotionError {

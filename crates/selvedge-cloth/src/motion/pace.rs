@@ -55,7 +55,7 @@ struct PaceFields {
     profile: Option<Profile>,
 }
 
-/// Why keys do not make a [`Pace`].
+/// Keys that do not make a [`Pace`].
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum PaceError {

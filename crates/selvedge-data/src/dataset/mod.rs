@@ -113,7 +113,7 @@ pub struct DatasetStatistics {
     pub mean_edge_length: f64,
 }
 
-/// Why a data set cannot be opened, read or made.
+/// A data set that cannot be opened, read or made.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum DatasetError {

@@ -32,7 +32,7 @@ use crate::formats::npy::{Array, NpyError};
 use crate::formats::npz::{EntryOut, Npz, NpzError, archive_bytes, write_archive};
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
-/// Why an archive is no trajectory, or no motion of handles.
+/// An archive that is no trajectory, or no motion of handles.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum NpzTrajectoryError {

@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::frame_span::FrameSpanError;
 use crate::formats::atomic::WriteError;
 
-/// Why a trajectory was not exported; what was there before still is.
+/// A trajectory that was not exported; what was there before still is.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ExportError {

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile};
 use thiserror::Error;
 
-/// Why a file could not be written; whatever was at its path is still there.
+/// A file that could not be written; whatever was at its path is still there.
 #[derive(Debug, Error)]
 #[error("{}: could not {action}: {source}", path.display())]
 pub struct WriteError {

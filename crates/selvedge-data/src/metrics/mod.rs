@@ -39,7 +39,7 @@ pub struct Comparison {
     pub per_frame_rmse: Vec<f64>,
 }
 
-/// Why two runs, or a run and a mesh, cannot be measured.
+/// Two runs, or a run and a mesh, that cannot be measured.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MetricError {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why a file is no rig, or a node of it cannot be followed.
+/// A file that is no rig, or a node of it that cannot be followed.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RigError {

@@ -19,7 +19,7 @@ pub struct RigNode {
     pub name: String,
     pub(super) parent: Option<usize>,
     pub(super) operations: Vec<Operation>,
-    /// Why it cannot be said where it is.
+    /// Reason why its place cannot be said.
     pub(super) obstacle: Option<String>,
 }
 

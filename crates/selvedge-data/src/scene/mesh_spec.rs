@@ -70,7 +70,7 @@ struct GeneratorFields {
     seed: u64,
 }
 
-/// Why keys do not make a [`GeneratorSpec`].
+/// Keys that do not make a [`GeneratorSpec`].
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GeneratorError {
@@ -132,7 +132,7 @@ pub struct Rotate {
     pub angle_deg: f64,
 }
 
-/// Why a mesh cannot be made.
+/// A mesh that cannot be made.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MeshSpecError {

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 const HEADER: [&str; 5] = ["frame", "handle", "x", "y", "z"];
 
-/// Why text is no recorded motion. Lines count from 1.
+/// Text that is no recorded motion. Lines count from 1.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RecordedCsvError {

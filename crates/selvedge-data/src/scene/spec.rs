@@ -53,7 +53,7 @@ pub struct Setting {
     pub frame_rate: f64,
 }
 
-/// Why a spec makes no scene.
+/// A spec that makes no scene.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "each message is its source's")]
 pub enum SceneSpecError {

@@ -35,7 +35,7 @@ const TENSORS: [&str; 7] = [
     "handles",
 ];
 
-/// Why a trajectory could not be read from a file.
+/// A trajectory that could not be read from a file.
 #[derive(Debug, Error)]
 #[error("{}: {source}", path.display())]
 pub struct ReadTrajectoryError {
@@ -46,7 +46,7 @@ pub struct ReadTrajectoryError {
     pub source: TrajectoryFileError,
 }
 
-/// Why bytes are not a trajectory.
+/// Bytes that are not a trajectory.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TrajectoryFileError {

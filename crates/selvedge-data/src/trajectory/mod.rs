@@ -42,7 +42,7 @@ pub struct Trajectory {
     provenance: Provenance,
 }
 
-/// Why arrays do not make a trajectory.
+/// Arrays that do not make a trajectory.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TrajectoryError {

@@ -238,7 +238,7 @@ impl Learning {
     }
 }
 
-/// Why a network cannot learn on a device.
+/// A network that cannot learn on a device.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "each message is its source's")]
 pub enum LearningError {

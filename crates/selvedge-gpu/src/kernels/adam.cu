@@ -1,5 +1,5 @@
-// The optimiser: clipping of the gradient by its norm, Adam, and the running mean of the weights. Nothing changes
-// where the norm is not finite.
+// The optimiser: clipping of the gradient by its norm, Adam, and the running mean of the weights.
+// Nothing changes where the norm is not finite.
 
 // Sum of squares of one part of the gradient.
 KERNEL(gradient_squares, ROW,
@@ -26,8 +26,8 @@ KERNEL(gradient_norm, ROW,
     }
 }
 
-// One step of Adam. `rates` are, for both moments, the part that is kept and the part of the gradient that is taken;
-// then the corrected rate, the correction of the root, and epsilon.
+// One step of Adam. `rates` are, for both moments, the part that is kept and the part of the
+// gradient that is taken; then the corrected rate, the correction of the root, and epsilon.
 KERNEL(adam, ELEMENT,
        float *weights EACH(1), float *first EACH(1), float *second EACH(1), const float *gradient EACH(1),
        const double *norm ALL(2), const float *rates ALL(7)) {

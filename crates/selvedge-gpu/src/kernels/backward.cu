@@ -1,8 +1,8 @@
 // Backward pass: the layers of the network that are not matrix products.
 
-// Layer normalisation, in place. With the normalised row n and h = g weight, the gradient of the input is
-// (h - mean of h - n times mean of h n) / deviation. `by_weight` takes g n, whose sum over rows is the gradient of
-// the weight.
+// Layer normalisation, in place. With the normalised row n and h = g weight, the gradient of the
+// input is (h - mean of h - n times mean of h n) / deviation. `by_weight` takes g n, whose sum over
+// rows is the gradient of the weight.
 KERNEL(norm_backward, ROW,
        float *gradient EACH(LATENT), const float *normal EACH(LATENT), const float *inverse EACH(1),
        const float *weight ALL(LATENT), OUT float *by_weight EACH(LATENT)) {
@@ -26,7 +26,8 @@ KERNEL(mask_relu, ELEMENT, float *gradient EACH(1), const float *kept EACH(1)) {
     if (!(kept[ELEMENT] > 0.0f)) gradient[ELEMENT] = 0.0f;
 }
 
-// Gradient of a message: the gradients of its arc and of the sum of its receiver, which both contain it.
+// Gradient of a message: the gradients of its arc and of the sum of its receiver, which both
+// contain it.
 KERNEL(gather_incoming, ROW,
        const float *arcs EACH(LATENT), const float *incoming, const unsigned *receivers EACH(1),
        OUT float *messages EACH(LATENT)) {
@@ -34,8 +35,9 @@ KERNEL(gather_incoming, ROW,
     FOR_COLUMNS(j, k) ROW_OF(messages, LATENT)[k] = arc[k] + sum[k];
 }
 
-// Gradient of a vertex's endpoint products: the sums of the pre-activation gradients of the arcs that leave it, then
-// of the arcs that arrive. The arcs that leave are the reverse arcs of those that arrive.
+// Gradient of a vertex's endpoint products: the sums of the pre-activation gradients of the arcs
+// that leave it, then of the arcs that arrive. The arcs that leave are the reverse arcs of those
+// that arrive.
 KERNEL(sum_ends, ROW,
        const float *pre_activation, const unsigned *first_arc, const unsigned *reverse_arcs,
        OUT float *sums EACH(2 * LATENT)) {
@@ -55,9 +57,10 @@ KERNEL(sum_ends, ROW,
     }
 }
 
-// One step of a gated recurrent unit. `state` holds the gradient of the state after, and then that part of the
-// gradient of the state before which does not pass through the gates. `sums` takes the pre-activation gradients of
-// the gates in the order of GRADIENT_*; `kept` is in the order of KEPT_*.
+// One step of a gated recurrent unit. `state` holds the gradient of the state after, and then that
+// part of the gradient of the state before which does not pass through the gates. `sums` takes the
+// pre-activation gradients of the gates in the order of GRADIENT_*; `kept` is in the order of
+// KEPT_*.
 KERNEL(gates_backward, ROW,
        const float *kept EACH(4 * LATENT), const float *before EACH(LATENT), float *state EACH(LATENT),
        OUT float *sums EACH(4 * LATENT)) {
@@ -76,8 +79,9 @@ KERNEL(gates_backward, ROW,
     }
 }
 
-// Adds the sums of `gates_backward` over all rows and steps to the gradients of both biases, [3 LATENT] each in the
-// order of the weights. The bias of the input belongs to n's input part, the other one to its recurrent part.
+// Adds the sums of `gates_backward` over all rows and steps to the gradients of both biases,
+// [3 LATENT] each in the order of the weights. The bias of the input belongs to n's input part, the
+// other one to its recurrent part.
 KERNEL(gate_biases, ELEMENT,
        const float *sums ALL(4 * LATENT), float *to_input EACH(1), float *to_recurrent EACH(1)) {
     const unsigned gate = ELEMENT / LATENT, k = ELEMENT % LATENT;

@@ -1,11 +1,12 @@
 // Definitions that all kernels share.
 //
-// KERNEL(name, shape, parameters...) begins a kernel. Its body works on one element, one row or one block
-// and finds the number of it in ELEMENT, ROW or BLOCK. The signature is also what the host program knows of
-// a kernel (signature.rs reads it): an array is read where it is const, written as a whole where it is
-// marked OUT, and read and written otherwise. MAYBE marks an array that may be null. EACH(width) is the
-// number of elements per element, row or block of a launch, ALL(width) that of the whole array; a width is a product
-// of a number, sizes of the network, and counts of the launch.
+// KERNEL(name, shape, parameters...) begins a kernel. Its body works on one element, one row or one
+// block and finds the number of it in ELEMENT, ROW or BLOCK. The signature is also what the host
+// program knows of a kernel (signature.rs reads it): an array is read where it is const, written as
+// a whole where it is marked OUT, and read and written otherwise. MAYBE marks an array that may be
+// null. EACH(width) is the number of elements per element, row or block of a launch, ALL(width)
+// that of the whole array; a width is a product of a number, sizes of the network, and counts of
+// the launch.
 #define KERNEL(name, shape, ...) INNER void of_##name(const unsigned shape, __VA_ARGS__)
 #define OUT
 #define MAYBE
@@ -15,8 +16,8 @@
 // Lists of parameters that several kernels have, one line each.
 // The last frames of positions, [slots, vertices, 3]; slot newest[0] is the newest.
 #define RING const float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices
-// A ring, and the numbers of the cloths in the frame: the cloth of each vertex, local frames, and the rigid
-// motions of the handles.
+// A ring, and the numbers of the cloths in the frame: the cloth of each vertex, local frames, and
+// the rigid motions of the handles.
 #define FRAME RING, const unsigned *cloth_of ALL(vertices), const float *numbers, const double *carries
 // Forces on vertices: air and masses, the faces of each vertex, corners and areas of the faces.
 #define FORCES const float *air, const float *mass ALL(vertices), const unsigned *first_face, const unsigned *faces, const unsigned *corners, const float *areas
@@ -33,7 +34,8 @@
 
 INNER float relu(float x) { return x > 0.0f ? x : 0.0f; }
 
-// e^{-x} overflows to infinity where x is very negative, and the quotient is 0 then, as it should be.
+// e^{-x} overflows to infinity where x is very negative, and the quotient is 0 then, as it should
+// be.
 INNER float sigmoid(float x) { return 1.0f / (1.0f + expf(-x)); }
 
 // The largest finite float.
@@ -42,8 +44,8 @@ INNER float sigmoid(float x) { return 1.0f / (1.0f + expf(-x)); }
 #define NO_HANDLE 0xffffffffu
 // Numbers of a cloth in a frame: cosine and sine of its yaw, gravity in the local frame.
 #define CLOTH_NUMBERS 5
-// Numbers of the air around a cloth: wind, density, drag, and the frame rate over three, which takes the sum of
-// the moves of three corners to their mean velocity.
+// Numbers of the air around a cloth: wind, density, drag, and the frame rate over three, which
+// takes the sum of the moves of three corners to their mean velocity.
 #define AIR_NUMBERS 6
 
 typedef struct { float x, y, z; } Vector;
@@ -109,8 +111,9 @@ INNER float reference_of(double here, double before, double rest, float now) {
 }
 #endif
 
-// Reference position one frame earlier: uniform motion from it through `now` leads where the cloth would go by
-// itself. `carries` are the rigid motions of the handles from now, from before and from rest to the next frame.
+// Reference position one frame earlier: uniform motion from it through `now` leads where the cloth
+// would go by itself. `carries` are the rigid motions of the handles from now, from before and from
+// rest to the next frame.
 INNER Vector reference(const double *carries, Vector before, Vector now, Vector rest) {
 #ifdef CARRIED
     const Wide here = carried(carries, now), old = carried(carries + 8, before), home = carried(carries + 16, rest);
@@ -123,7 +126,8 @@ INNER Vector reference(const double *carries, Vector before, Vector now, Vector 
 #endif
 }
 
-// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1; 0 for an arc of the mesh.
+// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1; 0 for an arc of
+// the mesh.
 INNER float is_link(const float *arc_material, unsigned arc) {
     return arc_material[3 * (size_t)arc + 2] < 0.0f ? 1.0f : 0.0f;
 }

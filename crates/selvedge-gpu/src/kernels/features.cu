@@ -1,9 +1,10 @@
 // Normalised features of vertices and arcs, from positions in the world.
 //
-// NODE_* and EDGE_* are the first columns of the features that a spec has; a feature without one is left out. Sums
-// are in the order of the processor's engine.
+// NODE_* and EDGE_* are the first columns of the features that a spec has; a feature without one is
+// left out. Sums are in the order of the processor's engine.
 
-// External force on a vertex in the local frame [N]: gravity, and a third of the drag of the air on each of its faces.
+// External force on a vertex in the local frame [N]: gravity, and a third of the drag of the air on
+// each of its faces.
 INNER Vector external_force(const float *now, const float *before, const Cloth *cloth, float mass,
                             const unsigned *faces, unsigned count, const unsigned *corners,
                             const float *areas) {
@@ -96,7 +97,8 @@ KERNEL(node_features, ELEMENT,
 #endif
 }
 
-// The bending angle over a hinge (from, to, left, right) [rad], in f32 as the processor computes it.
+// The bending angle over a hinge (from, to, left, right) [rad], in f32 as the processor computes
+// it.
 INNER float bending_angle(const float *now, const unsigned *hinge) {
     Vector at[4];
     for (unsigned i = 0; i < 4; ++i) at[i] = vector(now + 3 * (size_t)hinge[i]);

@@ -1,5 +1,6 @@
-// Gradients of positions, from the gradient of normalised features, for one frame of a window at a time, and through
-// the integration. Handles are treated like other vertices here; join_prediction drops their gradient.
+// Gradients of positions, from the gradient of normalised features, for one frame of a window at a
+// time, and through the integration. Handles are treated like other vertices here; join_prediction
+// drops their gradient.
 
 INNER Vector row_vector(const float *row, const float *scale, unsigned column) {
     const Vector v = {row[column] * scale[column], row[column + 1] * scale[column + 1],
@@ -12,7 +13,8 @@ INNER Vector unit(Vector a) {
     return times(inverse > 0.0f && inverse <= LARGEST ? inverse : 0.0f, a);
 }
 
-// Adds the gradient g of a reference to the gradients of its two frames; `carries` as in `reference`.
+// Adds the gradient g of a reference to the gradients of its two frames; `carries` as in
+// `reference`.
 INNER void reference_backward(const double *carries, Vector g, Vector *earlier, Vector *now) {
 #ifdef CARRIED
     const float before[2] = {(float)carries[14], (float)carries[15]}, from_now[2] = {(float)carries[6], (float)carries[7]};
@@ -51,8 +53,9 @@ KERNEL(hinges_backward, ELEMENT,
 }
 
 #ifdef NODE_EXTERNAL_FORCE
-// Adds the gradient of the drag of the air on one face to that of its corner number `own`. With the gradient of the
-// force on all corners u = A/3 sum g: phi = u (rho |v_n| v_n n + c v_t), v_n = n v, n = N / |N|.
+// Adds the gradient of the drag of the air on one face to that of its corner number `own`. With the
+// gradient of the force on all corners u = A/3 sum g: phi = u (rho |v_n| v_n n + c v_t), v_n = n v,
+// n = N / |N|.
 INNER void face_backward(const float *now, const float *before, const Cloth *cloth, const unsigned *face,
                          float area, Vector sum, unsigned own, Vector *to_now, Vector *to_before) {
     Vector at[3], moved[3];
@@ -79,8 +82,9 @@ INNER void face_backward(const float *now, const float *before, const Cloth *clo
 }
 #endif
 
-// Gradient of one vertex's position in the frame `back` frames before the newest (step `step` of the window) and in
-// the two frames before, from the gradients of the features of vertices, arcs and hinges in that frame.
+// Gradient of one vertex's position in the frame `back` frames before the newest (step `step` of
+// the window) and in the two frames before, from the gradients of the features of vertices, arcs
+// and hinges in that frame.
 KERNEL(positions_backward, ELEMENT,
        FRAME, unsigned back, unsigned step, unsigned steps, FORCES,
        const float *nodes EACH(NODE_WIDTH), const float *node_scale ALL(NODE_WIDTH),
@@ -177,8 +181,8 @@ KERNEL(positions_backward, ELEMENT,
     (void)by_earlier;
 }
 
-// Joins the gradient of a frame's own loss with that of later frames for the positions it predicts. Afterwards
-// `gradient` is that of the prediction and `by_next` that of the predicted positions.
+// Joins the gradient of a frame's own loss with that of later frames for the positions it predicts.
+// Afterwards `gradient` is that of the prediction and `by_next` that of the predicted positions.
 KERNEL(join_prediction, ELEMENT,
        float *gradient EACH(3), const unsigned *handle_of EACH(1), const unsigned *cloth_of EACH(1),
        const float *numbers, const float *spread ALL(3), float *by_next EACH(3)) {

@@ -11,8 +11,9 @@ KERNEL(add_bias_relu, ROW, float *rows, unsigned leading, const float *bias, uns
     for (unsigned k = LANE; k < width; k += LANES) x[k] = relu(x[k] + bias[k]);
 }
 
-// Packs the parts of the first edge layers for sender and receiver below each other, [blocks, 2 LATENT, LATENT].
-// The layer of the first block, [LATENT, 3 LATENT], begins at `first`; those of two blocks are `apart` elements apart.
+// Packs the parts of the first edge layers for sender and receiver below each other,
+// [blocks, 2 LATENT, LATENT]. The layer of the first block, [LATENT, 3 LATENT], begins at `first`;
+// those of two blocks are `apart` elements apart.
 KERNEL(pack_ends, ELEMENT,
        const float *weights, unsigned first, unsigned apart, OUT float *packed EACH(1)) {
     const unsigned column = ELEMENT % LATENT, end = ELEMENT / LATENT % (2 * LATENT);
@@ -21,8 +22,8 @@ KERNEL(pack_ends, ELEMENT,
     packed[ELEMENT] = weight[(size_t)(end % LATENT) * 3 * LATENT + end / LATENT * LATENT + column];
 }
 
-// Rest of the split first edge layer: adds the endpoint products [vertices, 2 LATENT] of sender and receiver and
-// the bias to an arc, then ReLU.
+// Rest of the split first edge layer: adds the endpoint products [vertices, 2 LATENT] of sender and
+// receiver and the bias to an arc, then ReLU.
 KERNEL(gather_ends, ROW,
        float *hidden EACH(LATENT), const float *endpoint_products, const float *bias ALL(LATENT),
        const unsigned *senders EACH(1), const unsigned *receivers EACH(1)) {
@@ -32,7 +33,8 @@ KERNEL(gather_ends, ROW,
     FOR_COLUMNS(j, k) x[k] = relu(x[k] + from[k] + to[k] + bias[k]);
 }
 
-// Normalises the row x + bias into `normal`, element j for the j-th column of this lane. Returns 1 / deviation.
+// Normalises the row x + bias into `normal`, element j for the j-th column of this lane. Returns
+// 1 / deviation.
 INNER float normalise(const float *x, const float *bias, float *normal) {
     float sum = 0.0f, squares = 0.0f;
     FOR_COLUMNS(j, k) {
@@ -49,8 +51,8 @@ INNER float normalise(const float *x, const float *bias, float *normal) {
     return scale;
 }
 
-// Layer normalisation of x + bias, added to `before` where that is given. `normal` and `inverse` take the
-// normalised row and 1 / deviation for the backward pass.
+// Layer normalisation of x + bias, added to `before` where that is given. `normal` and `inverse`
+// take the normalised row and 1 / deviation for the backward pass.
 KERNEL(norm, ROW,
        const float *x EACH(LATENT), const float *bias ALL(LATENT), const float *weight ALL(LATENT),
        const float *shift ALL(LATENT), MAYBE const float *before EACH(LATENT),
@@ -66,8 +68,8 @@ KERNEL(norm, ROW,
     if (inverse && LANE == 0) inverse[ROW] = scale;
 }
 
-// End of an edge update, for all arcs into one vertex. The layer normalisation of x + bias is the message. It is
-// added to the arc and, arc after arc, to the sum of the vertex.
+// End of an edge update, for all arcs into one vertex. The layer normalisation of x + bias is the
+// message. It is added to the arc and, arc after arc, to the sum of the vertex.
 KERNEL(norm_messages, ROW,
        const float *x, const float *bias ALL(LATENT), const float *weight ALL(LATENT),
        const float *shift ALL(LATENT), const unsigned *first_arc, const float *before, OUT float *after,
@@ -88,9 +90,9 @@ KERNEL(norm_messages, ROW,
 }
 
 // One step of a gated recurrent unit, from the products of its weights with input and state:
-// n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before. The state before is zero where it is
-// not given. Weights have their rows in the order of WEIGHT_*. `kept` takes the gates r, z, n and the recurrent part
-// of n in the order of KEPT_*.
+// n = tanh(input + bias + r (recurrent + bias)), after = (1 - z) n + z before. The state before is
+// zero where it is not given. Weights have their rows in the order of WEIGHT_*. `kept` takes the
+// gates r, z, n and the recurrent part of n in the order of KEPT_*.
 KERNEL(gates, ROW,
        const float *input EACH(3 * LATENT), MAYBE const float *recurrent EACH(3 * LATENT),
        const float *bias_input ALL(3 * LATENT), const float *bias_recurrent ALL(3 * LATENT),
@@ -124,8 +126,9 @@ INNER unsigned long long split_mix(unsigned long long number) {
     return z ^ (z >> 31);
 }
 
-// Dropout: a value becomes zero where the upper half of its hash is below `threshold`, and is scaled otherwise. Rows
-// are counted within the rollout slot of their cloth, which has `slot_rows` rows, in all its `steps` frames.
+// Dropout: a value becomes zero where the upper half of its hash is below `threshold`, and is
+// scaled otherwise. Rows are counted within the rollout slot of their cloth, which has `slot_rows`
+// rows, in all its `steps` frames.
 KERNEL(dropout, ROW,
        const float *before EACH(LATENT), OUT float *after EACH(LATENT), const unsigned *seeds, unsigned slot_rows,
        unsigned steps, unsigned step, unsigned threshold, float scale) {

@@ -1,7 +1,8 @@
-// Losses of a prediction, in f64 as on the processor: sums over vertices, edges and hinges of every rollout slot, and
-// the gradient of their weighted sum with respect to the normalised acceleration.
+// Losses of a prediction, in f64 as on the processor: sums over vertices, edges and hinges of every
+// rollout slot, and the gradient of their weighted sum with respect to the normalised acceleration.
 //
-// A rollout slot is a section of the union with one cloth; all sections have the same numbers of vertices and edges.
+// A rollout slot is a section of the union with one cloth; all sections have the same numbers of
+// vertices and edges.
 
 // Offsets of the statistics and the weights of the terms in `numbers`.
 #define MEAN 0
@@ -34,8 +35,8 @@ KERNEL(predict_positions, ELEMENT, JUDGED, OUT double *positions EACH(3)) {
     }
 }
 
-// Terms of one edge and its hinge, and their gradients with respect to the vector of the edge and to the corners of
-// the hinge.
+// Terms of one edge and its hinge, and their gradients with respect to the vector of the edge and
+// to the corners of the hinge.
 KERNEL(edge_losses, ELEMENT,
        const double *positions, const double *target, const unsigned *ends EACH(2), const unsigned *hinges EACH(4),
        const double *shares, unsigned per_slot, const double *numbers ALL(19),
@@ -116,8 +117,8 @@ KERNEL(vertex_losses, ELEMENT,
     }
 }
 
-// Sums of the terms over one part of a rollout slot, of `per_part` vertices and edges: acceleration, kinetic energy,
-// edge vector, edge length, bending angle.
+// Sums of the terms over one part of a rollout slot, of `per_part` vertices and edges:
+// acceleration, kinetic energy, edge vector, edge length, bending angle.
 KERNEL(loss_parts, ROW,
        const double *of_vertices, const double *of_edges, unsigned vertices, unsigned edges, unsigned per_part,
        unsigned parts, OUT double *sums EACH(5)) {
@@ -140,7 +141,8 @@ KERNEL(loss_parts, ROW,
     }
 }
 
-// Terms of one rollout slot: the sums of its parts, times the shares of one vertex and of one edge in the means.
+// Terms of one rollout slot: the sums of its parts, times the shares of one vertex and of one edge
+// in the means.
 KERNEL(loss_terms, ROW,
        const double *sums, const double *shares EACH(2), unsigned parts, OUT double *terms EACH(5)) {
     const double *of_parts = sums + 5 * (size_t)ROW * parts;

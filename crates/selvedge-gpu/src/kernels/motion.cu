@@ -1,6 +1,7 @@
 // Integration of accelerations to the next positions, and the bounds of edge lengths.
 
-// p' = a + 2 p - reference for one vertex; a handle goes to its target. Writes the slot after the newest of the ring.
+// p' = a + 2 p - reference for one vertex; a handle goes to its target. Writes the slot after the
+// newest of the ring.
 KERNEL(integrate, ELEMENT,
        float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices,
        const float *output EACH(3), const float *shift ALL(3), const float *spread ALL(3), const float *numbers,
@@ -25,8 +26,8 @@ KERNEL(integrate, ELEMENT,
 }
 
 #ifdef SWEEPS
-// Brings the edges of one cloth back to their bounds, colour after colour; no two edges of a colour share a vertex.
-// Ends when a sweep finds no edge out of bounds, or after SWEEPS sweeps.
+// Brings the edges of one cloth back to their bounds, colour after colour; no two edges of a colour
+// share a vertex. Ends when a sweep finds no edge out of bounds, or after SWEEPS sweeps.
 KERNEL(limit_edges, BLOCK,
        float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices,
        const unsigned *edge_ends, const float *edge_rest, const float *inverse_mass ALL(vertices), const unsigned *colour_bounds,
@@ -45,8 +46,8 @@ KERNEL(limit_edges, BLOCK,
                 const float long_now = length(apart), least = LEAST_STRETCH * edge_rest[edge];
                 const float most = MOST_STRETCH * edge_rest[edge];
                 const float wanted = long_now < least ? least : long_now > most ? most : long_now;
-                // The slack is the rounding of lengths of f32 positions about 1 m from the origin. What is
-                // not finite is left for the step to report.
+                // The slack is the rounding of lengths of f32 positions about 1 m from the origin.
+                // What is not finite is left for the step to report.
                 const int off = fabsf(wanted - long_now) > 1e-5f * edge_rest[edge] && long_now <= LARGEST;
                 if (!off || of_a + of_b == 0.0f || long_now == 0.0f) continue;
                 const Vector change = times((wanted - long_now) / (long_now * (of_a + of_b)), apart);

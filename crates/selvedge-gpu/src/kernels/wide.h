@@ -41,8 +41,8 @@ INNER double wide_angle(Corners at) {
     return atan2(sine, wide_dot(normal, wide_cross(right, along)));
 }
 
-// Gradient of the bending angle with respect to from, to, left and right [4, 3], times `factor`; zero where the
-// angle has none.
+// Gradient of the bending angle with respect to from, to, left and right [4, 3], times `factor`;
+// zero where the angle has none.
 INNER void angle_slopes(Corners at, double factor, double *slopes) {
     const Wide along = wide_minus(at.to, at.from);
     const Wide left = wide_minus(at.left, at.from), right = wide_minus(at.right, at.from);

@@ -197,7 +197,7 @@ impl Stopped {
     }
 }
 
-/// Those of `tracks` that move no more.
+/// The tracks of `tracks` that move no more.
 fn stopped(tracks: Vec<TrackState>) -> Vec<Stopped> {
     let of = |track: TrackState| {
         Some(Stopped {

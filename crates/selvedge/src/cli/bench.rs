@@ -69,7 +69,7 @@ impl EngineArgs {
 enum InstructionsName {
     /// The widest that this machine has.
     Detected,
-    /// Those that every machine of its architecture has.
+    /// The instructions that every machine of its architecture has.
     Plain,
 }
 

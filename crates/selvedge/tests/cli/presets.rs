@@ -1,6 +1,9 @@
 //! The shipped training configurations: each is listed, has the network that its name promises, and
-//! learns. `SELVEDGE_LEARN=all cargo test --release -p selvedge --test cli -- --nocapture learns`
-//! trains each for some hundred steps at reduced size and prints the table of docs/src/results.md.
+//! learns.
+//!
+//! `SELVEDGE_LEARN=all cargo test --release -p selvedge --test cli -- --ignored --nocapture learns`
+//! trains each for some hundred steps at reduced size and prints the table of
+//! docs/src/notebook/2026-11-21-presets.md.
 
 // What is measured is there to be read.
 #![allow(clippy::print_stdout)]
@@ -31,7 +34,7 @@ const PAPERS: [(&str, usize); 13] = [
     ("rp-without-physics", 2_605_955 - 384 * (4 + 3)),
 ];
 
-/// Those that are not in the paper.
+/// The presets that are not in the paper.
 const OWN: [&str; 3] = ["first", "small", "rp-gru10-better"];
 
 fn folder() -> PathBuf {

@@ -31,7 +31,7 @@ struct Entry {
     header: usize,
 }
 
-/// Why bytes are no archive of arrays, or an array in it cannot be read.
+/// Bytes that are no archive of arrays, or an array in it that cannot be read.
 #[derive(Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum NpzError {

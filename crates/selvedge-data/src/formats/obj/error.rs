@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use selvedge_cloth::MeshError;
 use thiserror::Error;
 
-/// Why a file is not a cloth.
+/// A file that is not a cloth.
 #[derive(Debug, Error)]
 #[error("{}: {source}", path.display())]
 pub struct ReadObjError {
@@ -16,7 +16,7 @@ pub struct ReadObjError {
     pub source: ObjError,
 }
 
-/// Why text is not a cloth. Lines and vertices in messages count from 1, as in the file.
+/// Text that is not a cloth. Lines and vertices in messages count from 1, as in the file.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ObjError {

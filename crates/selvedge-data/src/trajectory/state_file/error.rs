@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::formats::npz::NpzError;
 
-/// Why a state could not be read from a file.
+/// A state that could not be read from a file.
 #[derive(Debug, Error)]
 #[error("{}: {source}", path.display())]
 pub struct ReadStateError {
@@ -18,7 +18,7 @@ pub struct ReadStateError {
     pub source: StateError,
 }
 
-/// Why bytes hold no such state.
+/// Bytes that hold no such state.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum StateError {

@@ -44,7 +44,7 @@ pub(crate) fn all() -> Vec<Variant> {
     ]
 }
 
-/// Those with these names, or all where none is named.
+/// The variants with these names, or all where none is named.
 ///
 /// # Errors
 /// When there is none of a name.
