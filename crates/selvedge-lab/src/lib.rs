@@ -59,6 +59,8 @@ pub mod span;
 mod state_log;
 pub mod stress;
 pub mod study;
+#[cfg(test)]
+mod test_scene;
 pub mod training;
 pub mod watched;
 pub mod workers;

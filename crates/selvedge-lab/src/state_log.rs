@@ -14,12 +14,12 @@ pub(crate) struct StateLog {
 impl StateLog {
     /// Begins with the state now; every step adds one.
     pub(crate) fn new(simulator: Simulator) -> Self {
-        let mut keeping = Self {
+        let mut log = Self {
             simulator,
             run: StateRun::default(),
         };
-        keeping.keep();
-        keeping
+        log.keep();
+        log
     }
 
     /// The states so far.
@@ -42,5 +42,32 @@ impl Stepper for StateLog {
         self.simulator.step(targets)?;
         self.keep();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use selvedge_cloth::conformance::{HandlesEnd, check};
+
+    use super::*;
+    use crate::test_scene::hanging;
+
+    #[test]
+    fn a_simulator_with_a_log_conforms() {
+        let scene = hanging();
+        let make = || StateLog::new(Simulator::new(&scene).unwrap());
+        assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
+    }
+
+    #[test]
+    fn a_step_that_fails_leaves_no_state() {
+        let scene = hanging();
+        let mut log = StateLog::new(Simulator::new(&scene).unwrap());
+        let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
+        assert!(log.step(&none).is_err());
+        let held = scene.handles.select(scene.mesh.positions());
+        log.step(&HandleTargets::at_frame_end(held).unwrap())
+            .unwrap();
+        assert_eq!(log.into_run().frames, [0, 1]);
     }
 }

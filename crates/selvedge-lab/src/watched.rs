@@ -177,3 +177,49 @@ pub fn write_trust(path: &Path, log: &[Trust]) -> Result<(), WriteError> {
         Ok(())
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use selvedge_cloth::conformance::{HandlesEnd, check};
+    use selvedge_guard::Correction;
+
+    use super::*;
+    use crate::machine::Machine;
+    use crate::models::{self, NamedModel};
+    use crate::test_scene::hanging;
+
+    /// The shipped model on a small square, under a guard.
+    fn watched(correction: Correction) -> WatchedModel {
+        let scene = hanging();
+        let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
+        let cloth = Cloth::of_scene(&scene, rest.collect()).unwrap();
+        let graph = models::graph_of_scene(&scene, &cloth).unwrap();
+        let model = NamedModel::open(None).unwrap();
+        let stepper = model
+            .start(graph, cloth.rest_positions(), &Machine::Cpu)
+            .unwrap();
+        let settings = GuardSettings::with(correction);
+        let rate = scene.frame_rate;
+        WatchedModel::new(stepper, &cloth, rate, Some(Arc::new(scene)), settings).unwrap()
+    }
+
+    #[test]
+    fn a_watched_model_conforms() {
+        for correction in [Correction::None, Correction::default()] {
+            let make = || watched(correction);
+            assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()), "{correction:?}");
+        }
+    }
+
+    #[test]
+    fn a_frame_that_is_refused_has_no_word_in_the_log() {
+        let mut watched = watched(Correction::default());
+        let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
+        assert!(watched.step(&none).is_err());
+        assert_eq!(watched.summary().frames, 0);
+        let held = watched.handles().of(watched.positions());
+        let held = HandleTargets::at_frame_end(held.map(|p| p.as_dvec3()).collect());
+        watched.step(&held.unwrap()).unwrap();
+        assert_eq!((watched.log().len(), watched.summary().frames), (1, 1));
+    }
+}
