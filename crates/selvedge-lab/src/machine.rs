@@ -62,7 +62,7 @@ pub struct DeviceNameError(pub String);
 /// A rounding of factors before they are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrecisionName {
-    /// None.
+    /// No rounding.
     Full,
     /// To 10 bits (TF32).
     Tensor,
@@ -172,8 +172,8 @@ impl Machine {
         }
     }
 
-    /// The maker of a training's engine; on the processor `micro_batch` samples go through the
-    /// network together.
+    /// The maker of a training's engine; on the processor its micro-batches have `micro_batch`
+    /// samples.
     pub fn engine(&self, micro_batch: usize) -> Box<dyn EngineMaker + '_> {
         match self {
             Self::Cpu => Box::new(OnProcessor { micro_batch }),

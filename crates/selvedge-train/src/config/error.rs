@@ -45,7 +45,7 @@ pub enum SettingError {
     )]
     Text { text: String },
     #[error(
-        "batch.shard is no longer a key: how many samples go through the network together is a setting of the engine (--micro-batch)"
+        "batch.shard is no longer a key: how many samples a micro-batch has is a setting of the engine (--micro-batch)"
     )]
     Shard,
     #[error("{path} is no table, so that it has no key {key}")]

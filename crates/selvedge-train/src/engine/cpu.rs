@@ -14,8 +14,10 @@ use crate::optimizer::clip_norm;
 /// Settings of the engine of this machine's processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OnProcessor {
-    /// Slots that go through the network together, as one disjoint union, at least 1. Threads share
-    /// micro-batches; a larger one saves memory for gradients and leaves less to share.
+    /// Slots of a micro-batch, at least 1, whose gradients are summed in one buffer. In a step of
+    /// one frame they go through the network together, as one disjoint union; in a step of several
+    /// frames one after the other. Threads share micro-batches; a larger one saves memory for
+    /// gradients and leaves less to share.
     pub micro_batch: usize,
 }
 

@@ -81,7 +81,7 @@ struct FrameGradients<'a> {
     weights: &'a mut [f32],
     /// Room for those of the features, where the positions before are predictions.
     input: Option<&'a mut InputBuffers>,
-    /// Those of the history and, last, of the predicted positions.
+    /// Gradients of the history and, last, of the predicted positions.
     positions: &'a mut [Vec<Vec3>],
     states: StateGradients<'a, f32>,
 }
@@ -117,7 +117,8 @@ impl MicroBatch {
         &self.terms
     }
 
-    /// Takes the slots through the frames of a step and back.
+    /// Takes the slots through the frames of a step and back: all together where there is one
+    /// frame, else one after the other.
     pub(super) fn learn(&mut self, shared: &Shared<'_>, slots: &mut [SlotRun<'_>]) {
         self.gradient.fill(0.0);
         self.terms.clear();
@@ -180,8 +181,16 @@ impl Passes<'_, '_> {
     }
 
     /// The way back through the frames of one slot, which have these weights, latest frame first.
+    ///
+    /// The union is of that slot's cloth alone, as [`MicroBatch::learn`] makes it in a step of
+    /// several frames: the gradient of a position is that of the only sample.
     fn back_through_all(&mut self, weights: &[f64]) {
         let Self { batch, shared } = self;
+        debug_assert_eq!(
+            batch.union.graphs.len(),
+            1,
+            "slots go back through several frames one at a time"
+        );
         let network = shared.setup.network;
         let history = network.spec().history();
         let vertices = batch.union.connectivity.vertex_count();
