@@ -1,8 +1,8 @@
 //! A stepper of one's own: a cloth that follows its handles stiffly. It is recorded over a motion,
 //! compared by the metrics with the same cloth standing still, and exported as an animation.
 //!
-//! `cargo run -p selvedge-data --example custom_stepper` writes `follower.usda` to the working
-//! directory.
+//! `cargo run -p selvedge-data --example custom_stepper` writes `follower.usda` to the system's
+//! folder for temporary files.
 #![allow(clippy::print_stdout, reason = "an example that prints its result")]
 
 use std::error::Error;
@@ -125,8 +125,8 @@ pub(crate) fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let out = Path::new("follower.usda");
-    let measures = run(out)?;
+    let out = std::env::temp_dir().join("follower.usda");
+    let measures = run(&out)?;
     println!(
         "{} frames in {}, on average {:.3} m from where they started",
         measures.frames,
