@@ -28,6 +28,11 @@ pub struct NamedModel {
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum OpenModelError {
+    #[error(
+        "{name}: there is no such file, and no shipped model of this name; there are: {}",
+        assets::MODEL.0
+    )]
+    NotFound { name: String },
     #[error("{name}: could not be read: {source}")]
     Read { name: String, source: io::Error },
     #[error("{name}: {source}")]
@@ -54,24 +59,26 @@ pub struct StartModelError {
 }
 
 impl NamedModel {
-    /// Opens the model in `file`, or the shipped one.
+    /// Opens the model in `file`, which may also be the name of the shipped one where no file has
+    /// it; without `file` the shipped one.
     ///
     /// # Errors
     /// A file that cannot be read or is no model of this version.
     pub fn open(file: Option<&Path>) -> Result<Self, OpenModelError> {
-        let (name, model) = match file {
-            Some(path) => {
-                let name = path.display().to_string();
-                let bytes = std::fs::read(path).map_err(|source| {
-                    let name = name.clone();
-                    OpenModelError::Read { name, source }
-                })?;
-                (name, Model::from_bytes(&bytes))
+        let (shipped, its_bytes) = assets::MODEL;
+        let (name, bytes) = match file {
+            Some(path) => (path.display().to_string(), std::fs::read(path)),
+            None => (shipped.to_owned(), Ok(its_bytes.to_vec())),
+        };
+        let model = match bytes {
+            Ok(bytes) => Model::from_bytes(&bytes),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                if name != shipped {
+                    return Err(OpenModelError::NotFound { name });
+                }
+                Model::from_bytes(its_bytes)
             }
-            None => (
-                assets::MODEL.0.to_owned(),
-                Model::from_bytes(assets::MODEL.1),
-            ),
+            Err(source) => return Err(OpenModelError::Read { name, source }),
         };
         match model {
             Ok(model) => Ok(Self {

@@ -125,12 +125,12 @@ Examples:
   selvedge rollout my-large-scene.toml --device cuda
 
 Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
-contact sheet) and clip.gif.")]
+contact sheet) and clip.gif. Files of these names from an earlier rollout are removed first.")]
 pub(crate) struct RolloutArgs {
     /// A scene: a TOML file, or the name of a shipped one.
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// The model's weights [default: the shipped model].
+    /// The model's weights: a file, or the name of the shipped model [default: small].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The folder to write into; it is made.
@@ -388,8 +388,9 @@ pub(crate) struct TrainArgs {
     /// Stop after this long, as 90s, 30m or 2h.
     #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
     pub(crate) span: Option<Duration>,
-    /// Samples that go through the network together on the processor [default: 1]. Threads share
-    /// such micro-batches: a larger number takes less memory and leaves less to share. Results
+    /// Samples of a micro-batch on the processor, which one thread takes [default: 1]. In steps of
+    /// one frame they go through the network together; in steps of several (`unroll`) one after
+    /// the other. A larger number takes less memory and leaves less for threads to share. Results
     /// differ only by rounding.
     #[arg(long, value_name = "N")]
     pub(crate) micro_batch: Option<NonZeroUsize>,

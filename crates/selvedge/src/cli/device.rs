@@ -35,7 +35,7 @@ impl DeviceArgs {
 /// A rounding of factors before they are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum PrecisionFlag {
-    /// None.
+    /// No rounding.
     Full,
     /// To 10 bits (TF32).
     Tensor,

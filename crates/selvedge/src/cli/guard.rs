@@ -63,7 +63,7 @@ pub(crate) struct StressArgs {
     /// A scene: a TOML file, or the name of a shipped one. Its motion is not used.
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// The model's weights [default: the shipped model].
+    /// The model's weights: a file, or the name of the shipped model [default: small].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     /// Number of motions.

@@ -2,9 +2,12 @@
 //! sheet and a clip.
 //!
 //! Each file is written as soon as it is known. Ctrl-C writes what there is of the trajectory under
-//! way and leaves out what would come after it.
+//! way and leaves out what would come after it. Files of an earlier rollout are removed before the
+//! first one is written, so that a folder never has files of two runs.
 
-use std::path::PathBuf;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -33,6 +36,7 @@ const ROLLOUT: &str = "rollout.safetensors";
 const TRUTH: &str = "truth.safetensors";
 const SHEET: &str = "sheet.png";
 const CLIP: &str = "clip.gif";
+const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
 
 #[derive(Serialize)]
 struct RolloutReport {
@@ -51,6 +55,8 @@ struct RolloutReport {
     diverged_frame: Option<usize>,
     comparison: Option<Comparison>,
     wrote: Vec<PathBuf>,
+    /// Files of an earlier rollout that this one does not write anew.
+    removed: Vec<PathBuf>,
     /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
     interrupted: bool,
@@ -94,6 +100,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     let setup = setup(args, loaded)?;
     let mut wrote = Vec::new();
     let Prediction { run, log, guarded } = predict(&setup, &model, &machine, args)?;
+    let mut removed = remove_earlier(&args.out)?;
     write(&run.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
         watched::write_trust(trust, &log)?;
@@ -115,6 +122,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         end = draw(&show, args, &mut wrote)?;
     }
     end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
+    removed.retain(|path| !wrote.contains(path));
     let report = RolloutReport {
         scene: setup.loaded.scene.name.clone(),
         model: model.name,
@@ -129,10 +137,28 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         diverged_frame: diverged_frame(&log),
         comparison,
         wrote,
+        removed,
         warnings: setup.loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Removes the files of an earlier rollout from the folder and returns those that were there.
+/// Nothing else in it is touched.
+fn remove_earlier(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut removed = Vec::new();
+    for path in FILES.map(|name| folder.join(name)) {
+        match fs::remove_file(&path) {
+            Ok(()) => removed.push(path),
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => {
+                let problem = "this file of an earlier rollout could not be removed";
+                return Err(error).context(format!("{}: {problem}", path.display()));
+            }
+        }
+    }
+    Ok(removed)
 }
 
 /// The rest pose of a scene, and the frames that are asked for.
@@ -185,7 +211,8 @@ fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
     Ok(loaded)
 }
 
-/// Checks that nothing is written over something else that is written, or over what is read.
+/// Checks that nothing is written over something else that is written, and that nothing that is
+/// read is written over or removed.
 fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
     let wanted = [
         (ROLLOUT, Wanted::Yes),
@@ -195,6 +222,7 @@ fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> an
     ];
     let own = wanted.into_iter().filter(|file| file.1 == Wanted::Yes);
     let own: Vec<PathBuf> = own.map(|(name, _)| args.out.join(name)).collect();
+    let all = FILES.map(|name| args.out.join(name));
     let exports = exporting::outputs(wishes);
     let own = own.iter().map(|path| ("a file of --out", path.as_path()));
     let mut outputs: Vec<_> = own.collect();
@@ -202,7 +230,12 @@ fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> an
     outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
     let mut inputs = scenes::inputs(loaded);
     inputs.extend(args.model.as_deref().map(|path| ("--model", path)));
-    place::check_outputs(&outputs, &inputs)
+    place::check_outputs(&outputs, &inputs)?;
+    let all: Vec<_> = all
+        .iter()
+        .map(|path| ("a file of --out", path.as_path()))
+        .collect();
+    place::check_outputs(&all, &inputs)
 }
 
 fn predict(
@@ -332,6 +365,12 @@ fn text(report: &RolloutReport) -> Facts {
     }
     for path in &report.wrote {
         facts.add("wrote", path.display());
+    }
+    for path in &report.removed {
+        facts.add(
+            "removed",
+            format!("{}, of an earlier rollout", path.display()),
+        );
     }
     facts
 }

@@ -30,7 +30,8 @@ fn a_missing_scene_is_named_with_those_that_are_shipped() {
     desk.fails("inspect nothing.safetensors", 1, &["nothing.safetensors"]);
     desk.fails("compare a.safetensors b.safetensors", 1, &["a.safetensors"]);
     desk.fails("dataset generate none --out d", 1, &["none", "tiny"]);
-    desk.fails("rollout --model none.safetensors", 1, &["none.safetensors"]);
+    let known = ["none.safetensors", "no such file", "are: small"];
+    desk.fails("rollout --model none.safetensors", 1, &known);
     assert_eq!(desk.names(), Vec::<String>::new());
 }
 
@@ -157,6 +158,8 @@ fn no_output_takes_the_place_of_what_is_read() {
         "rollout hands.toml --export hands.npz",
         "rollout push.toml --export out/clip.gif",
         "rollout push.toml --model out/rollout.safetensors",
+        // A file of an earlier rollout would be removed, written anew or not.
+        "rollout push.toml --no-truth --model out/truth.safetensors",
         "export run.safetensors --to run.safetensors --format glb",
     ] {
         desk.fails(call, 2, &["the same file", "a name of its own"]);

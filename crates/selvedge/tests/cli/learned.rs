@@ -244,6 +244,28 @@ fn what_is_refused_is_not_made() {
 }
 
 #[test]
+fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let first = desk.json("rollout push.toml --out out --frames 3");
+    assert_eq!(first["removed"].as_array().unwrap().len(), 0);
+    desk.write("out/notes.txt", "mine");
+    let again = desk.json("rollout push.toml --out out --frames 2");
+    assert_eq!(again["removed"].as_array().unwrap().len(), 0);
+    let all = desk.run("rollout push.toml --out out --frames 2 --no-truth --no-clip");
+    assert_eq!(all.code, Some(0), "{}", all.err);
+    assert_eq!(
+        names_in(&desk.path("out")),
+        ["notes.txt", "rollout.safetensors", "sheet.png"]
+    );
+    for name in ["truth.safetensors", "clip.gif"] {
+        let told = std::path::Path::new("out").join(name);
+        let line = format!("{}, of an earlier rollout", told.display());
+        assert!(all.out.contains(&line), "{}", all.out);
+    }
+}
+
+#[test]
 fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
     let desk = Desk::new();
     let report = desk.json("rollout --frames 4");

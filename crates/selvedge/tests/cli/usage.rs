@@ -202,6 +202,25 @@ mod interrupts {
     }
 
     #[test]
+    fn an_interrupted_rollout_leaves_no_file_of_an_earlier_one() {
+        let desk = Desk::new();
+        desk.write("push.toml", PUSH);
+        desk.json("rollout push.toml --frames 2 --out out");
+        let child = started(&desk, "rollout push.toml --frames 100000 --out out");
+        press(&child);
+        let (code, out) = ended(child);
+        assert_eq!(code, Some(1));
+        assert!(out.contains("interrupted"), "{out}");
+        assert_eq!(names_in(&desk.path("out")), ["rollout.safetensors"]);
+        let run = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
+        assert_ne!(run.frame_count(), 3);
+        for name in ["truth.safetensors", "sheet.png", "clip.gif"] {
+            let line = format!("{name}, of an earlier rollout");
+            assert!(out.contains(&line), "{out}");
+        }
+    }
+
+    #[test]
     fn an_interrupted_data_set_is_completed_by_a_second_run() {
         let desk = Desk::new();
         // Long enough that a press right after the start comes before the end.
