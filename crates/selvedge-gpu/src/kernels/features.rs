@@ -36,7 +36,8 @@ pub fn define(program: &mut Program, spec: &ModelSpec) {
     program.add(&PART);
 }
 
-fn node_name(feature: NodeFeature) -> &'static str {
+/// Name of the definition of a feature's first column.
+pub(super) fn node_name(feature: NodeFeature) -> &'static str {
     match feature {
         NodeFeature::Velocity => "NODE_VELOCITY",
         NodeFeature::ExternalForce => "NODE_EXTERNAL_FORCE",
@@ -48,7 +49,8 @@ fn node_name(feature: NodeFeature) -> &'static str {
     }
 }
 
-fn edge_name(feature: EdgeFeature) -> &'static str {
+/// Name of the definition of a feature's first column.
+pub(super) fn edge_name(feature: EdgeFeature) -> &'static str {
     match feature {
         EdgeFeature::Vector => "EDGE_VECTOR",
         EdgeFeature::RestVector => "EDGE_REST_VECTOR",

@@ -1,6 +1,6 @@
 //! Sources that devices compile, and files of kernels read by themselves.
 
-use selvedge_model::EdgeLimits;
+use selvedge_model::{EdgeFeature, EdgeLimits, NodeFeature};
 
 use super::*;
 use crate::test_graphs::full_specs;
@@ -56,6 +56,50 @@ fn every_kernel_of_a_file_is_declared_and_has_one_entry() {
             let entry = format!("run_{}{entry}", kernel.name);
             assert_eq!(text.matches(&entry).count(), 1, "{entry}");
         }
+    }
+}
+
+/// True where the columns depend on positions that are predicted.
+fn node_has_gradient(feature: NodeFeature) -> bool {
+    match feature {
+        NodeFeature::NodeType => false,
+        NodeFeature::Velocity
+        | NodeFeature::ExternalForce
+        | NodeFeature::KineticEnergy
+        | NodeFeature::Acceleration
+        | NodeFeature::ExpectedMove
+        | NodeFeature::RestOffset => true,
+    }
+}
+
+/// As [`node_has_gradient`]; rest poses are given.
+fn edge_has_gradient(feature: EdgeFeature) -> bool {
+    match feature {
+        EdgeFeature::RestVector | EdgeFeature::MaterialVector | EdgeFeature::CoarseRestVector => {
+            false
+        }
+        EdgeFeature::Vector
+        | EdgeFeature::Elongation
+        | EdgeFeature::BendingAngle
+        | EdgeFeature::CoarseVector => true,
+    }
+}
+
+#[test]
+fn every_feature_is_in_the_kernels_there_and_back() {
+    let spec = full_specs().pop().expect("a spec");
+    assert_eq!((spec.node_features.len(), spec.edge_features.len()), (7, 7));
+    let nodes = spec.node_features.iter();
+    let nodes = nodes.map(|f| (features::node_name(*f), node_has_gradient(*f)));
+    let edges = spec.edge_features.iter();
+    let edges = edges.map(|f| (features::edge_name(*f), edge_has_gradient(*f)));
+    let has = |part: &Part, name: &str| {
+        let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        part.text.split(|c| !is_word(c)).any(|word| word == name)
+    };
+    for (name, has_gradient) in nodes.chain(edges) {
+        assert!(has(&features::PART, name), "{name}");
+        assert_eq!(has(&features_backward::PART, name), has_gradient, "{name}");
     }
 }
 
