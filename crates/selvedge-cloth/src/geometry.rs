@@ -22,7 +22,8 @@ pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
 /// θ = atan2(n_left × n_right · ê, n_left · n_right) with the sign so chosen. `[eq:dihedral]`
 /// Angle: Bridson, Marino and Fedkiw 2003; sign: Narain et al. 2012.
 /// Swapping the faces together with the edge's direction leaves it unchanged, as does any rigid
-/// motion. 0 for a degenerate face.
+/// motion. 0 for a degenerate face, and also where an argument is not finite: an angle is no sign of
+/// a lost cloth, so positions are checked where they are made.
 #[must_use]
 pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 {
     let along = to - from;
@@ -92,6 +93,14 @@ mod tests {
         assert_eq!(dihedral_angle(p[0], p[0], p[2], p[3]), 0.0);
         assert_eq!(dihedral_angle(p[0], p[1], p[1], p[3]), 0.0);
         assert_eq!(dihedral_angle(p[0], p[1], p[2], p[0]), 0.0);
+    }
+
+    #[test]
+    fn an_angle_does_not_tell_of_positions_that_are_not_finite() {
+        let p = folded(1.0, 0.7, 1.9);
+        for lost in [DVec3::NAN, DVec3::INFINITY] {
+            assert_eq!(dihedral_angle(p[0], p[1], p[2], lost), 0.0);
+        }
     }
 
     proptest! {

@@ -172,7 +172,11 @@ impl Wish {
     ) -> anyhow::Result<End> {
         let by_format = match format {
             ExportFormat::Glb => Normals::Written,
-            _ => Normals::LeftOut,
+            ExportFormat::Usda
+            | ExportFormat::Pc2
+            | ExportFormat::Obj
+            | ExportFormat::ObjSequence
+            | ExportFormat::Npz => Normals::LeftOut,
         };
         let options = ExportOptions {
             format,

@@ -78,7 +78,9 @@ pub fn planned_bytes(
     Ok(match options.format {
         ExportFormat::Glb => Some(glb::planned_bytes(&take)),
         ExportFormat::Pc2 => Some(pc2::planned_bytes(&take)),
-        _ => None,
+        ExportFormat::Usda | ExportFormat::Obj | ExportFormat::ObjSequence | ExportFormat::Npz => {
+            None
+        }
     })
 }
 

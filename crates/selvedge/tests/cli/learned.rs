@@ -250,7 +250,8 @@ fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
     let first = desk.json("rollout push.toml --out out --frames 3");
     assert_eq!(first["removed"].as_array().unwrap().len(), 0);
     desk.write("out/notes.txt", "mine");
-    let again = desk.json("rollout push.toml --out out --frames 2");
+    let again = desk.json("rollout push.toml --model small --out out --frames 2");
+    assert_eq!(again["model"], "small");
     assert_eq!(again["removed"].as_array().unwrap().len(), 0);
     let all = desk.run("rollout push.toml --out out --frames 2 --no-truth --no-clip");
     assert_eq!(all.code, Some(0), "{}", all.err);
