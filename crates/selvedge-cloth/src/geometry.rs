@@ -22,8 +22,8 @@ pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
 /// θ = atan2(n_left × n_right · ê, n_left · n_right) with the sign so chosen. `[eq:dihedral]`
 /// Angle: Bridson, Marino and Fedkiw 2003; sign: Narain et al. 2012.
 /// Swapping the faces together with the edge's direction leaves it unchanged, as does any rigid
-/// motion. 0 for a degenerate face, and also where an argument is not finite: an angle is no sign of
-/// a lost cloth, so positions are checked where they are made.
+/// motion. 0 for a degenerate face, and also where an argument is not finite: an angle is no sign
+/// of a lost cloth, so positions are checked where they are made.
 #[must_use]
 pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 {
     let along = to - from;
