@@ -389,9 +389,9 @@ pub(crate) struct TrainArgs {
     #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
     pub(crate) span: Option<Duration>,
     /// Samples of a micro-batch on the processor [default: 1]; threads share micro-batches. In
-    /// steps of one frame its samples go through the network together, in steps of several (`unroll`) one
-    /// after the other. A larger number takes less memory and leaves less to share. Results differ
-    /// only by rounding.
+    /// steps of one frame its samples go through the network together, in steps of several
+    /// (`unroll`) one after the other. A larger number takes less memory and leaves less to share.
+    /// Results differ only by rounding.
     #[arg(long, value_name = "N")]
     pub(crate) micro_batch: Option<NonZeroUsize>,
     #[command(flatten)]
