@@ -7,7 +7,8 @@
 //! physics itself. A **report** ([`report`]) makes tables, CSV and plots of it. A **study**
 //! ([`study`]) is a file that says what to train, what to measure and what to ask; its folder keeps
 //! what is done. A **stress test** ([`stress`]) drives a model through random motions without a
-//! truth. [`generation`] makes data sets.
+//! truth. A convergence study ([`convergence`]) measures the physics against its own converged
+//! motion. [`generation`] makes data sets.
 //!
 //! Long operations call a listener ([`OnEvent`]) for every [`Event`] and stop when it breaks. Every
 //! operation has an error type of its own; [`cause::chain`] tells an error with its causes in one
@@ -45,6 +46,7 @@
 
 pub mod assets;
 pub mod cause;
+pub mod convergence;
 pub mod evaluation;
 pub mod event;
 pub mod folder;

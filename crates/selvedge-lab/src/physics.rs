@@ -17,6 +17,9 @@ use thiserror::Error;
 use crate::event::{End, Goal, OnEvent, Reporter};
 use crate::state_log::StateLog;
 
+/// The program, as the files that it writes name it.
+pub(crate) const MADE_BY: &str = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
+
 /// A run and its cost.
 pub struct TimedRun {
     /// Positions `[m]`, `[frames * vertices]`, the start first.
@@ -233,7 +236,7 @@ pub fn provenance(spec: &SceneSpec, scene: &Scene) -> Result<Provenance, RunTraj
     Ok(Provenance {
         frame_rate: scene.frame_rate,
         scene: spec.to_json()?,
-        made_by: concat!("selvedge ", env!("CARGO_PKG_VERSION")).to_owned(),
+        made_by: MADE_BY.to_owned(),
     })
 }
 

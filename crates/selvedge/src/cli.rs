@@ -6,6 +6,7 @@ mod evaluate;
 mod export;
 mod guard;
 mod import;
+mod study;
 mod view;
 
 use std::num::NonZeroUsize;
@@ -20,10 +21,11 @@ use selvedge_train::Setting;
 pub(crate) use self::bench::Cloths;
 pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
 pub(crate) use self::device::DeviceArgs;
-pub(crate) use self::evaluate::{EvaluateArgs, StudyArgs};
+pub(crate) use self::evaluate::EvaluateArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::guard::{GuardName, StressArgs};
 pub(crate) use self::import::ImportArgs;
+pub(crate) use self::study::{ConvergenceArgs, StudyArgs, StudyCommand, StudyFileArgs};
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
 

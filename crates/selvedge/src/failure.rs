@@ -4,6 +4,7 @@
 use std::fmt;
 use std::io::Write;
 
+use selvedge_lab::convergence::ChoiceError;
 use selvedge_lab::evaluation::SelectionError;
 
 /// Failed.
@@ -32,11 +33,9 @@ impl std::error::Error for WrongUsage {}
 
 /// The exit code of the program.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
-    if error.is::<WrongUsage>() || error.is::<SelectionError>() {
-        WRONG_USAGE
-    } else {
-        FAILED
-    }
+    let is_wrong_usage =
+        error.is::<WrongUsage>() || error.is::<SelectionError>() || error.is::<ChoiceError>();
+    if is_wrong_usage { WRONG_USAGE } else { FAILED }
 }
 
 /// Tells a person.

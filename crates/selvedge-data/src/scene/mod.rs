@@ -2,6 +2,7 @@
 //! from it and kept with every result ([`SceneSpec`], JSON), and what is shipped.
 
 mod arcsim;
+mod changed;
 mod file;
 mod handle_selection;
 mod loaded;

@@ -77,11 +77,7 @@ impl Horizons {
         let Some(last) = frames.checked_sub(1 + steps) else {
             return Vec::new();
         };
-        match self.starts.min(last + 1) {
-            0 => Vec::new(),
-            1 => vec![last / 2],
-            count => (0..count).map(|k| k * last / (count - 1)).collect(),
-        }
+        spread(last, self.starts.min(last + 1))
     }
 
     /// The errors of runs that `run` makes: from a true frame, so many steps; its positions `[m]`,
@@ -166,6 +162,15 @@ impl Sums {
             last_position_rmse: (self.last_position / starts).sqrt(),
             edge_length_rmse: (self.edge_length / frames).sqrt(),
         }
+    }
+}
+
+/// `count` numbers from 0 to `last`, spread evenly; the middle where there is one.
+pub(crate) fn spread(last: usize, count: usize) -> Vec<usize> {
+    match count {
+        0 => Vec::new(),
+        1 => vec![last / 2],
+        count => (0..count).map(|k| k * last / (count - 1)).collect(),
     }
 }
 

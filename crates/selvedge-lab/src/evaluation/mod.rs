@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use self::contestant::{Contestant, ContestantError, Racer, Who};
+pub(crate) use self::horizons::spread;
 pub use self::horizons::{Horizon, Horizons};
 pub use self::measures::{Curves, MeasureError, Measures, STRAIN_LIMIT};
 pub use self::summary::{Summary, summary};

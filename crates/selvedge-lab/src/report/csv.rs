@@ -124,12 +124,13 @@ fn each(contest: &Contest<'_>, mut row: impl FnMut(&str, &Row)) {
 }
 
 /// A file under way.
-struct Csv {
+pub(crate) struct Csv {
     text: String,
 }
 
 impl Csv {
-    fn new(head: &str) -> Self {
+    /// A file with this line of headings.
+    pub(crate) fn new(head: &str) -> Self {
         Self {
             text: format!("{head}\n"),
         }
@@ -140,7 +141,8 @@ impl Csv {
         self.text.push(',');
     }
 
-    fn texts<const N: usize>(&mut self, texts: [&str; N]) {
+    /// Adds fields of text.
+    pub(crate) fn texts<const N: usize>(&mut self, texts: [&str; N]) {
         for text in texts {
             if text.contains([',', '"', '\n', '\r']) {
                 self.field(&format!("\"{}\"", text.replace('"', "\"\"")));
@@ -150,8 +152,16 @@ impl Csv {
         }
     }
 
-    fn number(&mut self, value: Option<f64>) {
+    /// Adds a number, or an empty field.
+    pub(crate) fn number(&mut self, value: Option<f64>) {
         self.field(&value.map_or_else(String::new, |value| value.to_string()));
+    }
+
+    /// Adds numbers, or as many empty fields.
+    pub(crate) fn numbers<const N: usize>(&mut self, values: Option<[f64; N]>) {
+        for place in 0..N {
+            self.number(values.map(|values| values[place]));
+        }
     }
 
     fn measures(&mut self, measures: Option<&Measures>) {
@@ -169,8 +179,12 @@ impl Csv {
     }
 
     /// Ends the line, which has at least one field.
-    fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.text.pop();
         self.text.push('\n');
+    }
+    /// The file.
+    pub(crate) fn text(self) -> String {
+        self.text
     }
 }

@@ -80,6 +80,16 @@ impl Page {
         own
     }
 
+    /// The report with the files of these names beside the page, which is written last.
+    pub(crate) fn done<const N: usize>(self, names: [&str; N], files: [String; N]) -> Report {
+        let mut report = self.report;
+        for (name, text) in names.into_iter().zip(files) {
+            report.add(name, text);
+        }
+        report.add(PAGE, self.text);
+        report
+    }
+
     /// The report with all numbers of `contest` and `timings`. The page is written last, when all
     /// that it shows is there.
     ///
@@ -133,7 +143,7 @@ const NOTES: &str = "## What was measured
 Rigid: the rest pose moved with the handles. Mirror: the physics from the other branch of the
 buckling. Physics: the simulator itself with so many substeps. Whole runs start at the first frame and are fed with their own output; their measures are
 means over motions, and none is given where a run failed. Runs of k steps start at true frames, and
-their error is over all k frames; the rivals, who know no truth, are measured on the same frames of
-their whole runs. Errors by time over all motions are roots of mean squares. The numbers behind the
+their error is over all k frames; the rivals, who know no truth, and the physics, since a recording
+has no velocities, are measured on the same frames of their whole runs. Errors by time over all motions are roots of mean squares. The numbers behind the
 tables and plots are in the .csv files, in SI units; the time of a frame, which depends on the
 machine, is in [times.md](times.md).";

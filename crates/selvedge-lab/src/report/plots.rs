@@ -81,7 +81,7 @@ pub fn horizons_plot(contest: &Contest<'_>) -> Result<Option<Plot>, PlotError> {
         y: axis("position RMSE (mm)".to_owned(), Scale::Logarithmic),
         lines: runners(contest).map(line).collect(),
     };
-    shown(&chart)
+    both_forms(&chart)
 }
 
 /// Error of whole runs by time: along one motion, or √(mean of squares) over all.
@@ -110,7 +110,7 @@ pub fn over_time(
         y: axis(format!("{} (mm)", measure.name()), scale_of(&lines)),
         lines,
     };
-    shown(&chart)
+    both_forms(&chart)
 }
 
 /// Error of whole runs by the time that a frame takes: a point for each model, a line through the
@@ -151,7 +151,7 @@ pub fn by_cost(contest: &Contest<'_>, timings: &[Timing]) -> Result<Option<Plot>
         role: Role::Rival,
         points: physics,
     });
-    shown(&LineChart {
+    both_forms(&LineChart {
         title: "Position error of whole runs by the time of a frame".to_owned(),
         x: axis("time of a frame (ms)".to_owned(), Scale::Linear),
         y: axis("position RMSE (mm)".to_owned(), Scale::Linear),
@@ -253,7 +253,11 @@ fn both(
     Ok(Some(Plot { svg, png }))
 }
 
-fn shown(chart: &LineChart) -> Result<Option<Plot>, PlotError> {
+/// Both forms of lines over an axis; none where there is nothing to show.
+///
+/// # Errors
+/// A value that is not finite.
+pub(crate) fn both_forms(chart: &LineChart) -> Result<Option<Plot>, PlotError> {
     both(&chart.title, chart.to_svg(), || chart.to_image())
 }
 

@@ -1,4 +1,4 @@
-//! The calls of `selvedge evaluate` and `selvedge study`.
+//! The call of `selvedge evaluate`.
 
 use std::path::PathBuf;
 
@@ -61,7 +61,9 @@ pub(crate) struct EvaluateArgs {
     #[arg(long)]
     pub(crate) no_mirror: bool,
     /// Run the physics itself too, with so many substeps per frame; several, separated by commas.
-    /// The report then has its errors beside the models' by the time of a frame.
+    /// The report then has its errors beside the models' by the time of a frame. A trajectory has
+    /// no velocities to start from: over k steps, too, these are errors of whole runs. For those
+    /// from true states see `selvedge study convergence`.
     #[arg(long, value_name = "SUBSTEPS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1000))]
     physics: Vec<u32>,
     /// Write tables and plots into this folder; it is made.
@@ -106,33 +108,6 @@ fn each_once<T: Copy + PartialEq>(list: &[T]) -> Vec<T> {
         }
     }
     once
-}
-
-/// Train models, measure them and write what came out, as a file says.
-///
-/// A study that was interrupted goes on where it stopped when it is started again: trainings from
-/// their last checkpoint, and what was measured is kept. The report is written when all is there.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge study small --out studies/small
-  selvedge study my-study.toml --out studies/mine
-  selvedge study table1 --out studies/table1 --device cuda
-
-The folder gets report/ (report.md, plots, numbers), trainings/ (a model each), evaluations/ and
-data/ (the data sets that the study makes). docs/src/guides/studies.md says how a study is written.")]
-pub(crate) struct StudyArgs {
-    /// A study: a TOML file, or the name of a shipped one.
-    pub(crate) study: String,
-    /// The folder of the study; it is made.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) out: PathBuf,
-    /// Runs that are measured at once [default: as many as there are processors].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
-    pub(crate) threads: Option<u16>,
-    /// The machine that trains and runs models.
-    #[command(flatten)]
-    pub(crate) machine: DeviceArgs,
 }
 
 /// Part of a data set.

@@ -2,6 +2,7 @@
 
 mod bench;
 mod compare;
+mod convergence;
 mod convert;
 mod dataset;
 mod dataset_import;

@@ -77,7 +77,8 @@ impl Page {
             let name = command.get_bin_name().unwrap_or(command.get_name());
             self.blank();
             self.line(&format!("## `{name}`"));
-            if !command.has_subcommands() {
+            // Some take arguments of their own beside their subcommands.
+            if !command.has_subcommands() || command.is_args_conflicts_with_subcommands_set() {
                 let usage = command.clone().render_usage().to_string();
                 let usage = usage.strip_prefix("Usage: ").unwrap_or(&usage);
                 self.code(usage.lines());

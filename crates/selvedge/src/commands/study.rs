@@ -6,7 +6,9 @@ use anyhow::Context;
 use selvedge_lab::{folder, study};
 use serde::Serialize;
 
-use crate::cli::StudyArgs;
+use super::convergence;
+use crate::cli::{DeviceArgs, StudyArgs, StudyCommand, StudyFileArgs};
+use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts};
 use crate::progress;
 
@@ -22,13 +24,27 @@ struct Answered {
     interrupted: bool,
 }
 
-/// Makes a study, or goes on with one.
+/// Makes a study.
+///
+/// # Errors
+/// What of the study went wrong.
+pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
+    match (&args.command, &args.file) {
+        (Some(StudyCommand::Convergence(args)), _) => convergence::run(args),
+        (None, Some(file)) => by_file(file, &args.machine),
+        (None, None) => {
+            Err(WrongUsage::new("name a study: a TOML file, or a shipped one, with --out").into())
+        }
+    }
+}
+
+/// Makes a study as a file says, or goes on with one.
 ///
 /// # Errors
 /// What of the study, a training, a model, a data set or a file went wrong.
-pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
+fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
-    let machine = args.machine.open()?;
+    let machine = device.open()?;
     folder::make_folder(&args.out)?;
     let outcome = study::run(
         &study,

@@ -6,6 +6,7 @@
 
 mod bad_input;
 mod common;
+mod convergence;
 mod convert;
 mod data_sets;
 mod devices;

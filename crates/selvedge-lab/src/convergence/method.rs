@@ -1,0 +1,129 @@
+//! Methods that are compared: an integrator by the name that scenes give it, and substeps.
+
+use std::fmt;
+use std::str::FromStr;
+
+use selvedge_cloth::Integrator;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::error::ChoiceError;
+
+/// An integrator by the name that scenes give it, with the default settings of its iteration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedIntegrator {
+    name: String,
+    integrator: Integrator,
+}
+
+/// An integrator with so many substeps per frame.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Method {
+    /// The integrator.
+    pub integrator: NamedIntegrator,
+    /// Substeps per frame.
+    pub substeps: u32,
+}
+
+impl FromStr for NamedIntegrator {
+    type Err = ChoiceError;
+
+    fn from_str(name: &str) -> Result<Self, ChoiceError> {
+        let read = |value: Value| serde_json::from_value::<Integrator>(value);
+        // One without settings is a word in a scene, one with settings a table.
+        let integrator = read(json!(name)).or_else(|_| read(json!({ name: {} })));
+        let integrator = integrator.map_err(|error| {
+            let error = error.to_string();
+            let known = error.split_once(", expected ").map_or("", |parts| parts.1);
+            let known = known.trim_start_matches("one of ");
+            ChoiceError::new(format!(
+                "no integrator is called {name:?}; known are {known}"
+            ))
+        })?;
+        Ok(Self {
+            name: name.to_owned(),
+            integrator,
+        })
+    }
+}
+
+impl NamedIntegrator {
+    /// As scenes have it.
+    #[must_use]
+    pub fn integrator(&self) -> Integrator {
+        self.integrator
+    }
+}
+
+impl fmt::Display for NamedIntegrator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
+    }
+}
+
+impl Serialize for NamedIntegrator {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.name)
+    }
+}
+
+impl Method {
+    /// Every one of `integrators` with every one of `substeps`, each once.
+    #[must_use]
+    pub fn all(integrators: &[NamedIntegrator], substeps: &[u32]) -> Vec<Self> {
+        let mut all: Vec<Self> = Vec::new();
+        for integrator in integrators {
+            for &substeps in substeps {
+                let method = Self {
+                    integrator: integrator.clone(),
+                    substeps,
+                };
+                if !all.contains(&method) {
+                    all.push(method);
+                }
+            }
+        }
+        all
+    }
+
+    /// Order of the error in the substep.
+    pub(super) fn order(&self) -> u32 {
+        if self.integrator.name.starts_with("second-order") {
+            2
+        } else {
+            1
+        }
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plural = if self.substeps == 1 { "" } else { "s" };
+        write!(f, "{}, {} substep{plural}", self.integrator, self.substeps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integrators_are_called_as_in_scenes() {
+        let linearised: NamedIntegrator = "linearised".parse().unwrap();
+        assert_eq!(linearised.integrator(), Integrator::Linearised);
+        let newton: NamedIntegrator = "newton".parse().unwrap();
+        assert_eq!(newton.integrator(), Integrator::Newton(Default::default()));
+        let error = "euler".parse::<NamedIntegrator>().unwrap_err().to_string();
+        let words = ["\"euler\"", "known are `linearised`", "`newton`"];
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+        let all = Method::all(&[linearised, newton], &[1, 2, 1]);
+        let names: Vec<String> = all.iter().map(Method::to_string).collect();
+        let expected = [
+            "linearised, 1 substep",
+            "linearised, 2 substeps",
+            "newton, 1 substep",
+            "newton, 2 substeps",
+        ];
+        assert_eq!(names, expected);
+    }
+}

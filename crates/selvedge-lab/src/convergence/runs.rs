@@ -1,0 +1,132 @@
+//! Runs from true states, and the time of a frame.
+
+use std::time::{Duration, Instant};
+
+use selvedge_cloth::Stepper;
+use selvedge_data::{Drive, SavedState};
+
+use super::case::Case;
+use super::deviation::{Deviation, Gauge, Strains};
+use super::method::Method;
+use super::outcome::Run;
+use super::reference::{Reference, start_simulator, state_of, step};
+use crate::event::Task;
+
+/// Time after which there are frames enough to know how long one takes.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// A case with its truth.
+pub(super) struct Bench<'a, 'l> {
+    pub(super) case: &'a Case,
+    pub(super) reference: &'a Reference,
+    pub(super) gauge: Gauge<'a>,
+    /// Rising.
+    pub(super) horizons: &'a [usize],
+    pub(super) task: &'a Task<'a, 'l>,
+}
+
+impl Bench<'_, '_> {
+    /// Runs `method` from the true state of frame `start`. None where an end is asked for.
+    pub(super) fn run(&self, method: &Method, start: usize) -> Option<Run> {
+        let mut run = Run {
+            start,
+            deviations: Vec::with_capacity(self.horizons.len()),
+            failure: None,
+        };
+        match self.steps(method, &mut run) {
+            Ok(Finished::Yes) => {}
+            Ok(Finished::Stopped) => return None,
+            Err(problem) => run.failure = Some(problem),
+        }
+        Some(run)
+    }
+
+    fn steps(&self, method: &Method, run: &mut Run) -> Result<Finished, String> {
+        let lacking = |frame: usize| format!("the reference has no frame {frame}");
+        let saved = self.reference.saved(run.start);
+        let saved = saved.ok_or_else(|| lacking(run.start))?;
+        let scene = self.case.scene_by(method);
+        let mut simulator = start_simulator(&scene, saved)?;
+        let path = scene.handle_path().map_err(|error| error.to_string())?;
+        let drive = Drive {
+            path: &path,
+            samples_per_frame: method.substeps as usize,
+        };
+        let mut strains = Strains {
+            truth: f64::NEG_INFINITY,
+            found: f64::NEG_INFINITY,
+        };
+        for k in 1..=self.horizons.last().copied().unwrap_or(0) {
+            step(&mut simulator, drive)?;
+            let frame = run.start + k;
+            let truth = self.reference.state(frame).ok_or_else(|| lacking(frame))?;
+            let found = state_of(&simulator);
+            strains.truth = strains
+                .truth
+                .max(self.gauge.largest_strain(truth.positions));
+            strains.found = strains
+                .found
+                .max(self.gauge.largest_strain(found.positions));
+            if self.horizons.contains(&k) {
+                let deviation = self.gauge.deviation(truth, found, strains);
+                check_finite(&deviation, simulator.frame())?;
+                run.deviations.push(deviation);
+            }
+            if self.task.advance_by(method.substeps).is_break() {
+                return Ok(Finished::Stopped);
+            }
+        }
+        Ok(Finished::Yes)
+    }
+}
+
+/// The end of a run that did not fail.
+enum Finished {
+    Yes,
+    Stopped,
+}
+
+fn check_finite(deviation: &Deviation, frame: usize) -> Result<(), String> {
+    if deviation.values().iter().all(|value| value.is_finite()) {
+        return Ok(());
+    }
+    Err(format!("frame {frame} has a measure that is not finite"))
+}
+
+/// The median time of a frame of `case` by `method` from `start` on one thread, over up to `frames`
+/// frames `[ms]`; none where the first failed or an end is asked for.
+pub(super) fn milliseconds(
+    case: &Case,
+    method: &Method,
+    start: &SavedState,
+    task: &TimedFrames<'_, '_>,
+) -> Option<f64> {
+    let scene = case.scene_by(method);
+    let mut simulator = start_simulator(&scene, start.clone()).ok()?;
+    let path = scene.handle_path().ok()?;
+    let drive = Drive {
+        path: &path,
+        samples_per_frame: method.substeps as usize,
+    };
+    let begun = Instant::now();
+    let mut times = Vec::with_capacity(task.frames);
+    while times.len() < task.frames && begun.elapsed() < PATIENCE {
+        if task.task.is_stopped() {
+            return None;
+        }
+        let before = Instant::now();
+        if step(&mut simulator, drive).is_err() {
+            break;
+        }
+        times.push(1e3 * before.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() / 2).copied()
+}
+
+/// Frames that are timed, and who may stop it.
+pub(super) struct TimedFrames<'a, 'l> {
+    /// At most, and at least 1.
+    pub(super) frames: usize,
+    pub(super) task: &'a Task<'a, 'l>,
+}

@@ -1,0 +1,149 @@
+//! The calls of `selvedge study`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use selvedge_lab::convergence::{Method, NamedIntegrator, Settings};
+
+use super::DeviceArgs;
+use super::evaluate::MOST_THREADS;
+
+/// Train models, measure them and write what came out, as a file says; or study the physics.
+///
+/// A study that was interrupted goes on where it stopped when it is started again: trainings from
+/// their last checkpoint, and what was measured is kept. The report is written when all is there.
+/// `selvedge study convergence` is a study of the physics, without a file.
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "\
+Examples:
+  selvedge study small --out studies/small
+  selvedge study my-study.toml --out studies/mine
+  selvedge study table1 --out studies/table1 --device cuda
+  selvedge study convergence default --out studies/convergence
+
+The folder gets report/ (report.md, plots, numbers), trainings/ (a model each), evaluations/ and
+data/ (the data sets that the study makes). docs/src/guides/studies.md says how a study is written."
+)]
+pub(crate) struct StudyArgs {
+    /// A study without a file.
+    #[command(subcommand)]
+    pub(crate) command: Option<StudyCommand>,
+    /// A study by a file.
+    #[command(flatten)]
+    pub(crate) file: Option<StudyFileArgs>,
+    /// The machine that trains and runs models. Beside the others: what may be absent as a whole
+    /// may have no parts, or clap takes it for absent.
+    #[command(flatten)]
+    pub(crate) machine: DeviceArgs,
+}
+
+/// A study as a file says.
+#[derive(Debug, Args)]
+pub(crate) struct StudyFileArgs {
+    /// A study: a TOML file, or the name of a shipped one.
+    pub(crate) study: String,
+    /// The folder of the study; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Runs that are measured at once [default: as many as there are processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub(crate) threads: Option<u16>,
+}
+
+/// Studies without a file.
+#[derive(Debug, Subcommand)]
+pub(crate) enum StudyCommand {
+    Convergence(ConvergenceArgs),
+}
+
+/// Measure how far the physics is from its own converged motion, by substeps and integrator.
+///
+/// A run with many substeps is the truth. From states of it, spread over the motion, each
+/// integrator runs with each number of substeps, and is compared with the truth after so many
+/// frames: positions, velocities, folds, edges, energy, and milliseconds per frame. The truth's own
+/// error is measured by a second run with half the substeps. The numbers are the same for any
+/// number of threads, but for the times.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  selvedge study convergence default --out studies/convergence
+  selvedge study convergence default --out studies/swing --from 70 --to 360
+  selvedge study convergence my-scene.toml --out mine --integrators linearised,newton --substeps 1,2,4
+  selvedge study convergence default --out studies/all --motion test --material all
+
+The folder gets report.md with its plots, convergence.csv (means), starts.csv (every run), times.csv
+and references/: the true states, in double precision. They are taken again where they fit, so that
+a second study of the same scenes is quick. After Ctrl-C the report is of the starts that were done.")]
+pub(crate) struct ConvergenceArgs {
+    /// Scenes: TOML files, JSON files of ARCSim, or names of shipped ones.
+    #[arg(required = true, value_name = "SCENE")]
+    pub(crate) scenes: Vec<String>,
+    /// The folder of the study; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Materials in the place of the scenes' own, separated by commas: names of shipped ones, TOML
+    /// files, or `all` that ship.
+    #[arg(long = "material", value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) materials: Vec<String>,
+    /// Motions in the place of the scenes' own, separated by commas: names, TOML files, recorded
+    /// ones (.csv, .npz), or `test` for all test motions.
+    #[arg(long = "motion", value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) motions: Vec<String>,
+    /// Integrators that are measured, as in scenes, separated by commas.
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        default_value = "linearised"
+    )]
+    integrators: Vec<NamedIntegrator>,
+    /// Their numbers of substeps per frame, separated by commas.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,2,4,8,16", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    substeps: Vec<u32>,
+    /// The integrator of the truth.
+    #[arg(long, value_name = "NAME", default_value = "linearised")]
+    reference_integrator: NamedIntegrator,
+    /// The truth's substeps per frame, an even number.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    reference_substeps: u32,
+    /// Frames after which errors are taken, separated by commas.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,5,10,20,50", value_parser = clap::value_parser!(u32).range(1..))]
+    horizons: Vec<u32>,
+    /// True states from which runs start, spread evenly.
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..))]
+    starts: u32,
+    /// The frame of the first start [default: the first].
+    #[arg(long, value_name = "FRAME")]
+    from: Option<usize>,
+    /// The frame in which the last run ends [default: the last of the motion].
+    #[arg(long, value_name = "FRAME")]
+    to: Option<usize>,
+    /// Runs that are made at once [default: as many as there are processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    threads: Option<u16>,
+}
+
+impl ConvergenceArgs {
+    /// The settings that are asked for.
+    pub(crate) fn settings(&self) -> Settings {
+        Settings {
+            rivals: Method::all(&self.integrators, &self.substeps),
+            reference: Method {
+                integrator: self.reference_integrator.clone(),
+                substeps: self.reference_substeps,
+            },
+            horizons: self
+                .horizons
+                .iter()
+                .map(|&frames| frames as usize)
+                .collect(),
+            starts: self.starts as usize,
+            from: self.from,
+            to: self.to,
+            threads: self.threads.map(usize::from),
+        }
+    }
+}
