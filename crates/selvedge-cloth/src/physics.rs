@@ -18,8 +18,12 @@ pub struct PhysicsSettings {
     pub stretch_lookup: StretchLookup,
     /// Law of the air within a substep.
     pub air: AirLaw,
-    /// Accuracy to which the equations of a substep are solved.
+    /// Formula of a substep, and the accuracy to which its equations are solved.
     pub integrator: Integrator,
+    /// Stiffness-proportional damping that every material has at least `[s]`. None takes what the
+    /// integrator needs ([`Integrator::least_damping`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least_damping: Option<f64>,
     /// Division of substeps in which the cloth strains too much.
     pub substepping: Substepping,
     /// Solver of linear systems.
@@ -33,6 +37,9 @@ pub enum PhysicsMode {
     /// The defaults.
     #[default]
     Selvedge,
+    /// Backward Euler with explicit air, four substeps: the physics of data sets and models from
+    /// before there was a second order.
+    FirstOrder,
     /// As ARCSim has them, for comparisons with it: spring handles, its bending law, its grid,
     /// explicit air, one linear solve per substep by a complete factorisation.
     Arcsim,
@@ -76,23 +83,60 @@ pub enum StretchLookup {
 #[serde(rename_all = "kebab-case")]
 pub enum AirLaw {
     /// A force of the velocities at the start of the substep, as in ARCSim. Where these are very
-    /// fast or the substep long, it can turn a face round and add energy.
-    #[default]
+    /// fast or the substep long, it can turn a face round and add energy. Not for the integrators
+    /// of second order.
     Explicit,
-    /// The force of the velocities at the end of the substep, with |v_n| of its start: it takes
-    /// energy from whatever moves through the air, never adds any.
+    /// The force of the velocities at the end of the substep: it takes energy from whatever moves
+    /// through the air, never adds any. Integrators of first order take |v_n| of the substep's
+    /// start.
+    #[default]
     Implicit,
 }
 
-/// Accuracy to which the equations of a substep (backward Euler) are solved.
+/// Formula of a substep, and the accuracy to which its equations are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
-    /// One linear solve, as in ARCSim.
-    #[default]
+    /// Backward Euler by one linear solve at the start of the substep, as in ARCSim: first order.
     Linearised,
-    /// Newton's method with a line search.
+    /// Backward Euler by Newton's method with a line search: first order.
     Newton(Newton),
+    /// BDF2 by one linear solve at a predicted state: second order for the same price.
+    #[default]
+    SecondOrder,
+    /// BDF2 by Newton's method from the predicted state.
+    SecondOrderNewton(Newton),
+}
+
+impl Integrator {
+    /// Order of the error in the substep.
+    #[must_use]
+    pub fn order(self) -> u32 {
+        match self {
+            Self::Linearised | Self::Newton(_) => 1,
+            Self::SecondOrder | Self::SecondOrderNewton(_) => 2,
+        }
+    }
+
+    /// Stiffness-proportional damping that a material needs at least `[s]`. The measured stretch
+    /// law is no gradient of an energy and feeds the fastest vibrations. Backward Euler damps them
+    /// by itself, as a damping of half the substep would; the second order does not.
+    #[must_use]
+    pub fn least_damping(self) -> f64 {
+        match self.order() {
+            1 => 0.0,
+            _ => 2e-4,
+        }
+    }
+
+    /// Settings of Newton's method; none if a substep is one linear solve.
+    #[must_use]
+    pub fn newton(self) -> Option<Newton> {
+        match self {
+            Self::Linearised | Self::SecondOrder => None,
+            Self::Newton(newton) | Self::SecondOrderNewton(newton) => Some(newton),
+        }
+    }
 }
 
 /// When Newton's method ends.
@@ -191,18 +235,19 @@ impl SagMethod {
 pub struct PhysicsError {
     field: &'static str,
     expected: &'static str,
-    found: f64,
+    found: String,
 }
 
 impl Default for PhysicsSettings {
     fn default() -> Self {
         Self {
-            substeps: 4,
+            substeps: 2,
             handles: HandleConstraint::default(),
             bending: BendingLaw::default(),
             stretch_lookup: StretchLookup::default(),
             air: AirLaw::default(),
             integrator: Integrator::default(),
+            least_damping: None,
             substepping: Substepping::default(),
             solver: LinearSolver::default(),
         }
@@ -253,6 +298,12 @@ impl PhysicsSettings {
     pub fn in_mode(mode: PhysicsMode) -> Self {
         match mode {
             PhysicsMode::Selvedge => Self::default(),
+            PhysicsMode::FirstOrder => Self {
+                substeps: 4,
+                air: AirLaw::Explicit,
+                integrator: Integrator::Linearised,
+                ..Self::default()
+            },
             PhysicsMode::Arcsim => Self {
                 substeps: 4,
                 handles: HandleConstraint::Spring,
@@ -260,10 +311,18 @@ impl PhysicsSettings {
                 stretch_lookup: StretchLookup::Grid,
                 air: AirLaw::Explicit,
                 integrator: Integrator::Linearised,
+                least_damping: Some(0.0),
                 substepping: Substepping::Fixed,
                 solver: LinearSolver::Cholesky,
             },
         }
+    }
+
+    /// Damping of a material of `damping` `[s]` in this physics `[s]`.
+    #[must_use]
+    pub fn damping(&self, damping: f64) -> f64 {
+        let least = self.least_damping;
+        damping.max(least.unwrap_or_else(|| self.integrator.least_damping()))
     }
 
     /// Checks the numbers of substeps and iterations, tolerances and bounds.
@@ -272,12 +331,28 @@ impl PhysicsSettings {
     /// Names the field and the value.
     pub fn validate(&self) -> Result<(), PhysicsError> {
         check_count("physics.substeps", self.substeps)?;
-        if let Integrator::Newton(newton) = &self.integrator {
+        if let Some(newton) = self.integrator.newton() {
             check_positive("physics.integrator.newton.tolerance", newton.tolerance)?;
             check_count(
                 "physics.integrator.newton.max_iterations",
                 newton.max_iterations,
             )?;
+        }
+        if let Some(least) = self.least_damping
+            && !(least.is_finite() && least >= 0.0)
+        {
+            return Err(PhysicsError {
+                field: "physics.least_damping",
+                expected: "finite and not negative",
+                found: least.to_string(),
+            });
+        }
+        if self.integrator.order() > 1 && self.air == AirLaw::Explicit {
+            return Err(PhysicsError {
+                field: "physics.air",
+                expected: "\"implicit\" with an integrator of second order",
+                found: "\"explicit\"".to_owned(),
+            });
         }
         if let Substepping::Adaptive(adaptive) = &self.substepping {
             check_positive(
@@ -292,7 +367,7 @@ impl PhysicsSettings {
                 return Err(PhysicsError {
                     field: "physics.substepping.adaptive.max_substeps",
                     expected: "at least physics.substeps",
-                    found: f64::from(adaptive.max_substeps),
+                    found: adaptive.max_substeps.to_string(),
                 });
             }
         }
@@ -305,7 +380,7 @@ impl PhysicsSettings {
                 return Err(PhysicsError {
                     field: "physics.solver.conjugate-gradients.max_iterations",
                     expected: "at least 1",
-                    found: 0.0,
+                    found: 0.to_string(),
                 });
             }
         }
@@ -323,21 +398,21 @@ impl SagSettings {
             return Err(PhysicsError {
                 field: "sag.bulge",
                 expected: "finite",
-                found: self.bulge,
+                found: self.bulge.to_string(),
             });
         }
         if !(self.tolerance.is_finite() && self.tolerance > 0.0) {
             return Err(PhysicsError {
                 field: "sag.tolerance",
                 expected: "finite and positive",
-                found: self.tolerance,
+                found: self.tolerance.to_string(),
             });
         }
         if self.max_steps == 0 {
             return Err(PhysicsError {
                 field: "sag.max_steps",
                 expected: "at least 1",
-                found: 0.0,
+                found: 0.to_string(),
             });
         }
         Ok(())
@@ -351,7 +426,7 @@ fn check_count(field: &'static str, found: u32) -> Result<(), PhysicsError> {
     Err(PhysicsError {
         field,
         expected: "between 1 and 1000",
-        found: f64::from(found),
+        found: found.to_string(),
     })
 }
 
@@ -362,7 +437,7 @@ fn check_positive(field: &'static str, found: f64) -> Result<(), PhysicsError> {
     Err(PhysicsError {
         field,
         expected: "finite and positive",
-        found,
+        found: found.to_string(),
     })
 }
 
@@ -374,7 +449,11 @@ mod tests {
 
     #[test]
     fn wrong_solver_settings_are_named() {
-        let wrong: [(&str, SpoilPhysics); 4] = [
+        let wrong: [(&str, SpoilPhysics); 6] = [
+            ("physics.air must be \"implicit\"", |s| {
+                s.air = AirLaw::Explicit
+            }),
+            ("physics.least_damping", |s| s.least_damping = Some(-1e-3)),
             ("physics.integrator.newton.tolerance", |s| {
                 s.integrator = Integrator::Newton(Newton {
                     tolerance: -1.0,
@@ -401,7 +480,10 @@ mod tests {
             }),
         ];
         for (field, spoil) in wrong {
-            let mut settings = PhysicsSettings::default();
+            let mut settings = PhysicsSettings {
+                substeps: 4,
+                ..PhysicsSettings::default()
+            };
             spoil(&mut settings);
             let text = settings.validate().unwrap_err().to_string();
             assert!(text.starts_with(field), "{text}");

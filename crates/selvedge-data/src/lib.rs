@@ -88,6 +88,7 @@ pub use trajectory::frames::{Frames, FramesError};
 pub use trajectory::playback::Playback;
 pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
-    ReadStateError, STATES_FORMAT, SavedState, StateChoice, StateError, StateRun, StateSpec,
+    PreviousState, PreviousStates, ReadStateError, STATES_FORMAT, SavedState, StateChoice,
+    StateError, StateRun, StateSpec,
 };
 pub use trajectory::{Provenance, Trajectory, TrajectoryError};

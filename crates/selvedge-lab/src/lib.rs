@@ -58,7 +58,7 @@ pub mod physics;
 pub mod report;
 pub mod rigid;
 pub mod span;
-mod state_log;
+pub mod state_log;
 pub mod stress;
 pub mod study;
 #[cfg(test)]

@@ -15,7 +15,7 @@ use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, Threads, sag
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
-use crate::state_log::StateLog;
+use crate::state_log::{StateLog, simulator_in};
 
 /// The program, as the files that it writes name it.
 pub(crate) const MADE_BY: &str = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
@@ -165,8 +165,9 @@ fn simulate(
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<(TimedRun, Option<StateRun>), SimulationProblem> {
     let start = plan.start;
-    let mut simulator = Simulator::with_state(scene, start.positions, start.velocities)
-        .and_then(|simulator| simulator.taken_up_at(start.frame))?;
+    let frame = start.frame;
+    let mut simulator =
+        simulator_in(scene, start).and_then(|simulator| simulator.taken_up_at(frame))?;
     simulator.set_threads(plan.threads);
     let path = scene.handle_path()?;
     let drive = Drive {

@@ -1,9 +1,9 @@
 //! A simulator with a log of its states: positions and velocities of every frame in f64. A
 //! trajectory has positions in f32 and no velocities.
 
-use selvedge_cloth::{HandleTargets, StepError, Stepper};
-use selvedge_data::StateRun;
-use selvedge_sim::Simulator;
+use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
+use selvedge_data::{PreviousState, SavedState, StateRun};
+use selvedge_sim::{PreviousSubstep, Simulator, SimulatorError};
 
 /// A simulator and its states so far.
 pub(crate) struct StateLog {
@@ -28,11 +28,40 @@ impl StateLog {
     }
 
     fn keep(&mut self) {
-        let run = &mut self.run;
-        run.positions.extend(self.simulator.positions_f64());
-        run.velocities.extend(self.simulator.velocities_f64());
-        run.frames.push(self.simulator.frame() as u32);
+        self.run.push(&saved_state(&self.simulator));
     }
+}
+
+/// The state of `simulator` now, from which a run can go on bit for bit.
+#[must_use]
+pub fn saved_state(simulator: &Simulator) -> SavedState {
+    SavedState {
+        positions: simulator.positions_f64().to_vec(),
+        velocities: simulator.velocities_f64().to_vec(),
+        frame: simulator.frame(),
+        previous: simulator.previous().map(|before| PreviousState {
+            positions: before.positions,
+            velocities: before.velocities,
+            seconds: before.seconds,
+        }),
+    }
+}
+
+/// A simulator of `scene` in `state`, with frames counted from there.
+///
+/// # Errors
+/// A scene or a state that is not valid.
+pub fn simulator_in(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
+    let simulator = Simulator::with_state(scene, state.positions, state.velocities)?;
+    let simulator = match state.previous {
+        None => simulator,
+        Some(before) => simulator.with_previous(&PreviousSubstep {
+            positions: before.positions,
+            velocities: before.velocities,
+            seconds: before.seconds,
+        })?,
+    };
+    Ok(simulator.at_frame(state.frame))
 }
 
 impl Stepper for StateLog {

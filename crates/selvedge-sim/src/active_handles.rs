@@ -5,12 +5,11 @@
 //! offset from its path by that difference, until it lets go again.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleTargets, Integrator, Scene, VertexId};
+use selvedge_cloth::{HandleTargets, Scene};
 
+use crate::integrator::{Formula, History};
 use crate::laws::strain_limit::StrainLimiter;
-use crate::solver::FactorError;
-use crate::solver::Newton;
-use crate::solver::{SolveError, System};
+use crate::solver::{FactorError, SolveError, System};
 use crate::state::State;
 
 /// The active handles and the solvers of all other vertices.
@@ -23,8 +22,10 @@ pub(crate) struct ActiveHandles {
     pub(crate) system: System,
     /// Limits of the faces, if the material has any.
     limiter: Option<StrainLimiter>,
-    /// Solver of a substep's nonlinear equations, if the scene asks for it.
-    newton: Option<Newton>,
+    /// Formula of a substep.
+    formula: Formula,
+    /// Start of the substep, where the cloth has limits.
+    start: State,
 }
 
 impl ActiveHandles {
@@ -74,10 +75,8 @@ impl ActiveHandles {
             holds,
             offsets,
             limiter: StrainLimiter::new(scene, system.mass()),
-            newton: match scene.physics.integrator {
-                Integrator::Linearised => None,
-                Integrator::Newton(settings) => Some(Newton::new(settings, system.mass().len())),
-            },
+            formula: Formula::new(scene),
+            start: State::at_origin(system.mass().len()),
             system,
         })
     }
@@ -103,25 +102,59 @@ impl ActiveHandles {
         &mut self,
         dt: f64,
         state: &mut State,
+        history: &mut History,
         targets: &[DVec3],
     ) -> Result<(), SolveError> {
-        match &mut self.newton {
-            None => self.system.advance(dt, state, targets)?,
-            Some(newton) => newton.advance(&mut self.system, dt, state, targets)?,
-        }
-        let Some(limiter) = &self.limiter else {
-            return Ok(());
+        let Some(limiter) = self.limiter.as_ref().filter(|_| self.formula.looks_back()) else {
+            let gamma = self
+                .formula
+                .advance(&mut self.system, dt, state, history, targets)?;
+            return self.limit_after(gamma, state).map(|_| ());
         };
-        limiter.limit(dt, state);
-        let moved = state.positions.iter().zip(&state.velocities);
-        match moved
-            .into_iter()
-            .position(|(x, v)| !(x.is_finite() && v.is_finite()))
-        {
-            Some(vertex) => Err(SolveError::NonFinite {
-                vertex: VertexId(vertex as u32),
-            }),
-            None => Ok(()),
+        // The shift onto the limits is no part of a smooth motion: a substep from or onto them is
+        // backward Euler, and the next one starts anew.
+        if !limiter.is_reached(state) {
+            self.start.copy_from(state);
+            let gamma = self
+                .formula
+                .advance(&mut self.system, dt, state, history, targets)?;
+            if !self.limit_after(gamma, state)? {
+                return Ok(());
+            }
+            state.copy_from(&self.start);
+            history.counts.all -= 1;
+        }
+        history.forget();
+        history.counts.all += 1;
+        history.counts.fell_back += 1;
+        self.advance_first_order(dt, state, targets)
+    }
+
+    /// As [`Self::advance`], by backward Euler whatever the scene asks for: for a cloth on its way
+    /// to rest.
+    pub(crate) fn advance_first_order(
+        &mut self,
+        dt: f64,
+        state: &mut State,
+        targets: &[DVec3],
+    ) -> Result<(), SolveError> {
+        let system = &mut self.system;
+        let gamma = self
+            .formula
+            .advance_first_order(system, dt, state, targets)?;
+        self.limit_after(gamma, state).map(|_| ())
+    }
+
+    /// Moves `state`, the end of a substep, within the limits of the material. Returns true if that
+    /// was needed.
+    fn limit_after(&self, gamma: f64, state: &mut State) -> Result<bool, SolveError> {
+        match &self.limiter {
+            None => Ok(false),
+            Some(limiter) => {
+                let moved = limiter.limit(gamma, state) > 0;
+                state.check_finite()?;
+                Ok(moved)
+            }
         }
     }
 

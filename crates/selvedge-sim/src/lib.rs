@@ -65,6 +65,7 @@
 //! There is no contact, no remeshing and no plasticity. The crate reads and writes no files.
 
 mod active_handles;
+mod integrator;
 pub mod laws;
 mod lists;
 mod rest_pose;
@@ -74,6 +75,7 @@ mod state;
 mod strain_watch;
 mod threads;
 
+pub use integrator::SubstepCounts;
 pub use rest_pose::{SagError, SagProgress, SaggedRest, sag, sag_with_progress};
-pub use simulator::{Simulator, SimulatorError};
+pub use simulator::{PreviousSubstep, Simulator, SimulatorError};
 pub use threads::Threads;

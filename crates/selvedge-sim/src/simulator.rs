@@ -12,6 +12,7 @@ use selvedge_cloth::{
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
+use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::strain_watch::{Overstrained, StrainWatch};
@@ -22,7 +23,8 @@ pub struct Simulator {
     scene: Scene,
     active: ActiveHandles,
     state: State,
-    saved: State,
+    history: History,
+    saved: (State, History),
     rounded: Vec<Vec3>,
     frame: usize,
     /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
@@ -33,6 +35,17 @@ pub struct Simulator {
     watch: Option<StrainWatch>,
     /// Positions before the substep, for the watch on strains `[m]`.
     before: Vec<DVec3>,
+}
+
+/// The state of a cloth one substep ago.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PreviousSubstep {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// Length of the substep that led from there `[s]`.
+    pub seconds: f64,
 }
 
 /// Reason why a simulator cannot be made or resumed.
@@ -53,6 +66,8 @@ pub enum SimulatorError {
         vertex: VertexId,
         value: DVec3,
     },
+    #[error("the length of the previous substep must be finite and positive, found {seconds} s")]
+    PreviousSubstep { seconds: f64 },
     #[error("the system of {vertices} vertices cannot be set up ({cause}): use a smaller mesh")]
     Analysis { vertices: usize, cause: String },
 }
@@ -95,7 +110,8 @@ impl Simulator {
             rounded: state.positions.iter().map(|p| p.as_vec3()).collect(),
             reached: scene.handles.select(&state.positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
-            saved: state.clone(),
+            history: History::none(vertices),
+            saved: (state.clone(), History::none(vertices)),
             frame: 0,
             threads: Threads::Pool,
             watch: match scene.physics.substepping {
@@ -187,10 +203,55 @@ impl Simulator {
             *reached = positions[vertex.index()];
         }
         self.active.system.forget_changes();
+        self.history.forget();
         self.frame = frame;
         self.update_wind();
         self.round();
         Ok(())
+    }
+
+    /// The same cloth with the state one substep ago, which a run of second order needs to go on
+    /// bit for bit; see [`Self::previous`]. A run of first order does not look at it.
+    ///
+    /// # Errors
+    /// As for [`Self::with_state`]; also a length of the substep that is not finite and positive.
+    pub fn with_previous(mut self, previous: &PreviousSubstep) -> Result<Self, SimulatorError> {
+        let vertices = self.rounded.len();
+        let PreviousSubstep {
+            positions,
+            velocities,
+            seconds,
+        } = previous;
+        check_state(
+            "previous positions",
+            "previous position",
+            positions,
+            vertices,
+        )?;
+        check_state(
+            "previous velocities",
+            "previous velocity",
+            velocities,
+            vertices,
+        )?;
+        if !(seconds.is_finite() && *seconds > 0.0) {
+            return Err(SimulatorError::PreviousSubstep { seconds: *seconds });
+        }
+        self.history.before.positions.copy_from_slice(positions);
+        self.history.before.velocities.copy_from_slice(velocities);
+        self.history.set_last_substep(*seconds);
+        Ok(self)
+    }
+
+    /// State before the last substep; none with an integrator of first order, before the first
+    /// substep, and where the next one does not look back.
+    #[must_use]
+    pub fn previous(&self) -> Option<PreviousSubstep> {
+        self.history.last_substep().map(|seconds| PreviousSubstep {
+            positions: self.history.before.positions.clone(),
+            velocities: self.history.before.velocities.clone(),
+            seconds,
+        })
     }
 
     /// Sets the threads of the steps that follow. The default is [`Threads::Pool`].
@@ -224,6 +285,12 @@ impl Simulator {
             .zip(&self.state.velocities)
             .map(|(mass, velocity)| 0.5 * mass * velocity.length_squared())
             .sum()
+    }
+
+    /// Substeps so far by what they came to; all 0 with an integrator of first order.
+    #[must_use]
+    pub fn substep_counts(&self) -> SubstepCounts {
+        self.history.counts
     }
 
     /// Iterations of the last linear solve; none if it was a complete factorisation.
@@ -264,12 +331,14 @@ impl Simulator {
     }
 
     fn save(&mut self) {
-        self.saved.copy_from(&self.state);
+        self.saved.0.copy_from(&self.state);
+        self.saved.1.copy_from(&self.history);
         self.active.system.save();
     }
 
     fn restore(&mut self) {
-        self.state.copy_from(&self.saved);
+        self.state.copy_from(&self.saved.0);
+        self.history.copy_from(&self.saved.1);
         self.active.system.restore();
     }
 
@@ -319,12 +388,15 @@ impl Simulator {
     /// Moves the state by a substep over `dt` towards `self.targets`. On an error the state is
     /// unusable.
     fn solve(&mut self, dt: f64) -> Result<(), SubstepError> {
-        let Some(watch) = &self.watch else {
-            return Ok(self.active.advance(dt, &mut self.state, &self.targets)?);
-        };
-        self.before.copy_from_slice(&self.state.positions);
-        self.active.advance(dt, &mut self.state, &self.targets)?;
-        Ok(watch.check(&self.before, &self.state.positions)?)
+        if self.watch.is_some() {
+            self.before.copy_from_slice(&self.state.positions);
+        }
+        let (state, history) = (&mut self.state, &mut self.history);
+        self.active.advance(dt, state, history, &self.targets)?;
+        match &self.watch {
+            None => Ok(()),
+            Some(watch) => Ok(watch.check(&self.before, &self.state.positions)?),
+        }
     }
 
     /// Moves the state by a frame. Doubles the scene's number of substeps until edges strain little
@@ -406,6 +478,10 @@ impl Stepper for Simulator {
         let before = self.change_active(targets)?;
         self.update_wind();
         self.save();
+        if before.is_some() {
+            // The cloth was another one.
+            self.history.forget();
+        }
         if let Err(error) = self.divided(targets).and_then(|()| self.round_new()) {
             if let Some(before) = before {
                 self.active = before;

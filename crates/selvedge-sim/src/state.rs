@@ -1,6 +1,9 @@
-//! The state of a moving cloth: positions and velocities.
+//! Positions and velocities of a cloth, which the simulator moves.
 
 use glam::DVec3;
+use selvedge_cloth::VertexId;
+
+use crate::solver::SolveError;
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -12,9 +15,31 @@ pub(crate) struct State {
 }
 
 impl State {
+    /// A state of this number of vertices, all at the origin and at rest.
+    pub(crate) fn at_origin(vertices: usize) -> Self {
+        Self {
+            positions: vec![DVec3::ZERO; vertices],
+            velocities: vec![DVec3::ZERO; vertices],
+        }
+    }
+
     /// Makes this a copy of `other`, of the same size.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);
+    }
+
+    /// Checks that every number is finite.
+    ///
+    /// # Errors
+    /// Names the first vertex that moves no longer.
+    pub(crate) fn check_finite(&self) -> Result<(), SolveError> {
+        let mut moved = self.positions.iter().zip(&self.velocities);
+        match moved.position(|(x, v)| !(x.is_finite() && v.is_finite())) {
+            Some(vertex) => Err(SolveError::NonFinite {
+                vertex: VertexId(vertex as u32),
+            }),
+            None => Ok(()),
+        }
     }
 }

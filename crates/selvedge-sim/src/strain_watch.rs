@@ -1,14 +1,17 @@
-//! A watch on the strain of edges within a substep. If one strains too much, the frame is computed
-//! again with more substeps.
+//! Watches on the strain of edges within a substep. If one strains too much, the frame is computed
+//! again with more substeps, or a prediction is dropped.
 
 use glam::DVec3;
 use selvedge_cloth::{AdaptiveSubsteps as Settings, Handles, Mesh, VertexId};
 
-/// The watched edges of a cloth: all except those between two handles.
+/// The watch of adaptive substeps.
 pub(crate) struct StrainWatch {
     settings: Settings,
-    edges: Vec<WatchedEdge>,
+    edges: WatchedEdges,
 }
+
+/// The watched edges of a cloth: all except those between two handles.
+pub(crate) struct WatchedEdges(Vec<WatchedEdge>);
 
 struct WatchedEdge {
     vertices: [VertexId; 2],
@@ -28,21 +31,9 @@ pub(crate) struct Overstrained {
 impl StrainWatch {
     /// The watch on the cloth of `mesh`.
     pub(crate) fn new(settings: Settings, mesh: &Mesh, handles: &Handles) -> Self {
-        let held = handles.mask(mesh.topology().vertex_count());
-        let uv = mesh.material_coordinates();
-        let edges = mesh.topology().edges().iter();
-        let watched = edges.filter(|edge| !edge.vertices.iter().all(|v| held[v.index()]));
         Self {
             settings,
-            edges: watched
-                .map(|edge| {
-                    let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-                    WatchedEdge {
-                        vertices: edge.vertices,
-                        inverse_rest: a.distance(b).recip(),
-                    }
-                })
-                .collect(),
+            edges: WatchedEdges::new(mesh, handles),
         }
     }
 
@@ -59,12 +50,43 @@ impl StrainWatch {
     /// Checks the edges between `before` and `after` `[m]`, `[vertices]`.
     ///
     /// # Errors
-    /// The edge whose stretch changed most, if |l - l'|/l₀ > bound. `[eq:substep-strain]`
+    /// As for [`WatchedEdges::check`], with the bound of the settings.
     pub(crate) fn check(&self, before: &[DVec3], after: &[DVec3]) -> Result<(), Overstrained> {
+        self.edges.check(before, after, self.settings.max_change)
+    }
+}
+
+impl WatchedEdges {
+    /// The edges of `mesh` that `handles` do not hold at both ends.
+    pub(crate) fn new(mesh: &Mesh, handles: &Handles) -> Self {
+        let held = handles.mask(mesh.topology().vertex_count());
+        let uv = mesh.material_coordinates();
+        let edges = mesh.topology().edges().iter();
+        let watched = edges.filter(|edge| !edge.vertices.iter().all(|v| held[v.index()]));
+        let watched = watched.map(|edge| {
+            let [a, b] = edge.vertices.map(|v| uv[v.index()]);
+            WatchedEdge {
+                vertices: edge.vertices,
+                inverse_rest: a.distance(b).recip(),
+            }
+        });
+        Self(watched.collect())
+    }
+
+    /// Checks the edges between `before` and `after` `[m]`, `[vertices]`.
+    ///
+    /// # Errors
+    /// The edge whose stretch changed most, if |l - l'|/l₀ > `bound`. `[eq:substep-strain]`
+    pub(crate) fn check(
+        &self,
+        before: &[DVec3],
+        after: &[DVec3],
+        bound: f64,
+    ) -> Result<(), Overstrained> {
         let length = |[a, b]: [VertexId; 2], of: &[DVec3]| of[a.index()].distance(of[b.index()]);
         let mut worst = None;
-        let mut most = self.settings.max_change;
-        for edge in &self.edges {
+        let mut most = bound;
+        for edge in &self.0 {
             let [from, to] = [before, after].map(|of| length(edge.vertices, of));
             let change = (to - from).abs() * edge.inverse_rest;
             if change > most {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use selvedge_cloth::{Scene, Substepping};
+use selvedge_cloth::{Integrator, Scene, Substepping};
 use selvedge_data::{LoadedScene, SavedState, SceneFileError, SceneSpec, StartSpec};
 
 use super::error::ConvergenceError;
@@ -40,6 +40,9 @@ impl Case {
         let mut loaded = loaded.clone();
         for physics in [&mut loaded.scene.physics, &mut loaded.spec.setting.physics] {
             physics.substepping = Substepping::Fixed;
+            // The same equations for every integrator.
+            let damping = Integrator::SecondOrder.least_damping();
+            physics.least_damping.get_or_insert(damping);
         }
         Self {
             name: loaded.spec.name.clone(),

@@ -88,11 +88,7 @@ impl Method {
 
     /// Order of the error in the substep.
     pub(super) fn order(&self) -> u32 {
-        if self.integrator.name.starts_with("second-order") {
-            2
-        } else {
-            1
-        }
+        self.integrator.integrator.order()
     }
 }
 

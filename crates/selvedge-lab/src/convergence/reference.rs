@@ -13,6 +13,7 @@ use super::error::ConvergenceError;
 use super::method::Method;
 use crate::event::{End, Task};
 use crate::physics::{self, Keep, SimulationPlan};
+use crate::state_log::simulator_in;
 
 /// Frames of a kept run that are made again, to see that the physics still makes it.
 const CHECKED: usize = 5;
@@ -49,6 +50,7 @@ impl Reference {
             positions: state.positions.to_vec(),
             velocities: state.velocities.to_vec(),
             frame,
+            previous: None,
         })
     }
 }
@@ -177,8 +179,8 @@ pub(super) fn start_simulator(
     scene: &selvedge_cloth::Scene,
     start: SavedState,
 ) -> Result<Simulator, String> {
-    let simulator = Simulator::with_state(scene, start.positions, start.velocities);
-    let simulator = simulator.and_then(|simulator| simulator.taken_up_at(start.frame));
+    let frame = start.frame;
+    let simulator = simulator_in(scene, start).and_then(|start| start.taken_up_at(frame));
     let mut simulator = simulator.map_err(|error| error.to_string())?;
     simulator.set_threads(Threads::One);
     Ok(simulator)

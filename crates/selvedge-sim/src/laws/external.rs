@@ -41,33 +41,57 @@ pub fn air_force(
         + tangential * (environment.air_drag * area)
 }
 
+/// Part of the air's force that a step takes at its end, to first order in the change of velocity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AirResistance {
+    /// None: the force is that of the velocities given.
+    #[default]
+    None,
+    /// D with F = D v_rel, |v_n| held. Its power in still air, -v·D v, is never positive.
+    Secant,
+    /// D = -∂F/∂v.
+    Tangent,
+}
+
+impl From<AirLaw> for AirResistance {
+    fn from(law: AirLaw) -> Self {
+        match law {
+            AirLaw::Explicit => Self::None,
+            AirLaw::Implicit => Self::Secant,
+        }
+    }
+}
+
 /// Force of [`air_force`], and the resistance D of the air at these velocities.
 ///
-/// With [`AirLaw::Explicit`] D = 0. With [`AirLaw::Implicit`] D = density · area · |v_n| n nᵀ +
-/// drag · area · (I - n nᵀ); the force on the face after the step is F - D Δv, Δv the change of the
-/// mean corner velocity. In still air, with |v_n| of the start, its power at the end of the step,
-/// -v·D v, is never positive. `[eq:air-implicit]`
+/// D = c · density · area · |v_n| n nᵀ + drag · area · (I - n nᵀ), c = 1 for
+/// [`AirResistance::Secant`] and 2 for [`AirResistance::Tangent`]. The force on the face after the
+/// step is F - D Δv, Δv the change of the mean corner velocity. `[eq:air-implicit]`
 #[must_use]
 #[inline]
 pub fn air_response(
     environment: &Environment,
-    law: AirLaw,
+    resistance: AirResistance,
     area: f64,
     positions: [DVec3; 3],
     velocities: [DVec3; 3],
 ) -> AirResponse {
     let force = air_force(environment, area, positions, velocities);
-    if law == AirLaw::Explicit {
-        return AirResponse {
-            force,
-            ..AirResponse::default()
-        };
-    }
+    let factor = match resistance {
+        AirResistance::None => {
+            return AirResponse {
+                force,
+                ..AirResponse::default()
+            };
+        }
+        AirResistance::Secant => 1.0,
+        AirResistance::Tangent => 2.0,
+    };
     let [a, b, c] = positions;
     let normal = area_vector(a, b, c).normalize_or_zero();
     let [first, second, third] = velocities;
     let relative = environment.wind - (first + second + third) / 3.0;
-    let through = environment.air_density * area * normal.dot(relative).abs();
+    let through = factor * environment.air_density * area * normal.dot(relative).abs();
     AirResponse {
         force,
         normal,
@@ -129,16 +153,39 @@ mod tests {
             DVec3::new(0.0, 5.0, 40.0),
             DVec3::Z,
         ];
-        let response = air_response(&environment, AirLaw::Implicit, 0.5, FACE, velocities);
+        let response = air_response(&environment, AirResistance::Secant, 0.5, FACE, velocities);
         let mean = (velocities[0] + velocities[1] + velocities[2]) / 3.0;
         // In still air the force is the resistance to all of the velocity.
         assert!(response.force.distance(-response.resist(mean)) < 1e-12 * response.force.length());
         for velocity in [DVec3::X, DVec3::NEG_Z, DVec3::new(1.0, -3.0, 0.2)] {
             assert!(velocity.dot(response.resist(velocity)) > 0.0);
         }
-        let explicit = air_response(&environment, AirLaw::Explicit, 0.5, FACE, velocities);
+        let explicit = air_response(&environment, AirResistance::None, 0.5, FACE, velocities);
         assert_eq!(explicit.force, response.force);
         assert_eq!(explicit.resist(DVec3::ONE), DVec3::ZERO);
+    }
+
+    #[test]
+    fn tangent_resistance_is_the_derivative_of_the_force() {
+        let environment = air(1.2, 0.4, DVec3::new(0.5, -2.0, 3.0));
+        let corners = [DVec3::ZERO, DVec3::new(1.0, 0.2, 0.1), DVec3::Y];
+        let velocities = [
+            DVec3::new(1.0, -2.0, 3.5),
+            DVec3::new(0.0, 5.0, -4.0),
+            DVec3::Z,
+        ];
+        let tangent = AirResistance::Tangent;
+        let response = air_response(&environment, tangent, 0.5, corners, velocities);
+        let step = 1e-5;
+        for axis in DVec3::AXES {
+            let at = |sign: f64| {
+                let moved = velocities.map(|v| v + axis * (sign * step));
+                air_force(&environment, 0.5, corners, moved)
+            };
+            let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
+            // The force is a square of the velocity: central differences are exact up to rounding.
+            assert!(slope.distance(-response.resist(axis)) < 1e-9, "{axis}");
+        }
     }
 
     #[test]

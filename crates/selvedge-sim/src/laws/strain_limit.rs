@@ -72,6 +72,21 @@ impl StrainLimiter {
         })
     }
 
+    /// Returns true if a face of `state` is at a limit or beyond.
+    pub(crate) fn is_reached(&self, state: &State) -> bool {
+        let tighter = StrainLimits {
+            min: self.limits.min + 2.0 * TOLERANCE,
+            max: self.limits.max - 2.0 * TOLERANCE,
+        };
+        let mut faces = self.faces.iter();
+        faces.any(|face| {
+            let (along_u, along_v) = face
+                .element
+                .gradient(face.corners.map(|v| state.positions[v as usize]));
+            allowed(tighter, along_u, along_v).is_some()
+        })
+    }
+
     /// Moves `state`, the result of a solve over `dt` `[s]`, within the limits. Gives the number of
     /// sweeps.
     pub(crate) fn limit(&self, dt: f64, state: &mut State) -> usize {

@@ -11,7 +11,7 @@ use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::signed_area_2d;
 
 use crate::laws::strain::Strain;
-use crate::laws::stretch_table::StretchStiffness;
+use crate::laws::stretch_table::{StiffnessGrowth, StretchStiffness};
 
 /// A face's rest shape, which turns corner positions into a deformation gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -81,7 +81,44 @@ impl StretchElement {
     ) -> StretchResponse {
         let (along_u, along_v) = self.gradient(corners);
         let strain = green_strain(along_u, along_v);
-        let [k0, k1, k2, k3] = stiffness.at(strain);
+        self.response(along_u, along_v, strain, stiffness.at(strain))
+    }
+
+    /// As [`Self::respond`], with a Jacobian that knows how the stiffness grows with strain: in
+    /// place of k it has k + dk/ds, no less than k on the diagonal, and positive semidefinite.
+    /// `[eq:stretch-growth]`
+    ///
+    /// A linear solve far from its end needs that: with k alone, the Jacobian of a fabric that
+    /// stiffens is too small by half and more.
+    #[must_use]
+    #[inline]
+    pub fn respond_stiffening(
+        &self,
+        stiffness: &impl StretchStiffness,
+        corners: [DVec3; 3],
+    ) -> StretchResponse {
+        let (along_u, along_v) = self.gradient(corners);
+        let strain = green_strain(along_u, along_v);
+        let StiffnessGrowth { stiffness, growth } = stiffness.with_growth(strain);
+        let grown = |index: usize| stiffness[index] + growth[index].max(0.0);
+        let (k0, k2) = (grown(0), grown(2));
+        let most = (k0 * k2).sqrt();
+        let k1 = (stiffness[1] + growth[1]).clamp(-most, most);
+        StretchResponse {
+            stiffness: [k0, k1, k2, grown(3)],
+            ..self.response(along_u, along_v, strain, stiffness)
+        }
+    }
+
+    #[inline]
+    fn response(
+        &self,
+        along_u: DVec3,
+        along_v: DVec3,
+        strain: Strain,
+        stiffness: [f64; 4],
+    ) -> StretchResponse {
+        let [k0, k1, k2, k3] = stiffness;
         let positive = DVec2::new(strain.uu.max(0.0), strain.vv.max(0.0));
         StretchResponse {
             element: *self,
@@ -185,6 +222,13 @@ mod tests {
     impl StretchStiffness for Constant {
         fn at(&self, _: Strain) -> [f64; 4] {
             self.0
+        }
+
+        fn with_growth(&self, _: Strain) -> StiffnessGrowth {
+            StiffnessGrowth {
+                stiffness: self.0,
+                growth: [0.0; 4],
+            }
         }
     }
 

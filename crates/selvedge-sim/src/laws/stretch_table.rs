@@ -16,6 +16,19 @@ use crate::laws::strain::Strain;
 pub trait StretchStiffness {
     /// Stiffness (k0, k1, k2, k3) `[N/m]` at `strain`.
     fn at(&self, strain: Strain) -> [f64; 4];
+
+    /// Stiffness `[N/m]` at `strain`, and its growth dk/ds at s = 0 as the strain grows to (1 + s)
+    /// times itself. `[eq:stretch-growth]`
+    fn with_growth(&self, strain: Strain) -> StiffnessGrowth;
+}
+
+/// A stiffness and its growth with strain.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StiffnessGrowth {
+    /// k `[N/m]`.
+    pub stiffness: [f64; 4],
+    /// dk/ds `[N/m]`.
+    pub growth: [f64; 4],
 }
 
 /// The table, evaluated at the exact strain.
@@ -56,6 +69,31 @@ impl StretchStiffness for ExactStiffness {
     fn at(&self, strain: Strain) -> [f64; 4] {
         let (largest, direction) = principal(strain);
         between_rows(&self.table, largest, direction)
+    }
+
+    /// As G grows, the eigenvectors of C stay and λ - 1 grows with it: dw/ds = 3 (λ - 1)/√λ where w
+    /// is within its bounds.
+    fn with_growth(&self, strain: Strain) -> StiffnessGrowth {
+        let (largest, direction) = principal(strain);
+        let stiffness = between_rows(&self.table, largest, direction);
+        let root = largest.max(0.0).sqrt();
+        let weight = 6.0 * (root - 1.0);
+        if !(weight > 0.0 && weight < 1.0 - ROW_MARGIN) {
+            return StiffnessGrowth {
+                stiffness,
+                growth: [0.0; 4],
+            };
+        }
+        let slope = 3.0 * (largest - 1.0) / root;
+        let growth = std::array::from_fn(|column| {
+            // k is linear in w from row 0 on, so its slope is that of the chord.
+            let start = 2.0 * self.table.0[0][column];
+            match stiffness[column] > 0.0 {
+                true => slope * (stiffness[column] - start) / weight,
+                false => 0.0,
+            }
+        });
+        StiffnessGrowth { stiffness, growth }
     }
 }
 
@@ -128,6 +166,45 @@ impl StretchStiffness for GridStiffness {
             (1.0 - s) * ((1.0 - t) * c00[c] + t * c01[c]) + s * ((1.0 - t) * c10[c] + t * c11[c])
         })
     }
+
+    /// G00 ∂k/∂G00 + G11 ∂k/∂G11 + |G01| ∂k/∂|G01| of the cell; none along an axis beyond the grid.
+    #[inline]
+    fn with_growth(&self, strain: Strain) -> StiffnessGrowth {
+        let shear = single(strain.uv);
+        let along = |value: f64, start: f64| {
+            let index = (value - start) * SAMPLES_PER_STRAIN;
+            let (cell, part) = place(index);
+            let inside = (0.0..(GRID - 1) as f64 - INDEX_MARGIN).contains(&index);
+            let rate = if inside {
+                value * SAMPLES_PER_STRAIN
+            } else {
+                0.0
+            };
+            (cell, part, rate)
+        };
+        let (i, s, rate_s) = along(strain.uu, GRID_START);
+        let (j, t, rate_t) = along(strain.vv, GRID_START);
+        let (k, r, rate_r) = along(shear, 0.0);
+        let row = |di: usize, dj: usize| {
+            let first = ((i + di) * GRID + j + dj) * GRID + k;
+            (&self.samples[first], &self.samples[first + 1])
+        };
+        let rows = [row(0, 0), row(0, 1), row(1, 0), row(1, 1)];
+        let mut found = StiffnessGrowth::default();
+        for c in 0..4 {
+            let at = rows.map(|(near, far)| (1.0 - r) * near[c] + r * far[c]);
+            let by = rows.map(|(near, far)| far[c] - near[c]);
+            let over = |[a, b, c, d]: [f64; 4]| {
+                (1.0 - s) * ((1.0 - t) * a + t * b) + s * ((1.0 - t) * c + t * d)
+            };
+            let [a, b, d, e] = at;
+            found.stiffness[c] = over(at);
+            found.growth[c] = rate_r * over(by)
+                + rate_t * ((1.0 - s) * (b - a) + s * (e - d))
+                + rate_s * ((1.0 - t) * (d - a) + t * (e - b));
+        }
+        found
+    }
 }
 
 /// Cell and place in it of an index clamped to the grid; a NaN reads the first cell.
@@ -173,6 +250,51 @@ mod tests {
                 assert!((found - expected).abs() < 3e-6 * 600.0, "{degrees}°");
             }
         }
+    }
+
+    #[test]
+    fn growth_is_the_derivative_along_the_strain() {
+        fn check(law: &impl StretchStiffness, strain: Strain) {
+            let found = law.with_growth(strain);
+            let scaled = |s: f64| {
+                law.at(Strain {
+                    uu: (1.0 + s) * strain.uu,
+                    vv: (1.0 + s) * strain.vv,
+                    uv: (1.0 + s) * strain.uv,
+                })
+            };
+            let step = 1e-4;
+            let (before, now, after) = (scaled(-step), scaled(0.0), scaled(step));
+            for c in 0..4 {
+                assert!((found.stiffness[c] - now[c]).abs() < 1e-12 * now[c].abs().max(1.0));
+                let slope = (after[c] - before[c]) / (2.0 * step);
+                // The shear is rounded to single precision: 1e-8 of slopes of up to 1e3 over 1e-4.
+                assert!(
+                    (found.growth[c] - slope).abs() < 0.2,
+                    "{strain:?} {c}: {} {slope}",
+                    found.growth[c]
+                );
+            }
+        }
+        let (exact, grid) = (ExactStiffness::new(TABLE), GridStiffness::new(TABLE));
+        let strains = [
+            [0.06, 0.02, 0.01],
+            [0.12, -0.06, 0.03],
+            [-0.08, 0.09, -0.05],
+            [-0.1, -0.12, 0.01],
+            [0.9, 0.11, 0.02],
+        ];
+        for [uu, vv, uv] in strains {
+            check(&exact, Strain { uu, vv, uv });
+            check(&grid, Strain { uu, vv, uv });
+        }
+        // It does grow: these fabrics stiffen.
+        let half = Strain {
+            uu: 0.5 * stretched(0.0).uu,
+            ..Strain::default()
+        };
+        let some = exact.with_growth(half);
+        assert!(some.growth[0] > 0.3 * some.stiffness[0]);
     }
 
     #[test]

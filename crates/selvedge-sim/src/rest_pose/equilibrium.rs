@@ -136,7 +136,7 @@ impl Relaxation {
 
     /// Takes the step that follows from what [`Self::residual`] assembled.
     fn step(&mut self, residual: f64) -> Result<(), SolveError> {
-        self.system.solve()?;
+        self.system.solve(self.time_step)?;
         let mut correction = vec![DVec3::ZERO; self.state.positions.len()];
         for (v, change) in self.system.velocity_changes() {
             correction[v] = change * self.time_step;

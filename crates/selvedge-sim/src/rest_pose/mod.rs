@@ -58,6 +58,7 @@ pub fn sag_with_progress(
     };
     // Only the motion on the way to rest can be damped.
     scene.material.damping = 0.0;
+    scene.physics.least_damping = Some(0.0);
     let rest = find_equilibrium(scene, approach, progress)?;
     match scene.material.strain_limits {
         Some(_) => relax_within_limits(scene, rest, progress),

@@ -39,7 +39,7 @@ pub(super) fn relax_by_motion(
     for solves in 1..=last {
         before.copy_from_slice(&state.velocities);
         active
-            .advance(dt, &mut state, &targets)
+            .advance_first_order(dt, &mut state, &targets)
             .map_err(|cause| SagError::failed_solve(solves, &cause))?;
         let change = largest(state.velocities.iter().zip(&before).map(|(a, b)| *a - *b));
         let now = SagProgress {

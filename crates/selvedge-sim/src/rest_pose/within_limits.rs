@@ -80,7 +80,7 @@ impl KineticDamping {
     fn step(&mut self, solves: u32) -> Result<Option<f64>, SagError> {
         let stands = self.energy == 0.0;
         self.active
-            .advance(self.dt, &mut self.state, &self.targets)
+            .advance_first_order(self.dt, &mut self.state, &self.targets)
             .map_err(|cause| SagError::failed_solve(solves, &cause))?;
         let fastest = self.state.velocities.iter().map(|v| v.length());
         Ok(stands.then(|| fastest.fold(0.0, f64::max) / self.dt))

@@ -5,10 +5,10 @@
 //! number of threads gives the same bytes. Nothing is allocated after construction.
 
 use glam::DVec3;
-use selvedge_cloth::{AirLaw, BendingLaw, Environment, Mesh, Scene, StretchLookup};
+use selvedge_cloth::{BendingLaw, Environment, Mesh, Scene, StretchLookup};
 
 use crate::laws::bend::{BendElement, BendResponse};
-use crate::laws::external::{AirResponse, air_response};
+use crate::laws::external::{AirResistance, AirResponse, air_response};
 use crate::laws::stretch::{StretchElement, StretchResponse};
 use crate::laws::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
 use crate::lists::Lists;
@@ -41,7 +41,7 @@ pub(crate) struct FaceResponse {
 /// The point of a linearisation and its factors.
 #[derive(Clone, Copy)]
 pub(crate) struct Linearisation<'a> {
-    /// dt, the factor from a force to an impulse `[s]`.
+    /// Factor from a force to an impulse `[s]`: dt, or γ of a stage.
     pub(crate) dt: f64,
     /// dt (dt + c), the factor from a Jacobian to a mass `[s²]`.
     pub(crate) jacobian: f64,
@@ -55,6 +55,10 @@ pub(crate) struct Linearisation<'a> {
     pub(crate) air_positions: &'a [DVec3],
     /// Velocities of the faces in the air `[m/s]`, `[vertices]`.
     pub(crate) air_velocities: &'a [DVec3],
+    /// True for a Jacobian that knows how the stiffness grows with strain.
+    pub(crate) stiffening: bool,
+    /// Part of the air's force that goes into the matrix.
+    pub(crate) air_resistance: AirResistance,
 }
 
 /// The faces of a cloth, evaluated.
@@ -63,7 +67,6 @@ pub(crate) struct Faces {
     pub(crate) responses: Vec<FaceResponse>,
     /// Impulse on each corner `[N s]`.
     impulses: Vec<[DVec3; 3]>,
-    air: AirLaw,
 }
 
 /// The hinges of a cloth, evaluated.
@@ -124,7 +127,6 @@ impl Elements {
                 responses: vec![FaceResponse::default(); faces.len()],
                 impulses: vec![[DVec3::ZERO; 3]; faces.len()],
                 faces,
-                air: scene.physics.air,
             },
             hinges: Hinges {
                 responses: vec![BendResponse::default(); hinges.len()],
@@ -137,7 +139,7 @@ impl Elements {
                 StretchLookup::Grid => StretchLaw::Grid(GridStiffness::new(table)),
             },
             environment: scene.environment,
-            damping: scene.material.damping,
+            damping: scene.physics.damping(scene.material.damping),
             mass: mesh.rest_shape(scene.material.density).vertex_mass,
             jacobian: 0.0,
             dt: 0.0,
@@ -239,16 +241,20 @@ impl Faces {
         environment: &Environment,
         at: Linearisation<'_>,
     ) {
-        let (faces, air) = (&self.faces, self.air);
+        let faces = &self.faces;
         threads.each_pair(
             &mut self.responses,
             &mut self.impulses,
             |k, response, pushes| {
                 let Face { corners, element } = &faces[k];
-                let stretch = element.respond(law, corners.map(|v| at.positions[v as usize]));
+                let places = corners.map(|v| at.positions[v as usize]);
+                let stretch = match at.stiffening {
+                    false => element.respond(law, places),
+                    true => element.respond_stiffening(law, places),
+                };
                 let air = air_response(
                     environment,
-                    air,
+                    at.air_resistance,
                     element.area,
                     corners.map(|v| at.air_positions[v as usize]),
                     corners.map(|v| at.air_velocities[v as usize]),

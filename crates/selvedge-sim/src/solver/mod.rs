@@ -1,7 +1,7 @@
 //! The linear system of a time step and its solvers.
 //!
-//! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves;
-//! [`newton`] repeats that. A small cloth is factorised completely ([`pattern`], [`ordering`],
+//! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves the
+//! equations of a [`stage`]. A small cloth is factorised completely ([`pattern`], [`ordering`],
 //! [`blocks`], [`cholesky`]), a large one iterated ([`conjugate_gradients`], [`incomplete`]).
 
 mod blocks;
@@ -9,11 +9,11 @@ mod cholesky;
 mod conjugate_gradients;
 mod elements;
 mod incomplete;
-mod newton;
 mod ordering;
 mod pattern;
+mod stage;
 mod system;
 
 pub(crate) use cholesky::FactorError;
-pub(crate) use newton::Newton;
+pub(crate) use stage::{Stage, StageAir};
 pub(crate) use system::{SolveError, System};

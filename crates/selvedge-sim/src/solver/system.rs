@@ -2,8 +2,8 @@
 //! A Δv = b with
 //!   A = M - Σ dt (dt + c) J + dt² K_handles,
 //!   b = dt f_ext + Σ dt (F + (dt + c) J v) - dt k (x_h - target + dt v_h).
-//! Solved again from its end, it becomes Newton's method for the backward Euler equations
-//! ([`System::linearise_again`]).
+//! Linearised at an estimate of its end, it is a step towards the solution of an implicit [`Stage`]
+//! ([`System::linearise`]).
 //!
 //! Exact handles are eliminated. They are no unknowns; in the product J v they move with the
 //! velocity that takes them to their targets, as their column of A would contribute. The pattern of
@@ -15,12 +15,14 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
+use crate::laws::external::AirResistance;
 use crate::solver::blocks::Contributions;
 use crate::solver::cholesky::{Cholesky, FactorError};
 use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
+use crate::solver::stage::{Stage, StageAir};
 use crate::state::State;
 use crate::threads::Threads;
 
@@ -76,8 +78,9 @@ pub(crate) struct System {
     driven: Vec<DVec3>,
     /// Δv of the last solve, `[vertices]` `[m/s]`; 0 where held.
     changes: Vec<DVec3>,
-    /// dt of the last solve `[s]`; 0 if the next one starts from nothing.
-    solved_dt: f64,
+    /// Time over which the Δv of the last solve come about `[s]`; 0 if the next one starts from
+    /// nothing.
+    solved_span: f64,
     saved_changes: (Vec<DVec3>, f64),
     solver: Solver,
 }
@@ -148,7 +151,7 @@ impl System {
             impulses: vec![DVec3::ZERO; vertex_count],
             driven: vec![DVec3::ZERO; vertex_count],
             changes: vec![DVec3::ZERO; vertex_count],
-            solved_dt: 0.0,
+            solved_span: 0.0,
             saved_changes: (vec![DVec3::ZERO; vertex_count], 0.0),
         })
     }
@@ -168,6 +171,12 @@ impl System {
         self.pattern.vertices()
     }
 
+    /// Positions of the active handles `[m]`, `[handles]`.
+    pub(crate) fn handle_positions(&self, state: &State) -> impl Iterator<Item = DVec3> {
+        let vertices = self.handles.vertices().iter();
+        vertices.map(|vertex| state.positions[vertex.index()])
+    }
+
     /// Sets the threads of the solves that follow. The result is the same.
     pub(crate) fn set_threads(&mut self, threads: Threads) {
         self.threads = threads;
@@ -176,13 +185,13 @@ impl System {
     /// Saves the start of the next solve for [`Self::restore`].
     pub(crate) fn save(&mut self) {
         self.saved_changes.0.copy_from_slice(&self.changes);
-        self.saved_changes.1 = self.solved_dt;
+        self.saved_changes.1 = self.solved_span;
     }
 
     /// Restores what [`Self::save`] saved.
     pub(crate) fn restore(&mut self) {
         self.changes.copy_from_slice(&self.saved_changes.0);
-        self.solved_dt = self.saved_changes.1;
+        self.solved_span = self.saved_changes.1;
     }
 
     /// Assembles b at `state` for a solve over `dt` `[s]` with handles going to `targets` `[m]`,
@@ -207,6 +216,8 @@ impl System {
                 AirLaw::Explicit => &state.velocities,
                 AirLaw::Implicit => &self.driven,
             },
+            stiffening: false,
+            air_resistance: self.air.into(),
         };
         self.elements.evaluate(self.threads, at, &mut self.impulses);
         self.push_springs(dt, targets, |v| {
@@ -214,33 +225,37 @@ impl System {
         });
     }
 
-    /// Assembles b = M (v₀ - v) + dt (f_ext + F + c J v) for the step over `dt` `[s]` from `from`,
-    /// at its present estimate `now`. A is that of [`Self::assemble`] at `now`. b is the residual
-    /// of the backward Euler equations, and A Δv = b is Newton's step. `[eq:newton]`
-    pub(crate) fn linearise_again(
-        &mut self,
-        dt: f64,
-        from: &State,
-        now: &State,
-        targets: &[DVec3],
-    ) {
+    /// Assembles b = M (v̄ - v) + γ (f_ext + F + c J v), the residual of the equations of `stage`
+    /// at the estimate `now`, and evaluates the elements of A = M - Σ γ (γ + c) J + γ D_air + γ²
+    /// K_handles. A Δv = b is Newton's step, for handles going to `targets` `[m]`. `[eq:newton]`
+    pub(crate) fn linearise(&mut self, stage: Stage<'_>, now: &State, targets: &[DVec3]) {
+        let gamma = stage.gamma;
+        let (air_positions, air_velocities, air_resistance) = match stage.air {
+            StageAir::OfStart(from) => {
+                let velocities = match self.air {
+                    AirLaw::Explicit => &from.velocities,
+                    AirLaw::Implicit => &now.velocities,
+                };
+                (&from.positions, velocities, self.air.into())
+            }
+            StageAir::OfEnd => (&now.positions, &now.velocities, AirResistance::Tangent),
+        };
         let at = Linearisation {
-            dt,
-            jacobian: dt * (dt + self.elements.damping),
-            rate: dt * self.elements.damping,
+            dt: gamma,
+            jacobian: gamma * (gamma + self.elements.damping),
+            rate: gamma * self.elements.damping,
             positions: &now.positions,
             rates: &now.velocities,
-            air_positions: &from.positions,
-            air_velocities: match self.air {
-                AirLaw::Explicit => &from.velocities,
-                AirLaw::Implicit => &now.velocities,
-            },
+            air_positions,
+            air_velocities,
+            stiffening: matches!(stage.air, StageAir::OfEnd),
+            air_resistance,
         };
         self.elements.evaluate(self.threads, at, &mut self.impulses);
         for (v, impulse) in self.impulses.iter_mut().enumerate() {
-            *impulse += (from.velocities[v] - now.velocities[v]) * self.elements.mass[v];
+            *impulse += (stage.velocities[v] - now.velocities[v]) * self.elements.mass[v];
         }
-        self.push_springs(dt, targets, |v| now.positions[v]);
+        self.push_springs(gamma, targets, |v| now.positions[v]);
     }
 
     fn push_springs(&mut self, dt: f64, targets: &[DVec3], predicted: impl Fn(usize) -> DVec3) {
@@ -273,8 +288,9 @@ impl System {
         }
     }
 
-    /// Solves the assembled system; [`Self::velocity_changes`] gives the solution.
-    pub(crate) fn solve(&mut self) -> Result<(), SolveError> {
+    /// Solves the assembled system; [`Self::velocity_changes`] gives the solution. Its Δv come
+    /// about within `span` `[s]`, which scales the last solution to a first guess.
+    pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         let is_bad = |v: &&u32| !self.impulses[**v as usize].is_finite();
         if let Some(&vertex) = self.pattern.vertices().iter().find(is_bad) {
             return Err(SolveError::NonFinite {
@@ -297,9 +313,9 @@ impl System {
             }
             Solver::Iterative(solver) => {
                 let threads = self.threads;
-                // A change of velocity is about an acceleration times dt.
-                let scale = if self.solved_dt > 0.0 {
-                    dt / self.solved_dt
+                // A change of velocity is about an acceleration times its span.
+                let scale = if self.solved_span > 0.0 {
+                    span / self.solved_span
                 } else {
                     0.0
                 };
@@ -319,7 +335,7 @@ impl System {
                 solver.solve(threads, pattern, changes, residual)?;
             }
         }
-        self.solved_dt = dt;
+        self.solved_span = span;
         Ok(())
     }
 
@@ -333,7 +349,7 @@ impl System {
 
     /// Lets the next solve, of a small correction, start from zero.
     pub(crate) fn forget_changes(&mut self) {
-        self.solved_dt = 0.0;
+        self.solved_span = 0.0;
     }
 
     /// Lets the next solve start from the change of velocity over a whole step of `dt` `[s]`.
@@ -342,7 +358,7 @@ impl System {
             let v = v as usize;
             self.changes[v] = now.velocities[v] - from.velocities[v];
         }
-        self.solved_dt = dt;
+        self.solved_span = dt;
     }
 
     /// Each unknown vertex and its Δv `[m/s]` of the last solve.
@@ -360,7 +376,7 @@ impl System {
         targets: &[DVec3],
     ) -> Result<(), SolveError> {
         self.assemble(dt, state, targets);
-        self.solve()?;
+        self.solve(dt)?;
         for &v in self.pattern.vertices() {
             let v = v as usize;
             let velocity = state.velocities[v] + self.changes[v];

@@ -2,7 +2,7 @@
 //! order of the integrator, mirror symmetry.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{Isotropic, Material, Mesh, Scene};
+use selvedge_cloth::{Integrator, Isotropic, Material, Mesh, Scene};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::laws::stretch::StretchElement;
@@ -31,18 +31,13 @@ fn still(scene: &Scene) -> Vec<DVec3> {
     scene.handles.select(scene.mesh.positions())
 }
 
-#[test]
-fn a_triangle_held_by_an_edge_is_a_pendulum() {
-    // All free mass is at the apex, l below the held edge: θ'' = -(g/l) sin θ. For small θ backward
-    // Euler turns by atan(ω dt) a step and shrinks by (1 + ω² dt²)^(-1/2), exactly; the amplitude
-    // θ₀ = 0.02 makes the period longer by θ₀²/16 = 2.5e-5, and the stiff cloth by its elongation,
-    // m g/(2 E h) · O(1) = 1e-5.
+/// A stiff triangle of height 0.5 m held by its upper edge, turned out of rest by `start` `[rad]`.
+fn triangle_pendulum(length: f64, start: f64) -> Scene {
     let sheet = Isotropic {
         youngs_modulus: 1e7,
         poissons_ratio: 0.0,
         thickness: 1e-3,
     };
-    let (length, start) = (0.5, 0.02_f64);
     let uv = vec![
         DVec2::ZERO,
         DVec2::new(-0.2, length),
@@ -60,7 +55,44 @@ fn a_triangle_held_by_an_edge_is_a_pendulum() {
         })
         .collect();
     let mesh = Mesh::new(&[[0, 2, 1]], uv, positions).unwrap();
-    let scene = scene(mesh, isotropic(sheet, 0.3), &[1, 2]);
+    scene(mesh, isotropic(sheet, 0.3), &[1, 2])
+}
+
+#[test]
+fn a_triangle_held_by_an_edge_is_a_pendulum_in_second_order() {
+    // All free mass is at the apex, l below the held edge: θ'' = -(g/l) sin θ, a cosine for small
+    // θ. BDF2 turns too little by ω² dt²/3 of the phase and keeps the amplitude to (ω dt)⁴/4 a
+    // step: at 300 steps per second and after 6.6 rad that is 1e-4 and 4e-5 of the amplitude. The
+    // amplitude θ₀ = 0.02 makes the period longer by θ₀²/16 = 2.5e-5, and the stiff cloth by its
+    // elongation, m g/(2 E h) · O(1) = 1e-5.
+    let (length, start) = (0.5, 0.02_f64);
+    let mut scene = triangle_pendulum(length, start);
+    scene.physics.integrator = Integrator::SecondOrder;
+    scene.physics.least_damping = Some(0.0);
+    let omega = (GRAVITY / length).sqrt();
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let targets = still(&scene);
+    for step in 1..=450 {
+        simulator.substep(1.0 / 300.0, &targets).unwrap();
+        let apex = simulator.positions_f64()[0];
+        let angle = apex.x.atan2(-apex.y);
+        let expected = start * (omega * f64::from(step) / 300.0).cos();
+        assert!(
+            (angle - expected).abs() < 7e-4 * start,
+            "step {step}: {angle} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_triangle_held_by_an_edge_is_a_pendulum() {
+    // All free mass is at the apex, l below the held edge: θ'' = -(g/l) sin θ. For small θ backward
+    // Euler turns by atan(ω dt) a step and shrinks by (1 + ω² dt²)^(-1/2), exactly; the amplitude
+    // θ₀ = 0.02 makes the period longer by θ₀²/16 = 2.5e-5, and the stiff cloth by its elongation,
+    // m g/(2 E h) · O(1) = 1e-5.
+    let (length, start) = (0.5, 0.02_f64);
+    let mut scene = triangle_pendulum(length, start);
+    scene.physics.integrator = Integrator::Linearised;
     let dt = 1.0 / 2000.0;
     let omega = (GRAVITY / length).sqrt();
     let mut simulator = Simulator::new(&scene).unwrap();
@@ -92,11 +124,10 @@ fn a_triangle_held_by_an_edge_is_a_pendulum() {
     }
 }
 
-#[test]
-fn a_folded_hinge_opens_as_a_damped_oscillator() {
-    // One free wing of two triangles whose other three corners are held, without gravity: for small
-    // angles m h² θ'' = -k (θ + c θ'), k the hinge's stiffness and h the wing's height. Backward
-    // Euler with damping: v' = (v - dt ω² θ)/(1 + dt (dt + c) ω²), θ' = θ + dt v'.
+/// A hinge folded by 1 mrad: one free wing of two triangles whose other three corners are held,
+/// without gravity. For small angles m h² θ'' = -k (θ + c θ'), k the hinge's stiffness and h the
+/// wing's height. Gives the scene, k and h.
+fn folded_hinge(integrator: Integrator, start: f64) -> (Scene, f64, f64) {
     let sheet = Isotropic {
         youngs_modulus: 1e7,
         poissons_ratio: 0.0,
@@ -104,7 +135,6 @@ fn a_folded_hinge_opens_as_a_damped_oscillator() {
     };
     let side = 0.05;
     let height = 0.75_f64.sqrt() * side;
-    let start = 1e-3_f64;
     let uv = vec![
         DVec2::ZERO,
         DVec2::new(side, 0.0),
@@ -116,12 +146,54 @@ fn a_folded_hinge_opens_as_a_damped_oscillator() {
     let mesh = Mesh::new(&[[0, 1, 2], [0, 3, 1]], uv.clone(), positions).unwrap();
     let mut scene = scene(mesh, isotropic(sheet, 0.3), &[0, 1, 3]);
     scene.environment.gravity = DVec3::ZERO;
+    scene.physics.integrator = integrator;
+    scene.physics.least_damping = Some(0.0);
     let corners = [0, 1, 2, 3].map(|v| uv[v]);
     let element = BendElement::new(&scene.material.bend, corners);
     let flat = corners.map(|c| c.extend(0.0));
     let stiffness = element
         .respond(selvedge_cloth::BendingLaw::Symmetric, flat)
         .stiffness;
+    (scene, stiffness, height)
+}
+
+#[test]
+fn a_folded_hinge_opens_as_a_damped_oscillator_in_second_order() {
+    // θ = θ₀ e^(-σ t) (cos ν t + (σ/ν) sin ν t) with σ = c ω²/2, ν² = ω² - σ². With ω dt = 0.05
+    // BDF2 is behind by (ω dt)²/3 of the phase: 0.8 % of the amplitude after 10 rad.
+    let start = 1e-3_f64;
+    let (mut scene, stiffness, height) = folded_hinge(Integrator::SecondOrder, start);
+    for damping in [0.0, 0.01] {
+        scene.material.damping = damping;
+        let mut simulator = Simulator::new(&scene).unwrap();
+        let square = stiffness / (simulator.vertex_mass()[2] * height.powi(2));
+        let dt = 0.05 / square.sqrt();
+        let decay = 0.5 * damping * square;
+        // Above 0 it swings, below it creeps: cos and sin of an imaginary angle.
+        let turn = square - decay * decay;
+        for step in 1..=200 {
+            simulator.substep(dt, &still(&scene)).unwrap();
+            let (time, nu) = (dt * f64::from(step), turn.abs().sqrt());
+            let (even, odd) = match turn > 0.0 {
+                true => ((nu * time).cos(), (nu * time).sin()),
+                false => ((nu * time).cosh(), (nu * time).sinh()),
+            };
+            let expected = start * (-decay * time).exp() * (even + decay / nu * odd);
+            let wing = simulator.positions_f64()[2];
+            let found = wing.z.atan2(wing.y);
+            assert!(
+                (found - expected).abs() < 1e-2 * start,
+                "{step}: {found} {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_folded_hinge_opens_as_a_damped_oscillator() {
+    // Backward Euler with damping: v' = (v - dt ω² θ)/(1 + dt (dt + c) ω²), θ' = θ + dt v'.
+    let start = 1e-3_f64;
+    let (mut scene, stiffness, height) = folded_hinge(Integrator::Linearised, start);
     for damping in [0.0, 0.01] {
         scene.material.damping = damping;
         let mut simulator = Simulator::new(&scene).unwrap();
@@ -160,23 +232,32 @@ fn spinning(side: usize) -> (Scene, Vec<DVec3>, Vec<DVec3>) {
 #[test]
 fn angular_momentum_is_kept_to_the_order_of_the_integrator() {
     // F at x has no torque about x. The implicit part dt² J v of a stressed face has, of size
-    // dt² (stress × turn), in every step: after a given time the loss is proportional to dt.
-    let (scene, positions, velocities) = spinning(4);
-    let mut points = Vec::new();
-    for steps in [100_u32, 200, 400] {
-        let mut simulator =
-            Simulator::with_state(&scene, positions.clone(), velocities.clone()).unwrap();
-        let before = angular_momentum(&simulator);
-        let dt = 0.25 / f64::from(steps);
-        for _ in 0..steps {
-            simulator.substep(dt, &[]).unwrap();
-        }
-        let lost = angular_momentum(&simulator).distance(before) / before.length();
-        points.push((dt.ln(), lost.ln()));
+    // dt² (stress × turn), in every step: after a given time the loss is proportional to dt. At a
+    // prediction the implicit part is smaller by a factor dt.
+    let (mut scene, positions, velocities) = spinning(4);
+    let cases = [
+        (Integrator::Linearised, [100_u32, 200, 400], 0.02),
+        (Integrator::SecondOrder, [200, 400, 800], 2e-4),
+    ];
+    for (integrator, counts, most) in cases {
+        scene.physics.integrator = integrator;
+        scene.physics.least_damping = Some(0.0);
+        let points = counts.map(|steps| {
+            let mut simulator =
+                Simulator::with_state(&scene, positions.clone(), velocities.clone()).unwrap();
+            let before = angular_momentum(&simulator);
+            let dt = 0.25 / f64::from(steps);
+            for _ in 0..steps {
+                simulator.substep(dt, &[]).unwrap();
+            }
+            let lost = angular_momentum(&simulator).distance(before) / before.length();
+            (dt.ln(), lost.ln())
+        });
+        let order = slope(&points);
+        let expected = f64::from(integrator.order());
+        assert!(order > expected - 0.15, "{integrator:?} {order}");
+        assert!(points[2].1 < f64::ln(most), "{integrator:?} {points:?}");
     }
-    let order = slope(&points);
-    assert!((order - 1.0).abs() < 0.15, "{order}");
-    assert!(points[2].1 < 0.02_f64.ln(), "{points:?}");
 }
 
 /// Kinetic energy, and of gravity, stretching and bending, for a material of constant tables [J].
@@ -222,7 +303,8 @@ fn without_input_the_energy_never_grows() {
     // lengths, are allowed 1e-6 of what there was.
     let place = |c: DVec2| DVec3::new(0.05 * (7.0 * c.x + 3.0 * c.y).sin(), c.y, c.x);
     let mesh = grid(8, 8, 0.125, place);
-    let scene = scene(mesh, isotropic(SOFT, 0.3), &[0]);
+    let mut scene = scene(mesh, isotropic(SOFT, 0.3), &[0]);
+    scene.physics.integrator = Integrator::Linearised;
     let shaken = noise(81, 0.004);
     let start: Vec<DVec3> = scene
         .mesh
@@ -248,32 +330,58 @@ fn without_input_the_energy_never_grows() {
 }
 
 #[test]
-fn the_integrator_is_of_first_order() {
-    // Differences of runs with dt and dt/2 at the same time halve with dt.
+fn the_first_order_is_first_order() {
+    let order = order_in_positions_and_velocities(Integrator::Linearised, [400, 800, 1600, 3200]);
+    assert!((order[0] - 1.0).abs() < 0.1, "{order:?}");
+}
+
+#[test]
+fn the_second_order_is_second_order() {
+    for integrator in [
+        Integrator::SecondOrder,
+        Integrator::SecondOrderNewton(selvedge_cloth::Newton {
+            tolerance: 1e-10,
+            max_iterations: 100,
+        }),
+    ] {
+        let order = order_in_positions_and_velocities(integrator, [200, 400, 800, 1600]);
+        for order in order {
+            assert!((order - 2.0).abs() < 0.1, "{integrator:?} {order}");
+        }
+    }
+}
+
+/// Orders of a small swing in air, in positions and velocities.
+fn order_in_positions_and_velocities(integrator: Integrator, counts: [u32; 4]) -> [f64; 2] {
+    // Differences of runs with dt and dt/2 at the same time fall by 2 to the order.
     let mesh = grid(4, 4, 0.25, |c| {
         DVec3::new(0.05 * (3.0 * c.x + 2.0 * c.y).sin(), c.y - 1.0, c.x - 0.5)
     });
     let mut scene = scene(mesh, isotropic(SOFT, 0.3), &[0, 4]);
     scene.environment.air_density = 1.0;
-    let run = |steps: u32| -> Vec<DVec3> {
+    scene.physics.integrator = integrator;
+    let run = |steps: u32| -> [Vec<DVec3>; 2] {
         let mut simulator = Simulator::new(&scene).unwrap();
         for _ in 0..steps {
             simulator
                 .substep(0.2 / f64::from(steps), &still(&scene))
                 .unwrap();
         }
-        simulator.positions_f64().to_vec()
+        [
+            simulator.positions_f64().to_vec(),
+            simulator.velocities_f64().to_vec(),
+        ]
     };
-    let counts = [400, 800, 1600, 3200];
     let runs = counts.map(run);
-    let points: Vec<(f64, f64)> = (0..3)
-        .map(|k| {
-            let difference = largest_distance(&runs[k], &runs[k + 1]);
-            ((0.2 / f64::from(counts[k])).ln(), difference.ln())
-        })
-        .collect();
-    let order = slope(&points);
-    assert!((order - 1.0).abs() < 0.1, "{order}");
+    [0, 1].map(|part| {
+        let points: Vec<(f64, f64)> = (0..3)
+            .map(|k| {
+                let difference = largest_distance(&runs[k][part], &runs[k + 1][part]);
+                ((0.2 / f64::from(counts[k])).ln(), difference.ln())
+            })
+            .collect();
+        slope(&points)
+    })
 }
 
 #[test]

@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{BendingLaw, HandleConstraint, Material};
+use selvedge_cloth::{BendingLaw, HandleConstraint, Material, PhysicsMode, PhysicsSettings};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::laws::strain::Strain;
@@ -96,6 +96,7 @@ fn bend_look_ups_are_arcsims() {
 #[test]
 fn substeps_are_as_they_were() {
     let mut scene = hanging(5);
+    scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
     scene.physics.handles = HandleConstraint::Spring;
     scene.physics.bending = BendingLaw::Arcsim;
     let moved = |scale: f64| {

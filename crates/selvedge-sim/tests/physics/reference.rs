@@ -8,7 +8,9 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{BendingLaw, HandleConstraint, Handles, Mesh, Scene};
+use selvedge_cloth::{
+    BendingLaw, HandleConstraint, Handles, Mesh, PhysicsMode, PhysicsSettings, Scene,
+};
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{DENIM, GRAY, NAVY, hanging, largest_distance, material};
@@ -60,6 +62,7 @@ fn scene(run: &Path, fabric: &str) -> Scene {
     scene.handles = Handles::new(&indices(&run.join("handles.npy")), 1024).unwrap();
     scene.mesh = mesh;
     scene.material = material(fabric);
+    scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
     scene.physics.handles = HandleConstraint::Spring;
     scene.physics.bending = BendingLaw::Arcsim;
     scene

@@ -3,7 +3,8 @@
 use glam::DVec3;
 use selvedge_cloth::{
     Gust, HandleConstraint, HandleSchedule, HandleTargets, Handles, Keyframe, KeyframeGroup,
-    KeyframeMotion, LinearSolver, Motion, Release, Scene, StepError, Stepper,
+    KeyframeMotion, LinearSolver, Motion, PhysicsMode, PhysicsSettings, Release, Scene, StepError,
+    Stepper,
 };
 use selvedge_sim::{SagError, Simulator, sag};
 
@@ -89,7 +90,10 @@ fn a_run_is_taken_up_with_its_handles_where_they_are() {
             whole.positions_f64().to_vec(),
             whole.velocities_f64().to_vec(),
         );
-        let rest = Simulator::with_state(&scene, x, v).unwrap();
+        let mut rest = Simulator::with_state(&scene, x, v).unwrap();
+        if let Some(previous) = whole.previous() {
+            rest = rest.with_previous(&previous).unwrap();
+        }
         let mut rest = rest.taken_up_at(frame).unwrap();
         run(&mut whole, &scene, 10);
         run(&mut rest, &scene, 10);
@@ -189,6 +193,7 @@ fn gusts_are_those_of_the_frame_and_a_run_can_be_taken_up_again() {
         period: 0.8,
         seed: 3,
     });
+    scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
     let mut whole = Simulator::new(&scene).unwrap();
     run(&mut whole, &scene, 12);
     // Frame by frame in the constant wind of each.

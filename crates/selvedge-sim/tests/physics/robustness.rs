@@ -58,6 +58,8 @@ fn settings() -> impl Strategy<Value = PhysicsSettings> {
     let integrator = prop_oneof![
         3 => Just(Integrator::Linearised),
         1 => Just(Integrator::Newton(Newton::default())),
+        3 => Just(Integrator::SecondOrder),
+        1 => Just(Integrator::SecondOrderNewton(Newton::default())),
     ];
     let substepping = prop_oneof![
         3 => Just(Substepping::Fixed),
@@ -79,8 +81,12 @@ fn settings() -> impl Strategy<Value = PhysicsSettings> {
                 handles,
                 bending,
                 stretch_lookup,
-                air,
+                air: match integrator.order() {
+                    1 => air,
+                    _ => AirLaw::Implicit,
+                },
                 integrator,
+                least_damping: None,
                 substepping,
                 solver,
             }
@@ -291,8 +297,8 @@ fn a_scene_comes_to_its_end_or_says_in_which_frame_and_why_not() {
 impl Tally {
     fn count(&mut self, integrator: Integrator, error: Option<StepError>) {
         let [all, ended] = match integrator {
-            Integrator::Linearised => &mut self.linear,
-            Integrator::Newton(_) => &mut self.newton,
+            Integrator::Linearised | Integrator::SecondOrder => &mut self.linear,
+            Integrator::Newton(_) | Integrator::SecondOrderNewton(_) => &mut self.newton,
         };
         *all += 1;
         *ended += u32::from(error.is_none());

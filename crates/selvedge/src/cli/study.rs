@@ -97,14 +97,14 @@ pub(crate) struct ConvergenceArgs {
         long,
         value_name = "NAMES",
         value_delimiter = ',',
-        default_value = "linearised"
+        default_value = "linearised,second-order"
     )]
     integrators: Vec<NamedIntegrator>,
     /// Their numbers of substeps per frame, separated by commas.
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,2,4,8,16", value_parser = clap::value_parser!(u32).range(1..=1000))]
     substeps: Vec<u32>,
     /// The integrator of the truth.
-    #[arg(long, value_name = "NAME", default_value = "linearised")]
+    #[arg(long, value_name = "NAME", default_value = "second-order")]
     reference_integrator: NamedIntegrator,
     /// The truth's substeps per frame, an even number.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1000))]

@@ -10,6 +10,7 @@ use selvedge_data::SavedState;
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::models;
+use selvedge_lab::state_log::{saved_state, simulator_in};
 use selvedge_live::{Hold, LiveStepper, MoverError};
 use selvedge_model::Model;
 use selvedge_sim::Simulator;
@@ -32,10 +33,10 @@ impl LivePhysics {
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let simulator = Simulator::with_state(&held, state.positions, state.velocities);
+        let simulator = simulator_in(&held, state).map_err(MoverError::new)?;
         Ok(Self {
             scene: Arc::clone(scene),
-            simulator: simulator.map_err(MoverError::new)?.at_frame(state.frame),
+            simulator,
         })
     }
 }
@@ -50,12 +51,11 @@ impl Stepper for LivePhysics {
 
 impl LiveStepper for LivePhysics {
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
-        let simulator = &self.simulator;
-        let state = SavedState {
-            positions: simulator.positions_f64().to_vec(),
-            velocities: simulator.velocities_f64().to_vec(),
-            frame: simulator.frame(),
-        };
+        let mut state = saved_state(&self.simulator);
+        if *self.simulator.handles() != hold.handles {
+            // Another system: the state before belongs to the old one.
+            state.previous = None;
+        }
         Ok(Box::new(Self::start(&self.scene, hold, state)?))
     }
 }

@@ -114,5 +114,6 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
         positions: last.iter().map(|p| p.as_dvec3()).collect(),
         velocities: last.iter().zip(before).map(velocity).collect(),
         frame: 0,
+        previous: None,
     })
 }

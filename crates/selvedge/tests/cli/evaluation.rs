@@ -93,7 +93,7 @@ fn two_models_stand_side_by_side_as_each_stands_alone() {
 fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     let desk = two_models();
     let answer = desk.json(
-        "evaluate --model run/model.safetensors --data tiny --steps 1 --no-mirror --physics 4,1,4 --report r",
+        "evaluate --model run/model.safetensors --data tiny --steps 1 --no-mirror --physics 2,1,2 --report r",
     );
     let rows = answer["rows"].as_array().unwrap();
     let error = |name: &str| {
@@ -103,8 +103,8 @@ fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     };
     let names: Vec<_> = rows.iter().filter(|row| row["who"] == "physics").collect();
     assert_eq!(names.len(), 2);
-    // The truth was made with four; it starts from the same rest pose, rounded to f32.
-    let (own, coarse) = (error("physics, 4 per frame"), error("physics, 1 per frame"));
+    // The truth was made with two; it starts from the same rest pose, rounded to f32.
+    let (own, coarse) = (error("physics, 2 per frame"), error("physics, 1 per frame"));
     assert!(coarse > 1e-4, "{coarse}");
     assert!(own < 1e-2 * coarse, "{own} {coarse}");
     let times = String::from_utf8(desk.read("r/times.md")).unwrap();

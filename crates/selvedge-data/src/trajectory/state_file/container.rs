@@ -57,6 +57,11 @@ impl<'a> Container<'a> {
         Ok(Self::Safetensors(file))
     }
 
+    /// Returns true if there is an array of this name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.names().iter().any(|found| found == name)
+    }
+
     pub(super) fn names(&self) -> Vec<String> {
         let mut names: Vec<String> = match self {
             Self::Npz(npz) => npz.names().into_iter().map(str::to_owned).collect(),

@@ -33,6 +33,19 @@ pub struct SavedState {
     pub velocities: Vec<DVec3>,
     /// Frames of the motion that have passed.
     pub frame: usize,
+    /// State one substep before, where a run of second order left it.
+    pub previous: Option<PreviousState>,
+}
+
+/// State of a cloth one substep ago.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PreviousState {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// Length of the substep that led from there `[s]`.
+    pub seconds: f64,
 }
 
 /// A state of a file, resolved.
@@ -74,7 +87,27 @@ pub struct StateRun {
     pub velocities: Vec<DVec3>,
     /// Frames of the motion that have passed in each state, `[states]`.
     pub frames: Vec<u32>,
+    /// States one substep before each; empty if there are none, as in runs of first order.
+    pub previous: PreviousStates,
 }
+
+/// States one substep before those of a run. Where a state has none, its seconds are 0.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PreviousStates {
+    /// Positions `[m]`, `[states * vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[states * vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// Lengths of the substeps that led from there `[s]`, `[states]`.
+    pub seconds: Vec<f64>,
+}
+
+/// Names of the arrays of [`PreviousStates`].
+const PREVIOUS: [&str; 3] = [
+    "previous_positions",
+    "previous_velocities",
+    "previous_seconds",
+];
 
 const PAIRS: [[&str; 3]; 2] = [
     ["positions", "velocities", "frames"],
@@ -89,6 +122,7 @@ impl SavedState {
             velocities: vec![DVec3::ZERO; positions.len()],
             positions,
             frame: 0,
+            previous: None,
         }
     }
 
@@ -152,6 +186,24 @@ impl SavedState {
 }
 
 impl StateRun {
+    /// Adds a state.
+    pub fn push(&mut self, state: &SavedState) {
+        self.positions.extend(&state.positions);
+        self.velocities.extend(&state.velocities);
+        self.frames.push(state.frame as u32);
+        let previous = &mut self.previous;
+        if let Some(before) = &state.previous {
+            previous.positions.extend(&before.positions);
+            previous.velocities.extend(&before.velocities);
+            previous.seconds.push(before.seconds);
+        } else {
+            let still = std::iter::repeat_n(DVec3::ZERO, state.positions.len());
+            previous.positions.extend(still.clone());
+            previous.velocities.extend(still);
+            previous.seconds.push(0.0);
+        }
+    }
+
     /// Reads the states that [`Self::write`] wrote.
     ///
     /// # Errors
@@ -167,10 +219,7 @@ impl StateRun {
             }
         };
         let velocities = container.floats("velocities")?;
-        if velocities.shape != positions.shape {
-            let expected = format!("{:?}", positions.shape);
-            return Err(wrong_shape("velocities", &expected, &velocities));
-        }
+        check_shape("velocities", &velocities, &positions.shape)?;
         let number = |frame: i64| {
             u32::try_from(frame).map_err(|_| StateError::Array {
                 name: "frames".to_owned(),
@@ -184,16 +233,36 @@ impl StateRun {
             let entries = array.values.chunks_exact(3);
             entries.map(DVec3::from_slice).collect()
         };
+        let previous = match PREVIOUS.iter().all(|name| container.has(name)) {
+            false => PreviousStates::default(),
+            true => {
+                let seconds = container.floats(PREVIOUS[2])?;
+                let [x, v] = [
+                    container.floats(PREVIOUS[0])?,
+                    container.floats(PREVIOUS[1])?,
+                ];
+                check_shape(PREVIOUS[0], &x, &positions.shape)?;
+                check_shape(PREVIOUS[1], &v, &positions.shape)?;
+                check_shape(PREVIOUS[2], &seconds, &[states])?;
+                PreviousStates {
+                    positions: vectors(x),
+                    velocities: vectors(v),
+                    seconds: seconds.values,
+                }
+            }
+        };
         Ok(Self {
             positions: vectors(positions),
             velocities: vectors(velocities),
             frames,
+            previous,
         })
     }
 
     /// Writes the states as .safetensors, all or nothing: `positions` and `velocities` f64
     /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the
-    /// format "selvedge-states".
+    /// format "selvedge-states". A run of second order also has `previous_positions` and
+    /// `previous_velocities`, of the same shape, and `previous_seconds` f64 `[states]`.
     ///
     /// # Errors
     /// [`WriteError`] names the file and what failed.
@@ -203,20 +272,29 @@ impl StateRun {
             |values: &[DVec3]| -> Vec<f64> { values.iter().flat_map(|v| v.to_array()).collect() };
         let (positions, velocities) = (flat(&self.positions), flat(&self.velocities));
         let shape = vec![self.frames.len(), vertices, 3];
-        let tensors = [
+        let states = vec![self.frames.len()];
+        let mut tensors = vec![
             ("positions", shape.clone(), TensorValues::F64(&positions)),
-            ("velocities", shape, TensorValues::F64(&velocities)),
-            (
-                "frames",
-                vec![self.frames.len()],
-                TensorValues::U32(&self.frames),
-            ),
-        ]
-        .map(|(name, shape, values)| TensorOut {
-            name,
-            shape,
-            values,
-        });
+            ("velocities", shape.clone(), TensorValues::F64(&velocities)),
+            ("frames", states.clone(), TensorValues::U32(&self.frames)),
+        ];
+        let previous = &self.previous;
+        let (before, moved) = (flat(&previous.positions), flat(&previous.velocities));
+        if previous.seconds.iter().any(|seconds| *seconds > 0.0) {
+            tensors.extend([
+                (PREVIOUS[0], shape.clone(), TensorValues::F64(&before)),
+                (PREVIOUS[1], shape, TensorValues::F64(&moved)),
+                (PREVIOUS[2], states, TensorValues::F64(&previous.seconds)),
+            ]);
+        }
+        let tensors: Vec<TensorOut<'_>> = tensors
+            .into_iter()
+            .map(|(name, shape, values)| TensorOut {
+                name,
+                shape,
+                values,
+            })
+            .collect();
         let metadata = BTreeMap::from([
             ("format", STATES_FORMAT.to_owned()),
             ("version", VERSION.to_owned()),
@@ -234,7 +312,7 @@ fn select(
     vertices: usize,
 ) -> Result<(SavedState, [String; 2]), StateError> {
     let names = container.names();
-    let has = |name: &str| names.iter().any(|n| n == name);
+    let has = |name: &str| container.has(name);
     let (pair, frames_name) = match (&choice.positions, &choice.velocities) {
         (Some(positions), Some(velocities)) => {
             let known = PAIRS.iter().find(|pair| pair[0] == positions);
@@ -264,8 +342,53 @@ fn select(
         positions: positions?,
         velocities: velocities?,
         frame,
+        previous: match pair == [PAIRS[0][0], PAIRS[0][1]] {
+            true => previous(container, index, count.unwrap_or(1), vertices)?,
+            false => None,
+        },
     };
     Ok((state, pair))
+}
+
+/// State one substep before state `index` of `count`; none where the file has none.
+fn previous(
+    container: &Container<'_>,
+    index: usize,
+    count: usize,
+    vertices: usize,
+) -> Result<Option<PreviousState>, StateError> {
+    if !PREVIOUS.iter().all(|name| container.has(name)) {
+        return Ok(None);
+    }
+    let seconds = container.floats(PREVIOUS[2])?;
+    check_shape(PREVIOUS[2], &seconds, &[count])?;
+    let seconds = seconds.values[index];
+    if seconds == 0.0 {
+        return Ok(None);
+    }
+    if !(seconds.is_finite() && seconds > 0.0) {
+        return Err(StateError::Array {
+            name: PREVIOUS[2].to_owned(),
+            expected: "finite seconds, none below 0".to_owned(),
+            found: seconds.to_string(),
+        });
+    }
+    let array = |name: &str| {
+        let values = container.floats(name)?;
+        entry(name, &values, index, vertices)
+    };
+    Ok(Some(PreviousState {
+        positions: array(PREVIOUS[0])?,
+        velocities: array(PREVIOUS[1])?,
+        seconds,
+    }))
+}
+
+fn check_shape(name: &str, array: &Floats, expected: &[usize]) -> Result<(), StateError> {
+    if array.shape == expected {
+        return Ok(());
+    }
+    Err(wrong_shape(name, &format!("{expected:?}"), array))
 }
 
 /// Number of states of `vertices` vertices in an array; none where it is one state without a

@@ -19,6 +19,11 @@ fn run() -> StateRun {
         positions: (0..6).map(vector).collect(),
         velocities: (10..16).map(vector).collect(),
         frames: vec![4, 5, 6],
+        previous: PreviousStates {
+            positions: (20..26).map(vector).collect(),
+            velocities: (30..36).map(vector).collect(),
+            seconds: vec![0.0, 1.0 / 120.0, 1.0 / 240.0],
+        },
     }
 }
 
@@ -50,6 +55,13 @@ fn every_bit_of_a_run_comes_back() {
         assert_eq!(state.frame, frame);
         assert_eq!(state.positions, run.positions[2 * index..2 * index + 2]);
         assert_eq!(state.velocities, run.velocities[2 * index..2 * index + 2]);
+        let before = &run.previous;
+        let expected = (before.seconds[index] > 0.0).then(|| PreviousState {
+            positions: before.positions[2 * index..2 * index + 2].to_vec(),
+            velocities: before.velocities[2 * index..2 * index + 2].to_vec(),
+            seconds: before.seconds[index],
+        });
+        assert_eq!(state.previous, expected);
         assert_eq!(SavedState::reread(folder.path(), &spec, 2).unwrap(), state);
     }
     let (_, spec) = read(at(4)).unwrap();

@@ -137,8 +137,9 @@ errors are not marked. \"–\" where there are fewer than two.";
 const NOTES: &str = "Errors are root mean squares over vertices (or edges) at the k-th frame after the start, then means
 over starts, then over cases; none is given where a run failed, because a mean over the others would
 flatter. Strains are the largest of all starts and cases. Velocities, positions and angles are
-compared in double precision. Integrators that look back at earlier states begin each run without
-them. A scene with adaptive substeps is run with a fixed number. Times are medians over the frames
+compared in double precision. All integrators solve the same equations: where the scene does not say
+otherwise, each has the least damping that the second order needs. Integrators that look back at
+earlier states begin each run without them. A scene with adaptive substeps is run with a fixed number. Times are medians over the frames
 of a run from the middle start on one thread, which has the machine for itself as far as this
 program is concerned; all else is the same for any number of threads. The numbers behind the tables
 are in convergence.csv (by case, and \"all\"), starts.csv (every run) and times.csv, in SI units.";

@@ -10,11 +10,11 @@ use selvedge_cloth::{
 };
 
 use super::*;
+use crate::integrator::Newton;
 use crate::laws::bend::angle_gradient;
 use crate::laws::external::air_force;
 use crate::laws::strain::Strain;
 use crate::laws::stretch_table::{ExactStiffness, StretchStiffness};
-use crate::solver::newton::Newton;
 
 const DT: f64 = 1.0 / 120.0;
 
@@ -64,6 +64,7 @@ fn scene(handles: HandleConstraint, bending: BendingLaw) -> Scene {
             handles,
             bending,
             stretch_lookup: StretchLookup::Exact,
+            air: AirLaw::Explicit,
             ..PhysicsSettings::default()
         },
         sag: SagSettings::default(),
@@ -359,7 +360,7 @@ fn gathered_blocks_are_those_of_the_dense_matrix() {
     // Twice, because nothing of an earlier solve may be left.
     for dt in [0.3, DT] {
         system.assemble(dt, &before, &targets);
-        system.solve().unwrap();
+        system.solve(dt).unwrap();
     }
     let Solver::Direct(direct) = &system.solver else {
         panic!("Cholesky was asked for")

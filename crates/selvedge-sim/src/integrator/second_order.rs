@@ -1,0 +1,254 @@
+//! BDF2 linearised at a predicted state: second order for one solve per substep.
+//!
+//! The error of one linear solve is quadratic in the distance from where it is linearised, and the
+//! Jacobian that the solve has is not exact. Linearised at the start of the substep, that leaves an
+//! error of first order whatever the formula. The prediction x̄ + γ v differs from the end by a
+//! change of velocity only, O(dt²), and the error is of second order.
+//!
+//! The first substep has no state before it. It takes two stages of a one-step formula (Alexander
+//! 1977): diagonally implicit, L-stable and of second order.
+
+use glam::DVec3;
+use selvedge_cloth::{HandleConstraint, Scene, VertexId};
+
+use super::history::History;
+use super::newton::Newton;
+use crate::solver::{SolveError, Stage, StageAir, System};
+use crate::state::State;
+use crate::strain_watch::WatchedEdges;
+
+/// Largest change of an edge's stretch l/l₀ from the start of a substep to the prediction.
+const MOST_PREDICTED: f64 = 0.1;
+
+/// γ/dt of the one-step formula, 1 - 1/√2.
+const START: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+
+/// The formula's workspaces.
+pub(super) struct SecondOrder {
+    edges: WatchedEdges,
+    /// Exact handles, in the order of their targets.
+    held: Vec<VertexId>,
+    /// x̄ and v̄.
+    base: State,
+    /// Start of a solve.
+    predicted: State,
+    /// The estimate of the end: the prediction first, then the solution.
+    estimate: State,
+    /// Targets of the first of two stages `[m]`, `[handles]`.
+    targets: Vec<DVec3>,
+}
+
+/// A substep to be taken.
+pub(super) struct Substep<'a> {
+    pub(super) system: &'a mut System,
+    /// Length `[s]`.
+    pub(super) dt: f64,
+    /// Targets of the active handles `[m]`, `[handles]`.
+    pub(super) targets: &'a [DVec3],
+}
+
+/// A stage that was solved, or one that is left to backward Euler.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    Solved,
+    FirstOrder,
+}
+
+/// Factors of a stage `[s]`.
+#[derive(Clone, Copy)]
+struct Factors {
+    gamma: f64,
+    /// Time between the velocities of prediction and solution.
+    span: f64,
+}
+
+impl SecondOrder {
+    /// The formula for the cloth and the handles of a validated scene.
+    pub(super) fn new(scene: &Scene) -> Self {
+        let vertices = scene.mesh.topology().vertex_count();
+        Self {
+            edges: WatchedEdges::new(&scene.mesh, &scene.handles),
+            held: match scene.physics.handles {
+                HandleConstraint::Exact => scene.handles.vertices().to_vec(),
+                HandleConstraint::Spring => Vec::new(),
+            },
+            base: State::at_origin(vertices),
+            predicted: State::at_origin(vertices),
+            estimate: State::at_origin(vertices),
+            targets: Vec::new(),
+        }
+    }
+
+    /// Moves `state` by `substep` and keeps the old one in `history`. A prediction that strains an
+    /// edge too much is dropped for backward Euler linearised at the start. Gives γ `[s]`. On an
+    /// error state and history are unusable.
+    pub(super) fn advance(
+        &mut self,
+        mut substep: Substep<'_>,
+        mut newton: Option<&mut Newton>,
+        state: &mut State,
+        history: &mut History,
+    ) -> Result<f64, SolveError> {
+        let dt = substep.dt;
+        let (outcome, mut gamma) = match history.ratio(dt) {
+            Some(ratio) => {
+                self.looking_back(&mut substep, newton.as_deref_mut(), state, history, ratio)?
+            }
+            None => self.start(&mut substep, newton.as_deref_mut(), state)?,
+        };
+        history.counts.all += 1;
+        history.counts.started += u64::from(history.ratio(dt).is_none());
+        history.keep(state, dt);
+        match outcome {
+            Outcome::Solved => state.copy_from(&self.estimate),
+            Outcome::FirstOrder => {
+                history.counts.fell_back += 1;
+                gamma = dt;
+                match newton {
+                    None => substep.system.advance(dt, state, substep.targets)?,
+                    Some(newton) => newton.advance(substep.system, dt, state, substep.targets)?,
+                }
+            }
+        }
+        Ok(gamma)
+    }
+
+    /// BDF2 with r = dt/dt', dt' the substep before: x̄ = x + w (x - x'), w = r²/(1 + 2 r), v̄ the
+    /// same, γ = dt (1 + r)/(1 + 2 r). `[eq:bdf2]`
+    fn looking_back(
+        &mut self,
+        substep: &mut Substep<'_>,
+        newton: Option<&mut Newton>,
+        state: &State,
+        history: &History,
+        ratio: f64,
+    ) -> Result<(Outcome, f64), SolveError> {
+        let weight = ratio * ratio / (1.0 + 2.0 * ratio);
+        let gamma = substep.dt * (1.0 + ratio) / (1.0 + 2.0 * ratio);
+        extrapolate(
+            &mut self.base.positions,
+            &state.positions,
+            &history.before.positions,
+            weight,
+        );
+        extrapolate(
+            &mut self.base.velocities,
+            &state.velocities,
+            &history.before.velocities,
+            weight,
+        );
+        self.estimate.velocities.copy_from_slice(&state.velocities);
+        let factors = Factors {
+            gamma,
+            span: substep.dt,
+        };
+        let targets = substep.targets;
+        let outcome = self.stage(substep.system, newton, factors, state, targets)?;
+        Ok((outcome, gamma))
+    }
+
+    /// Two stages with γ = α dt, α = 1 - 1/√2: the first is backward Euler over γ, the second has
+    /// x̄ = x + (1 - α)/α (x₁ - x) and v̄ the same, x₁, v₁ the end of the first. `[eq:sdirk2]`
+    fn start(
+        &mut self,
+        substep: &mut Substep<'_>,
+        mut newton: Option<&mut Newton>,
+        state: &State,
+    ) -> Result<(Outcome, f64), SolveError> {
+        let dt = substep.dt;
+        let gamma = START * dt;
+        let now = substep.system.handle_positions(state);
+        self.targets.clear();
+        self.targets.extend(
+            now.zip(substep.targets)
+                .map(|(now, target)| now.lerp(*target, START)),
+        );
+        self.base.copy_from(state);
+        self.estimate.velocities.copy_from_slice(&state.velocities);
+        let targets = std::mem::take(&mut self.targets);
+        let first = Factors { gamma, span: gamma };
+        let outcome = self.stage(
+            substep.system,
+            newton.as_deref_mut(),
+            first,
+            state,
+            &targets,
+        );
+        self.targets = targets;
+        if outcome? == Outcome::FirstOrder {
+            return Ok((Outcome::FirstOrder, gamma));
+        }
+        // x + w (x₁ - x) = x₁ + (w - 1) (x₁ - x).
+        let weight = (1.0 - START) / START - 1.0;
+        extrapolate(
+            &mut self.base.positions,
+            &self.estimate.positions,
+            &state.positions,
+            weight,
+        );
+        extrapolate(
+            &mut self.base.velocities,
+            &self.estimate.velocities,
+            &state.velocities,
+            weight,
+        );
+        let second = Factors {
+            gamma,
+            span: dt - gamma,
+        };
+        let targets = substep.targets;
+        let outcome = self.stage(substep.system, newton, second, state, targets)?;
+        Ok((outcome, gamma))
+    }
+
+    /// Solves the stage of `self.base` from the velocities of `self.estimate`, and leaves the
+    /// solution there; `last` is the start of the substep.
+    fn stage(
+        &mut self,
+        system: &mut System,
+        newton: Option<&mut Newton>,
+        factors: Factors,
+        last: &State,
+        targets: &[DVec3],
+    ) -> Result<Outcome, SolveError> {
+        let gamma = factors.gamma;
+        let (base, predicted) = (&self.base, &mut self.predicted);
+        for (v, velocity) in self.estimate.velocities.iter().enumerate() {
+            predicted.positions[v] = base.positions[v] + *velocity * gamma;
+            predicted.velocities[v] = *velocity;
+        }
+        for (vertex, target) in self.held.iter().zip(targets) {
+            let v = vertex.index();
+            predicted.positions[v] = *target;
+            predicted.velocities[v] = (*target - base.positions[v]) / gamma;
+        }
+        let strained = self
+            .edges
+            .check(&last.positions, &predicted.positions, MOST_PREDICTED);
+        if strained.is_err() {
+            return Ok(Outcome::FirstOrder);
+        }
+        let stage = Stage {
+            gamma,
+            velocities: &base.velocities,
+            air: StageAir::OfEnd,
+        };
+        system.linearise(stage, predicted, targets);
+        system.solve(factors.span)?;
+        self.estimate.copy_from(predicted);
+        system.apply(gamma, 1.0, predicted, &mut self.estimate);
+        if let Some(newton) = newton {
+            newton.correct(system, stage, &mut self.estimate, targets)?;
+            system.remember_changes(factors.span, predicted, &self.estimate);
+        }
+        self.estimate.check_finite()?;
+        Ok(Outcome::Solved)
+    }
+}
+
+/// `into` = `now` + `weight` (`now` - `before`).
+fn extrapolate(into: &mut [DVec3], now: &[DVec3], before: &[DVec3], weight: f64) {
+    for ((into, now), before) in into.iter_mut().zip(now).zip(before) {
+        *into = *now + (*now - *before) * weight;
+    }
+}
