@@ -17,9 +17,9 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::motion::named::by_name;
 use selvedge_cloth::{
-    AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, Environment, HandleConstraint,
-    HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsSettings, SagSettings, Scene,
-    StepError, Stepper, StretchLookup, Substepping,
+    AdaptiveSubsteps, BendingLaw, ConjugateGradients, Environment, HandleConstraint,
+    HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsMode, PhysicsSettings,
+    SagSettings, Scene, StepError, Stepper, StretchLookup, Substepping,
 };
 use selvedge_sim::{Simulator, sag};
 
@@ -59,50 +59,45 @@ fn main() {
 
 fn choices() -> Vec<(&'static str, PhysicsSettings)> {
     let usual = PhysicsSettings::default();
-    let one = PhysicsSettings {
-        substeps: 1,
-        ..usual
+    let substeps = |substeps: u32| PhysicsSettings { substeps, ..usual };
+    let one = substeps(1);
+    let first = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
+    let first_order = |substeps: u32| PhysicsSettings { substeps, ..first };
+    let newton = |physics: PhysicsSettings, integrator: fn(Newton) -> Integrator| PhysicsSettings {
+        integrator: integrator(Newton::default()),
+        ..physics
     };
-    let newton = Integrator::Newton(Newton::default());
-    let adaptive = Substepping::Adaptive(AdaptiveSubsteps {
+    let substepping = Substepping::Adaptive(AdaptiveSubsteps {
         max_change: 0.02,
         ..AdaptiveSubsteps::default()
     });
     let solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
     let (handles, bending) = (HandleConstraint::Spring, BendingLaw::Arcsim);
     let stretch_lookup = StretchLookup::Exact;
-    let (integrator, substepping, air) = (newton, adaptive, AirLaw::Implicit);
+    let undamped = PhysicsSettings {
+        least_damping: Some(0.0),
+        ..usual
+    };
     vec![
-        ("default: 4 substeps", usual),
+        ("default: second order, 2 substeps", usual),
         ("1 substep", one),
+        ("4 substeps", substeps(4)),
+        ("8 substeps", substeps(8)),
+        ("Newton", newton(usual, Integrator::SecondOrderNewton)),
+        ("first order, 1 substep", first_order(1)),
+        ("first order, 2 substeps", first_order(2)),
+        ("first order, 4 substeps", first_order(4)),
+        ("first order, 8 substeps", first_order(8)),
+        ("first order, 16 substeps", first_order(16)),
         (
-            "2 substeps",
-            PhysicsSettings {
-                substeps: 2,
-                ..usual
-            },
+            "first order, 4 substeps, Newton",
+            newton(first, Integrator::Newton),
         ),
-        (
-            "8 substeps",
-            PhysicsSettings {
-                substeps: 8,
-                ..usual
-            },
-        ),
-        (
-            "Newton",
-            PhysicsSettings {
-                integrator,
-                ..usual
-            },
-        ),
-        ("Newton, 1 substep", PhysicsSettings { integrator, ..one }),
-        ("implicit air", PhysicsSettings { air, ..usual }),
-        ("implicit air, 1 substep", PhysicsSettings { air, ..one }),
         (
             "1 substep, divided where an edge changes by 0.02",
             PhysicsSettings { substepping, ..one },
         ),
+        ("no damping", undamped),
         ("conjugate gradients", PhysicsSettings { solver, ..usual }),
         ("spring handles", PhysicsSettings { handles, ..usual }),
         ("one-sided bending", PhysicsSettings { bending, ..usual }),

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use selvedge_cloth::generate::named_sheets;
 use selvedge_cloth::motion::named;
+use selvedge_cloth::{PhysicsMode, PhysicsSettings};
 use selvedge_data::{
     DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, shipped_presets,
 };
@@ -76,7 +77,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400, converged-400"
     );
 }
 
@@ -307,6 +308,24 @@ fn what_is_measured_on_square_400_is_not_learned_from() {
         assert_eq!(preset.motions(Split::Train).len(), 0, "{name}");
         assert_eq!(preset.motions(Split::Test).len(), runs, "{name}");
     }
+}
+
+#[test]
+fn converged_400_is_square_400_in_second_order() {
+    let [converged, first] =
+        ["converged-400", "square-400"].map(|name| DatasetPreset::open(name).unwrap());
+    let physics = |preset: &DatasetPreset| preset.config().setting.physics;
+    assert_eq!(
+        physics(&first),
+        PhysicsSettings::in_mode(PhysicsMode::FirstOrder)
+    );
+    let expected = PhysicsSettings {
+        substeps: 8,
+        ..PhysicsSettings::default()
+    };
+    assert_eq!(physics(&converged), expected);
+    assert_eq!(converged.config().train, first.config().train);
+    assert_eq!(converged.config().test, first.config().test);
 }
 
 #[test]

@@ -59,7 +59,7 @@ const MOST_RANDOM: u32 = 100_000;
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
 
-const PRESETS: [(&str, &str); 11] = assets!("datasets":
+const PRESETS: [(&str, &str); 12] = assets!("datasets":
     "first",
     "tiny",
     "small",
@@ -71,6 +71,7 @@ const PRESETS: [(&str, &str); 11] = assets!("datasets":
     "cloths-400",
     "fine-400",
     "few-400",
+    "converged-400",
 );
 
 /// A resolved preset.
