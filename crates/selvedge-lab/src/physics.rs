@@ -11,7 +11,9 @@ use selvedge_data::{
     Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, SceneSpecError, StateRun,
     Trajectory, TrajectoryError, record,
 };
-use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, Threads, sag_with_progress};
+use selvedge_sim::{
+    SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads, sag_with_progress,
+};
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
@@ -28,6 +30,8 @@ pub struct TimedRun {
     pub end: End,
     /// Wall time of a frame `[ms]`.
     pub ms_per_frame: f64,
+    /// Substeps of physics of second order by what they came to; none with anything else.
+    pub substeps: Option<SubstepCounts>,
 }
 
 /// A rest pose that was not found, or not before the listener asked to stop.
@@ -180,7 +184,10 @@ fn simulate(
     };
     let started = Instant::now();
     let recording = record(simulator.stepper(), drive, plan.frames, &mut |_| on_frame());
-    let run = timed(recording, scene.mesh.positions().len(), started)?;
+    let mut run = timed(recording, scene.mesh.positions().len(), started)?;
+    if scene.physics.integrator.order() > 1 {
+        run.substeps = Some(simulator.substep_counts());
+    }
     Ok((run, simulator.into_states()))
 }
 
@@ -195,6 +202,13 @@ impl Kept {
         match self {
             Self::Positions(simulator) => simulator,
             Self::States(simulator) => simulator,
+        }
+    }
+
+    fn substep_counts(&self) -> SubstepCounts {
+        match self {
+            Self::Positions(simulator) => simulator.substep_counts(),
+            Self::States(log) => log.simulator().substep_counts(),
         }
     }
 
@@ -226,6 +240,7 @@ pub(crate) fn timed(
         positions: recording.positions,
         end,
         ms_per_frame: elapsed_ms / steps.max(1) as f64,
+        substeps: None,
     })
 }
 

@@ -22,6 +22,11 @@ impl StateLog {
         log
     }
 
+    /// The simulator.
+    pub(crate) fn simulator(&self) -> &Simulator {
+        &self.simulator
+    }
+
     /// The states so far.
     pub(crate) fn into_run(self) -> StateRun {
         self.run

@@ -3,9 +3,9 @@
 
 use crate::state::State;
 
-/// Largest ratio of a substep to the one before it at which the history is still of use. The
-/// formula is stable up to 1 + √2 (Grigorieff 1983).
-const MOST_GROWTH: f64 = 2.0;
+/// Largest relative difference between two substeps that count as equally long: rounding of
+/// 1/(rate · substeps).
+const SAME_LENGTH: f64 = 1e-9;
 
 /// The state before the last substep.
 #[derive(Clone, Debug)]
@@ -25,10 +25,10 @@ pub struct SubstepCounts {
     /// All substeps.
     pub all: u64,
     /// Those without a usable state before: the first one, and those after a release, a shift
-    /// within limits of strain, or a substep of less than half the length.
+    /// within limits of strain, or a substep of another length.
     pub started: u64,
     /// Those that fell back to backward Euler: a prediction strained an edge too much, or limits of
-    /// strain had just moved the cloth.
+    /// strain moved the cloth.
     pub fell_back: u64,
 }
 
@@ -71,10 +71,21 @@ impl History {
         self.dt = dt;
     }
 
-    /// Ratio of a substep over `dt` `[s]` to the last one; none if the history is of no use to it.
-    pub(crate) fn ratio(&self, dt: f64) -> Option<f64> {
-        // Rounding of 1/(rate · substeps) must not decide.
-        let usable = self.dt > 0.0 && dt <= self.dt * MOST_GROWTH * (1.0 + 1e-9);
-        usable.then(|| dt / self.dt)
+    /// Returns true if the next substep, over `dt` `[s]`, can look back: the last one was as long.
+    ///
+    /// After a substep of another length the formula could go on with coefficients of a variable
+    /// step, stable up to a ratio of 1 + √2 (Grigorieff 1983). Starting anew is nearer to the
+    /// motion. Adaptive substeps of 64 vertices whose handles are shaken, RMSE of the first 30
+    /// frames against 64 substeps, in mm (solves of 90 frames in brackets):
+    ///
+    /// | fabric, handles, largest change | variable up to 2 | anew where longer | always anew |
+    /// |---|---|---|---|
+    /// | gray, 8 rad/s, 0.02 | 12.4 (327) | 11.6 (405) | 11.4 (369) |
+    /// | gray, 8 rad/s, 0.01 | 9.6 (1145) | 6.1 (1226) | 5.8 (1179) |
+    /// | gray, 20 rad/s, 0.02 | 29.1 (2633) | 25.9 (2555) | 25.8 (2498) |
+    /// | navy, 8 rad/s, 0.03 | 8.7 (401) | 8.8 (448) | 8.6 (538) |
+    /// | navy, 20 rad/s, 0.05 | 18.4 (615) | 17.2 (643) | 17.5 (610) |
+    pub(crate) fn fits(&self, dt: f64) -> bool {
+        self.dt > 0.0 && (dt - self.dt).abs() <= SAME_LENGTH * self.dt
     }
 }

@@ -90,14 +90,14 @@ impl SecondOrder {
         history: &mut History,
     ) -> Result<f64, SolveError> {
         let dt = substep.dt;
-        let (outcome, mut gamma) = match history.ratio(dt) {
-            Some(ratio) => {
-                self.looking_back(&mut substep, newton.as_deref_mut(), state, history, ratio)?
-            }
-            None => self.start(&mut substep, newton.as_deref_mut(), state)?,
+        let looks_back = history.fits(dt);
+        let (outcome, mut gamma) = if looks_back {
+            self.looking_back(&mut substep, newton.as_deref_mut(), state, history)?
+        } else {
+            self.start(&mut substep, newton.as_deref_mut(), state)?
         };
         history.counts.all += 1;
-        history.counts.started += u64::from(history.ratio(dt).is_none());
+        history.counts.started += u64::from(!looks_back);
         history.keep(state, dt);
         match outcome {
             Outcome::Solved => state.copy_from(&self.estimate),
@@ -113,18 +113,17 @@ impl SecondOrder {
         Ok(gamma)
     }
 
-    /// BDF2 with r = dt/dt', dt' the substep before: x̄ = x + w (x - x'), w = r²/(1 + 2 r), v̄ the
-    /// same, γ = dt (1 + r)/(1 + 2 r). `[eq:bdf2]`
+    /// BDF2 from x', v' one substep before: x̄ = x + (x - x')/3, v̄ the same, γ = 2 dt/3.
+    /// `[eq:bdf2]`
     fn looking_back(
         &mut self,
         substep: &mut Substep<'_>,
         newton: Option<&mut Newton>,
         state: &State,
         history: &History,
-        ratio: f64,
     ) -> Result<(Outcome, f64), SolveError> {
-        let weight = ratio * ratio / (1.0 + 2.0 * ratio);
-        let gamma = substep.dt * (1.0 + ratio) / (1.0 + 2.0 * ratio);
+        let weight = 1.0 / 3.0;
+        let gamma = substep.dt * 2.0 / 3.0;
         extrapolate(
             &mut self.base.positions,
             &state.positions,

@@ -23,7 +23,9 @@ fn the_simulator_conforms() {
         with(|physics| {
             physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
         }),
+        with(|physics| physics.integrator = Integrator::Linearised),
         with(|physics| physics.integrator = Integrator::Newton(Newton::default())),
+        with(|physics| physics.integrator = Integrator::SecondOrderNewton(Newton::default())),
         with(|physics| {
             physics.substepping = Substepping::Adaptive(AdaptiveSubsteps::default());
         }),

@@ -14,4 +14,5 @@ mod scenes;
 mod sheets;
 mod simulator;
 mod solvers;
+mod stability;
 mod statics;

@@ -24,11 +24,11 @@ use crate::sheets::{grid, triangle_strip};
 const SCENES: u32 = 64;
 const FRAMES: usize = 12;
 /// Seed of the random scenes.
-const SEED: [u8; 32] = *b"any thirty-two bytes are a seed.";
+pub(crate) const SEED: [u8; 32] = *b"any thirty-two bytes are a seed.";
 
 /// Motion of the handles: a velocity up to 10 m/s `[m/s]`, turned about the vertical `[rad/s]`.
 #[derive(Clone, Debug)]
-struct Drag {
+pub(crate) struct Drag {
     velocity: DVec3,
     turn: f64,
 }
@@ -179,7 +179,7 @@ fn schedule(spans: &[(usize, usize, usize)], handles: usize, frame_rate: f64) ->
     }
 }
 
-fn scenes() -> impl Strategy<Value = Scene> {
+pub(crate) fn scenes() -> impl Strategy<Value = Scene> {
     let fabric = prop_oneof![Just(GRAY), Just(CAMEL), Just(DENIM), Just(NAVY)];
     let stiffness = (-1.0..1.0_f64, -1.0..1.0_f64);
     let damping = prop_oneof![Just(0.0), (-5.0..-1.0_f64).prop_map(|p| 10_f64.powf(p))];
@@ -207,7 +207,7 @@ fn scenes() -> impl Strategy<Value = Scene> {
     )
 }
 
-fn drags() -> impl Strategy<Value = Drag> {
+pub(crate) fn drags() -> impl Strategy<Value = Drag> {
     let axis = || -5.7..5.7_f64;
     (axis(), axis(), axis(), -6.0..6.0_f64).prop_map(|(x, y, z, turn)| Drag {
         velocity: DVec3::new(x, y, z),
@@ -215,20 +215,24 @@ fn drags() -> impl Strategy<Value = Drag> {
     })
 }
 
+/// Targets of the handles of `scene` in the step from `frame`.
+pub(crate) fn targets(scene: &Scene, drag: &Drag, frame: usize) -> HandleTargets {
+    let start = scene.handles.select(scene.mesh.positions());
+    let time = (frame + 1) as f64 / scene.frame_rate;
+    let turned = DQuat::from_rotation_y(drag.turn * time);
+    let targets = start.iter().map(|x| turned * *x + drag.velocity * time);
+    let targets = HandleTargets::at_frame_end(targets.collect()).unwrap();
+    let rate = scene.frame_rate;
+    let released = scene.schedule.released(frame, rate, start.len());
+    targets.releasing(released).unwrap()
+}
+
 /// Runs a scene. Gives the error that stopped it, if any.
 fn run(scene: &Scene, drag: &Drag) -> Result<Option<StepError>, TestCaseError> {
-    let start = scene.handles.select(scene.mesh.positions());
     let mut simulator = Simulator::new(scene).unwrap();
     for frame in 0..FRAMES {
-        let time = (frame + 1) as f64 / scene.frame_rate;
-        let turned = DQuat::from_rotation_y(drag.turn * time);
-        let targets = start.iter().map(|x| turned * *x + drag.velocity * time);
-        let targets = HandleTargets::at_frame_end(targets.collect()).unwrap();
-        let released = scene
-            .schedule
-            .released(frame, scene.frame_rate, start.len());
         let before = simulator.positions_f64().to_vec();
-        match simulator.step(&targets.releasing(released).unwrap()) {
+        match simulator.step(&targets(scene, drag, frame)) {
             Ok(()) => {
                 let finite = |vectors: &[DVec3]| vectors.iter().all(|v| v.is_finite());
                 prop_assert!(finite(simulator.positions_f64()));

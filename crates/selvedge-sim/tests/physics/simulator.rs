@@ -62,8 +62,8 @@ fn free_fall_is_a_parabola_in_second_order() {
         assert!(velocity.distance(gravity * time) < 1e-13);
     }
     let counts = simulator.substep_counts();
-    // The first one, and the one that is 32 times as long as that before.
-    assert_eq!((counts.all, counts.started, counts.fell_back), (9, 2, 0));
+    // The first one, and those of another length than the one before.
+    assert_eq!((counts.all, counts.started, counts.fell_back), (9, 6, 0));
 }
 
 #[test]
@@ -114,10 +114,8 @@ fn air_slows_a_flat_sheet_by_its_own_law() {
 
 #[test]
 fn internal_forces_keep_the_momentum() {
-    let scene = floating(6);
+    let mut scene = floating(6);
     let count = scene.mesh.positions().len();
-    let mut simulator =
-        Simulator::with_state(&scene, crumpled(&scene, 0.03), noise(count, 1.0)).unwrap();
     let momentum = |simulator: &Simulator| -> DVec3 {
         let velocities = simulator.velocities_f64().iter();
         velocities
@@ -125,12 +123,20 @@ fn internal_forces_keep_the_momentum() {
             .map(|(v, m)| *v * *m)
             .sum()
     };
-    let before = momentum(&simulator);
-    for _ in 0..10 {
-        simulator.substep(DT, &[]).unwrap();
+    for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+        scene.physics.integrator = integrator;
+        let mut simulator =
+            Simulator::with_state(&scene, crumpled(&scene, 0.03), noise(count, 1.0)).unwrap();
+        let before = momentum(&simulator);
+        for _ in 0..10 {
+            simulator.substep(DT, &[]).unwrap();
+        }
+        // 36 vertices of 5 g at about 1 m/s: rounding is 1e-16 of 0.2 kg m/s per sum and step.
+        assert!(
+            momentum(&simulator).distance(before) < 1e-13,
+            "{integrator:?}"
+        );
     }
-    // 36 vertices of 5 g at about 1 m/s: rounding is 1e-16 of 0.2 kg m/s per sum and step.
-    assert!(momentum(&simulator).distance(before) < 1e-13);
 }
 
 #[test]
@@ -209,15 +215,18 @@ fn energy_does_not_grow_by_itself() {
     let mut scene = floating(6);
     scene.material = material(DENIM);
     let count = scene.mesh.positions().len();
-    let positions = scene.mesh.positions().to_vec();
-    let mut simulator = Simulator::with_state(&scene, positions, noise(count, 0.2)).unwrap();
-    let first = simulator.kinetic_energy();
-    for step in 0..200 {
-        simulator.substep(DT, &[]).unwrap();
-        let energy = simulator.kinetic_energy();
-        assert!(energy <= first, "step {step}: {energy} J of {first} J");
+    for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+        scene.physics.integrator = integrator;
+        let positions = scene.mesh.positions().to_vec();
+        let mut simulator = Simulator::with_state(&scene, positions, noise(count, 0.2)).unwrap();
+        let first = simulator.kinetic_energy();
+        for step in 0..200 {
+            simulator.substep(DT, &[]).unwrap();
+            let energy = simulator.kinetic_energy();
+            assert!(energy <= first, "step {step}: {energy} J of {first} J");
+        }
+        assert!(simulator.kinetic_energy() < 0.9 * first);
     }
-    assert!(simulator.kinetic_energy() < 0.9 * first);
 }
 
 #[test]

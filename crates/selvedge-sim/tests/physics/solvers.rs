@@ -48,18 +48,26 @@ fn conjugate_gradients_move_the_cloth_as_cholesky_does() {
 fn any_number_of_threads_gives_the_same_bytes() {
     // More than one tile of the preconditioner, and enough vertices for threads to be used.
     let mut scene = hanging(48);
-    for solver in [
-        LinearSolver::ConjugateGradients(ConjugateGradients::default()),
-        LinearSolver::Cholesky,
+    let iterative = LinearSolver::ConjugateGradients(ConjugateGradients::default());
+    for (solver, integrator) in [
+        (iterative, Integrator::Linearised),
+        (iterative, Integrator::SecondOrder),
+        (LinearSolver::Cholesky, Integrator::Linearised),
+        (LinearSolver::Cholesky, Integrator::SecondOrder),
     ] {
         scene.physics.solver = solver;
+        scene.physics.integrator = integrator;
+        // The second looks back at the first.
         scene.physics.substeps = 2;
         let runs = [1, 2, 3].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let run = pool.build().unwrap().install(|| run(&scene, 1));
             run.positions_f64().to_vec()
         });
-        assert!(runs[0] == runs[1] && runs[0] == runs[2], "{solver:?}");
+        assert!(
+            runs[0] == runs[1] && runs[0] == runs[2],
+            "{solver:?} {integrator:?}"
+        );
     }
 }
 

@@ -32,12 +32,27 @@ struct SimulateReport {
     largest_strain: f64,
     /// Mean speed of the vertices in the last second `[m/s]`.
     final_speed: f64,
+    /// Substeps by what they came to; none with an integrator of first order.
+    substeps: Option<SubstepReport>,
     clip: Option<PathBuf>,
     exported: Vec<PathBuf>,
     /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
     interrupted: bool,
 }
+
+/// Substeps of second order.
+#[derive(Clone, Copy, Serialize)]
+struct SubstepReport {
+    all: u64,
+    /// Those without a state one substep before.
+    started_anew: u64,
+    /// Those of first order.
+    fell_back: u64,
+}
+
+/// Share of substeps that fell back to first order from which a run warns.
+const MANY: f64 = 0.1;
 
 /// Simulates a scene and writes the trajectory.
 ///
@@ -63,6 +78,12 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
     }
+    let substeps = run.substeps.map(|counts| SubstepReport {
+        all: counts.all,
+        started_anew: counts.started,
+        fell_back: counts.fell_back,
+    });
+    warn_of_falls(scene, substeps);
     let mut end = match &args.clip {
         Some(clip) if run.end == End::Complete => draw(clip, &scene.name, &trajectory)?,
         _ => run.end,
@@ -82,11 +103,30 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         sag_residual: rest.as_ref().map(|rest| rest.residual),
         largest_strain: physics::largest_strain(&trajectory)?,
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
+        substeps,
         exported,
         warnings: loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
+}
+
+/// Warns of a run of second order with many substeps of first order, and says what helps.
+fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
+    let Some(SubstepReport { all, fell_back, .. }) = substeps else {
+        return;
+    };
+    if fell_back as f64 <= MANY * all as f64 {
+        return;
+    }
+    let substeps = scene.physics.substeps;
+    let limits = match scene.material.strain_limits {
+        Some(_) => ", or it was at its strain_limits, where every substep is of first order",
+        None => "",
+    };
+    tracing::warn!(
+        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}; use more substeps (physics.substeps, {substeps} now) or slower handles"
+    );
 }
 
 /// Checks that the files that are asked for can be made.
@@ -240,6 +280,15 @@ fn text(report: &SimulateReport, wanted: usize) -> Facts {
         "speed",
         format!("{:.4} m/s in the last second", report.final_speed),
     );
+    if let Some(substeps) = report.substeps {
+        facts.add(
+            "substeps",
+            format!(
+                "{}, {} started anew, {} fell back to first order",
+                substeps.all, substeps.started_anew, substeps.fell_back
+            ),
+        );
+    }
     facts.add("wrote", report.out.display());
     if let Some(clip) = &report.clip {
         facts.add("and", clip.display());

@@ -118,6 +118,20 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
         let vertices = whole.positions.len() / whole.frames.len();
         assert_eq!(on.positions, whole.positions[7 * vertices..]);
         assert_eq!(on.velocities, whole.velocities[7 * vertices..]);
+        // The default looks back at the substep before, ARCSim's mode does not.
+        let looks_back = scene == "push.toml";
+        assert_eq!(whole.previous.seconds.is_empty(), !looks_back);
+        if looks_back {
+            assert_eq!(on.previous.seconds, whole.previous.seconds[7..]);
+            assert_eq!(
+                on.previous.positions,
+                whole.previous.positions[7 * vertices..]
+            );
+            assert_eq!(
+                on.previous.velocities,
+                whole.previous.velocities[7 * vertices..]
+            );
+        }
         let [long, short] = ["whole.safetensors", "on.safetensors"]
             .map(|name| Trajectory::read(&desk.path(name)).unwrap());
         assert_eq!(short.positions(), &long.positions()[7 * vertices..]);

@@ -32,6 +32,39 @@ fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
 }
 
 #[test]
+fn a_run_says_how_many_substeps_fell_back_to_first_order() {
+    let desk = desk();
+    let said = desk.run("simulate push.toml --out push.safetensors");
+    assert!(
+        said.out.contains("60, 1 started anew, 0 fell back"),
+        "{}",
+        said.out
+    );
+    assert!(!said.err.contains("fell back"), "{}", said.err);
+    // 1.2 m in a quarter of a second, in substeps of a sixtieth.
+    let fast = PUSH.replace("distance = 0.2", "distance = 1.2");
+    desk.write("fast.toml", format!("{fast}\n[physics]\nsubsteps = 1\n"));
+    let report = desk.json("simulate fast.toml --out fast.safetensors --from-start");
+    assert_eq!(number(&report, "/substeps/all"), 30.0);
+    assert_eq!(number(&report, "/substeps/started_anew"), 1.0);
+    assert!(number(&report, "/substeps/fell_back") > 3.0, "{report}");
+    let said = desk.run("simulate fast.toml --out fast.safetensors --from-start");
+    let words = [
+        "of 30 substeps fell back to first order",
+        "physics.substeps, 1 now",
+    ];
+    assert!(
+        words.iter().all(|word| said.err.contains(word)),
+        "{}",
+        said.err
+    );
+    let first = format!("{fast}\n[physics]\nintegrator = \"linearised\"\n");
+    desk.write("first.toml", first);
+    let report = desk.json("simulate first.toml --out first.safetensors --from-start");
+    assert!(report["substeps"].is_null());
+}
+
+#[test]
 fn shipped_scenes_come_to_rest() {
     let desk = desk();
     for (scene, _) in shipped_scenes() {
