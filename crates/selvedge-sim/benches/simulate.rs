@@ -4,8 +4,8 @@
 //! `cargo bench -p selvedge-sim --bench simulate -- [KEY=VALUE ...]` with `vertices` (1024), `size`
 //! of the square's side in m (1), `frames` that count (60; half as many before them do not),
 //! `substeps` (4), `threads` (1), `solver` (automatic, cholesky, or the tolerance of conjugate
-//! gradients in m/s). Wall time says what one waits, processor time what is left of it where the
-//! machine is shared. The largest memory is that of the whole process, mesh generation included.
+//! gradients in m/s), `integrator` (second-order, or linearised). Wall time says what one waits,
+//! processor time what is left of it where the machine is shared. The largest memory is that of the whole process, mesh generation included.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -18,8 +18,8 @@ use std::time::Instant;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::motion::named::by_name;
 use selvedge_cloth::{
-    ConjugateGradients, Environment, HandleSchedule, Handles, LinearSolver, PhysicsSettings,
-    SagSettings, Scene, Stepper,
+    ConjugateGradients, Environment, HandleSchedule, Handles, Integrator, LinearSolver,
+    PhysicsSettings, SagSettings, Scene, Stepper,
 };
 use selvedge_sim::Simulator;
 
@@ -34,6 +34,7 @@ fn main() {
         ("substeps", "4"),
         ("threads", "1"),
         ("solver", "automatic"),
+        ("integrator", "second-order"),
     ];
     let mut settings = BTreeMap::from(keys.map(|(key, value)| (key, value.to_owned())));
     for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
@@ -41,7 +42,8 @@ fn main() {
             panic!("expected KEY=VALUE, found {argument:?}")
         };
         let Some(setting) = settings.get_mut(key) else {
-            panic!("{key:?} is none of vertices, size, frames, substeps, threads, solver")
+            let keys: Vec<&str> = settings.keys().copied().collect();
+            panic!("{key:?} is none of {}", keys.join(", "))
         };
         value.clone_into(setting);
     }
@@ -109,6 +111,11 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
                     tolerance: tolerance.parse().unwrap(),
                     max_iterations: 10_000,
                 }),
+            },
+            integrator: match settings["integrator"].as_str() {
+                "linearised" => Integrator::Linearised,
+                "second-order" => Integrator::SecondOrder,
+                other => panic!("{other:?} is neither linearised nor second-order"),
             },
             ..PhysicsSettings::default()
         },

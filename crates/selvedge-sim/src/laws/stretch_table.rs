@@ -189,22 +189,32 @@ impl StretchStiffness for GridStiffness {
             let first = ((i + di) * GRID + j + dj) * GRID + k;
             (&self.samples[first], &self.samples[first + 1])
         };
-        let rows = [row(0, 0), row(0, 1), row(1, 0), row(1, 1)];
-        let mut found = StiffnessGrowth::default();
-        for c in 0..4 {
-            let at = rows.map(|(near, far)| (1.0 - r) * near[c] + r * far[c]);
-            let by = rows.map(|(near, far)| far[c] - near[c]);
-            let over = |[a, b, c, d]: [f64; 4]| {
-                (1.0 - s) * ((1.0 - t) * a + t * b) + s * ((1.0 - t) * c + t * d)
-            };
-            let [a, b, d, e] = at;
-            found.stiffness[c] = over(at);
-            found.growth[c] = rate_r * over(by)
-                + rate_t * ((1.0 - s) * (b - a) + s * (e - d))
-                + rate_s * ((1.0 - t) * (d - a) + t * (e - b));
+        let corner = |di: usize, dj: usize| {
+            let (near, far) = row(di, dj);
+            (between(near, far, r), minus(far, near))
+        };
+        let ((c00, d00), (c01, d01)) = (corner(0, 0), corner(0, 1));
+        let ((c10, d10), (c11, d11)) = (corner(1, 0), corner(1, 1));
+        let (low, high) = (between(&c00, &c01, t), between(&c10, &c11, t));
+        let by_r = between(&between(&d00, &d01, t), &between(&d10, &d11, t), s);
+        let by_t = between(&minus(&c01, &c00), &minus(&c11, &c10), s);
+        let by_s = minus(&high, &low);
+        StiffnessGrowth {
+            stiffness: between(&low, &high, s),
+            growth: std::array::from_fn(|c| rate_r * by_r[c] + rate_t * by_t[c] + rate_s * by_s[c]),
         }
-        found
     }
+}
+
+/// Linear between `from` and `to`.
+#[inline]
+fn between(from: &[f64; 4], to: &[f64; 4], part: f64) -> [f64; 4] {
+    std::array::from_fn(|c| (1.0 - part) * from[c] + part * to[c])
+}
+
+#[inline]
+fn minus(a: &[f64; 4], b: &[f64; 4]) -> [f64; 4] {
+    std::array::from_fn(|c| a[c] - b[c])
 }
 
 /// Cell and place in it of an index clamped to the grid; a NaN reads the first cell.
