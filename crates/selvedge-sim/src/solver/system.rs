@@ -36,9 +36,9 @@ pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 const ITERATIVE_FROM: usize = 600;
 
 /// Tolerance of the automatic choice in first and second order `[m/s]`. That of first order is from
-/// before there was a second, and stays so that data sets do. A thousandth of a millimetre per second
-/// is a thousandth of the error of a substep; a tenth of that costs a fifth of the time and changes
-/// nothing that is seen.
+/// before there was a second, and stays so that data sets do. A thousandth of a millimetre per
+/// second is a thousandth of a substep's error; a tenth of that costs half as many iterations more
+/// and changes nothing that is seen.
 const AUTOMATIC_TOLERANCE: [f64; 2] = [1e-7, 1e-6];
 
 /// Reason for a failed solve.
