@@ -161,9 +161,12 @@ impl Elements {
     ) {
         (self.jacobian, self.dt) = (at.jacobian, at.dt);
         let air = &self.environment;
-        match &self.stretch_law {
-            StretchLaw::Exact(law) => self.faces.evaluate(law, threads, air, at),
-            StretchLaw::Grid(law) => self.faces.evaluate(law, threads, air, at),
+        let faces = &mut self.faces;
+        match (&self.stretch_law, at.stiffening) {
+            (StretchLaw::Exact(law), false) => faces.evaluate::<_, false>(law, threads, air, at),
+            (StretchLaw::Exact(law), true) => faces.evaluate::<_, true>(law, threads, air, at),
+            (StretchLaw::Grid(law), false) => faces.evaluate::<_, false>(law, threads, air, at),
+            (StretchLaw::Grid(law), true) => faces.evaluate::<_, true>(law, threads, air, at),
         }
         self.hinges.evaluate(threads, at);
         let gravity = self.environment.gravity * at.dt;
@@ -234,9 +237,10 @@ impl Hinges {
 }
 
 impl Faces {
-    fn evaluate(
+    /// Evaluates the faces; with a Jacobian that knows how the stiffness grows if `STIFFENING`.
+    fn evaluate<L: StretchStiffness + Sync, const STIFFENING: bool>(
         &mut self,
-        law: &(impl StretchStiffness + Sync),
+        law: &L,
         threads: Threads,
         environment: &Environment,
         at: Linearisation<'_>,
@@ -248,9 +252,10 @@ impl Faces {
             |k, response, pushes| {
                 let Face { corners, element } = &faces[k];
                 let places = corners.map(|v| at.positions[v as usize]);
-                let stretch = match at.stiffening {
-                    false => element.respond(law, places),
-                    true => element.respond_stiffening(law, places),
+                let stretch = if STIFFENING {
+                    element.respond_stiffening(law, places)
+                } else {
+                    element.respond(law, places)
                 };
                 let air = air_response(
                     environment,
