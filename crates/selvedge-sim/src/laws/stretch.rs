@@ -103,7 +103,8 @@ impl StretchElement {
         let grown = |index: usize| stiffness[index] + growth[index].max(0.0);
         let (k0, k2) = (grown(0), grown(2));
         let most = (k0 * k2).sqrt();
-        let k1 = (stiffness[1] + growth[1]).clamp(-most, most);
+        // Not `clamp`, which panics where `most` is NaN: the solve names what is not finite.
+        let k1 = (stiffness[1] + growth[1]).max(-most).min(most);
         StretchResponse {
             stiffness: [k0, k1, k2, grown(3)],
             ..self.response(along_u, along_v, strain, stiffness)
@@ -260,6 +261,19 @@ mod tests {
     fn shifted(mut corners: [DVec3; 3], corner: usize, axis: usize, by: f64) -> [DVec3; 3] {
         corners[corner][axis] += by;
         corners
+    }
+
+    #[test]
+    fn corners_that_are_nowhere_have_no_finite_force_and_do_not_panic() {
+        let law = crate::laws::stretch_table::GridStiffness::new(selvedge_cloth::StretchTable(
+            [[16.0, 14.0, 34.0, 36.0]; 6],
+        ));
+        for value in [f64::NAN, f64::INFINITY, 1e300] {
+            let mut corners = deformed();
+            corners[1] = DVec3::new(value, -value, value);
+            let response = StretchElement::new(REST).respond_stiffening(&law, corners);
+            assert!(response.force().iter().any(|force| !force.is_finite()));
+        }
     }
 
     #[test]
