@@ -4,12 +4,14 @@ use glam::{DVec2, DVec3};
 
 /// Signed area of a triangle in material space `[m²]`; positive when counter-clockwise.
 #[must_use]
+#[inline]
 pub fn signed_area_2d(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     0.5 * (b - a).perp_dot(c - a)
 }
 
 /// Area vector of a triangle: unit normal times area `[m²]`.
 #[must_use]
+#[inline]
 pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
     0.5 * (b - a).cross(c - a)
 }
@@ -25,6 +27,7 @@ pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
 /// motion. 0 for a degenerate face, and also where an argument is not finite: an angle is no sign
 /// of a lost cloth, so positions are checked where they are made.
 #[must_use]
+#[inline]
 pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 {
     let along = to - from;
     let normal_left = along.cross(left - from);

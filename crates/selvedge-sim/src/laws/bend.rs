@@ -60,7 +60,7 @@ impl BendElement {
     /// (0 to 3) and the next, value at most 4, never negative. Below 0 the first columns are
     /// extrapolated. `[eq:bend-table]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn stiffness_at(&self, curvature: f64) -> f64 {
         let value = curvature.min((COLUMNS - 1) as f64);
         let low = (value.max(0.0) as usize).min(COLUMNS - 2);
@@ -73,7 +73,7 @@ impl BendElement {
     /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 θ l/(a_A + a_B), l the current length;
     /// [`BendingLaw::Symmetric`] reads it at |θ|. `[eq:bend-stiffness]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn respond(&self, law: BendingLaw, corners: [DVec3; 4]) -> BendResponse {
         let [from, to, left, right] = corners;
         let angle = dihedral_angle(from, to, left, right);
@@ -94,7 +94,7 @@ impl BendElement {
 impl BendResponse {
     /// Force on the four corners `[N]`: F = -coeff/2 θ ∂θ/∂x. `[eq:bend-force]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn force(&self) -> [DVec3; 4] {
         let scale = -self.stiffness * self.angle;
         self.gradient.map(|gradient| gradient * scale)
@@ -103,7 +103,7 @@ impl BendResponse {
     /// Block (`row`, `column`) of the negative Jacobian -J = coeff/2 ∂θ ∂θᵀ `[N/m]`.
     /// `[eq:bend-jacobian]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn negative_jacobian(&self, row: usize, column: usize) -> DMat3 {
         let left = self.gradient[row] * self.stiffness;
         let right = self.gradient[column];
@@ -112,7 +112,7 @@ impl BendResponse {
 
     /// -J applied to one vector per corner.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn negative_jacobian_times(&self, vectors: [DVec3; 4]) -> [DVec3; 4] {
         let scale = self.stiffness * self.rate(vectors);
         self.gradient.map(|gradient| gradient * scale)
@@ -120,7 +120,7 @@ impl BendResponse {
 
     /// ∂θ/∂x applied to one vector per corner.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn rate(&self, vectors: [DVec3; 4]) -> f64 {
         let [a, b, c, d] = self.gradient;
         a.dot(vectors[0]) + b.dot(vectors[1]) + c.dot(vectors[2]) + d.dot(vectors[3])
@@ -132,7 +132,7 @@ impl BendResponse {
 /// ∂θ/∂x3 = n_B/h_B, ∂θ/∂x0 = -((1-w_A) n_A/h_A + (1-w_B) n_B/h_B), ∂θ/∂x1 = -(w_A n_A/h_A + w_B
 /// n_B/h_B). `[eq:bend-gradient]`
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn angle_gradient(corners: [DVec3; 4]) -> [DVec3; 4] {
     let [from, to, left, right] = corners;
     let along = to - from;

@@ -3,7 +3,7 @@
 //! Air acts on each face with its material area and its current unit normal; a third goes to each
 //! corner. With the current area, ARCSim's substeps are not met.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{AirLaw, Environment};
 
@@ -24,7 +24,7 @@ pub struct AirResponse {
 /// v_rel = wind - mean corner velocity, n the unit normal, v_n = n·v_rel, v_t = v_rel - v_n n:
 /// F = density · area · |v_n| v_n n + drag · area · v_t. `[eq:air-drag]`
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn air_force(
     environment: &Environment,
     area: f64,
@@ -68,7 +68,7 @@ impl From<AirLaw> for AirResistance {
 /// [`AirResistance::Secant`] and 2 for [`AirResistance::Tangent`]. The force on the face after the
 /// step is F - D Δv, Δv the change of the mean corner velocity. `[eq:air-implicit]`
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn air_response(
     environment: &Environment,
     resistance: AirResistance,
@@ -102,11 +102,19 @@ pub fn air_response(
 impl AirResponse {
     /// D times `velocity`, a change of the mean corner velocity `[m/s]`.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn resist(&self, velocity: DVec3) -> DVec3 {
         let [through, along] = self.resistance;
         let normal = self.normal * self.normal.dot(velocity);
         normal * through + (velocity - normal) * along
+    }
+
+    /// D times `scale`, as a matrix.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn matrix(&self, scale: f64) -> DMat3 {
+        let column = |axis: DVec3| self.resist(axis) * scale;
+        DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
     }
 }
 

@@ -53,7 +53,7 @@ impl StretchElement {
 
     /// Columns f_u = ∂x/∂u and f_v = ∂x/∂v of the deformation gradient.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn gradient(&self, corners: [DVec3; 3]) -> (DVec3, DVec3) {
         let [a, b, c] = corners;
         let (first, second) = (b - a, c - a);
@@ -65,7 +65,7 @@ impl StretchElement {
 
     /// Green strain of corners at these positions `[m]`: G = (FᵀF - I)/2. `[eq:green-strain]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn strain(&self, corners: [DVec3; 3]) -> Strain {
         let (along_u, along_v) = self.gradient(corners);
         green_strain(along_u, along_v)
@@ -73,7 +73,7 @@ impl StretchElement {
 
     /// Force and Jacobian at these corner positions `[m]`.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn respond(
         &self,
         stiffness: &impl StretchStiffness,
@@ -91,7 +91,7 @@ impl StretchElement {
     /// A linear solve far from its end needs that: with k alone, the Jacobian of a fabric that
     /// stiffens is too small by half and more.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn respond_stiffening(
         &self,
         stiffness: &impl StretchStiffness,
@@ -111,7 +111,7 @@ impl StretchElement {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn response(
         &self,
         along_u: DVec3,
@@ -139,7 +139,7 @@ impl StretchElement {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn green_strain(along_u: DVec3, along_v: DVec3) -> Strain {
     Strain {
         uu: 0.5 * (along_u.length_squared() - 1.0),
@@ -153,7 +153,7 @@ impl StretchResponse {
     /// F = -a [(k0 G00 + k1 G11) g_uu + (k2 G11 + k1 G00) g_vv + 2 k3 G01 g_uv] with
     /// g_uu = d_u ⊗ f_u, g_vv = d_v ⊗ f_v, g_uv = (d_u ⊗ f_v + d_v ⊗ f_u)/2. `[eq:stretch-force]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn force(&self) -> [DVec3; 3] {
         let (stress, area) = (self.stress, self.element.area);
         let by_u = (self.along_u * stress.uu + self.along_v * stress.uv) * -area;
@@ -166,10 +166,16 @@ impl StretchResponse {
     /// (k0 G00⁺ + k1 G11⁺) d_u d_uᵀ ⊗ I + (k2 G11⁺ + k1 G00⁺) d_v d_vᵀ ⊗ I].
     /// `[eq:stretch-jacobian]`
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn negative_jacobian(&self, row: usize, column: usize) -> DMat3 {
         let element = &self.element;
-        let [k0, k1, k2, k3] = self.stiffness.map(|k| k * element.area);
+        let [k0, k1, k2, k3] = self.stiffness;
+        let [k0, k1, k2, k3] = [
+            k0 * element.area,
+            k1 * element.area,
+            k2 * element.area,
+            k3 * element.area,
+        ];
         let (row_u, row_v) = (element.shape_u[row], element.shape_v[row]);
         let (column_u, column_v) = (element.shape_u[column], element.shape_v[column]);
         let (uu, vv) = (row_u * column_u, row_v * column_v);
@@ -189,7 +195,7 @@ impl StretchResponse {
 
     /// -J applied to one vector per corner.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn negative_jacobian_times(&self, vectors: [DVec3; 3]) -> [DVec3; 3] {
         let element = &self.element;
         let [a, b, c] = vectors;
@@ -206,10 +212,11 @@ impl StretchResponse {
         self.spread(by_u * element.area, by_v * element.area)
     }
 
-    #[inline]
+    #[inline(always)]
     fn spread(&self, by_u: DVec3, by_v: DVec3) -> [DVec3; 3] {
         let element = &self.element;
-        [0, 1, 2].map(|a| by_u * element.shape_u[a] + by_v * element.shape_v[a])
+        let corner = |a: usize| by_u * element.shape_u[a] + by_v * element.shape_v[a];
+        [corner(0), corner(1), corner(2)]
     }
 }
 

@@ -120,7 +120,7 @@ fn between_rows(table: &StretchTable, largest: f64, direction: f64) -> [f64; 4] 
 }
 
 /// `value` in the precision of a single-precision absolute value of ARCSim.
-#[inline]
+#[inline(always)]
 fn single(value: f64) -> f64 {
     f64::from(value.abs() as f32)
 }
@@ -151,7 +151,7 @@ impl GridStiffness {
 impl StretchStiffness for GridStiffness {
     /// Trilinear between the samples at (G00, G11, |G01| in single precision); beyond the grid,
     /// that of its rim. `[eq:stretch-grid]`
-    #[inline]
+    #[inline(always)]
     fn at(&self, strain: Strain) -> [f64; 4] {
         let (i, s) = place((strain.uu - GRID_START) * SAMPLES_PER_STRAIN);
         let (j, t) = place((strain.vv - GRID_START) * SAMPLES_PER_STRAIN);
@@ -168,7 +168,7 @@ impl StretchStiffness for GridStiffness {
     }
 
     /// G00 ∂k/∂G00 + G11 ∂k/∂G11 + |G01| ∂k/∂|G01| of the cell; none along an axis beyond the grid.
-    #[inline]
+    #[inline(always)]
     fn with_growth(&self, strain: Strain) -> StiffnessGrowth {
         let shear = single(strain.uv);
         let along = |value: f64, start: f64| {
@@ -207,18 +207,18 @@ impl StretchStiffness for GridStiffness {
 }
 
 /// Linear between `from` and `to`.
-#[inline]
+#[inline(always)]
 fn between(from: &[f64; 4], to: &[f64; 4], part: f64) -> [f64; 4] {
     std::array::from_fn(|c| (1.0 - part) * from[c] + part * to[c])
 }
 
-#[inline]
+#[inline(always)]
 fn minus(a: &[f64; 4], b: &[f64; 4]) -> [f64; 4] {
     std::array::from_fn(|c| a[c] - b[c])
 }
 
 /// Cell and place in it of an index clamped to the grid; a NaN reads the first cell.
-#[inline]
+#[inline(always)]
 fn place(index: f64) -> (usize, f64) {
     let index = index.clamp(0.0, (GRID - 1) as f64 - INDEX_MARGIN);
     let cell = index as usize;

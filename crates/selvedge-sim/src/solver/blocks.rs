@@ -31,20 +31,26 @@ impl Contributions {
         }
     }
 
-    /// Gathers every block of M - dt (dt + c) J + dt D_air in f64, `[kg]`.
-    pub(crate) fn gather(&self, threads: Threads, elements: &Elements, blocks: &mut [DMat3]) {
+    /// Gathers every block of M - dt (dt + c) J + dt D_air in f64, `[kg]`. `air` is room for the
+    /// resistance of each face, which all its blocks share.
+    pub(crate) fn gather(
+        &self,
+        threads: Threads,
+        elements: &Elements,
+        air: &mut [DMat3],
+        blocks: &mut [DMat3],
+    ) {
         let jacobian = elements.jacobian_scale();
         let ninth = elements.time_step() / 9.0;
+        let responses = &elements.faces.responses;
+        threads.each(air, |k, air| *air = responses[k].air.matrix(ninth));
         threads.each(blocks, |slot, block| {
             let mut sum = DMat3::ZERO;
             for &entry in self.faces.of(slot) {
                 let (face, row, column) = unpack(entry);
-                let FaceResponse { stretch, air } = &elements.faces.responses[face];
+                let stretch = &responses[face].stretch;
                 sum += stretch.negative_jacobian(row, column) * jacobian;
-                if air.resistance != [0.0; 2] {
-                    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| air.resist(axis) * ninth);
-                    sum += DMat3::from_cols(axes[0], axes[1], axes[2]);
-                }
+                sum += air[face];
             }
             for &entry in self.hinges.of(slot) {
                 let (hinge, row, column) = unpack(entry);

@@ -196,15 +196,17 @@ impl Elements {
         let (jacobian, dt) = (self.jacobian, self.dt);
         let (faces, responses) = (&self.faces.faces, &self.faces.responses);
         threads.each(&mut self.faces.impulses, |k, pushes| {
-            let vectors = faces[k].corners.map(|v| vector[v as usize]);
+            let vectors = select(vector, &faces[k].corners);
             let response = &responses[k];
             let resisting = response.stretch.negative_jacobian_times(vectors);
             let air = response.air.resist(vectors[0] + vectors[1] + vectors[2]) * (dt / 9.0);
-            *pushes = resisting.map(|r| r * jacobian + air);
+            for (push, resisting) in pushes.iter_mut().zip(resisting) {
+                *push = resisting * jacobian + air;
+            }
         });
         let (hinges, bent) = (&self.hinges.hinges, &self.hinges.responses);
         threads.each(&mut self.hinges.impulses, |k, push| {
-            let rate = bent[k].rate(hinges[k].corners.map(|v| vector[v as usize]));
+            let rate = bent[k].rate(select(vector, &hinges[k].corners));
             *push = bent[k].stiffness * jacobian * rate;
         });
         let this = &*self;
@@ -229,8 +231,8 @@ impl Hinges {
         let (hinges, law) = (&self.hinges, self.law);
         threads.each_pair(&mut self.responses, &mut self.impulses, |k, bent, push| {
             let Hinge { corners, element } = &hinges[k];
-            *bent = element.respond(law, corners.map(|v| at.positions[v as usize]));
-            let rate = bent.rate(corners.map(|v| at.rates[v as usize]));
+            *bent = element.respond(law, select(at.positions, corners));
+            let rate = bent.rate(select(at.rates, corners));
             *push = -bent.stiffness * (at.dt * bent.angle + at.rate * rate);
         });
     }
@@ -251,7 +253,7 @@ impl Faces {
             &mut self.impulses,
             |k, response, pushes| {
                 let Face { corners, element } = &faces[k];
-                let places = corners.map(|v| at.positions[v as usize]);
+                let places = select(at.positions, corners);
                 let stretch = if STIFFENING {
                     element.respond_stiffening(law, places)
                 } else {
@@ -261,19 +263,30 @@ impl Faces {
                     environment,
                     at.air_resistance,
                     element.area,
-                    corners.map(|v| at.air_positions[v as usize]),
-                    corners.map(|v| at.air_velocities[v as usize]),
+                    select(at.air_positions, corners),
+                    select(at.air_velocities, corners),
                 );
-                let resisting =
-                    stretch.negative_jacobian_times(corners.map(|v| at.rates[v as usize]));
+                let resisting = stretch.negative_jacobian_times(select(at.rates, corners));
                 let third = air.force * (at.dt / 3.0);
                 let force = stretch.force();
-                *pushes =
-                    std::array::from_fn(|a| force[a] * at.dt - resisting[a] * at.rate + third);
+                for (push, (force, resisting)) in pushes.iter_mut().zip(force.iter().zip(resisting))
+                {
+                    *push = *force * at.dt - resisting * at.rate + third;
+                }
                 *response = FaceResponse { stretch, air };
             },
         );
     }
+}
+
+/// The entries of `vectors` at these corners. A loop: `array::map` is not always inlined.
+#[inline(always)]
+fn select<const N: usize>(vectors: &[DVec3], corners: &[u32; N]) -> [DVec3; N] {
+    let mut selected = [DVec3::ZERO; N];
+    for (entry, corner) in selected.iter_mut().zip(corners) {
+        *entry = vectors[*corner as usize];
+    }
+    selected
 }
 
 /// Corners of every interior edge in the order of [`BendElement`].

@@ -107,6 +107,8 @@ struct Springs<'a> {
 
 struct Direct {
     contributions: Contributions,
+    /// Resistance of the air to each face `[kg]`.
+    air: Vec<DMat3>,
     blocks: Vec<DMat3>,
     values: Vec<f64>,
     solution: Vec<f64>,
@@ -422,6 +424,7 @@ impl Direct {
         let (starts, rows) = pattern.scalar_columns();
         Ok(Self {
             contributions: Contributions::new(pattern, elements),
+            air: vec![DMat3::ZERO; elements.faces.faces.len()],
             blocks: vec![DMat3::ZERO; pattern.slot_count()],
             values: vec![0.0; rows.len()],
             solution: vec![0.0; 3 * pattern.unknown_count()],
@@ -437,7 +440,7 @@ impl Direct {
         springs: Springs<'_>,
     ) {
         self.contributions
-            .gather(threads, elements, &mut self.blocks);
+            .gather(threads, elements, &mut self.air, &mut self.blocks);
         for vertex in springs.vertices {
             let added = DMat3::from_diagonal(DVec3::splat(springs.stiffness));
             self.blocks[pattern.unknown(vertex.0) as usize] += added;
