@@ -55,7 +55,7 @@ const SHORTEST_TIME_STEP: f64 = 0.1;
 /// Longest step of a vertex, relative to the size of the sheet.
 const LONGEST_STEP: f64 = 0.02;
 /// Residual acceleration `[m/s²]` below which the iteration is smooth enough to be accelerated.
-const ACCELERATE_BELOW: f64 = 0.2;
+const ACCELERATE_BELOW: f64 = 3.0;
 /// Steps that Anderson's method remembers.
 const DEPTH: usize = 8;
 /// Solves without a residual a tenth smaller than the best after which the search changes its way;
