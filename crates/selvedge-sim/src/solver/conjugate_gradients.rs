@@ -74,9 +74,22 @@ struct Vectors {
 
 /// Factor by which the residual falls before it is computed anew. Rounding in f32 is well below.
 const CYCLE: f64 = 1e-4;
-/// Ratio (squared) of the residual computed anew to its estimate above which no more accuracy can
-/// be gained.
-const STUCK: f64 = 1e6;
+/// Ratio (squared) of the residual computed anew to its estimate up to which the iteration goes on
+/// as one. Beyond, the last direction has no part in the next: a few unknowns are solved in as many
+/// iterations, the estimate falls to nothing, and a direction made of it leads away for ever.
+const TRUSTED: f64 = 4.0;
+/// Ratio (squared) of a residual computed anew to the last one above which no more accuracy can be
+/// gained.
+const STUCK: f64 = 0.25;
+
+/// Sizes (squared) of the residual over the iterations between two that were computed anew.
+#[derive(Clone, Copy)]
+struct Cycle {
+    start: f64,
+    /// Estimates before and after the last iteration.
+    before_end: f64,
+    end: f64,
+}
 
 impl ConjugateGradients {
     /// A solver for matrices of this pattern.
@@ -148,7 +161,7 @@ impl ConjugateGradients {
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
-        let mut before = None;
+        let mut last: Option<Cycle> = None;
         loop {
             residual_of(changes, &mut self.residual);
             let size = self.take_residual(threads, pattern);
@@ -160,30 +173,52 @@ impl ConjugateGradients {
                     iterations: self.iterations,
                 });
             }
-            self.vectors.solution.fill(Vec3A::ZERO);
-            self.turn(threads, before.map_or(0.0, |before: f64| size / before));
-            let cycle_goal = goal.max(size * CYCLE * CYCLE);
-            let mut now = size;
-            while now > cycle_goal && self.iterations < self.settings.max_iterations {
-                now = self
-                    .iterate(threads, now)
-                    .ok_or(IterationError::Indefinite {
-                        iterations: self.iterations,
-                    })?;
-            }
-            self.give_solution(threads, pattern, changes);
-            if now <= goal {
-                return Ok(());
-            }
-            if now > cycle_goal || before.is_some_and(|before| size > STUCK * before) {
+            let is_stuck = last.is_some_and(|last| size > STUCK * last.start);
+            if is_stuck || self.iterations >= self.settings.max_iterations {
                 return Err(IterationError::NotConverged {
                     iterations: self.iterations,
-                    error: (now / unit).sqrt(),
+                    error: (size / unit).sqrt(),
                     tolerance: self.settings.tolerance,
                 });
             }
-            before = Some(now);
+            let truthful = last.filter(|last| size <= TRUSTED * last.end);
+            let part = truthful.map_or(0.0, |last| size / last.before_end);
+            let cycle_goal = goal.max(size * CYCLE * CYCLE);
+            let cycle = self.cycle(threads, size, part, cycle_goal)?;
+            self.give_solution(threads, pattern, changes);
+            if cycle.end <= goal {
+                return Ok(());
+            }
+            last = Some(cycle);
         }
+    }
+
+    /// Iterates from a residual of size squared `size` until its estimate is at most `goal`, or
+    /// until the iterations are used up. The first direction has `part` of the last one.
+    fn cycle(
+        &mut self,
+        threads: Threads,
+        size: f64,
+        mut part: f64,
+        goal: f64,
+    ) -> Result<Cycle, IterationError> {
+        self.vectors.solution.fill(Vec3A::ZERO);
+        let (mut before, mut now) = (size, size);
+        while now > goal && self.iterations < self.settings.max_iterations {
+            self.turn(threads, part);
+            before = now;
+            now = self
+                .iterate(threads, now)
+                .ok_or(IterationError::Indefinite {
+                    iterations: self.iterations,
+                })?;
+            part = now / before;
+        }
+        Ok(Cycle {
+            start: size,
+            before_end: before,
+            end: now,
+        })
     }
 
     /// Rounds and scales the f64 residual. Gives its size squared.
@@ -203,7 +238,8 @@ impl ConjugateGradients {
         length_squared(&self.vectors.residual)
     }
 
-    /// Computes the next direction: residual + `part` · direction.
+    /// Computes the next direction: residual + `part` · direction. Without a part, a direction that
+    /// is not finite is forgotten.
     fn turn(&mut self, threads: Threads, part: f64) {
         let part = part as f32;
         let Vectors {
@@ -212,6 +248,9 @@ impl ConjugateGradients {
             solved,
             ..
         } = &mut self.vectors;
+        if part == 0.0 {
+            direction.fill(Vec3A::ZERO);
+        }
         for ((direction, residual), solved) in direction.iter_mut().zip(residual).zip(&mut *solved)
         {
             *direction = *residual + *direction * part;
@@ -249,7 +288,6 @@ impl ConjugateGradients {
             *residual -= *product * step;
             next += f64::from(residual.length_squared());
         }
-        self.turn(threads, next / size);
         next.is_finite().then_some(next)
     }
 
