@@ -53,6 +53,7 @@ pub mod export;
 pub mod foreign;
 mod formats;
 pub mod metrics;
+mod rest_poses;
 mod rig;
 mod scene;
 mod trajectory;
@@ -75,6 +76,7 @@ pub use formats::obj::{
 pub use formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
+pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{Rig, RigError, RigNode};
 pub use scene::{
     GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,

@@ -26,6 +26,8 @@ pub enum Event<'a> {
     Noted(&'a str),
     /// The task has ended, early or not.
     Ended,
+    /// A line that whoever waits is to see.
+    Remarked(&'a str),
     /// Nothing has happened: the operation asks whether to go on.
     Asked,
 }
@@ -81,6 +83,12 @@ impl<'a> Reporter<'a> {
     /// Begins a task of `count` units.
     pub(crate) fn count(&self, task: &str, count: usize, unit: &'static str) -> Task<'_, 'a> {
         self.begin(task, Goal::Count(count as u64), unit)
+    }
+
+    /// Says a line.
+    pub(crate) fn remark(&self, line: &str) {
+        // The next unit asks whether to go on.
+        let _ = self.tell(Event::Remarked(line));
     }
 
     /// Returns `true` when the listener asks to stop.

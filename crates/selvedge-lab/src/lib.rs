@@ -56,6 +56,7 @@ pub mod models;
 pub mod numbers;
 pub mod physics;
 pub mod report;
+pub mod rest_pose;
 pub mod rigid;
 pub mod span;
 pub mod state_log;

@@ -11,12 +11,11 @@ use selvedge_data::{
     Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, SceneSpecError, StateRun,
     Trajectory, TrajectoryError, record,
 };
-use selvedge_sim::{
-    SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads, sag_with_progress,
-};
+use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads};
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
+use crate::rest_pose;
 use crate::state_log::{StateLog, simulator_in};
 
 /// The program, as the files that it writes name it.
@@ -88,15 +87,20 @@ pub(crate) fn find_rest_pose(
     reporter: &Reporter<'_>,
 ) -> Result<SaggedRest, RestPoseError> {
     let task = reporter.begin("sagging to rest", Goal::Open, "solves");
-    let rest = sag_with_progress(scene, &mut |now| {
+    let found = rest_pose::found(scene, &mut |now| {
         let (left, wanted) = (now.residual, now.tolerance);
         task.note(&format!("{left:.1e} m/s² left, to be {wanted:.0e}"));
         task.advance()
     });
-    let rest = rest.map_err(|source| RestPoseError {
+    drop(task);
+    let found = found.map_err(|source| RestPoseError {
         scene: scene.name.clone(),
         source,
     })?;
+    if let Some(remark) = found.remark() {
+        reporter.remark(&remark);
+    }
+    let rest = found.rest;
     tracing::info!(
         solves = rest.solves,
         residual = rest.residual,

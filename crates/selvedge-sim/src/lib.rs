@@ -76,6 +76,6 @@ mod strain_watch;
 mod threads;
 
 pub use integrator::SubstepCounts;
-pub use rest_pose::{SagError, SagProgress, SaggedRest, sag, sag_with_progress};
+pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{PreviousSubstep, Simulator, SimulatorError};
 pub use threads::Threads;

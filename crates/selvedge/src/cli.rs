@@ -42,6 +42,9 @@ pub(crate) struct Cli {
     /// Print the answer as one JSON object on standard output.
     #[arg(long, global = true)]
     json: bool,
+    /// Find rest poses anew, and keep none for another time.
+    #[arg(long, global = true)]
+    pub(crate) no_cache: bool,
     /// Say more about what is being done; twice for still more.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,

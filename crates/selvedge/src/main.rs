@@ -4,6 +4,7 @@
 //! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
 //! command answers goes to standard output, everything else to standard error.
 
+mod cache;
 mod cli;
 mod commands;
 mod exporting;
@@ -40,6 +41,9 @@ fn main() -> ExitCode {
 
 fn answer(cli: &Cli) -> anyhow::Result<End> {
     interrupt::install()?;
+    if !cli.no_cache {
+        cache::open();
+    }
     let answer = commands::run(&cli.command)?;
     answer.print(cli.reader())?;
     answer.outcome()

@@ -119,6 +119,11 @@ impl Progress {
     }
 }
 
+/// Says a line on standard error, which may be closed; that is no reason to stop.
+pub(crate) fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
 /// Shows the events of an operation and stops it after Ctrl-C.
 pub(crate) fn listener() -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
     let mut shown: Option<Progress> = None;
@@ -130,6 +135,7 @@ pub(crate) fn listener() -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
             (Event::Advanced, Some(progress)) => progress.advance(),
             (Event::Noted(note), Some(progress)) => progress.note(note),
             (Event::Ended, _) => shown = None,
+            (Event::Remarked(line), _) => say(line),
             (Event::Advanced | Event::Noted(_) | Event::Asked, _) => {}
         }
         interrupt::flow()

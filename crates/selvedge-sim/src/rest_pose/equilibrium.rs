@@ -16,7 +16,9 @@ use selvedge_cloth::{LinearSolver, Scene};
 
 use crate::rest_pose::anderson::Anderson;
 use crate::rest_pose::last_step::LastStep;
-use crate::rest_pose::progress::{Approach, Listener, SagError, SagProgress, SaggedRest, tell};
+use crate::rest_pose::progress::{
+    Approach, Largest, Listener, SagError, SagProgress, SaggedRest, tell,
+};
 use crate::rest_pose::start::sheet_size;
 use crate::solver::{SolveError, System};
 use crate::state::State;
@@ -30,9 +32,11 @@ pub(super) fn find_equilibrium(
     let mut solves = approach.solves;
     let mut relaxation = Relaxation::new(scene, approach.positions)?;
     loop {
+        let largest = relaxation.residual();
         let now = SagProgress {
             solves,
-            residual: relaxation.residual(),
+            residual: largest.value,
+            vertex: largest.vertex,
             tolerance: scene.sag.tolerance,
         };
         tell(progress, now)?;
@@ -115,23 +119,14 @@ impl Relaxation {
         })
     }
 
-    /// Assembles at the current positions. Gives the largest |F|/m of an unknown vertex `[m/s²]`.
+    /// Assembles at the current positions. Gives the largest |F|/m of an unknown vertex.
     /// `[eq:sag-residual]`
-    fn residual(&mut self) -> f64 {
+    fn residual(&mut self) -> Largest {
         self.system
             .assemble(self.time_step, &self.state, &self.targets);
         let (impulses, mass) = (self.system.impulses(), self.system.mass());
-        self.system
-            .unknown_vertices()
-            .iter()
-            .map(|&v| impulses[v as usize].length() / (self.time_step * mass[v as usize]))
-            .fold(0.0, |largest, a| {
-                if a > largest || a.is_nan() {
-                    a
-                } else {
-                    largest
-                }
-            })
+        let unknown = self.system.unknown_vertices().iter().map(|&v| v as usize);
+        Largest::of(unknown.map(|v| (v, impulses[v].length() / (self.time_step * mass[v]))))
     }
 
     /// Takes the step that follows from what [`Self::residual`] assembled.

@@ -11,6 +11,7 @@
 //! and stays at its start.
 
 mod anderson;
+mod content;
 mod equilibrium;
 mod last_step;
 mod motion;
@@ -28,6 +29,7 @@ use progress::Approach;
 use start::{bulged, scene_at_start};
 use within_limits::relax_within_limits;
 
+pub use content::RestPoseContent;
 pub use progress::{SagError, SagProgress, SaggedRest};
 
 /// Finds the sagged rest pose of a scene's cloth, its handles at their places in the mesh.

@@ -9,7 +9,7 @@ use glam::DVec3;
 use selvedge_cloth::Scene;
 
 use crate::active_handles::ActiveHandles;
-use crate::rest_pose::progress::{Approach, Listener, SagError, SagProgress, tell};
+use crate::rest_pose::progress::{Approach, Largest, Listener, SagError, SagProgress, tell};
 use crate::state::State;
 
 /// Speed below which a cloth counts as at rest `[m/s]`.
@@ -41,14 +41,17 @@ pub(super) fn relax_by_motion(
         active
             .advance_first_order(dt, &mut state, &targets)
             .map_err(|cause| SagError::failed_solve(solves, &cause))?;
-        let change = largest(state.velocities.iter().zip(&before).map(|(a, b)| *a - *b));
+        let changes = state.velocities.iter().zip(&before);
+        let change = Largest::of(changes.map(|(a, b)| a.distance(*b)).enumerate());
         let now = SagProgress {
             solves,
-            residual: change / dt,
+            residual: change.value / dt,
+            vertex: change.vertex,
             tolerance: scene.sag.tolerance,
         };
         tell(progress, now)?;
-        let slow = largest(state.velocities.iter().copied()) < SLOW;
+        let fastest = Largest::of(state.velocities.iter().map(|v| v.length()).enumerate());
+        let slow = fastest.value < SLOW;
         if slow && f64::from(solves) * dt > FIRST_MOMENTS {
             return Ok(Approach {
                 positions: state.positions,
@@ -60,8 +63,4 @@ pub(super) fn relax_by_motion(
         positions: state.positions,
         solves: last,
     })
-}
-
-fn largest(vectors: impl Iterator<Item = DVec3>) -> f64 {
-    vectors.map(|v| v.length()).fold(0.0, f64::max)
 }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use selvedge_cloth::SceneError;
+use selvedge_cloth::{SceneError, VertexId};
 use thiserror::Error;
 
 /// A cloth in static equilibrium.
@@ -24,6 +24,8 @@ pub struct SagProgress {
     pub solves: u32,
     /// Largest residual acceleration |F|/m of a free vertex now `[m/s²]`.
     pub residual: f64,
+    /// The vertex that has it.
+    pub vertex: VertexId,
     /// Residual at which the search ends `[m/s²]`.
     pub tolerance: f64,
 }
@@ -37,10 +39,11 @@ pub enum SagError {
     #[error("the scene has no handles: nothing holds the cloth, so it has no sagged rest pose")]
     NoHandles,
     #[error(
-        "no equilibrium after {solves} solves: a vertex is still accelerated by {residual:e} m/s², sag.tolerance is {tolerance:e}; raise sag.max_steps or sag.tolerance"
+        "no equilibrium after {solves} solves: vertex {vertex} is still accelerated by {residual:e} m/s², sag.tolerance is {tolerance:e}; raise sag.max_steps or sag.tolerance"
     )]
     NotConverged {
         solves: u32,
+        vertex: VertexId,
         residual: f64,
         tolerance: f64,
     },
@@ -79,9 +82,36 @@ impl SagProgress {
     pub(super) fn not_converged(&self) -> SagError {
         SagError::NotConverged {
             solves: self.solves,
+            vertex: self.vertex,
             residual: self.residual,
             tolerance: self.tolerance,
         }
+    }
+}
+
+/// The largest of the vertices' accelerations.
+#[derive(Clone, Copy)]
+pub(super) struct Largest {
+    /// `[m/s²]`; not a number where one of them is not.
+    pub(super) value: f64,
+    /// The first vertex that has it.
+    pub(super) vertex: VertexId,
+}
+
+impl Largest {
+    /// The largest of `values`, each after its vertex.
+    pub(super) fn of(values: impl Iterator<Item = (usize, f64)>) -> Self {
+        let mut largest = Self {
+            value: 0.0,
+            vertex: VertexId(0),
+        };
+        for (vertex, value) in values {
+            if value > largest.value || (value.is_nan() && !largest.value.is_nan()) {
+                let vertex = VertexId(vertex as u32);
+                largest = Self { value, vertex };
+            }
+        }
+        largest
     }
 }
 

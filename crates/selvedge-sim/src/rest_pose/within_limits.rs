@@ -10,7 +10,7 @@ use glam::DVec3;
 use selvedge_cloth::Scene;
 
 use crate::active_handles::ActiveHandles;
-use crate::rest_pose::progress::{Listener, SagError, SagProgress, SaggedRest, tell};
+use crate::rest_pose::progress::{Largest, Listener, SagError, SagProgress, SaggedRest, tell};
 use crate::state::State;
 
 /// Least tolerance of a rest pose within limits `[m/s²]`.
@@ -48,7 +48,8 @@ pub(super) fn relax_within_limits(
         if let Some(residual) = residual {
             let now = SagProgress {
                 solves,
-                residual,
+                residual: residual.value,
+                vertex: residual.vertex,
                 tolerance,
             };
             tell(progress, now)?;
@@ -76,14 +77,14 @@ struct KineticDamping {
 }
 
 impl KineticDamping {
-    /// One solve and projection. From a standstill it gives the residual `[m/s²]`.
-    fn step(&mut self, solves: u32) -> Result<Option<f64>, SagError> {
+    /// One solve and projection. From a standstill it gives the residual.
+    fn step(&mut self, solves: u32) -> Result<Option<Largest>, SagError> {
         let stands = self.energy == 0.0;
         self.active
             .advance_first_order(self.dt, &mut self.state, &self.targets)
             .map_err(|cause| SagError::failed_solve(solves, &cause))?;
-        let fastest = self.state.velocities.iter().map(|v| v.length());
-        Ok(stands.then(|| fastest.fold(0.0, f64::max) / self.dt))
+        let speeds = self.state.velocities.iter().map(|v| v.length());
+        Ok(stands.then(|| Largest::of(speeds.map(|speed| speed / self.dt).enumerate())))
     }
 
     /// Stops the cloth if its kinetic energy has begun to fall.

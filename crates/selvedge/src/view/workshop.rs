@@ -16,9 +16,9 @@ use selvedge_data::{
 };
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{assets, physics};
+use selvedge_lab::{assets, physics, rest_pose};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
-use selvedge_sim::{SagError, sag_with_progress};
+use selvedge_sim::SagError;
 
 use super::movers::ModelOnMachine;
 use super::scene_cloth::SceneCloth;
@@ -155,14 +155,18 @@ impl ViewWorkshop {
             Some(at) => self.rests.remove(at),
             None => {
                 let vertices = loaded.scene.mesh.positions().len();
-                let sagged = sag_with_progress(&loaded.scene, &mut |now| {
+                let found = rest_pose::found(&loaded.scene, &mut |now| {
                     progress(format!(
                         "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
                         now.residual, now.tolerance
                     ))
                 });
                 let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
-                (setting.clone(), sagged.with_context(context)?.positions)
+                let found = found.with_context(context)?;
+                if let Some(remark) = found.remark() {
+                    crate::progress::say(&remark);
+                }
+                (setting.clone(), found.rest.positions)
             }
         };
         if self.rests.len() >= MOST_KEPT {

@@ -170,6 +170,32 @@ fn a_rest_pose_is_the_same_as_a_mesh() {
 }
 
 #[test]
+fn the_second_start_takes_the_rest_pose_from_the_cache() {
+    let desk = Desk::new();
+    let cache = desk.path("cache");
+    let sag = |options: &str, cache: &std::path::Path| {
+        let mut command = desk.command(&format!("sag square-1024 {options}"));
+        let output = command.env("SELVEDGE_CACHE", cache).output().unwrap();
+        assert!(output.status.success());
+    };
+    let poses = || std::fs::read_dir(cache.join("rest-poses")).map_or(0, Iterator::count);
+    sag("--out none.safetensors --no-cache", &cache);
+    assert_eq!(poses(), 0);
+    sag("--out first.safetensors", &cache);
+    assert_eq!(poses(), 1);
+    sag("--out second.safetensors", &cache);
+    sag("--out off.safetensors", std::path::Path::new("off"));
+    assert_eq!(poses(), 1);
+    let first = desk.read("first.safetensors");
+    for other in ["none", "second", "off"] {
+        assert!(
+            desk.read(&format!("{other}.safetensors")) == first,
+            "{other}"
+        );
+    }
+}
+
+#[test]
 fn inspect_says_what_a_file_is() {
     let desk = desk();
     desk.json("simulate push.toml --out push.safetensors");

@@ -85,6 +85,8 @@ impl Desk {
         command
             .args(arguments.split_whitespace())
             .current_dir(self.folder.path())
+            // The user's own cache is no part of a test.
+            .env("SELVEDGE_CACHE", "off")
             .stdin(Stdio::null());
         command
     }

@@ -1,0 +1,196 @@
+//! Rest poses, found or known from before.
+//!
+//! A search may take a minute, and the same cloth is started again and again. [`keep_in`] names a
+//! folder for the process, as one names the threads of a pool; without it nothing is kept. A pose
+//! from the folder has the bytes that a search would find: it is known by all that decides them
+//! ([`RestPoseContent`]) and by the version of the program.
+
+use std::ops::ControlFlow;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use selvedge_cloth::Scene;
+use selvedge_data::{KeptRestPose, RestPoseFolder};
+use selvedge_sim::{RestPoseContent, SagError, SagProgress, SaggedRest, sag_with_progress};
+
+use crate::physics::MADE_BY;
+
+/// Seconds of a search from which its pose is worth a file.
+const WORTH_KEEPING: f64 = 0.2;
+/// Seconds of waiting that are spared and worth a word.
+const WORTH_A_WORD: f64 = 2.0;
+
+static FOLDER: OnceLock<RestPoseFolder> = OnceLock::new();
+
+/// Keeps rest poses in `folder` from now on, for the whole process. Only the first call counts.
+pub fn keep_in(folder: RestPoseFolder) {
+    // A second call asks for what is there.
+    let _ = FOLDER.set(folder);
+}
+
+/// A rest pose, and where it is from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundRest {
+    /// The pose.
+    pub rest: SaggedRest,
+    /// Time that an earlier search took `[s]`; none where the search was this one.
+    pub kept_seconds: Option<f64>,
+}
+
+impl FoundRest {
+    /// A line on a search that was spared, where it would have been waited for.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        let seconds = self
+            .kept_seconds
+            .filter(|seconds| *seconds >= WORTH_A_WORD)?;
+        let vertices = self.rest.positions.len();
+        Some(format!(
+            "the rest pose of {vertices} vertices is known from before (a search of {seconds:.0} s; --no-cache searches again)"
+        ))
+    }
+}
+
+/// The sagged rest pose of `scene`: from the folder of [`keep_in`] where it is known, otherwise
+/// searched for, and kept there if that took a while. `progress` is called at every solve and may
+/// stop.
+///
+/// # Errors
+/// As for [`sag_with_progress`]. A folder that cannot be used is warned of.
+pub fn found(
+    scene: &Scene,
+    progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
+) -> Result<FoundRest, SagError> {
+    match FOLDER.get() {
+        Some(folder) => found_in(folder, WORTH_KEEPING, scene, progress),
+        None => searched(scene, progress),
+    }
+}
+
+fn searched(
+    scene: &Scene,
+    progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
+) -> Result<FoundRest, SagError> {
+    Ok(FoundRest {
+        rest: sag_with_progress(scene, progress)?,
+        kept_seconds: None,
+    })
+}
+
+/// As [`found`], in `folder`; searches from `worth_keeping` seconds on are kept.
+fn found_in(
+    folder: &RestPoseFolder,
+    worth_keeping: f64,
+    scene: &Scene,
+    progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
+) -> Result<FoundRest, SagError> {
+    let content = format!("{MADE_BY} {:?}", RestPoseContent::of(scene)?);
+    match folder.find(&content, scene.mesh.positions().len()) {
+        Ok(None) => {}
+        Ok(Some(kept)) => {
+            return Ok(FoundRest {
+                rest: SaggedRest {
+                    positions: kept.positions,
+                    solves: kept.solves,
+                    residual: kept.residual,
+                },
+                kept_seconds: Some(kept.seconds),
+            });
+        }
+        Err(error) => tracing::warn!("a rest pose from before: {error}; it is searched for again"),
+    }
+    let began = Instant::now();
+    let found = searched(scene, progress)?;
+    let seconds = began.elapsed().as_secs_f64();
+    if seconds >= worth_keeping {
+        let kept = KeptRestPose {
+            positions: found.rest.positions.clone(),
+            solves: found.rest.solves,
+            residual: found.rest.residual,
+            seconds,
+        };
+        if let Err(error) = folder.keep(&content, &kept) {
+            tracing::warn!("the rest pose is not kept for another time: {error}");
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use selvedge_cloth::LinearSolver;
+
+    use super::*;
+    use crate::test_scene::hanging;
+
+    /// The pose of `scene` by way of `folder`, and the solves that it took now.
+    fn through(folder: &RestPoseFolder, scene: &Scene) -> (FoundRest, u32) {
+        let mut solves = 0;
+        let found = found_in(folder, 0.0, scene, &mut |now| {
+            solves = now.solves;
+            ControlFlow::Continue(())
+        });
+        (found.unwrap(), solves)
+    }
+
+    #[test]
+    fn the_second_start_searches_no_more_and_has_the_same_bytes() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = RestPoseFolder::new(place.path().join("poses"));
+        let mut scene = hanging();
+        let (first, solves) = through(&folder, &scene);
+        assert!(solves > 0 && first.kept_seconds.is_none());
+        let alone = searched(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
+        assert_eq!(first, alone);
+        // Settings of the motion are no part of a rest pose.
+        scene.physics.substeps += 1;
+        scene.physics.solver = LinearSolver::Cholesky;
+        let (second, solves) = through(&folder, &scene);
+        assert_eq!((&second.rest, solves), (&first.rest, 0));
+        assert!(second.kept_seconds.is_some());
+        scene.material.density *= 1.01;
+        let (other, solves) = through(&folder, &scene);
+        assert!(solves > 0 && other.rest != first.rest);
+    }
+
+    #[test]
+    fn a_damaged_file_is_searched_for_again_and_mended() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = RestPoseFolder::new(place.path().to_owned());
+        let scene = hanging();
+        let (first, _) = through(&folder, &scene);
+        let file = std::fs::read_dir(place.path()).unwrap().next();
+        let file = file.unwrap().unwrap().path();
+        std::fs::write(&file, b"not a pose").unwrap();
+        let (again, solves) = through(&folder, &scene);
+        assert!(solves > 0 && again == first);
+        assert_eq!(through(&folder, &scene).1, 0);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_costs_the_search_only() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("a file");
+        std::fs::write(&file, b"").unwrap();
+        let folder = RestPoseFolder::new(file.join("poses"));
+        let scene = hanging();
+        let (first, _) = through(&folder, &scene);
+        let (second, solves) = through(&folder, &scene);
+        assert!(solves > 0 && second == first);
+    }
+
+    #[test]
+    fn a_long_wait_that_is_spared_is_told() {
+        let rest = SaggedRest {
+            positions: Vec::new(),
+            solves: 3,
+            residual: 1e-4,
+        };
+        let remark = |kept_seconds| {
+            let rest = rest.clone();
+            FoundRest { rest, kept_seconds }.remark()
+        };
+        assert_eq!((remark(None), remark(Some(1.9))), (None, None));
+        assert!(remark(Some(36.0)).unwrap().contains("36 s"));
+    }
+}
