@@ -75,8 +75,7 @@ struct Vectors {
 /// Factor by which the residual falls before it is computed anew. Rounding in f32 is well below.
 const CYCLE: f64 = 1e-4;
 /// Ratio (squared) of the residual computed anew to its estimate up to which the iteration goes on
-/// as one. Beyond, the last direction has no part in the next: a few unknowns are solved in as many
-/// iterations, the estimate falls to nothing, and a direction made of it leads away for ever.
+/// as one. Beyond, the estimate had lost touch, and the iteration begins anew along the residual.
 const TRUSTED: f64 = 4.0;
 /// Ratio (squared) of a residual computed anew to the last one above which no more accuracy can be
 /// gained.

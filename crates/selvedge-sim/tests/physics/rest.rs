@@ -252,7 +252,8 @@ fn scenes_of_the_same_content_have_the_same_rest_pose() {
 #[test]
 fn every_change_of_a_rest_pose_is_a_change_of_content() {
     let scene = hanging(7);
-    let changes: [(&str, fn(&mut Scene)); 8] = [
+    type Change = fn(&mut Scene);
+    let changes: [(&str, Change); 8] = [
         ("bulge", |scene| scene.sag.bulge = -scene.sag.bulge),
         ("tolerance", |scene| scene.sag.tolerance *= 0.5),
         ("handles", |scene| {
@@ -292,7 +293,6 @@ fn the_search_is_that_of_its_version() {
         scene.material = material(fabric);
         let rest = sag(&scene).unwrap();
         let middle = -rest.positions[40].y;
-        println!("{} {middle:.6}", rest.solves);
         // Other processors round otherwise, which can cost a few solves; the tolerance leaves a
         // hundredth of a millimetre open.
         assert!(
