@@ -62,6 +62,7 @@ pub mod span;
 pub mod state_log;
 pub mod stress;
 pub mod study;
+pub mod teaching;
 #[cfg(test)]
 mod test_scene;
 pub mod training;
