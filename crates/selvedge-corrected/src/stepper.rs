@@ -110,7 +110,7 @@ impl CorrectedStepper {
         &self.now
     }
 
-    /// How much of the last frame was like what the model was trained on.
+    /// The part of the last frame that was like what the model was trained on.
     #[must_use]
     pub fn familiarity(&self) -> Familiarity {
         self.familiarity
@@ -171,6 +171,23 @@ impl CorrectedStepper {
 }
 
 impl FrameState {
+    /// The state at the last of `frames`, oldest first `[m]`, `[frames][vertices]`, of which there
+    /// are `rate` per second: at rest where there is one.
+    #[must_use]
+    pub fn of_frames(frames: &[Vec<Vec3>], rate: f64) -> Self {
+        let wide = |frame: &Vec<Vec3>| frame.iter().map(|p| p.as_dvec3()).collect();
+        let positions: Vec<DVec3> = frames.last().map_or_else(Vec::new, wide);
+        let before: Vec<DVec3> = match frames {
+            [.., before, _] => wide(before),
+            _ => positions.clone(),
+        };
+        let moves = positions.iter().zip(before);
+        Self {
+            velocities: moves.map(|(p, q)| rate * (*p - q)).collect(),
+            positions,
+        }
+    }
+
     /// As the columns of a model take it.
     #[must_use]
     pub fn as_motion(&self) -> MotionState<'_> {

@@ -41,7 +41,7 @@ pub struct Simulator {
     before: Vec<DVec3>,
 }
 
-/// What undoes a step beside the saved state.
+/// The parts that undo a step beside the saved state.
 struct Undo {
     /// The active handles before, where they were others.
     active: Option<ActiveHandles>,

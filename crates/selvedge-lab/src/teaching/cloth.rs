@@ -222,7 +222,7 @@ impl Run {
         Ok(Some(sample))
     }
 
-    /// What the cheap frame `predicted` lacks, in columns of the cloth turned by `turns`.
+    /// The sample of the cheap frame `predicted`, in columns of the cloth turned by `turns`.
     fn write(
         &mut self,
         scene: &TeachingScene,

@@ -111,7 +111,7 @@ struct Moves {
 }
 
 impl CorrectionColumns {
-    /// Columns of the cloth of `graph`, whose material has `stiffness`, with frames `dt` `[s]` long.
+    /// Columns of the cloth of `graph`, whose material has `stiffness`; a frame lasts `dt` `[s]`.
     #[must_use]
     pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64) -> Self {
         let uv = graph.material_coordinates();
@@ -334,8 +334,9 @@ impl CorrectionColumns {
     }
 }
 
-/// The bending angle of a hinge `[rad]`, as the other features have it `[eq:bending-angle]`.
-fn bend([from, to, left, right]: [DVec3; 4]) -> f32 {
+/// The bending angle of a hinge `[rad]`, as the other features have it.
+fn bend(corners: [DVec3; 4]) -> f32 {
+    let [from, to, left, right] = corners;
     let (along, to_left, to_right) = (
         (to - from).as_vec3(),
         (left - from).as_vec3(),

@@ -23,7 +23,7 @@ pub struct CorrectionConfig {
     pub model: ModelSpec,
     /// The physics that it learns from.
     pub teacher: TeacherConfig,
-    /// How samples are made and used.
+    /// The making and the use of samples.
     #[serde(default)]
     pub samples: SampleConfig,
     /// Settings of the optimiser.
@@ -60,7 +60,7 @@ pub struct TeacherConfig {
     pub substeps: u32,
 }
 
-/// How samples are made and used.
+/// The making and the use of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SampleConfig {
@@ -68,7 +68,7 @@ pub struct SampleConfig {
     pub cloths: usize,
     /// The latest samples that are kept.
     pub kept: usize,
-    /// How often each sample is learned from, on average.
+    /// Number of times that each sample is learned from, on average.
     pub uses: f64,
     /// Samples from which statistics are taken before the first step.
     pub statistics: usize,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use selvedge_model::ClothGraph;
 
-/// What a cheap frame of physics lacks.
+/// A cheap frame of physics, and the corrections that lead to its teacher's.
 #[derive(Clone, Debug)]
 pub struct CorrectionSample {
     /// The cloth.
