@@ -188,23 +188,17 @@ pub(super) mod tests {
             (loss, desk.gradient.clone())
         };
         let (_, gradient) = loss(&weights);
-        let direction: Vec<f32> = weights.iter().map(|_| rng.random::<f32>() - 0.5).collect();
-        let step = 1e-3;
+        // Along the gradient, where the slope is its length.
+        let length = gradient.iter().map(|g| g * g).sum::<f32>().sqrt();
+        let step = 1e-2;
         let moved = |sign: f32| -> Vec<f32> {
-            let pairs = weights.iter().zip(&direction);
-            pairs.map(|(w, d)| w + sign * step * d).collect()
+            let pairs = weights.iter().zip(&gradient);
+            pairs.map(|(w, g)| w + sign * step * g / length).collect()
         };
         let slope = (loss(&moved(1.0)).0 - loss(&moved(-1.0)).0) / (2.0 * f64::from(step));
-        let expected: f64 = gradient
-            .iter()
-            .zip(&direction)
-            .map(|(g, d)| f64::from(g * d))
-            .sum();
-        // Rounding of f32 in a loss of about 1, divided by the step.
-        assert!(
-            (slope - expected).abs() < 2e-3 * (1.0 + expected.abs()),
-            "{slope} {expected}"
-        );
-        assert!(expected.abs() > 0.01);
+        let expected = f64::from(length);
+        assert!(expected > 0.01, "{expected}");
+        // Rounding of f32 in a loss of about 1, divided by the step, and the curvature.
+        assert!((slope / expected - 1.0).abs() < 5e-3, "{slope} {expected}");
     }
 }

@@ -257,16 +257,16 @@ impl CorrectionTrainer {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::correction::learning::tests::{sample, spec};
+    use crate::correction::learning::tests::sample;
 
     pub(in crate::correction) fn config(text: &str) -> CorrectionConfig {
-        let spec = toml::to_string(&spec()).unwrap();
         let text = format!(
             "name = \"tiny\"\nseed = 1\nsteps = 100\nlog_every = 10\nbatch = {{ samples = 2 }}\n\
              learning_rate = {{ kind = \"constant\", rate = 1e-2 }}\n{text}\n\
              [teacher]\nscenes = [\"first\"]\nsubsteps = 2\n\
-             [samples]\nstatistics = 4\nkept = 8\nuses = 3.0\n[model]\n{}",
-            spec.replace("[base]", "[model.base]")
+             [samples]\nstatistics = 4\nkept = 8\nuses = 3.0\n\
+             [model]\nencoder = {{ kind = \"mlp\" }}\nlatent = 8\nblocks = 2\n\
+             base = {{ substeps = 1 }}\n"
         );
         CorrectionConfig::parse_with(&text, "tiny.toml".as_ref(), &[]).unwrap()
     }
@@ -303,7 +303,7 @@ pub(super) mod tests {
         trainer.add((0..4).map(sample));
         let first = trainer.step().unwrap().loss;
         let mut last = first;
-        for _ in 0..150 {
+        for _ in 0..800 {
             last = trainer.step().unwrap().loss;
         }
         assert!(last < 0.5 * first, "{first} {last}");
