@@ -48,26 +48,33 @@ export class ClothObject {
   private readonly material: three.MeshPhysicalMaterial;
   private readonly lines: three.LineSegments;
   private readonly uniforms: Record<string, three.IUniform>;
+  /** Vertex of each point that is drawn: a vertex on a seam is drawn once per panel. */
+  readonly vertexOf: Uint32Array;
+  /** Sums of the normals, [vertices, 3]. */
+  private readonly sums: Float32Array;
 
   constructor(
     private readonly cloth: Cloth,
     edges: Edges,
     shared: Shared,
   ) {
+    const points = cloth.material.length / 2;
+    this.vertexOf = new Uint32Array(points);
+    cloth.corners.forEach((point, corner) => (this.vertexOf[point] = cloth.faces[corner]!));
+    this.sums = new Float32Array(3 * cloth.vertices);
     const dynamic = (width: number) => {
-      const attribute = new three.BufferAttribute(new Float32Array(width * cloth.vertices), width);
+      const attribute = new three.BufferAttribute(new Float32Array(width * points), width);
       attribute.setUsage(three.DynamicDrawUsage);
       return attribute;
     };
     this.geometry.setAttribute("position", dynamic(3));
     this.geometry.setAttribute("normal", dynamic(3));
-    const field = dynamic(1);
-    this.field = field.array as Float32Array;
-    this.geometry.setAttribute("field", field);
+    this.field = new Float32Array(cloth.vertices);
+    this.geometry.setAttribute("field", dynamic(1));
     // One repeat of the weave per 4 cm.
     const uv = Float32Array.from(cloth.material, (metres) => metres * 25);
     this.geometry.setAttribute("uv", new three.BufferAttribute(uv, 2));
-    this.geometry.setIndex(new three.BufferAttribute(cloth.faces.slice(), 1));
+    this.geometry.setIndex(new three.BufferAttribute(cloth.corners.slice(), 1));
     this.uniforms = {
       backColour: { value: new three.Color() },
       fieldMap: { value: shared.map },
@@ -93,7 +100,7 @@ export class ClothObject {
   /** Puts the vertices at `positions`, [vertices, 3], m. */
   place(positions: Float32Array): void {
     const position = this.geometry.getAttribute("position") as three.BufferAttribute;
-    (position.array as Float32Array).set(positions);
+    this.spread(positions, position.array as Float32Array);
     position.needsUpdate = true;
     this.normals(positions);
   }
@@ -103,7 +110,21 @@ export class ClothObject {
     this.uniforms.fieldShown!.value = most === null ? 0 : 1;
     if (most !== null) {
       this.uniforms.fieldMost!.value = most;
-      (this.geometry.getAttribute("field") as three.BufferAttribute).needsUpdate = true;
+      const field = this.geometry.getAttribute("field") as three.BufferAttribute;
+      const array = field.array as Float32Array;
+      this.vertexOf.forEach((vertex, point) => (array[point] = this.field[vertex]!));
+      field.needsUpdate = true;
+    }
+  }
+
+  /** Gives every point the three numbers of its vertex. */
+  private spread(from: Float32Array, to: Float32Array): void {
+    const vertexOf = this.vertexOf;
+    to.set(from);
+    // The first points are those of the vertices themselves.
+    for (let point = this.cloth.vertices; point < vertexOf.length; point++) {
+      const vertex = 3 * vertexOf[point]!;
+      to.set(from.subarray(vertex, vertex + 3), 3 * point);
     }
   }
 
@@ -125,7 +146,7 @@ export class ClothObject {
 
   private normals(positions: Float32Array): void {
     const attribute = this.geometry.getAttribute("normal") as three.BufferAttribute;
-    const normals = attribute.array as Float32Array;
+    const normals = this.sums;
     normals.fill(0);
     const faces = this.cloth.faces;
     for (let face = 0; face < faces.length; face += 3) {
@@ -145,6 +166,7 @@ export class ClothObject {
       normals[k + 1]! /= length;
       normals[k + 2]! /= length;
     }
+    this.spread(normals, attribute.array as Float32Array);
     attribute.needsUpdate = true;
   }
 

@@ -69,8 +69,10 @@ export class Edges {
   private readonly counts: Float32Array;
 
   constructor(cloth: Cloth) {
-    const found = new Map<number, [number, number, number, number]>();
+    const found = new Map<number, [number, number, number, number, number]>();
     const faces = cloth.faces;
+    const m = cloth.material;
+    const length = (p: number, q: number) => Math.hypot(m[2 * p]! - m[2 * q]!, m[2 * p + 1]! - m[2 * q + 1]!);
     for (let face = 0; face < faces.length; face += 3) {
       for (let k = 0; k < 3; k++) {
         const a = faces[face + k]!;
@@ -78,10 +80,13 @@ export class Edges {
         const c = faces[face + ((k + 2) % 3)]!;
         const key = Math.min(a, b) * cloth.vertices + Math.max(a, b);
         const known = found.get(key);
+        const own = length(cloth.corners[face + k]!, cloth.corners[face + ((k + 1) % 3)]!);
         if (known) {
           known[3] = c;
+          // The two sides of a seam may differ.
+          known[4] = 0.5 * (known[4] + own);
         } else {
-          found.set(key, [a, b, c, c]);
+          found.set(key, [a, b, c, c, own]);
         }
       }
     }
@@ -91,11 +96,10 @@ export class Edges {
     this.lengths = new Float32Array(count);
     this.counts = new Float32Array(cloth.vertices);
     let edge = 0;
-    for (const [a, b, c, d] of found.values()) {
+    for (const [a, b, c, d, own] of found.values()) {
       this.ends.set([a, b], 2 * edge);
       this.across.set([c, d], 2 * edge);
-      const m = cloth.material;
-      this.lengths[edge] = Math.hypot(m[2 * a]! - m[2 * b]!, m[2 * a + 1]! - m[2 * b + 1]!);
+      this.lengths[edge] = own;
       if (c !== d) {
         this.counts[a]! += 1;
         this.counts[b]! += 1;

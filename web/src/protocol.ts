@@ -1,8 +1,8 @@
 // The messages of the socket, as crates/selvedge-live/src/protocol/mod.rs documents them:
 // little-endian, each beginning with [version u8, kind u8, 0 u16].
 
-export const VERSION = 1;
-export const SUBPROTOCOL = "selvedge.v1";
+export const VERSION = 2;
+export const SUBPROTOCOL = "selvedge.v2";
 
 const HELLO = 1;
 const CLOTH = 2;
@@ -33,7 +33,9 @@ export interface Cloth {
   vertices: number;
   /** [faces, 3] */
   faces: Uint32Array;
-  /** [vertices, 2], m */
+  /** Points of the pattern at the corners of the faces, [faces, 3]; a seam's vertices have two. */
+  corners: Uint32Array;
+  /** [points, 2], m */
   material: Float32Array;
 }
 
@@ -145,11 +147,13 @@ function json(buffer: ArrayBuffer): unknown {
 function cloth(view: DataView, buffer: ArrayBuffer): Cloth {
   const vertices = view.getUint32(8, true);
   const faces = view.getUint32(12, true);
+  const points = view.getUint32(16, true);
   return {
     generation: view.getUint32(4, true),
     vertices,
-    faces: new Uint32Array(buffer, 16, 3 * faces),
-    material: new Float32Array(buffer, 16 + 12 * faces, 2 * vertices),
+    faces: new Uint32Array(buffer, 20, 3 * faces),
+    corners: new Uint32Array(buffer, 20 + 12 * faces, 3 * faces),
+    material: new Float32Array(buffer, 20 + 24 * faces, 2 * points),
   };
 }
 

@@ -148,7 +148,7 @@ export class Stage {
       const hit = ray.intersectObject(surface, false)[0];
       if (!hit?.face || hit.distance >= nearest) return;
       nearest = hit.distance;
-      const corners = [hit.face.a, hit.face.b, hit.face.c];
+      const corners = [hit.face.a, hit.face.b, hit.face.c].map((point) => object.vertexOf[point]!);
       const distances = corners.map((vertex) => this.point(track, vertex).distanceTo(hit.point));
       const vertex = corners[distances.indexOf(Math.min(...distances))]!;
       best = { vertex, track, point: this.point(track, vertex), isHandle: false };

@@ -24,7 +24,7 @@ function words(...numbers) {
 
 /** A client that takes up every frame. */
 async function client(url) {
-  const socket = new WebSocket(url.replace("http", "ws") + "socket", "selvedge.v1");
+  const socket = new WebSocket(url.replace("http", "ws") + "socket", "selvedge.v2");
   socket.binaryType = "arraybuffer";
   const now = { frames: 0, state: null, onFrame: () => undefined };
   socket.onmessage = ({ data }) => {

@@ -5,17 +5,19 @@
 //! `f32`, as files hold them and as models read them; [`Mesh`] is the description in `f64` that a
 //! simulator starts from.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec2, Vec2, Vec3};
 use thiserror::Error;
 
-use crate::{FaceId, HandleError, Handles, Mesh, MeshError, Scene, Topology, VertexId};
+use crate::pattern::{Pattern, PatternError, check_corners};
+use crate::{FaceId, HandleError, Handles, Mesh, MeshError, RestShape, Scene, Topology, VertexId};
 
 /// The arrays of a [`Cloth`], one entry per vertex or per face.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothArrays {
     /// The sagged rest pose in the world `[m]`, `[vertices]`.
     pub rest_positions: Vec<Vec3>,
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    /// Points of the pattern, the flat coordinates of the unstrained cloth `[m]`, `[points]`; of
+    /// a cloth without seams there is one for each vertex.
     pub material_coordinates: Vec<Vec2>,
     /// Mass of each vertex `[kg]`, `[vertices]`.
     pub vertex_mass: Vec<f32>,
@@ -30,6 +32,8 @@ pub struct Cloth {
     topology: Topology,
     handles: Handles,
     arrays: ClothArrays,
+    /// Points of the faces' corners, where a vertex has more than one.
+    corners: Option<Vec<[u32; 3]>>,
 }
 
 /// Parts that do not make a [`Cloth`].
@@ -54,6 +58,8 @@ pub enum ClothError {
     FaceArea { face: FaceId, area: f32 },
     #[error(transparent)]
     Handles(#[from] HandleError),
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
 }
 
 impl Cloth {
@@ -66,7 +72,32 @@ impl Cloth {
         handles: Handles,
         arrays: ClothArrays,
     ) -> Result<Self, ClothError> {
-        check_counts(&topology, &arrays)?;
+        Self::with_corners(topology, handles, arrays, None)
+    }
+
+    /// Makes a sewn cloth, whose faces have these `corners` among the points of the pattern,
+    /// `[faces, 3]`.
+    ///
+    /// # Errors
+    /// As for [`Self::new`]; [`ClothError::Pattern`] where the corners do not fit.
+    pub fn sewn(
+        topology: Topology,
+        handles: Handles,
+        arrays: ClothArrays,
+        corners: Vec<[u32; 3]>,
+    ) -> Result<Self, ClothError> {
+        check_corners(&topology, arrays.material_coordinates.len(), &corners)?;
+        let is_plain = arrays.material_coordinates.len() == topology.vertex_count();
+        Self::with_corners(topology, handles, arrays, (!is_plain).then_some(corners))
+    }
+
+    fn with_corners(
+        topology: Topology,
+        handles: Handles,
+        arrays: ClothArrays,
+        corners: Option<Vec<[u32; 3]>>,
+    ) -> Result<Self, ClothError> {
+        check_counts(&topology, &arrays, corners.is_some())?;
         check_finite("the rest position", &arrays.rest_positions, |p| *p)?;
         let coordinates = &arrays.material_coordinates;
         check_finite("the material coordinate", coordinates, |c| c.extend(0.0))?;
@@ -76,6 +107,7 @@ impl Cloth {
             topology,
             handles,
             arrays,
+            corners,
         })
     }
 
@@ -85,7 +117,10 @@ impl Cloth {
     /// [`ClothError`] when a handle is no vertex of the mesh, or a mass, an area or a coordinate
     /// cannot be told from zero or infinity in `f32`.
     pub fn of_mesh(mesh: &Mesh, density: f64, handles: Handles) -> Result<Self, ClothError> {
-        let shape = mesh.rest_shape(density);
+        Self::of_shape(mesh, mesh.rest_shape(density), handles)
+    }
+
+    fn of_shape(mesh: &Mesh, shape: RestShape, handles: Handles) -> Result<Self, ClothError> {
         let coordinates = mesh.material_coordinates().iter();
         let arrays = ClothArrays {
             rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
@@ -93,7 +128,9 @@ impl Cloth {
             vertex_mass: shape.vertex_mass.iter().map(|&m| m as f32).collect(),
             face_area: shape.face_area.iter().map(|&a| a as f32).collect(),
         };
-        Self::new(mesh.topology().clone(), handles, arrays)
+        let pattern = mesh.pattern();
+        let corners = pattern.is_sewn().then(|| pattern.corners());
+        Self::with_corners(mesh.topology().clone(), handles, arrays, corners)
     }
 
     /// Makes the cloth of `scene` with its sagged `rest_positions` `[m]`, `[vertices]`.
@@ -101,7 +138,7 @@ impl Cloth {
     /// # Errors
     /// [`ClothError`] as for [`Self::new`].
     pub fn of_scene(scene: &Scene, rest_positions: Vec<Vec3>) -> Result<Self, ClothError> {
-        Self::of_mesh(&scene.mesh, scene.material.density, scene.handles.clone())?
+        Self::of_shape(&scene.mesh, scene.rest_shape(), scene.handles.clone())?
             .with_rest_positions(rest_positions)
     }
 
@@ -123,7 +160,20 @@ impl Cloth {
             rest_positions,
             ..self.arrays
         };
-        Self::new(self.topology, self.handles, arrays)
+        Self::with_corners(self.topology, self.handles, arrays, self.corners)
+    }
+
+    /// The same cloth with other `masses` `[kg]`, `[vertices]`, and `areas` `[m²]`, `[faces]`.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn with_weights(self, masses: Vec<f32>, areas: Vec<f32>) -> Result<Self, ClothError> {
+        let arrays = ClothArrays {
+            vertex_mass: masses,
+            face_area: areas,
+            ..self.arrays
+        };
+        Self::with_corners(self.topology, self.handles, arrays, self.corners)
     }
 
     /// The image of the cloth in a mirror at z = 0.
@@ -141,12 +191,15 @@ impl Cloth {
     /// # Errors
     /// [`MeshError`] where the material coordinates of a foreign file make no flat rest shape.
     pub fn mesh(&self) -> Result<Mesh, MeshError> {
-        let coordinates = self.material_coordinates().iter();
-        Mesh::new(
-            &self.topology.face_indices(),
-            coordinates.map(|c| c.as_dvec2()).collect(),
-            self.rest_positions().iter().map(|p| p.as_dvec3()).collect(),
-        )
+        let faces = self.topology.face_indices();
+        let positions = self.rest_positions().iter().map(|p| p.as_dvec3()).collect();
+        let pattern = self.pattern();
+        if pattern.is_sewn() {
+            let corners: Vec<[DVec2; 3]> = pattern.faces().map(|f| f.map(Vec2::as_dvec2)).collect();
+            return Mesh::sewn(&faces, &corners, positions);
+        }
+        let coordinates = pattern.points().iter().map(|c| c.as_dvec2()).collect();
+        Mesh::new(&faces, coordinates, positions)
     }
 
     /// The connectivity.
@@ -179,7 +232,15 @@ impl Cloth {
         &self.arrays.rest_positions
     }
 
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    /// The pattern: rest shapes of faces, seams and panels.
+    #[must_use]
+    pub fn pattern(&self) -> Pattern<'_, Vec2> {
+        let points = &self.arrays.material_coordinates;
+        Pattern::new(&self.topology, points, self.corners.as_deref())
+    }
+
+    /// Points of the pattern `[m]`, `[points]`. The first are those of the vertices, each in its
+    /// first face; of a cloth without seams there are no others.
     #[must_use]
     pub fn material_coordinates(&self) -> &[Vec2] {
         &self.arrays.material_coordinates
@@ -198,12 +259,18 @@ impl Cloth {
     }
 }
 
-fn check_counts(topology: &Topology, arrays: &ClothArrays) -> Result<(), ClothError> {
+fn check_counts(
+    topology: &Topology,
+    arrays: &ClothArrays,
+    is_sewn: bool,
+) -> Result<(), ClothError> {
     let (vertices, faces) = (topology.vertex_count(), topology.faces().len());
     let coordinates = arrays.material_coordinates.len();
+    // The points of a sewn cloth are checked against its corners.
+    let points = if is_sewn { coordinates } else { vertices };
     for (what, expected, found) in [
         ("rest_positions", vertices, arrays.rest_positions.len()),
-        ("material_coordinates", vertices, coordinates),
+        ("material_coordinates", points, coordinates),
         ("vertex_mass", vertices, arrays.vertex_mass.len()),
         ("face_area", faces, arrays.face_area.len()),
     ] {

@@ -4,8 +4,9 @@
 //!
 //! - A **mesh** ([`Mesh`]) has vertices, edges and faces. [`Topology`] is its connectivity: faces
 //!   are counter-clockwise, and an edge has two directions, its **arcs**.
-//! - The **material coordinates** of a vertex say where it lies in the flat, unstrained cloth. The
-//!   **rest pose** is the cloth hanging still from its handles.
+//! - The **material coordinates** of a vertex say where it lies in the flat, unstrained cloth.
+//!   Where flat pieces are sewn together, a vertex lies in several: the **pattern** ([`Pattern`])
+//!   has them per corner of a face. The **rest pose** is the cloth hanging still from its handles.
 //! - A **handle** ([`Handles`]) is a vertex whose motion is given. A [`Motion`] bound to the start
 //!   of the handles is a [`HandlePath`], which gives [`HandleTargets`] for each frame.
 //! - A **cloth** ([`Cloth`]) is everything that stays the same while it moves: topology, handles,
@@ -55,6 +56,7 @@ mod isotropic;
 mod material;
 mod mesh;
 pub mod motion;
+mod pattern;
 mod physics;
 mod scene;
 mod schedule;
@@ -68,12 +70,13 @@ pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::{Isotropic, IsotropicError};
 pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
-pub use mesh::{Mesh, MeshError, RestShape};
+pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
     PaceError, PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup,
     SplineMotion, Translation, TurnSense,
 };
+pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint};
 pub use physics::{
     AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, HandleConstraint, Integrator,
     LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagMethod, SagSettings,

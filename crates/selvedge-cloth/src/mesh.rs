@@ -1,18 +1,45 @@
-//! A cloth before anything moves it: topology, start positions, material coordinates, and the
-//! quantities of its flat rest shape.
+//! A cloth before anything moves it: topology, start positions, pattern, rest angles, and the
+//! quantities of its rest shape.
 
 use glam::{DVec2, DVec3};
 use thiserror::Error;
 
-use crate::geometry::signed_area_2d;
+use crate::geometry::{dihedral_angle, signed_area_2d};
+use crate::pattern::{NumberedPattern, Pattern, PatternError, check_corners};
 use crate::{FaceId, Topology, TopologyError, VertexId};
 
-/// A triangle mesh of one or more sheets, valid by construction.
+/// A triangle mesh of one or more sheets, flat or sewn, valid by construction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
     topology: Topology,
-    material_coordinates: Vec<DVec2>,
+    /// Points of the pattern `[m]`.
+    points: Vec<DVec2>,
+    /// Points of the faces' corners, where a vertex has more than one.
+    corners: Option<Vec<[u32; 3]>>,
     positions: Vec<DVec3>,
+    /// Rest angle of each edge `[rad]`; empty where all are flat.
+    rest_angles: Vec<f64>,
+    seam_stiffness: f64,
+    fabrics: FaceFabrics,
+}
+
+/// Names of the fabrics of faces, as a file gives them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FaceFabrics {
+    /// The names.
+    pub names: Vec<String>,
+    /// Name of each face by its number, none where it has none, `[faces]`; empty where no face
+    /// has one.
+    pub of_face: Vec<Option<u32>>,
+}
+
+impl FaceFabrics {
+    /// Number of the name of a face.
+    #[must_use]
+    pub fn of(&self, face: FaceId) -> Option<usize> {
+        let number = self.of_face.get(face.index()).copied().flatten();
+        number.map(|number| number as usize)
+    }
 }
 
 /// Topology, coordinates and positions that do not make a mesh.
@@ -37,19 +64,22 @@ pub enum MeshError {
         "face {face} has no area in material space ({area:e} m²): remove it, or mend its texture coordinates"
     )]
     ZeroArea { face: FaceId, area: f64 },
-    #[error(
-        "face {face} is clockwise in material space (area {area:e} m²): flip its texture coordinates"
-    )]
-    Clockwise { face: FaceId, area: f64 },
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
+    #[error("the rest angle of edge {}-{} must be between -π and π, found {angle}", vertices[0], vertices[1])]
+    RestAngle { vertices: [VertexId; 2], angle: f64 },
+    #[error("the stiffness of seams must be finite and not negative, found {found}")]
+    SeamStiffness { found: f64 },
 }
 
 impl Mesh {
     /// Builds a mesh of `faces` (`[faces, 3]`) with `material_coordinates` `[m]` (`[vertices]`;
-    /// x = course axis u, y = wale axis v) and start `positions` `[m]` (`[vertices]`).
+    /// x = course axis u, y = wale axis v) and start `positions` `[m]` (`[vertices]`). Faces may be
+    /// clockwise in material space, as those of a mirrored panel are.
     ///
     /// # Errors
     /// A defect of the topology, a count that does not match, a value that is not finite, or a
-    /// face without area or clockwise in material space.
+    /// face without area in material space.
     pub fn new(
         faces: &[[u32; 3]],
         material_coordinates: Vec<DVec2>,
@@ -63,15 +93,54 @@ impl Mesh {
                 found: material_coordinates.len(),
             });
         }
+        Self::checked(topology, material_coordinates, None, positions)
+    }
+
+    /// Builds a mesh of `faces` (`[faces, 3]`) whose corners have these material coordinates `[m]`
+    /// (`[faces, 3]`), over start `positions` `[m]` (`[vertices]`). Faces that see a vertex at
+    /// different coordinates are sewn together there.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn sewn(
+        faces: &[[u32; 3]],
+        corner_coordinates: &[[DVec2; 3]],
+        positions: Vec<DVec3>,
+    ) -> Result<Self, MeshError> {
+        let topology = Topology::new(positions.len(), faces)?;
+        if corner_coordinates.len() != faces.len() {
+            return Err(MeshError::Count {
+                what: "the list of corners' material coordinates",
+                expected: faces.len(),
+                found: corner_coordinates.len(),
+            });
+        }
+        let NumberedPattern { points, corners } =
+            NumberedPattern::new(&topology, corner_coordinates);
+        Self::checked(topology, points, corners, positions)
+    }
+
+    fn checked(
+        topology: Topology,
+        points: Vec<DVec2>,
+        corners: Option<Vec<[u32; 3]>>,
+        positions: Vec<DVec3>,
+    ) -> Result<Self, MeshError> {
         check_finite("the position", &positions, |p| p.is_finite())?;
-        check_finite("the material coordinate", &material_coordinates, |c| {
-            c.is_finite()
-        })?;
-        check_areas(&topology, &material_coordinates)?;
+        if let Some(corners) = &corners {
+            check_corners(&topology, points.len(), corners)?;
+        }
+        let pattern = Pattern::new(&topology, &points, corners.as_deref());
+        check_points(pattern)?;
+        check_areas(pattern)?;
         Ok(Self {
             topology,
-            material_coordinates,
+            points,
+            corners,
             positions,
+            rest_angles: Vec::new(),
+            seam_stiffness: 1.0,
+            fabrics: FaceFabrics::default(),
         })
     }
 
@@ -81,16 +150,42 @@ impl Mesh {
         &self.topology
     }
 
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    /// The pattern: rest shapes of faces, seams and panels.
+    #[must_use]
+    pub fn pattern(&self) -> Pattern<'_, DVec2> {
+        Pattern::new(&self.topology, &self.points, self.corners.as_deref())
+    }
+
+    /// Points of the pattern `[m]`, `[points]`. The first are those of the vertices, each in its
+    /// first face; of a mesh without seams there are no others.
     #[must_use]
     pub fn material_coordinates(&self) -> &[DVec2] {
-        &self.material_coordinates
+        &self.points
     }
 
     /// Start positions in the world `[m]`, `[vertices]`.
     #[must_use]
     pub fn positions(&self) -> &[DVec3] {
         &self.positions
+    }
+
+    /// Dihedral angle of each edge at which its hinge has no torque `[rad]`, `[edges]`; empty where
+    /// all are 0.
+    #[must_use]
+    pub fn rest_angles(&self) -> &[f64] {
+        &self.rest_angles
+    }
+
+    /// Bending stiffness of a seam in units of that of the cloth beside it.
+    #[must_use]
+    pub fn seam_stiffness(&self) -> f64 {
+        self.seam_stiffness
+    }
+
+    /// Names of the faces' fabrics.
+    #[must_use]
+    pub fn fabrics(&self) -> &FaceFabrics {
+        &self.fabrics
     }
 
     /// The same mesh at other start positions `[m]`, `[vertices]`.
@@ -109,9 +204,106 @@ impl Mesh {
         Ok(Self { positions, ..self })
     }
 
-    /// Areas, lengths and masses of the flat rest shape for a cloth of `density` `[kg/m²]`.
+    /// The same mesh with its pattern `scale` times as large.
+    ///
+    /// # Errors
+    /// [`MeshError::NonFinite`] or [`MeshError::ZeroArea`] where a number is lost.
+    pub fn with_pattern_scaled(mut self, scale: f64) -> Result<Self, MeshError> {
+        self.points.iter_mut().for_each(|point| *point *= scale);
+        check_points(self.pattern())?;
+        check_areas(self.pattern())?;
+        Ok(self)
+    }
+
+    /// The same mesh with these rest angles `[rad]`, `[edges]`; those of boundary edges mean
+    /// nothing.
+    ///
+    /// # Errors
+    /// [`MeshError::Count`] or [`MeshError::RestAngle`].
+    pub fn with_rest_angles(self, angles: Vec<f64>) -> Result<Self, MeshError> {
+        let edges = self.topology.edges();
+        if angles.len() != edges.len() {
+            return Err(MeshError::Count {
+                what: "the list of rest angles",
+                expected: edges.len(),
+                found: angles.len(),
+            });
+        }
+        let is_angle = |angle: &f64| angle.abs() <= std::f64::consts::PI;
+        if let Some(bad) = angles.iter().position(|angle| !is_angle(angle)) {
+            return Err(MeshError::RestAngle {
+                vertices: edges[bad].vertices,
+                angle: angles[bad],
+            });
+        }
+        let rest_angles = match angles.iter().all(|angle| *angle == 0.0) {
+            true => Vec::new(),
+            false => angles,
+        };
+        Ok(Self {
+            rest_angles,
+            ..self
+        })
+    }
+
+    /// The same mesh whose rest angles are those of its start positions. `[eq:rest-angle]`
+    #[must_use]
+    pub fn with_rest_angles_of_start(self) -> Self {
+        let at = |vertex: VertexId| self.positions[vertex.index()];
+        let edges = self.topology.edges().iter();
+        let rest_angles = edges
+            .map(|edge| {
+                let [from, to] = edge.vertices.map(at);
+                let (left, right) = edge.opposite;
+                right.map_or(0.0, |right| dihedral_angle(from, to, at(left), at(right)))
+            })
+            .collect();
+        Self {
+            rest_angles,
+            ..self
+        }
+    }
+
+    /// The same mesh with seams that bend `factor` times as stiffly as the cloth beside them.
+    ///
+    /// # Errors
+    /// [`MeshError::SeamStiffness`].
+    pub fn with_seam_stiffness(self, factor: f64) -> Result<Self, MeshError> {
+        if !(factor.is_finite() && factor >= 0.0) {
+            return Err(MeshError::SeamStiffness { found: factor });
+        }
+        Ok(Self {
+            seam_stiffness: factor,
+            ..self
+        })
+    }
+
+    /// The same mesh with these names of its faces' fabrics.
+    ///
+    /// # Errors
+    /// [`MeshError::Count`] where not every face has an entry.
+    pub fn with_fabrics(self, fabrics: FaceFabrics) -> Result<Self, MeshError> {
+        let (expected, found) = (self.topology.faces().len(), fabrics.of_face.len());
+        if found != 0 && expected != found {
+            return Err(MeshError::Count {
+                what: "the list of faces' fabrics",
+                expected,
+                found,
+            });
+        }
+        Ok(Self { fabrics, ..self })
+    }
+
+    /// Areas, lengths and masses of the rest shape for a cloth of `density` `[kg/m²]`.
     #[must_use]
     pub fn rest_shape(&self, density: f64) -> RestShape {
+        RestShape::of(self, |_| density)
+    }
+
+    /// Areas, lengths and masses of the rest shape where each face has a density of its own
+    /// `[kg/m²]`.
+    #[must_use]
+    pub fn rest_shape_of(&self, density: impl Fn(FaceId) -> f64) -> RestShape {
         RestShape::of(self, density)
     }
 }
@@ -131,176 +323,65 @@ fn check_finite<T: std::fmt::Debug>(
     }
 }
 
-fn check_areas(topology: &Topology, coordinates: &[DVec2]) -> Result<(), MeshError> {
-    for (number, face) in topology.faces().iter().enumerate() {
-        let [a, b, c] = face.map(|v| coordinates[v.index()]);
+fn check_points(pattern: Pattern<'_, DVec2>) -> Result<(), MeshError> {
+    let bad = pattern.points().iter().position(|point| !point.is_finite());
+    bad.map_or(Ok(()), |bad| {
+        Err(MeshError::NonFinite {
+            what: "the material coordinate",
+            vertex: VertexId(pattern.vertices()[bad]),
+            value: format!("{:?}", pattern.points()[bad]),
+        })
+    })
+}
+
+fn check_areas(pattern: Pattern<'_, DVec2>) -> Result<(), MeshError> {
+    for (number, [a, b, c]) in pattern.faces().enumerate() {
         let area = signed_area_2d(a, b, c);
         let longest = (b - a)
             .length_squared()
             .max((c - b).length_squared())
             .max((a - c).length_squared());
-        let face = FaceId(number as u32);
         // Also catches slivers whose area is lost in rounding.
         if area.abs() <= 1e-9 * longest {
+            let face = FaceId(number as u32);
             return Err(MeshError::ZeroArea { face, area });
-        }
-        if area < 0.0 {
-            return Err(MeshError::Clockwise { face, area });
         }
     }
     Ok(())
 }
 
-/// Quantities of the flat rest shape: a vertex carries a third of the mass of each of its faces
+/// Quantities of the rest shape: a vertex carries a third of the mass of each of its faces
 /// (Baraff and Witkin 1998, section 2). `[eq:lumped-mass]`
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestShape {
     /// Area of each face in material space `[m²]`, `[faces]`.
     pub face_area: Vec<f64>,
-    /// Length of each edge in material space `[m]`, `[edges]`.
+    /// Length of each edge in material space `[m]`, `[edges]`; see [`Pattern::edge_lengths`].
     pub edge_length: Vec<f64>,
     /// Mass of each vertex `[kg]`, `[vertices]`.
     pub vertex_mass: Vec<f64>,
 }
 
 impl RestShape {
-    fn of(mesh: &Mesh, density: f64) -> Self {
-        let (topology, uv) = (&mesh.topology, &mesh.material_coordinates);
+    fn of(mesh: &Mesh, density: impl Fn(FaceId) -> f64) -> Self {
+        let (topology, pattern) = (&mesh.topology, mesh.pattern());
         let mut face_area = Vec::with_capacity(topology.faces().len());
         let mut vertex_mass = vec![0.0; topology.vertex_count()];
-        for face in topology.faces() {
-            let [a, b, c] = face.map(|v| uv[v.index()]);
-            let area = signed_area_2d(a, b, c);
+        for (number, [a, b, c]) in (0_u32..).zip(pattern.faces()) {
+            let face = FaceId(number);
+            let area = signed_area_2d(a, b, c).abs();
             face_area.push(area);
-            for vertex in face {
-                vertex_mass[vertex.index()] += density * area / 3.0;
+            for vertex in topology.faces()[face.index()] {
+                vertex_mass[vertex.index()] += density(face) * area / 3.0;
             }
         }
-        let edge_length = topology
-            .edges()
-            .iter()
-            .map(|edge| {
-                let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-                a.distance(b)
-            })
-            .collect();
         Self {
             face_area,
-            edge_length,
+            edge_length: pattern.edge_lengths(),
             vertex_mass,
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::generate::{SquareSpec, square};
-
-    /// A quad of two triangles, 2 m wide and 1 m high, flat at z = 0.
-    fn quad() -> (Vec<[u32; 3]>, Vec<DVec2>, Vec<DVec3>) {
-        let uv: Vec<DVec2> = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]
-            .map(|(u, v)| DVec2::new(u, v))
-            .to_vec();
-        let positions = uv.iter().map(|c| c.extend(0.0)).collect();
-        (vec![[0, 1, 2], [0, 2, 3]], uv, positions)
-    }
-
-    #[test]
-    fn a_quad_has_its_masses_and_lengths() {
-        let (faces, uv, positions) = quad();
-        let mesh = Mesh::new(&faces, uv, positions).unwrap();
-        let rest = mesh.rest_shape(0.3);
-        assert_eq!(rest.face_area, [1.0, 1.0]);
-        // Edges by (smaller, larger) vertex: 0-1, 0-2, 0-3, 1-2, 2-3.
-        let diagonal = 5.0_f64.sqrt();
-        assert_eq!(rest.edge_length, [2.0, diagonal, 1.0, 1.0, 2.0]);
-        // A third of 0.3 kg per incident face: one or two of them.
-        for (mass, faces) in rest.vertex_mass.iter().zip([2.0, 1.0, 2.0, 1.0]) {
-            assert!((mass - 0.1 * faces).abs() < 1e-16);
-        }
-    }
-
-    #[test]
-    fn masses_sum_to_density_times_area() {
-        for (size, density) in [(1.0, 0.187), (0.4, 2.0)] {
-            let spec = SquareSpec {
-                vertices: 200,
-                size,
-                seed: 4,
-            };
-            let rest = square(&spec).unwrap().mesh.rest_shape(density);
-            let mass: f64 = rest.vertex_mass.iter().sum();
-            let expected = density * size * size;
-            // 600 additions, each rounded to 1e-16 of the sum at most.
-            assert!((mass / expected - 1.0).abs() < 1e-13, "{mass}");
-            assert!(rest.vertex_mass.iter().all(|&m| m > 0.0));
-        }
-    }
-
-    #[test]
-    fn the_rest_shape_does_not_depend_on_the_pose() {
-        let (faces, uv, positions) = quad();
-        let mesh = Mesh::new(&faces, uv, positions).unwrap();
-        let crumpled = vec![DVec3::ONE; 4];
-        let moved = mesh.clone().with_positions(crumpled.clone()).unwrap();
-        assert_eq!(moved.positions(), crumpled);
-        assert_eq!(moved.rest_shape(1.0), mesh.rest_shape(1.0));
-    }
-
-    #[test]
-    fn defects_are_named() {
-        let build = |spoil: fn(&mut Vec<[u32; 3]>, &mut Vec<DVec2>, &mut Vec<DVec3>)| {
-            let (mut faces, mut uv, mut positions) = quad();
-            spoil(&mut faces, &mut uv, &mut positions);
-            Mesh::new(&faces, uv, positions).unwrap_err()
-        };
-        let topology = build(|faces, _, _| faces[1] = [0, 2, 2]);
-        assert!(matches!(topology, MeshError::Topology(_)));
-        assert_eq!(
-            build(|_, uv, _| uv.truncate(3)),
-            MeshError::Count {
-                what: "the list of material coordinates",
-                expected: 4,
-                found: 3
-            }
-        );
-        let text = build(|_, _, p| p[2].y = f64::NAN).to_string();
-        assert!(
-            text.starts_with("the position of vertex 2 is not finite"),
-            "{text}"
-        );
-        let text = build(|_, uv, _| uv[3].x = f64::INFINITY).to_string();
-        assert!(
-            text.starts_with("the material coordinate of vertex 3"),
-            "{text}"
-        );
-        // Vertex 3 on the diagonal 0-2: face 1 has no area.
-        let flat = build(|_, uv, _| uv[3] = DVec2::new(1.0, 0.5));
-        assert!(
-            matches!(
-                flat,
-                MeshError::ZeroArea {
-                    face: FaceId(1),
-                    ..
-                }
-            ),
-            "{flat}"
-        );
-        let flipped = build(|_, uv, _| uv[3] = DVec2::new(1.0, 0.2));
-        assert!(
-            matches!(
-                flipped,
-                MeshError::Clockwise {
-                    face: FaceId(1),
-                    ..
-                }
-            ),
-            "{flipped}"
-        );
-        let (faces, uv, positions) = quad();
-        let mesh = Mesh::new(&faces, uv, positions).unwrap();
-        assert!(mesh.clone().with_positions(vec![DVec3::ZERO; 3]).is_err());
-        assert!(mesh.with_positions(vec![DVec3::NAN; 4]).is_err());
-    }
-}
+mod tests;

@@ -1,11 +1,13 @@
 //! A scene: mesh, handles, material, environment and motion, checked against each other.
 
+use std::collections::BTreeMap;
+
 use thiserror::Error;
 
 use crate::{
-    Environment, EnvironmentError, HandleError, HandlePath, HandleSchedule, Handles, Material,
-    MaterialError, Mesh, Motion, MotionError, PhysicsError, PhysicsSettings, SagSettings,
-    ScheduleError,
+    Environment, EnvironmentError, FaceId, HandleError, HandlePath, HandleSchedule, Handles,
+    Material, MaterialError, Mesh, Motion, MotionError, PhysicsError, PhysicsSettings, RestShape,
+    SagSettings, ScheduleError,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -24,6 +26,9 @@ pub struct Scene {
     pub schedule: HandleSchedule,
     /// The material of the cloth.
     pub material: Material,
+    /// Materials of faces whose fabric has a name in the mesh, by these names; all other faces have
+    /// `material`.
+    pub fabrics: BTreeMap<String, Material>,
     /// Gravity, air and wind.
     pub environment: Environment,
     /// Motion of the handles.
@@ -52,6 +57,10 @@ pub enum SceneError {
     Motion(#[from] MotionError),
     #[error(transparent)]
     Physics(#[from] PhysicsError),
+    #[error(
+        "fabrics: no face of the mesh has a fabric named {name:?}; it has [{known}], the names of its usemtl statements"
+    )]
+    Fabric { name: String, known: String },
     #[error("frame_rate must be between 1 and 100000 frames per second, found {found}")]
     FrameRate { found: f64 },
     #[error(
@@ -70,6 +79,7 @@ impl Scene {
             .check_range(self.mesh.topology().vertex_count())?;
         self.schedule.validate(self.handles.len())?;
         self.material.validate()?;
+        self.validate_fabrics()?;
         self.environment.validate()?;
         self.physics.validate()?;
         self.sag.validate()?;
@@ -81,6 +91,48 @@ impl Scene {
         self.check_gusts()?;
         self.handle_path()?;
         Ok(())
+    }
+
+    fn validate_fabrics(&self) -> Result<(), SceneError> {
+        let names = &self.mesh.fabrics().names;
+        for (name, material) in &self.fabrics {
+            material.validate()?;
+            if !names.contains(name) {
+                let known = names.join(", ");
+                let name = name.clone();
+                return Err(SceneError::Fabric { name, known });
+            }
+        }
+        Ok(())
+    }
+
+    /// The materials of the cloth, its own first, and the number of each face's, `[faces]`.
+    #[must_use]
+    pub fn materials(&self) -> (Vec<&Material>, Vec<usize>) {
+        let fabrics = self.mesh.fabrics();
+        let mut materials = vec![&self.material];
+        let numbers: Vec<usize> = fabrics
+            .names
+            .iter()
+            .map(|name| match self.fabrics.get(name) {
+                Some(material) => {
+                    materials.push(material);
+                    materials.len() - 1
+                }
+                None => 0,
+            })
+            .collect();
+        let faces = 0..self.mesh.topology().faces().len() as u32;
+        let of = |face| fabrics.of(FaceId(face)).map_or(0, |name| numbers[name]);
+        (materials, faces.map(of).collect())
+    }
+
+    /// Areas, lengths and masses of the cloth's rest shape.
+    #[must_use]
+    pub fn rest_shape(&self) -> RestShape {
+        let (materials, of_face) = self.materials();
+        self.mesh
+            .rest_shape_of(|face| materials[of_face[face.index()]].density)
     }
 
     fn check_gusts(&self) -> Result<(), SceneError> {
@@ -140,6 +192,7 @@ mod tests {
                 bend: BendTable([[2e-5; 5]; 3]),
                 strain_limits: None,
             },
+            fabrics: BTreeMap::new(),
             environment: Environment::default(),
             motion: Motion::still(2.0),
             physics: PhysicsSettings::default(),

@@ -67,11 +67,13 @@ pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::atomic::{WriteError, write_atomically, write_beside, write_folder_atomically};
+pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;
-pub use formats::obj::{
-    ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj,
-    write_obj,
+pub use formats::obj::{parse_obj, parse_obj_with, read_obj, write_obj};
+pub use formats::polygons::{
+    MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
+    RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use formats::up_axis::UpAxis;
@@ -79,11 +81,11 @@ pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{Rig, RigError, RigNode};
 pub use scene::{
-    GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
+    BuiltMesh, GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
     LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
-    SceneSpecError, Setting, StartSpec, Transform, materials, open_scene, parse_recorded_csv,
-    parse_scene, read_scene, shipped_scenes,
+    SceneSpecError, Setting, StartSpec, StrainedEdge, Transform, materials, open_scene,
+    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::{Frames, FramesError};

@@ -383,19 +383,14 @@ fn check_cloth(cloth: &Cloth, inner: &impl Stepper) -> Result<Vec<f64>, GuardErr
     if cloth.handles() != inner.handles() {
         return Err(GuardError::OtherCloth { what: "handles" });
     }
-    let length = |[from, to]: [VertexId; 2]| {
-        let [a, b] = [from, to].map(|v| cloth.material_coordinates()[v.index()].as_dvec2());
-        match a.distance(b) {
-            length if length.is_finite() && length > 0.0 => Ok(length),
-            length => Err(GuardError::Length { from, to, length }),
-        }
-    };
-    cloth
-        .topology()
-        .edges()
-        .iter()
-        .map(|e| length(e.vertices))
-        .collect()
+    let lengths = cloth.pattern().edge_lengths();
+    let mut edges = cloth.topology().edges().iter().zip(&lengths);
+    let is_bad = |length: f64| !(length.is_finite() && length > 0.0);
+    if let Some((edge, &length)) = edges.find(|(_, length)| is_bad(**length)) {
+        let [from, to] = edge.vertices;
+        return Err(GuardError::Length { from, to, length });
+    }
+    Ok(lengths)
 }
 
 #[cfg(test)]

@@ -11,7 +11,9 @@ use selvedge_data::{
     Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, SceneSpecError, StateRun,
     Trajectory, TrajectoryError, record,
 };
-use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads};
+use selvedge_sim::{
+    FitError, Fitted, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads,
+};
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
@@ -107,6 +109,36 @@ pub(crate) fn find_rest_pose(
         "found the rest pose"
     );
     Ok(rest)
+}
+
+/// Relaxes the cloth of a scene into its pattern.
+///
+/// # Errors
+/// A cloth whose system cannot be solved, or a listener that asks to stop.
+pub fn fit(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<Fitted, FitError> {
+    fit_within(scene, &Reporter::new(on_event))
+}
+
+/// As [`fit`], within a longer operation.
+pub(crate) fn fit_within(scene: &Scene, reporter: &Reporter<'_>) -> Result<Fitted, FitError> {
+    const STEPS: f64 = 100.0;
+    let task = reporter.begin(
+        "fitting into the pattern",
+        Goal::Count(STEPS as u64),
+        "steps",
+    );
+    let mut done = 0.0;
+    selvedge_sim::fit(scene, &mut |now| {
+        task.note(&format!("largest strain {:.1} %", 100.0 * now.strain));
+        while done < STEPS * now.done {
+            done += 1.0;
+            task.advance()?;
+        }
+        match task.is_stopped() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    })
 }
 
 /// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`.
@@ -292,8 +324,7 @@ pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
 /// A trajectory with nothing to measure.
 pub fn largest_strain(trajectory: &Trajectory) -> Result<f64, MetricError> {
     let topology = trajectory.topology();
-    let lengths =
-        metrics::material_edge_lengths(topology, trajectory.cloth().material_coordinates());
+    let lengths = metrics::material_edge_lengths(trajectory.cloth());
     let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
     Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }

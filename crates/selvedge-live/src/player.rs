@@ -109,9 +109,15 @@ fn check_match(first: &NamedTrack, other: &NamedTrack) -> Result<(), TapeError> 
         let what = "frames per second".to_owned();
         return differ(what, rates.map(|rate| rate.to_string()));
     }
-    let [cut, cut_too] = [one, two].map(|track| track.cloth().material_coordinates());
-    for (vertex, (p, q)) in cut.iter().zip(cut_too).enumerate() {
+    let [cut, cut_too] = [one, two].map(|track| track.cloth().pattern());
+    let seams = [cut, cut_too].map(|cut| cut.points().len());
+    if cut.corners() != cut_too.corners() {
+        let what = "points of the pattern, sewn otherwise".to_owned();
+        return differ(what, seams.map(|points| points.to_string()));
+    }
+    for (point, (p, q)) in cut.points().iter().zip(cut_too.points()).enumerate() {
         if p != q {
+            let vertex = cut.vertices()[point];
             let what = format!("as material coordinates of vertex {vertex}");
             return differ(what, [p, q].map(ToString::to_string));
         }

@@ -14,7 +14,7 @@ pub(crate) struct StrainGauge {
 impl StrainGauge {
     pub(crate) fn new(cloth: &Cloth) -> Self {
         let edges = cloth.topology().edges().iter();
-        let lengths = material_edge_lengths(cloth.topology(), cloth.material_coordinates());
+        let lengths = material_edge_lengths(cloth);
         Self {
             edges: edges.map(|edge| edge.vertices.map(|v| v.0)).collect(),
             inverse: lengths

@@ -80,9 +80,6 @@ mod spec;
 #[cfg(test)]
 mod test_cloth;
 
-pub use features::correction::{
-    CorrectionColumns, HalfTurns, MotionState, PredictedFrame, Stiffness, correction_groups,
-};
 pub use features::{
     Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,
     RunningStatistics, Window, edge_columns, edge_features, edge_features_backward, edge_groups,
@@ -105,11 +102,11 @@ pub use network::{
 };
 pub use network::{reference, roofline};
 pub use rollout::{
-    Corrector, Familiarity, LearnedStepper, LocalAcceleration, MODEL_FORMAT, MOST_DEVIATIONS,
-    Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError, TwoFrames,
-    WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
+    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
+    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
+    target_acceleration,
 };
 pub use spec::{
     Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, ModelSpec,
-    NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    NodeFeature, ReferenceSlope, SpecError,
 };

@@ -98,6 +98,7 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
     Scene {
         name: "forward".to_owned(),
         handles: Handles::new(&sheet.labels["upper-corners"], vertices).unwrap(),
+        fabrics: BTreeMap::new(),
         schedule: HandleSchedule::default(),
         mesh: sheet.mesh,
         material: toml::from_str(material).unwrap(),

@@ -147,6 +147,7 @@ fn scene() -> Scene {
     Scene {
         name: "choices".to_owned(),
         handles: Handles::new(&sheet.labels["upper-corners"], spec.vertices).unwrap(),
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         mesh: sheet.mesh,
         material: toml::from_str(material).unwrap(),

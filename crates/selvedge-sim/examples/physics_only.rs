@@ -59,6 +59,7 @@ fn curtain() -> Result<Scene, Box<dyn Error>> {
         name: "curtain".to_owned(),
         handles: Handles::new(&sheet.labels["upper-edge"], 144)?,
         mesh: sheet.mesh,
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         material: Material {
             name: "isotropic".to_owned(),

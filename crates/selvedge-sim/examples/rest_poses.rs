@@ -105,6 +105,7 @@ fn scene(fabric: &str, vertices: usize, seed: u64, side: f64) -> Scene {
     Scene {
         name: "hanging".to_owned(),
         handles: Handles::new(&sheet.labels["upper-corners"], vertices).unwrap(),
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         mesh: sheet.mesh,
         material: toml::from_str(fabric).unwrap(),

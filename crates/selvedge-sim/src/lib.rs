@@ -26,6 +26,7 @@
 //!     name: "a first cloth".to_owned(),
 //!     handles: Handles::new(&sheet.labels["upper-corners"], 49)?,
 //!     mesh: sheet.mesh,
+//!     fabrics: std::collections::BTreeMap::new(),
 //!     schedule: HandleSchedule::default(),
 //!     material: Material {
 //!         name: "rubbery".to_owned(),
@@ -65,6 +66,7 @@
 //! There is no contact, no remeshing and no plasticity. The crate reads and writes no files.
 
 mod active_handles;
+mod fit;
 mod integrator;
 pub mod laws;
 mod lists;
@@ -75,6 +77,7 @@ mod state;
 mod strain_watch;
 mod threads;
 
+pub use fit::{FitError, FitProgress, Fitted, fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{PreviousSubstep, Simulator, SimulatorError};

@@ -73,15 +73,15 @@ impl WatchedEdges {
     /// The edges of `mesh` that `handles` do not hold at both ends.
     pub(crate) fn new(mesh: &Mesh, handles: &Handles) -> Self {
         let held = handles.mask(mesh.topology().vertex_count());
-        let uv = mesh.material_coordinates();
-        let edges = mesh.topology().edges().iter();
-        let watched = edges.filter(|edge| !edge.vertices.iter().all(|v| held[v.index()]));
-        let watched = watched.map(|edge| {
-            let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-            WatchedEdge {
-                vertices: edge.vertices,
-                inverse_rest: a.distance(b).recip(),
-            }
+        let edges = mesh
+            .topology()
+            .edges()
+            .iter()
+            .zip(mesh.pattern().edge_lengths());
+        let watched = edges.filter(|(edge, _)| !edge.vertices.iter().all(|v| held[v.index()]));
+        let watched = watched.map(|(edge, length)| WatchedEdge {
+            vertices: edge.vertices,
+            inverse_rest: length.recip(),
         });
         Self(watched.collect())
     }

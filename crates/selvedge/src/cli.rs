@@ -225,11 +225,15 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) clip: Option<PathBuf>,
     /// Start in the sagged rest pose.
-    #[arg(long, conflicts_with_all = ["from_start", "state"])]
+    #[arg(long, conflicts_with_all = ["from_start", "fit", "state"])]
     from_rest: bool,
     /// Start where the mesh's vertices stand, as a flat sheet that falls.
-    #[arg(long, conflicts_with = "state")]
+    #[arg(long, conflicts_with_all = ["fit", "state"])]
     from_start: bool,
+    /// Start where the mesh's vertices stand, relaxed from there into the pattern: for garments
+    /// that are strained as they stand.
+    #[arg(long, conflicts_with = "state")]
+    fit: bool,
     /// Start in a state that was saved: positions and velocities (.safetensors, .npz).
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
@@ -254,6 +258,8 @@ pub(crate) enum Start<'a> {
     Rest,
     /// The positions of the mesh.
     Mesh,
+    /// The mesh, relaxed into its pattern.
+    Fit,
     /// A saved state: its file, and its frame where one is named.
     State(&'a Path, Option<usize>),
 }
@@ -263,7 +269,7 @@ impl<'a> Start<'a> {
     pub(crate) fn file(self) -> Option<&'a Path> {
         match self {
             Self::State(path, _) => Some(path),
-            Self::Scene | Self::Rest | Self::Mesh => None,
+            Self::Scene | Self::Rest | Self::Mesh | Self::Fit => None,
         }
     }
 }
@@ -274,6 +280,7 @@ impl SimulateArgs {
         match &self.state {
             Some(path) => Start::State(path, self.state_frame),
             None if self.from_start => Start::Mesh,
+            None if self.fit => Start::Fit,
             None if self.from_rest => Start::Rest,
             None => Start::Scene,
         }
@@ -373,9 +380,9 @@ pub(crate) struct TrainArgs {
     /// The folder of the run: checkpoints, log, model.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
-    /// The folder of the data set; none for a model that corrects physics, which asks a teacher.
+    /// The folder of the data set.
     #[arg(long, value_name = "FOLDER")]
-    pub(crate) data: Option<PathBuf>,
+    pub(crate) data: PathBuf,
     /// Go on from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,

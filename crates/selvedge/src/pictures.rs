@@ -72,8 +72,7 @@ pub(crate) fn write_strain_sheet(
 ) -> anyhow::Result<()> {
     let run = run_of(trajectory)?;
     let topology = trajectory.topology();
-    let coordinates = trajectory.cloth().material_coordinates();
-    let lengths = metrics::material_edge_lengths(topology, coordinates);
+    let lengths = metrics::material_edge_lengths(trajectory.cloth());
     let of_frame = |positions: &[Vec3]| {
         let mut strain = vec![0.0_f32; positions.len()];
         for (edge, length) in topology.edges().iter().zip(&lengths) {

@@ -6,9 +6,9 @@
 //! A target holds differences from the first frame, in single precision: vertices come back to
 //! within one rounding of their size, 1.2e-7 of it. Every key has a weight for every target, as the
 //! format wants it: 4 bytes times the square of the frames. Texture coordinates are (u, 1 - v) of
-//! the material's, for glTF counts v downwards; `_HANDLE` is the number of the handle that a vertex
-//! is, or
-//! -1.
+//! the material's, for glTF counts v downwards. Vertices of the file are the points of the pattern:
+//! where the cloth is sewn, a vertex is there once per panel, with `_VERTEX` as the way back.
+//! `_HANDLE` is the number of the handle that a vertex is, or -1.
 //!
 //! Format: Khronos Group, glTF 2.0 specification, sections 3.7 (meshes), 3.11 (animations), 4
 //! (GLB).
@@ -86,25 +86,33 @@ fn difference(mut values: Vec<Vec3>, first: &[Vec3], number: usize) -> Vec<Vec3>
 /// Everything in the order of [`Layout`].
 fn write_binary(take: &Take<'_>, out: &mut impl Write, pulse: &mut Pulse<'_>) -> io::Result<()> {
     let cloth = take.trajectory().cloth();
-    for corner in cloth.topology().face_indices().as_flattened() {
+    let pattern = cloth.pattern();
+    let vertices = pattern.vertices();
+    for corner in pattern.corners().as_flattened() {
         out.write_all(&corner.to_le_bytes())?;
     }
     for target in targets(take) {
-        write_points(out, &target)?;
+        write_points(out, &split(&vertices, &target))?;
         pulse.beat()?;
     }
     if take.has_normals() {
         let first = take.normals_at(&take.positions(0));
         for number in 0..take.len() {
             let normals = take.normals_at(&take.positions(number));
-            write_points(out, &difference(normals, &first, number))?;
+            let normals = difference(normals, &first, number);
+            write_points(out, &split(&vertices, &normals))?;
         }
     }
     for c in cloth.material_coordinates() {
         write_floats(out, &[c.x, 1.0 - c.y])?;
     }
-    for number in take.handle_numbers() {
+    for number in split(&vertices, &take.handle_numbers()) {
         write_floats(out, &[number as f32])?;
+    }
+    if pattern.is_sewn() {
+        for &vertex in &vertices {
+            write_floats(out, &[vertex as f32])?;
+        }
     }
     for number in 0..take.len() {
         write_floats(out, &[take.time(number) as f32])?;
@@ -129,6 +137,12 @@ fn write_weights(keys: usize, out: &mut impl Write) -> io::Result<()> {
         write_floats(out, &weights)?;
     }
     Ok(())
+}
+
+/// The value of each point's vertex: glTF has one texture coordinate per vertex, so that it has
+/// the points of the pattern for vertices.
+fn split<T: Copy>(vertices: &[u32], values: &[T]) -> Vec<T> {
+    vertices.iter().map(|&v| values[v as usize]).collect()
 }
 
 fn write_points(out: &mut impl Write, points: &[Vec3]) -> io::Result<()> {

@@ -28,6 +28,8 @@ enum Part {
     Normals,
     Texture,
     HandleNumbers,
+    /// Vertex of each point, where the cloth is sewn.
+    Vertices,
     Times,
     Weights,
     HandlePaths,
@@ -45,12 +47,13 @@ impl Layout {
         let cloth = take.trajectory().cloth();
         let [frames, vertices, faces, handles] = [
             take.len(),
-            take.trajectory().vertex_count(),
+            cloth.material_coordinates().len(),
             cloth.face_area().len(),
             cloth.handles().vertices().len(),
         ]
         .map(|count| count as u64);
         let normals = if take.has_normals() { frames } else { 0 };
+        let is_sewn = cloth.pattern().is_sewn();
         let mut views = Vec::new();
         let mut start = 0;
         for (part, length) in [
@@ -59,6 +62,7 @@ impl Layout {
             (Part::Normals, 12 * vertices * normals),
             (Part::Texture, 8 * vertices),
             (Part::HandleNumbers, 4 * vertices),
+            (Part::Vertices, if is_sewn { 4 * vertices } else { 0 }),
             (Part::Times, 4 * frames),
             (Part::Weights, 4 * frames * (frames - 1)),
             (Part::HandlePaths, 12 * frames * handles),
@@ -95,7 +99,7 @@ impl Layout {
                 Part::Indices => (None, Some(INDICES)),
                 Part::Positions | Part::Normals => (Some(12), Some(VERTICES)),
                 Part::Texture => (Some(8), Some(VERTICES)),
-                Part::HandleNumbers => (Some(4), Some(VERTICES)),
+                Part::HandleNumbers | Part::Vertices => (Some(4), Some(VERTICES)),
                 Part::Times | Part::Weights | Part::HandlePaths => (None, None),
             };
             if let Some(stride) = stride {
@@ -123,7 +127,7 @@ impl Accessors<'_> {
             Part::Indices => (UNSIGNED_INT, "SCALAR"),
             Part::Positions | Part::Normals | Part::HandlePaths => (FLOAT, "VEC3"),
             Part::Texture => (FLOAT, "VEC2"),
-            Part::HandleNumbers | Part::Times | Part::Weights => (FLOAT, "SCALAR"),
+            Part::HandleNumbers | Part::Vertices | Part::Times | Part::Weights => (FLOAT, "SCALAR"),
         };
         self.all.push(json!({
             "bufferView": self.layout.number(part),
@@ -192,7 +196,8 @@ fn primitive(
     accessors: &mut Accessors<'_>,
     extents: impl Iterator<Item = [Vec3; 2]>,
 ) -> Value {
-    let vertices = take.trajectory().vertex_count();
+    let pattern = take.trajectory().cloth().pattern();
+    let vertices = pattern.points().len();
     let corners = 3 * take.trajectory().cloth().face_area().len();
     let indices = accessors.add(Part::Indices, 0, corners);
     let mut shapes = Vec::with_capacity(take.len());
@@ -209,6 +214,9 @@ fn primitive(
     let mut attributes = shapes.remove(0);
     attributes["TEXCOORD_0"] = json!(accessors.add(Part::Texture, 0, vertices));
     attributes["_HANDLE"] = json!(accessors.add(Part::HandleNumbers, 0, vertices));
+    if pattern.is_sewn() {
+        attributes["_VERTEX"] = json!(accessors.add(Part::Vertices, 0, vertices));
+    }
     let mut primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
     if !shapes.is_empty() {
         primitive["targets"] = json!(shapes);

@@ -6,7 +6,8 @@
 //! | `normals` | f4 `[frames, vertices, 3]` | where they are wanted |
 //! | `faces` | i4 `[faces, 3]` | counter-clockwise |
 //! | `rest_positions` | f4 `[vertices, 3]` | m |
-//! | `material_coordinates` | f4 `[vertices, 2]` | m |
+//! | `material_coordinates` | f4 `[points, 2]` | m; without seams one per vertex |
+//! | `pattern_faces` | i4 `[faces, 3]` | points of the corners, where the cloth is sewn |
 //! | `vertex_mass`, `face_area` | f4 `[vertices]`, `[faces]` | kg, m² |
 //! | `handles` | i4 `[handles]` | |
 //! | `fps` | f8 `[1]` | of these frames |
@@ -108,7 +109,7 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
 }
 
 /// Arrays that do not change over time.
-fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
+fn unchanging(take: &Take<'_>) -> Vec<EntryOut<'static>> {
     let cloth = take.trajectory().cloth();
     let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
     let entry = |name, kind, shape: &[usize], bytes: Vec<u8>| EntryOut {
@@ -134,7 +135,8 @@ fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
         UpAxis::Y => 1,
         UpAxis::Z => 2,
     };
-    [
+    let points = cloth.material_coordinates().len();
+    let mut entries = vec![
         entry(
             "faces",
             "<i4",
@@ -142,13 +144,18 @@ fn unchanging(take: &Take<'_>) -> [EntryOut<'static>; 8] {
             integers(corners.as_flattened()),
         ),
         entry("rest_positions", "<f4", &[vertices, 3], rest),
-        entry("material_coordinates", "<f4", &[vertices, 2], material),
+        entry("material_coordinates", "<f4", &[points, 2], material),
         entry("vertex_mass", "<f4", &[vertices], mass),
         entry("face_area", "<f4", &[faces], area),
         entry("handles", "<i4", &[handles.len()], integers(&handles)),
         entry("fps", "<f8", &[1], fps.to_le_bytes().to_vec()),
         entry("up_axis", "<i4", &[1], integers(&[up])),
-    ]
+    ];
+    if cloth.pattern().is_sewn() {
+        let corners = integers(cloth.pattern().corners().as_flattened());
+        entries.push(entry("pattern_faces", "<i4", &[faces, 3], corners));
+    }
+    entries
 }
 
 fn floats(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
@@ -172,11 +179,14 @@ impl Trajectory {
         let archive = Arrays(Npz::open(bytes)?);
         let (positions, shape) = archive.points("positions")?;
         let vertices = shape[1];
-        let faces = archive.numbers("faces", &[None, Some(3)])?;
-        let faces: Vec<[u32; 3]> = faces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
+        let faces = triples(&archive.numbers("faces", &[None, Some(3)])?);
+        let is_sewn = archive.has("pattern_faces");
         let rest = archive.floats("rest_positions", &[Some(vertices), Some(3)])?;
         let up = archive.up()?;
-        let coordinates = archive.floats("material_coordinates", &[Some(vertices), Some(2)])?;
+        let coordinates = archive.floats(
+            "material_coordinates",
+            &[(!is_sewn).then_some(vertices), Some(2)],
+        )?;
         let single = |values: Vec<f64>| values.into_iter().map(|v| v as f32).collect();
         let fps = archive.floats("fps", &[Some(1)])?;
         let arrays = ClothArrays {
@@ -189,7 +199,13 @@ impl Trajectory {
             face_area: single(archive.floats("face_area", &[Some(faces.len())])?),
         };
         let handles = Handles::new(&archive.numbers("handles", &[None])?, vertices)?;
-        let cloth = Cloth::new(Topology::new(vertices, &faces)?, handles, arrays)?;
+        let topology = Topology::new(vertices, &faces)?;
+        let cloth = if is_sewn {
+            let corners = archive.numbers("pattern_faces", &[Some(faces.len()), Some(3)])?;
+            Cloth::sewn(topology, handles, arrays, triples(&corners))?
+        } else {
+            Cloth::new(topology, handles, arrays)?
+        };
         let positions = points(&positions)
             .map(|p| up.to_ours(p).as_vec3())
             .collect();
@@ -242,6 +258,11 @@ pub(crate) fn handle_positions(
             .map(|frame| taken.iter().map(|&vertex| frame[vertex]).collect())
             .collect(),
     })
+}
+
+fn triples(values: &[u32]) -> Vec<[u32; 3]> {
+    let (triples, _) = values.as_chunks::<3>();
+    triples.to_vec()
 }
 
 fn points(values: &[f64]) -> impl Iterator<Item = DVec3> {

@@ -60,7 +60,7 @@ fn with_frame<T>(take: &Take<'_>, number: usize, act: impl FnOnce(&ObjFrame<'_>)
     act(&ObjFrame {
         topology: cloth.topology(),
         positions: &positions,
-        material_coordinates: cloth.material_coordinates(),
+        pattern: cloth.pattern(),
         normals: normals.as_deref(),
     })
 }

@@ -4,9 +4,8 @@
 //! A time code is a frame of the trajectory, counted from the first exported one; with every nth
 //! frame only every nth code has a sample, and readers go linearly from one to the next. Numbers
 //! are the shortest decimals that are read back exactly. Material coordinates [m] are
-//! `primvars:st`; the rest pose is `primvars:rest`, and `primvars:handle` is the number of the
-//! handle that a vertex is, or
-//! -1. No material is written.
+//! `primvars:st`, of a sewn cloth one per corner of a face; the rest pose is `primvars:rest`, and
+//! `primvars:handle` is the number of the handle that a vertex is, or -1. No material is written.
 //!
 //! Format: the USD documentation, "Usd ASCII" and `UsdGeomMesh`.
 
@@ -98,9 +97,16 @@ fn write_unchanging(take: &Take<'_>, out: &mut impl Write) -> io::Result<()> {
     })?;
     writeln!(out)?;
     write!(out, "        texCoord2f[] primvars:st = ")?;
-    let coordinates = cloth.material_coordinates().iter();
-    write_list(out, coordinates, |out, c| write!(out, "({}, {})", c.x, c.y))?;
-    per_vertex(out)?;
+    let pattern = cloth.pattern();
+    if pattern.is_sewn() {
+        let corners = pattern.faces().flatten();
+        write_list(out, corners, |out, c| write!(out, "({}, {})", c.x, c.y))?;
+        interpolated(out, "faceVarying")?;
+    } else {
+        let points = pattern.points().iter();
+        write_list(out, points, |out, c| write!(out, "({}, {})", c.x, c.y))?;
+        per_vertex(out)?;
+    }
     write!(out, "        point3f[] primvars:rest = ")?;
     write_list(out, take.rest_positions().iter(), write_point)?;
     per_vertex(out)?;
@@ -189,7 +195,11 @@ fn write_list<W: Write, T>(
 
 /// The end of a value that there is one of for each vertex.
 fn per_vertex(out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, " (\n            interpolation = \"vertex\"\n        )")
+    interpolated(out, "vertex")
+}
+
+fn interpolated(out: &mut impl Write, how: &str) -> io::Result<()> {
+    writeln!(out, " (\n            interpolation = \"{how}\"\n        )")
 }
 
 fn separator(k: usize) -> &'static str {

@@ -8,7 +8,7 @@ use selvedge_cloth::{ClothError, HandleError, MeshError};
 use thiserror::Error;
 
 use crate::formats::npy::NpyError;
-use crate::formats::obj::ReadObjError;
+use crate::formats::polygons::ReadMeshError;
 use crate::trajectory::TrajectoryError;
 
 /// Foreign data that cannot be imported.
@@ -100,7 +100,7 @@ pub enum ForeignProblem {
     #[error(transparent)]
     Cloth(#[from] ClothError),
     #[error(transparent)]
-    Obj(#[from] ReadObjError),
+    Obj(#[from] ReadMeshError),
 }
 
 /// A problem of a record of a TFRecord file.

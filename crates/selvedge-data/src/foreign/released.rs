@@ -14,7 +14,9 @@ use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::META;
 use super::options::{ForeignFormat, ImportOptions, positive, refuse};
 use crate::UpAxis;
+use crate::formats::mesh_file::read_mesh;
 use crate::formats::obj::{read_obj, read_obj_positions};
+use crate::formats::polygons::MeshOptions;
 
 pub(super) const POSITIONS: &str = "cloth_pos.npy";
 /// Frames per second of the paper (section 3).
@@ -97,12 +99,20 @@ impl Released {
 
     /// Rest positions and material coordinates.
     fn rest(&self, path: &Path) -> Result<(Vec<DVec3>, Vec<DVec2>), ForeignError> {
-        let obj = |problem: crate::formats::obj::ReadObjError| ForeignError {
+        let obj = |problem: crate::formats::polygons::ReadMeshError| ForeignError {
             path: problem.path.clone(),
             problem: ForeignProblem::Layout(problem.source.to_string()),
         };
         let Some(flat) = &self.flat else {
-            let mesh = read_obj(path).map_err(obj)?.mesh;
+            let read = read_mesh(path, MeshOptions::default()).map_err(obj)?;
+            if read.is_own_shape {
+                let problem = "has no texture coordinates and is not flat: give it texture coordinates, or name a flat mesh of the same vertices";
+                return Err(ForeignError {
+                    path: path.to_owned(),
+                    problem: ForeignProblem::Layout(problem.to_owned()),
+                });
+            }
+            let mesh = read.sheet.mesh;
             return Ok((
                 mesh.positions().to_vec(),
                 mesh.material_coordinates().to_vec(),

@@ -1,10 +1,13 @@
 //! Containers and plain formats that the files of this crate are made of: atomic writing,
-//! safetensors, NumPy arrays and archives, Wavefront OBJ, and the axis that points up.
+//! safetensors, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that points
+//! up.
 
 pub(crate) mod atomic;
 pub(crate) mod hash;
+pub(crate) mod mesh_file;
 pub(crate) mod npy;
 pub(crate) mod npz;
 pub(crate) mod obj;
+pub(crate) mod polygons;
 pub(crate) mod tensor_file;
 pub(crate) mod up_axis;

@@ -224,8 +224,7 @@ impl Distributions {
 
     fn add_edges(&mut self, trajectory: &Trajectory) {
         let topology = trajectory.topology();
-        let coordinates = trajectory.cloth().material_coordinates();
-        let rest = material_edge_lengths(topology, coordinates);
+        let rest = material_edge_lengths(trajectory.cloth());
         for frame in trajectory.frames().iter() {
             let at =
                 |vertex: selvedge_cloth::VertexId| -> DVec3 { frame[vertex.index()].as_dvec3() };

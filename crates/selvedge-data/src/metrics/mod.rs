@@ -4,8 +4,8 @@
 //! Pure functions over frames; sums are `f64`. Two runs are compared over the frames that both
 //! have. A value that is not finite makes the measure so: it is never left out.
 
-use glam::{Vec2, Vec3};
-use selvedge_cloth::Topology;
+use glam::Vec3;
+use selvedge_cloth::{Cloth, Topology};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -160,20 +160,10 @@ pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, 
     Ok(sum / (frames.len() * topology.edges().len()) as f64)
 }
 
-/// Length of each edge in material space `[m]`, `[edges]`, from the flat coordinates of the
-/// vertices `[m]`, `[vertices]`.
+/// Length of each edge in material space `[m]`, `[edges]`; at a seam the mean of its two sides.
 #[must_use]
-pub fn material_edge_lengths(topology: &Topology, material_coordinates: &[Vec2]) -> Vec<f64> {
-    topology
-        .edges()
-        .iter()
-        .map(|edge| {
-            let [a, b] = edge
-                .vertices
-                .map(|v| material_coordinates[v.index()].as_dvec2());
-            a.distance(b)
-        })
-        .collect()
+pub fn material_edge_lengths(cloth: &Cloth) -> Vec<f64> {
+    cloth.pattern().edge_lengths()
 }
 
 /// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` `[m]`,

@@ -34,6 +34,8 @@ pub enum RigError {
     Ambiguous { name: String, count: usize },
     #[error("node {name:?}: {problem}")]
     Node { name: String, problem: String },
+    #[error("has no mesh")]
+    NoMesh,
     #[error("none of the nodes [{names}] is animated")]
     Still { names: String },
     #[error("lasts {frames} frames of the scene, more than {most}")]

@@ -11,11 +11,12 @@
 
 use std::collections::HashMap;
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat4, DQuat, DVec2, DVec3};
 use serde::Deserialize;
 
 use super::error::RigError;
 use super::node::{Change, Operation, Rig, RigNode};
+use super::node_mesh::NodeMesh;
 use super::track::{Joined, Track, Value};
 
 const MAGIC: &[u8; 4] = b"glTF";
@@ -28,6 +29,8 @@ const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
 struct Document {
     nodes: Vec<Node>,
     animations: Vec<Animation>,
+    meshes: Vec<Mesh>,
+    materials: Vec<Material>,
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
     buffers: Vec<Buffer>,
@@ -42,6 +45,26 @@ struct Node {
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
     matrix: Option<[f64; 16]>,
+    mesh: Option<usize>,
+}
+
+#[derive(Deserialize)]
+struct Mesh {
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize)]
+struct Primitive {
+    attributes: HashMap<String, usize>,
+    indices: Option<usize>,
+    material: Option<usize>,
+    /// 4 is triangles.
+    mode: Option<u32>,
+}
+
+#[derive(Deserialize)]
+struct Material {
+    name: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -139,9 +162,27 @@ struct Sampled<'a> {
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
-    let (json, binary) = chunks(bytes)?;
-    let document = serde_json::from_slice(json).map_err(RigError::Json)?;
-    let file = File { document, binary };
+    File::open(bytes)?.rig()
+}
+
+/// The rig in the bytes of a file, and the meshes of its nodes.
+pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
+    let file = File::open(bytes)?;
+    let nodes = file.document.nodes.iter().enumerate();
+    let meshes = nodes.filter_map(|(node, of)| Some((node, of.mesh?)));
+    let meshes: Result<_, _> = meshes.map(|(node, mesh)| file.mesh(node, mesh)).collect();
+    Ok((file.rig()?, meshes?))
+}
+
+impl<'a> File<'a> {
+    fn open(bytes: &'a [u8]) -> Result<Self, RigError> {
+        let (json, binary) = chunks(bytes)?;
+        let document = serde_json::from_slice(json).map_err(RigError::Json)?;
+        Ok(Self { document, binary })
+    }
+}
+
+fn rig_of(file: &File<'_>) -> Result<Rig, RigError> {
     let channels = file.channels()?;
     let parents = file.parents()?;
     let nodes = (0..file.document.nodes.len())
@@ -194,6 +235,77 @@ fn part(what: impl Into<String>, problem: impl Into<String>) -> RigError {
 }
 
 impl File<'_> {
+    fn rig(&self) -> Result<Rig, RigError> {
+        rig_of(self)
+    }
+
+    /// The mesh of a node: all its primitives.
+    fn mesh(&self, node: usize, mesh: usize) -> Result<NodeMesh, RigError> {
+        let what = || format!("mesh {mesh}");
+        let found = self.document.meshes.get(mesh);
+        let found = found.ok_or_else(|| part(what(), "there is none of this number"))?;
+        let mut made = NodeMesh {
+            node,
+            ..NodeMesh::default()
+        };
+        let is_textured = |p: &Primitive| p.attributes.contains_key("TEXCOORD_0");
+        let textured = found.primitives.iter().any(is_textured);
+        made.texture = textured.then(Vec::new);
+        for primitive in &found.primitives {
+            if primitive.mode.is_some_and(|mode| mode != 4) {
+                return Err(part(
+                    what(),
+                    "it has lines, points, strips or fans: export triangles",
+                ));
+            }
+            if textured && !is_textured(primitive) {
+                let problem = "some of its parts have texture coordinates, others have none";
+                return Err(part(what(), problem));
+            }
+            self.add_primitive(&mut made, primitive)?;
+        }
+        Ok(made)
+    }
+
+    fn add_primitive(&self, made: &mut NodeMesh, primitive: &Primitive) -> Result<(), RigError> {
+        let attribute = |name: &str, width: usize| match primitive.attributes.get(name) {
+            Some(&accessor) => self.numbers(accessor, width),
+            None => Ok(Vec::new()),
+        };
+        let positions = attribute("POSITION", 3)?;
+        let uv = attribute("TEXCOORD_0", 2)?;
+        let first = made.positions.len() as u32;
+        made.positions
+            .extend(positions.chunks_exact(3).map(DVec3::from_slice));
+        let count = positions.len() / 3;
+        let indices: Vec<u32> = match primitive.indices {
+            Some(accessor) => {
+                let numbers = self.read(accessor, 1, index)?;
+                numbers.into_iter().map(|number| number as u32).collect()
+            }
+            None => (0..count as u32).collect(),
+        };
+        let material = primitive
+            .material
+            .and_then(|m| self.document.materials.get(m));
+        let fabric = material.and_then(|material| material.name.clone());
+        for face in indices.chunks_exact(3) {
+            if let Some(texture) = &mut made.texture {
+                // glTF counts v downwards.
+                let at = |&v: &u32| {
+                    let place = uv.get(2 * v as usize..2 * v as usize + 2);
+                    place
+                        .map(|p| DVec2::new(p[0], 1.0 - p[1]))
+                        .unwrap_or_default()
+                };
+                texture.push(face.iter().map(at).collect());
+            }
+            made.faces.push(face.iter().map(|v| first + v).collect());
+            made.fabrics.push(fabric.clone());
+        }
+        Ok(())
+    }
+
     /// Parent of each node.
     fn parents(&self) -> Result<Vec<Option<usize>>, RigError> {
         let nodes = &self.document.nodes;
@@ -322,12 +434,21 @@ impl File<'_> {
 
     /// The numbers of an accessor of `width` numbers each.
     fn numbers(&self, accessor: usize, width: usize) -> Result<Vec<f64>, RigError> {
+        self.read(accessor, width, component)
+    }
+
+    fn read(
+        &self,
+        accessor: usize,
+        width: usize,
+        component: impl Fn(&Accessor) -> Option<Component>,
+    ) -> Result<Vec<f64>, RigError> {
         let what = || format!("accessor {accessor}");
         let wrong = |problem: &str| part(what(), problem);
         let document = &self.document;
         let found = document.accessors.get(accessor);
         let found = found.ok_or_else(|| wrong("there is none of this number"))?;
-        let expected = ["", "SCALAR", "", "VEC3", "VEC4"][width];
+        let expected = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][width];
         if found.form != expected {
             return Err(wrong(&format!("expected {expected}, found {}", found.form)));
         }
@@ -336,7 +457,7 @@ impl File<'_> {
         }
         let (view, bytes) = self.view(found).map_err(|problem| wrong(&problem))?;
         let (size, read) = component(found)
-            .ok_or_else(|| wrong("it has numbers of a type that animations do not have"))?;
+            .ok_or_else(|| wrong("it has numbers of a type that is not understood here"))?;
         let stride = view.byte_stride.unwrap_or(size * width);
         let cut = || wrong(CUT);
         if found.count > bytes.len() {
@@ -381,6 +502,18 @@ const CUT: &str = "it reaches beyond the end of the file";
 
 /// Bytes of a number, and the function that reads it.
 type Component = (usize, fn(&[u8]) -> f64);
+
+/// The indices of an accessor.
+fn index(accessor: &Accessor) -> Option<Component> {
+    match accessor.component_type {
+        5121 => Some((1, |b| f64::from(b[0]))),
+        5123 => Some((2, |b| f64::from(u16::from_le_bytes([b[0], b[1]])))),
+        5125 => Some((4, |b| {
+            f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+        })),
+        _ => None,
+    }
+}
 
 /// The numbers of an accessor, where animations may have such.
 fn component(accessor: &Accessor) -> Option<Component> {

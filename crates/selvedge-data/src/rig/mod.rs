@@ -2,12 +2,15 @@
 //!
 //! Nodes are placed in each other; a node's transform is the product of its operations, from the
 //! outermost to the innermost, after that of its parent. Everything is brought into our world:
-//! metres, y up, seconds. What else is in the file (meshes, materials, lights) is passed over.
+//! metres, y up, seconds. What else is in the file (materials, lights) is passed over; [`mesh`]
+//! reads its meshes, where a scene asks for one.
 
 mod drive;
 mod error;
 mod glb;
+pub(crate) mod mesh;
 mod node;
+mod node_mesh;
 mod track;
 mod usda;
 

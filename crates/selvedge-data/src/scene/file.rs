@@ -21,13 +21,18 @@ use super::material_source::MaterialSource;
 use super::motion_source::{MotionSource, Stand};
 use super::physics_file::PhysicsFile;
 use super::problem::{SceneFileError, SceneProblem};
-use super::setting_file::{FrameRate, MeshFile, SettingFile};
+use super::setting_file::{FrameRate, MeshFile, ResolvedSetting, SettingFile};
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::SceneSpec;
+use super::start::StartSpec;
 use super::start_file::StartFile;
 use super::text::{parse_toml, read_text};
-use selvedge_cloth::{Environment, SagSettings};
+use crate::formats::polygons::SeamPair;
+use crate::trajectory::state_file::SavedState;
+use glam::DVec3;
+use selvedge_cloth::{Environment, Mesh, SagSettings};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The file's own words.
@@ -38,6 +43,10 @@ struct SceneFile {
     mesh: MeshFile,
     handles: HandleSelection,
     material: MaterialSource,
+    #[serde(default)]
+    fabrics: BTreeMap<String, MaterialSource>,
+    #[serde(default)]
+    seams: Vec<SeamPair>,
     motion: MotionSource,
     #[serde(default)]
     environment: Environment,
@@ -116,18 +125,27 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         mesh: file.mesh,
         handles: file.handles,
         material: file.material,
+        fabrics: file.fabrics,
+        seams: file.seams,
         environment: file.environment,
         physics: file.physics,
         sag: file.sag,
         frame_rate: file.frame_rate,
     };
     let mut files = Vec::new();
-    let (setting, mesh, groups) = setting.resolve(folder, &mut files)?;
+    let ResolvedSetting {
+        setting,
+        mesh,
+        groups,
+        velocities,
+        warnings,
+    } = setting.resolve(folder, &mut files)?;
     let stand = Stand::of(&setting, &mesh, &groups);
     let motion = file.motion.resolve(folder, &stand)?;
     files.extend(file.motion.file().map(|file| folder.join(file)));
     let vertices = mesh.topology().vertex_count();
     let (start, state) = file.start.resolve(folder, vertices, setting.frame_rate)?;
+    let state = state.or_else(|| moving_mesh(&start, &mesh, velocities));
     let spec = SceneSpec {
         name: file.name,
         setting,
@@ -139,9 +157,25 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let loaded = LoadedScene {
         state,
         files,
+        warnings,
         ..LoadedScene::new(spec, scene)
     };
     Ok(loaded.looked_over(REMEDY))
+}
+
+/// The state of a mesh whose file has velocities, where a run starts at the mesh.
+pub(super) fn moving_mesh(
+    start: &StartSpec,
+    mesh: &Mesh,
+    velocities: Option<Vec<DVec3>>,
+) -> Option<SavedState> {
+    let velocities = velocities.filter(|_| *start == StartSpec::Mesh)?;
+    Some(SavedState {
+        positions: mesh.positions().to_vec(),
+        velocities,
+        frame: 0,
+        previous: None,
+    })
 }
 
 #[cfg(test)]

@@ -41,7 +41,8 @@ impl LoadedScene {
         let mesh = &self.scene.mesh;
         let state = self.state.as_ref();
         let start = state.map_or(mesh.positions(), |state| &state.positions);
-        self.warnings.extend(strained::warning(mesh, start, remedy));
+        self.warnings
+            .extend(strained::warnings(mesh, start, remedy));
         self
     }
 }

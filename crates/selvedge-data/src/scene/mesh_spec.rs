@@ -9,8 +9,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::formats::hash::hash;
-use crate::formats::obj::{
-    ObjError, ObjOptions, ReadObjError, Seams, TextureUnit, parse_obj_bytes,
+use crate::formats::mesh_file::parse_mesh_bytes;
+use crate::formats::polygons::{
+    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
+    TextureUnit,
 };
 
 /// A mesh, resolved: the same spec makes the same mesh.
@@ -21,6 +23,27 @@ pub struct MeshSpec {
     pub source: MeshSource,
     /// Placement of the mesh.
     pub transform: Transform,
+    /// Angles at which hinges rest; none for those of the start where there is no pattern, and flat
+    /// where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest_angles: Option<RestAngles>,
+    /// Panels that are placed, and seams that are sewn, before the mesh is made.
+    #[serde(default, skip_serializing_if = "Sewing::is_empty")]
+    pub sewing: Sewing,
+    /// Bending stiffness of seams in units of the cloth's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seam_stiffness: Option<f64>,
+}
+
+/// A mesh that has been made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuiltMesh {
+    /// The mesh and its labels.
+    pub sheet: Sheet,
+    /// Velocities of the vertices, where its file has them `[m/s]`, `[vertices]`.
+    pub velocities: Option<Vec<DVec3>>,
+    /// Warnings of what was mended or passed over in its file.
+    pub warnings: Vec<String>,
 }
 
 /// Source of a mesh.
@@ -41,6 +64,15 @@ pub enum MeshSource {
         /// The unit of texture coordinates.
         #[serde(default, skip_serializing_if = "is_default")]
         texture: TextureUnit,
+        /// Source of the rest shapes.
+        #[serde(default, skip_serializing_if = "is_default")]
+        pattern: PatternSource,
+        /// Direction of the wale threads of a cloth without a pattern.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        thread: Option<DVec3>,
+        /// Distance up to which vertices are one `[m]`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        weld: Option<f64>,
     },
 }
 
@@ -139,7 +171,7 @@ pub enum MeshSpecError {
     #[error("mesh.generator: {0}")]
     Generate(#[from] GenerateError),
     #[error("mesh.obj: {0}")]
-    Obj(#[from] ReadObjError),
+    Obj(#[from] ReadMeshError),
     #[error(
         "mesh.obj: {path} has changed since the scene was resolved (hash {found}, expected {expected})"
     )]
@@ -160,6 +192,10 @@ pub enum MeshSpecError {
     Units { ratio: f64 },
     #[error("mesh: {0}")]
     Mesh(#[from] MeshError),
+    #[error(
+        "mesh.seam_stiffness is for cloth with a pattern, which has seams; this mesh has none: leave it out"
+    )]
+    NoSeams,
 }
 
 /// Start positions may be stretched or folded up a little against the material, not this much.
@@ -184,12 +220,15 @@ impl MeshSource {
     ///
     /// # Errors
     /// [`MeshSpecError::Obj`] when it cannot be read.
-    pub fn obj(path: &str, folder: &Path, options: ObjOptions) -> Result<Self, MeshSpecError> {
+    pub fn obj(path: &str, folder: &Path, options: MeshOptions) -> Result<Self, MeshSpecError> {
         Ok(Self::Obj {
             path: path.to_owned(),
             blake3: hash(&read(&folder.join(path))?),
             seams: options.seams,
             texture: options.texture,
+            pattern: options.pattern,
+            thread: options.thread,
+            weld: options.weld,
         })
     }
 }
@@ -200,26 +239,81 @@ impl MeshSpec {
     /// # Errors
     /// [`MeshSpecError`] names the field and what is wrong.
     pub fn build(&self, folder: &Path) -> Result<Sheet, MeshSpecError> {
-        let sheet = match &self.source {
-            MeshSource::Generator(numbers) => sheet(&SheetSpec {
+        Ok(self.read(folder)?.sheet)
+    }
+
+    /// Makes the mesh with all that its file says of it; files are relative to `folder`.
+    ///
+    /// # Errors
+    /// As for [`Self::build`].
+    pub fn read(&self, folder: &Path) -> Result<BuiltMesh, MeshSpecError> {
+        let read = self.source.read(folder, &self.sewing)?;
+        let mut sheet = self.transform.apply(read.sheet)?;
+        let default = match read.is_own_shape {
+            true => RestAngles::Start,
+            false => RestAngles::Flat,
+        };
+        if self.rest_angles.unwrap_or(default) == RestAngles::Start {
+            sheet.mesh = sheet.mesh.with_rest_angles_of_start();
+        }
+        if let Some(factor) = self.seam_stiffness {
+            if read.is_own_shape {
+                return Err(MeshSpecError::NoSeams);
+            }
+            sheet.mesh = sheet.mesh.with_seam_stiffness(factor)?;
+        }
+        check_units(&sheet.mesh)?;
+        let turn = self.transform.turn();
+        let velocities = read.velocities.map(|velocities| {
+            let turned = |v: DVec3| turn * (self.transform.scale * v);
+            velocities.into_iter().map(turned).collect()
+        });
+        Ok(BuiltMesh {
+            sheet,
+            velocities,
+            warnings: read.warnings,
+        })
+    }
+}
+
+impl MeshSource {
+    fn read(&self, folder: &Path, sewing: &Sewing) -> Result<ReadMesh, MeshSpecError> {
+        let sheet = match self {
+            Self::Generator(numbers) => sheet(&SheetSpec {
                 shape: numbers.kind,
                 vertices: numbers.vertices,
                 size: numbers.size,
                 seed: numbers.seed,
             })?,
-            MeshSource::Obj {
+            Self::Obj {
                 path,
                 blake3,
                 seams,
                 texture,
+                pattern,
+                thread,
+                weld,
             } => {
-                let (seams, texture) = (*seams, *texture);
-                build_obj(path, blake3, folder, ObjOptions { seams, texture })?
+                let options = MeshOptions {
+                    seams: *seams,
+                    texture: *texture,
+                    pattern: *pattern,
+                    thread: *thread,
+                    weld: *weld,
+                };
+                let bytes = unchanged(path, blake3, folder)?;
+                let full = folder.join(path);
+                let read = parse_mesh_bytes(&full, &bytes, options, sewing);
+                return read
+                    .map_err(|source| MeshSpecError::Obj(ReadMeshError { path: full, source }));
             }
         };
-        let sheet = self.transform.apply(sheet)?;
-        check_units(&sheet.mesh)?;
-        Ok(sheet)
+        Ok(ReadMesh {
+            sheet,
+            velocities: None,
+            is_own_shape: false,
+            warnings: Vec::new(),
+        })
     }
 }
 
@@ -229,20 +323,19 @@ impl Transform {
         if *self == Self::default() {
             return Ok(sheet);
         }
-        let axis = self.rotation.axis.normalize();
-        let turn = DQuat::from_axis_angle(axis, self.rotation.angle_deg.to_radians());
-        let mesh = &sheet.mesh;
+        let turn = self.turn();
         let place = |p: &DVec3| turn * (self.scale * *p) + self.translation;
-        let material = self.scale * self.material_scale;
-        let coordinates = mesh.material_coordinates();
+        let positions = sheet.mesh.positions().iter().map(place).collect();
+        let mesh = sheet.mesh.with_positions(positions)?;
         Ok(Sheet {
-            mesh: Mesh::new(
-                &mesh.topology().face_indices(),
-                coordinates.iter().map(|c| material * *c).collect(),
-                mesh.positions().iter().map(place).collect(),
-            )?,
+            mesh: mesh.with_pattern_scaled(self.scale * self.material_scale)?,
             labels: sheet.labels,
         })
+    }
+
+    fn turn(&self) -> DQuat {
+        let axis = self.rotation.axis.normalize();
+        DQuat::from_axis_angle(axis, self.rotation.angle_deg.to_radians())
     }
 
     fn validate(&self) -> Result<(), MeshSpecError> {
@@ -274,10 +367,10 @@ impl Transform {
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, ReadObjError> {
-    std::fs::read(path).map_err(|source| ReadObjError {
+fn read(path: &Path) -> Result<Vec<u8>, ReadMeshError> {
+    std::fs::read(path).map_err(|source| ReadMeshError {
         path: path.to_owned(),
-        source: ObjError::Read(source),
+        source: MeshFileError::Read(source),
     })
 }
 
@@ -285,32 +378,27 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-fn build_obj(
-    path: &str,
-    expected: &str,
-    folder: &Path,
-    options: ObjOptions,
-) -> Result<Sheet, MeshSpecError> {
-    let full = folder.join(path);
-    let bytes = read(&full)?;
+/// The bytes of a file, which must have this hash.
+fn unchanged(path: &str, expected: &str, folder: &Path) -> Result<Vec<u8>, MeshSpecError> {
+    let bytes = read(&folder.join(path))?;
     let found = hash(&bytes);
-    if found != expected {
-        return Err(MeshSpecError::Changed {
-            path: path.to_owned(),
-            expected: expected.to_owned(),
-            found,
-        });
+    if found == expected {
+        return Ok(bytes);
     }
-    parse_obj_bytes(&bytes, options)
-        .map_err(|source| MeshSpecError::Obj(ReadObjError { path: full, source }))
+    Err(MeshSpecError::Changed {
+        path: path.to_owned(),
+        expected: expected.to_owned(),
+        found,
+    })
 }
 
 fn check_units(mesh: &Mesh) -> Result<(), MeshSpecError> {
     let (mut length, mut material) = (0.0, 0.0);
-    for edge in mesh.topology().edges() {
+    let lengths = mesh.pattern().edge_lengths();
+    for (edge, rest) in mesh.topology().edges().iter().zip(lengths) {
         let [a, b] = edge.vertices.map(|v| v.index());
         length += mesh.positions()[a].distance(mesh.positions()[b]);
-        material += mesh.material_coordinates()[a].distance(mesh.material_coordinates()[b]);
+        material += rest;
     }
     let ratio: f64 = length / material;
     if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {

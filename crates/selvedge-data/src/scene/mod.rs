@@ -25,16 +25,18 @@ pub use handle_selection::{HandleGroup, HandleSelection, ReleaseSpan};
 pub use loaded::LoadedScene;
 pub use material_source::{MaterialSource, MaterialTable};
 pub use mesh_spec::{
-    GeneratorError, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform,
+    BuiltMesh, GeneratorError, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate,
+    Transform,
 };
 pub(crate) use motion_source::Stand;
 pub use motion_source::{GroupMotion, GroupMove, MotionSource, RigMotion};
 pub(crate) use problem::field;
 pub use problem::{SceneFileError, SceneProblem};
 pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
-pub(crate) use setting_file::{MeshFile, SettingFile};
+pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
 pub(crate) use shipped::assets;
 pub use shipped::{materials, shipped_scenes};
 pub use spec::{SceneSpec, SceneSpecError, Setting};
 pub use start::StartSpec;
+pub use strained::{StrainedEdge, worst_edges};
 pub(crate) use text::{parse_toml, read_text};

@@ -1,18 +1,22 @@
 //! A setting as people write it in a scene or in a preset of data sets: mesh, handles, material and
 //! air.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use selvedge_cloth::{DEFAULT_FRAME_RATE, Environment, Mesh, SagSettings};
 use serde::Deserialize;
 
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
-use super::mesh_spec::{GeneratorSpec, MeshSource, MeshSpec, Transform};
+use super::mesh_spec::{BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, Transform};
 use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
 use super::spec::Setting;
-use crate::formats::obj::{ObjOptions, Seams, TextureUnit};
+use crate::formats::polygons::{
+    MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+};
 
 /// A scene without name, motion and start, as a data set's preset has it.
 ///
@@ -24,6 +28,10 @@ pub(crate) struct SettingFile {
     pub(super) mesh: MeshFile,
     pub(super) handles: HandleSelection,
     pub(super) material: MaterialSource,
+    #[serde(default)]
+    pub(super) fabrics: BTreeMap<String, MaterialSource>,
+    #[serde(default)]
+    pub(super) seams: Vec<SeamPair>,
     #[serde(default)]
     pub(super) environment: Environment,
     #[serde(default)]
@@ -51,22 +59,53 @@ impl Default for FrameRate {
 pub(crate) struct MeshFile {
     generator: Option<GeneratorSpec>,
     obj: Option<String>,
+    file: Option<String>,
     seams: Option<Seams>,
     texture: Option<TextureUnit>,
+    pattern: Option<PatternSource>,
+    thread: Option<DVec3>,
+    weld: Option<f64>,
+    rest_angles: Option<RestAngles>,
+    seam_stiffness: Option<f64>,
+    #[serde(default)]
+    panels: Vec<PanelPlace>,
     #[serde(default)]
     transform: Transform,
 }
 
+/// A setting that has been looked up, with its mesh.
+pub(crate) struct ResolvedSetting {
+    pub(crate) setting: Setting,
+    pub(crate) mesh: Mesh,
+    /// Groups of the handles.
+    pub(crate) groups: Groups,
+    /// Velocities of the vertices, where the mesh's file has them `[m/s]`, `[vertices]`.
+    pub(crate) velocities: Option<Vec<DVec3>>,
+    pub(crate) warnings: Vec<String>,
+}
+
 impl SettingFile {
-    /// Looks up what is named, and builds the mesh; the groups are those of the handles. The files
-    /// of the material are added to `files`: what is resolved does not name them.
+    /// Looks up what is named, and builds the mesh. The files of the materials are added to
+    /// `files`: what is resolved does not name them.
     pub(crate) fn resolve(
         self,
         folder: &Path,
         files: &mut Vec<PathBuf>,
-    ) -> Result<(Setting, Mesh, Groups), SceneProblem> {
-        let mesh = self.mesh.resolve(folder)?;
-        let sheet = mesh.build(folder)?;
+    ) -> Result<ResolvedSetting, SceneProblem> {
+        let mut mesh = self.mesh.resolve(folder)?;
+        mesh.sewing.seams = self.seams;
+        if !mesh.sewing.is_empty() && matches!(mesh.source, MeshSource::Generator(_)) {
+            return Err(field("seams", "and mesh.panels are for a mesh from a file"));
+        }
+        let BuiltMesh {
+            sheet,
+            velocities,
+            mut warnings,
+        } = mesh.read(folder)?;
+        let mut fabrics = BTreeMap::new();
+        for (name, source) in self.fabrics {
+            fabrics.insert(name, source.resolve(folder, files)?);
+        }
         let Selected {
             vertices,
             groups,
@@ -77,36 +116,80 @@ impl SettingFile {
             schedule,
             mesh,
             material: self.material.resolve(folder, files)?,
+            fabrics,
             environment: self.environment,
             physics: self.physics.0,
             sag: self.sag,
             frame_rate: self.frame_rate.0,
         };
-        Ok((setting, sheet.mesh, groups))
+        warnings.extend(damping_warning(&setting));
+        Ok(ResolvedSetting {
+            setting,
+            mesh: sheet.mesh,
+            groups,
+            velocities,
+            warnings,
+        })
     }
 }
 
+/// A warning of fabrics whose damping is not that of the cloth, of which there is one for all.
+fn damping_warning(setting: &Setting) -> Option<String> {
+    let damping = setting.material.damping;
+    let mut others = setting
+        .fabrics
+        .iter()
+        .filter(|(_, fabric)| fabric.damping != damping);
+    others.next().map(|(name, fabric)| {
+        format!(
+            "fabrics: {name:?} has a damping of {} s, but a cloth has one for all its faces: {damping} s, that of its material",
+            fabric.damping
+        )
+    })
+}
+
 impl MeshFile {
-    /// Looks for an OBJ from `folder`.
+    /// Looks for a mesh file from `folder`.
     pub(crate) fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
-        let options = ObjOptions {
+        let options = MeshOptions {
             seams: self.seams.unwrap_or_default(),
             texture: self.texture.unwrap_or_default(),
+            pattern: self.pattern.unwrap_or_default(),
+            thread: self.thread,
+            weld: self.weld,
         };
-        let source = match (self.generator, self.obj) {
-            (Some(_), None) if self.seams.is_some() || self.texture.is_some() => {
-                return Err(field("mesh", "seams and texture are for an obj"));
+        let for_files = self.seams.is_some()
+            || self.texture.is_some()
+            || self.pattern.is_some()
+            || self.thread.is_some()
+            || self.weld.is_some();
+        let file = match (self.obj, self.file) {
+            (Some(_), Some(_)) => {
+                return Err(field("mesh", "has both an obj and a file: keep one"));
+            }
+            (obj, file) => obj.or(file),
+        };
+        let source = match (self.generator, file) {
+            (Some(_), None) if for_files => {
+                let problem = "seams, texture, pattern, thread and weld are for a mesh from a file";
+                return Err(field("mesh", problem));
             }
             (Some(generator), None) => MeshSource::Generator(generator),
             (None, Some(path)) => MeshSource::obj(&path, folder, options)?,
-            (None, None) => return Err(field("mesh", "needs a generator or an obj")),
+            (None, None) => return Err(field("mesh", "needs a generator or a file")),
             (Some(_), Some(_)) => {
-                return Err(field("mesh", "has both a generator and an obj: keep one"));
+                return Err(field("mesh", "has both a generator and a file: keep one"));
             }
         };
         Ok(MeshSpec {
             source,
             transform: self.transform,
+            rest_angles: self.rest_angles,
+            seam_stiffness: self.seam_stiffness,
+            sewing: Sewing {
+                panels: self.panels,
+                seams: Vec::new(),
+            },
         })
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! Only a mesh from a file stays a reference, with its hash. The same spec makes the same scene.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{
@@ -43,6 +44,9 @@ pub struct Setting {
     pub schedule: HandleSchedule,
     /// The material of the cloth.
     pub material: Material,
+    /// Materials of faces by the names of their fabrics in the mesh; all others have `material`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub fabrics: BTreeMap<String, Material>,
     /// Gravity, air and wind.
     pub environment: Environment,
     /// Settings of the reference simulator.
@@ -94,7 +98,7 @@ impl SceneSpec {
         };
         let state = match &self.start {
             StartSpec::State(state) => Some(&state.path),
-            StartSpec::Rest | StartSpec::Mesh => None,
+            StartSpec::Rest | StartSpec::Mesh | StartSpec::Fit => None,
         };
         let files = mesh.into_iter().chain(state);
         files.map(|file| folder.join(file)).collect()
@@ -115,6 +119,7 @@ impl SceneSpec {
             name: self.name.clone(),
             handles: Handles::new(&setting.handles, mesh.topology().vertex_count())?,
             mesh,
+            fabrics: setting.fabrics.clone(),
             schedule: setting.schedule.clone(),
             material: setting.material.clone(),
             environment: setting.environment,

@@ -15,6 +15,7 @@ pub(super) enum StartFile {
     #[default]
     Rest,
     Mesh,
+    Fit,
     State {
         /// Path of the file, relative to the scene's folder.
         file: String,
@@ -35,6 +36,7 @@ impl StartFile {
         match self {
             Self::Rest => Ok((StartSpec::Rest, None)),
             Self::Mesh => Ok((StartSpec::Mesh, None)),
+            Self::Fit => Ok((StartSpec::Fit, None)),
             Self::State {
                 file,
                 frame,

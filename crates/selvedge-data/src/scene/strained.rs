@@ -1,40 +1,122 @@
-//! A warning for a cloth that starts far from its material size, by the median over its edges of
-//! l/l₀ at the start. Far from 1, its texture coordinates are in another unit, or its start is no
-//! start of this cloth.
+//! Warnings for a cloth that starts far from its pattern: by the median over its edges of l/l₀ at
+//! the start, and by its worst edges.
+//!
+//! A median far from 1 means that texture coordinates are in another unit, or that the start is no
+//! start of this cloth. A few edges far from 1 are a fault of the mesh, and would fling it about.
 
 use glam::DVec3;
-use selvedge_cloth::Mesh;
+use selvedge_cloth::{EdgeId, FaceId, Mesh, VertexId};
 
 /// Medians beyond these are warned of: no fabric hangs so, no start is folded so by intent.
 const SMALLEST: f64 = 0.8;
 const LARGEST: f64 = 1.25;
 
-/// A warning for a cloth that starts at `positions` `[m]`, `[vertices]`, far from its material
-/// size; `remedy` says how its file can be mended.
-pub(super) fn warning(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Option<String> {
-    let median = median_stretch(mesh, positions);
-    if (SMALLEST..=LARGEST).contains(&median) {
-        return None;
-    }
-    Some(format!(
-        "mesh: half of the edges start at {median:.3} × their material length or {}, a strain of {:.0} %: texture coordinates are material coordinates in metres; {remedy}",
-        if median > 1.0 { "more" } else { "less" },
-        100.0 * (median - 1.0)
-    ))
+/// Stretch from which single edges are warned of.
+const OVERSTRAINED: f64 = 1.5;
+/// Edges that a warning names.
+const NAMED: usize = 3;
+
+/// An edge with its stretch at the start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StrainedEdge {
+    /// The two ends.
+    pub vertices: [VertexId; 2],
+    /// Panels of its faces, two at a seam; see [`selvedge_cloth::Pattern::panels`].
+    pub panels: Vec<u32>,
+    /// Fabrics of its faces, where they have names.
+    pub fabrics: Vec<String>,
+    /// Length over length in the pattern.
+    pub stretch: f64,
 }
 
-/// The median over the edges of their length over that in the material.
-fn median_stretch(mesh: &Mesh, positions: &[DVec3]) -> f64 {
-    let uv = mesh.material_coordinates();
-    let edges = mesh.topology().edges().iter();
-    let mut stretches: Vec<f64> = edges
-        .map(|edge| {
-            let [a, b] = edge.vertices.map(|v| v.index());
-            positions[a].distance(positions[b]) / uv[a].distance(uv[b])
-        })
-        .collect();
+/// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern.
+#[must_use]
+pub fn worst_edges(mesh: &Mesh, positions: &[DVec3], count: usize) -> Vec<StrainedEdge> {
+    let mut order: Vec<(usize, f64)> = stretches(mesh, positions).into_iter().enumerate().collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    order.truncate(count);
+    let panels = mesh.pattern().panels();
+    let named = |(edge, stretch): (usize, f64)| {
+        let edge = &mesh.topology().edges()[EdgeId(edge as u32).index()];
+        let faces: Vec<FaceId> = [Some(edge.faces.0), edge.faces.1]
+            .into_iter()
+            .flatten()
+            .collect();
+        let mut on: Vec<u32> = faces.iter().map(|face| panels[face.index()]).collect();
+        on.dedup();
+        let fabric = |face: &FaceId| Some(mesh.fabrics().names[mesh.fabrics().of(*face)?].clone());
+        let mut fabrics: Vec<String> = faces.iter().filter_map(fabric).collect();
+        fabrics.dedup();
+        StrainedEdge {
+            vertices: edge.vertices,
+            panels: on,
+            fabrics,
+            stretch,
+        }
+    };
+    order.into_iter().map(named).collect()
+}
+
+impl std::fmt::Display for StrainedEdge {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [a, b] = self.vertices;
+        let panels: Vec<String> = self.panels.iter().map(ToString::to_string).collect();
+        let word = if panels.len() > 1 {
+            "between panels"
+        } else {
+            "in panel"
+        };
+        write!(
+            f,
+            "{a}-{b} at {:.3} × {word} {}",
+            self.stretch,
+            panels.join(" and ")
+        )?;
+        if !self.fabrics.is_empty() {
+            write!(f, " ({})", self.fabrics.join(", "))?;
+        }
+        Ok(())
+    }
+}
+
+/// Warnings for a cloth that starts at `positions` `[m]`, `[vertices]`, far from its pattern;
+/// `remedy` says how the units of its file can be mended.
+pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<String> {
+    let mut stretches = stretches(mesh, positions);
     stretches.sort_by(f64::total_cmp);
-    stretches[stretches.len() / 2]
+    let median = stretches[stretches.len() / 2];
+    if !(SMALLEST..=LARGEST).contains(&median) {
+        return vec![format!(
+            "mesh: half of the edges start at {median:.3} × their material length or {}, a strain of {:.0} %: texture coordinates are material coordinates in metres; {remedy}",
+            if median > 1.0 { "more" } else { "less" },
+            100.0 * (median - 1.0)
+        )];
+    }
+    let over = stretches
+        .iter()
+        .filter(|stretch| **stretch > OVERSTRAINED)
+        .count();
+    if over == 0 {
+        return Vec::new();
+    }
+    let worst = worst_edges(mesh, positions, NAMED);
+    let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
+    vec![format!(
+        "mesh: {over} edges start at more than {OVERSTRAINED} × their length in the pattern, the worst are {}: mend them, or let the cloth relax before it moves with start = \"fit\"",
+        named.join(", ")
+    )]
+}
+
+/// Length over length in the pattern of each edge, `[edges]`.
+fn stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<f64> {
+    let edges = mesh.topology().edges().iter();
+    edges
+        .zip(mesh.pattern().edge_lengths())
+        .map(|(edge, rest)| {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            positions[a].distance(positions[b]) / rest
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -52,15 +134,37 @@ mod tests {
         let mesh = square(&spec).unwrap().mesh;
         let scaled = |by: f64| -> Vec<DVec3> { mesh.positions().iter().map(|p| *p * by).collect() };
         for by in [1.0, 0.81, 1.24] {
-            assert_eq!(warning(&mesh, &scaled(by), "mend it"), None, "{by}");
+            assert!(warnings(&mesh, &scaled(by), "mend it").is_empty(), "{by}");
         }
         for (by, words) in [
             (0.79, ["0.790 × their material length or less", "-21 %"]),
             (2.0, ["2.000 × their material length or more", "100 %"]),
         ] {
-            let text = warning(&mesh, &scaled(by), "mend it").unwrap();
+            let text = warnings(&mesh, &scaled(by), "mend it").remove(0);
             assert!(words.iter().all(|word| text.contains(word)), "{text}");
             assert!(text.ends_with("in metres; mend it"), "{text}");
         }
+    }
+
+    #[test]
+    fn single_edges_that_are_far_too_long_are_named() {
+        let spec = SquareSpec {
+            vertices: 100,
+            size: 1.0,
+            seed: 3,
+        };
+        let mesh = square(&spec).unwrap().mesh;
+        let mut positions = mesh.positions().to_vec();
+        positions[70].x += 3.0;
+        let text = warnings(&mesh, &positions, "mend it").remove(0);
+        assert!(text.contains("70") && text.contains("in panel 0"), "{text}");
+        assert!(text.contains("start = \"fit\""), "{text}");
+        let worst = worst_edges(&mesh, &positions, 2);
+        assert!(
+            worst
+                .iter()
+                .all(|edge| edge.vertices.contains(&VertexId(70)))
+        );
+        assert!(worst[0].stretch >= worst[1].stretch && worst[1].stretch > 10.0);
     }
 }

@@ -1,7 +1,11 @@
 //! The trajectory file: one .safetensors with `positions` f32 `[frames, vertices, 3]`, `faces` u32
-//! `[faces, 3]`, `rest_positions` f32 `[vertices, 3]`, `material_coordinates` f32 `[vertices, 2]`,
+//! `[faces, 3]`, `rest_positions` f32 `[vertices, 3]`, `material_coordinates` f32 `[points, 2]`,
 //! `vertex_mass` f32 `[vertices]`, `face_area` f32 `[faces]` and `handles` u32 `[handles]`, and the
 //! metadata `format` = "selvedge-trajectory", `version`, `fps`, `scene` (JSON) and `made_by`.
+//!
+//! Version 1 is a cloth without seams, with one point per vertex. Version 2 is a sewn one: its
+//! `pattern_faces` u32 `[faces, 3]` are the points of the faces' corners, point v is one of vertex
+//! v's, and every point has one vertex. A reader of version 1 refuses version 2 by its number.
 //!
 //! Equal trajectories make equal bytes. Reading takes the whole file into memory (a run of the
 //! paper is 15 MB) and checks all of it; tensors that are not listed here are an error, because
@@ -23,7 +27,11 @@ use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";
+/// Version of a cloth without seams, and of a sewn one.
 const VERSION: &str = "1";
+const SEWN_VERSION: &str = "2";
+/// The tensor that only a sewn cloth has.
+const PATTERN_FACES: &str = "pattern_faces";
 const METADATA: [&str; 5] = ["format", "version", "fps", "scene", "made_by"];
 const TENSORS: [&str; 7] = [
     "positions",
@@ -106,16 +114,17 @@ impl Trajectory {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
         let (_, header) =
             SafeTensors::read_metadata(bytes).map_err(TrajectoryFileError::Container)?;
-        let provenance = read_provenance(&header)?;
+        let (provenance, is_sewn) = read_provenance(&header)?;
         let file = SafeTensors::deserialize(bytes).map_err(TrajectoryFileError::Container)?;
-        if let Some(unknown) = file.names().iter().find(|n| !TENSORS.contains(n)) {
+        let is_known = |name: &&str| TENSORS.contains(name) || is_sewn && *name == PATTERN_FACES;
+        if let Some(unknown) = file.names().iter().find(|name| !is_known(name)) {
             return Err(TrajectoryFileError::UnknownTensor {
                 name: (*unknown).to_owned(),
             });
         }
         let (positions, frame_shape) = read_tensor(&file, "positions", &[None, None, Some(3)])?;
         let vertices = frame_shape[1];
-        let cloth = read_cloth(&file, vertices)?;
+        let cloth = read_cloth(&file, vertices, is_sewn)?;
         Ok(Self::new(cloth, vec3s(&floats(positions)), provenance)?)
     }
 
@@ -148,12 +157,12 @@ impl Trajectory {
             vec![self.frame_count(), vertices, 3],
             vec![faces, 3],
             vec![vertices, 3],
-            vec![vertices, 2],
+            vec![cloth.material_coordinates().len(), 2],
             vec![vertices],
             vec![faces],
             vec![handles.len()],
         ];
-        let tensors: Vec<TensorOut<'_>> = TENSORS
+        let mut tensors: Vec<TensorOut<'_>> = TENSORS
             .into_iter()
             .zip(shapes)
             .zip(values)
@@ -163,21 +172,35 @@ impl Trajectory {
                 values,
             })
             .collect();
-        write_tensors(path, &tensors, &metadata(self.provenance()))
+        let pattern = cloth.pattern();
+        let corners = pattern.corners();
+        if pattern.is_sewn() {
+            tensors.push(TensorOut {
+                name: PATTERN_FACES,
+                shape: vec![faces, 3],
+                values: TensorValues::U32(corners.as_flattened()),
+            });
+        }
+        let version = match pattern.is_sewn() {
+            true => SEWN_VERSION,
+            false => VERSION,
+        };
+        write_tensors(path, &tensors, &metadata(self.provenance(), version))
     }
 }
 
-fn metadata(provenance: &Provenance) -> BTreeMap<&'static str, String> {
+fn metadata(provenance: &Provenance, version: &str) -> BTreeMap<&'static str, String> {
     BTreeMap::from([
         ("format", FORMAT.to_owned()),
-        ("version", VERSION.to_owned()),
+        ("version", version.to_owned()),
         ("fps", provenance.frame_rate.to_string()),
         ("scene", provenance.scene.to_string()),
         ("made_by", provenance.made_by.clone()),
     ])
 }
 
-fn read_provenance(header: &Metadata) -> Result<Provenance, TrajectoryFileError> {
+/// The provenance, and true for a sewn cloth.
+fn read_provenance(header: &Metadata) -> Result<(Provenance, bool), TrajectoryFileError> {
     let empty = HashMap::new();
     let metadata = header.metadata().as_ref().unwrap_or(&empty);
     let entry = |name| {
@@ -190,11 +213,13 @@ fn read_provenance(header: &Metadata) -> Result<Provenance, TrajectoryFileError>
         expected,
         found: found.to_owned(),
     };
-    for (name, expected) in [("format", FORMAT), ("version", VERSION)] {
-        let found = entry(name)?;
-        if found != expected {
-            return Err(wrong(name, expected, found));
-        }
+    let format = entry("format")?;
+    if format != FORMAT {
+        return Err(wrong("format", FORMAT, format));
+    }
+    let version = entry("version")?;
+    if version != VERSION && version != SEWN_VERSION {
+        return Err(wrong("version", "1 or 2", version));
     }
     if let Some((name, value)) = metadata
         .iter()
@@ -204,26 +229,28 @@ fn read_provenance(header: &Metadata) -> Result<Provenance, TrajectoryFileError>
     }
     let fps = entry("fps")?;
     let scene = entry("scene")?;
-    Ok(Provenance {
+    let provenance = Provenance {
         frame_rate: fps
             .parse()
             .map_err(|_| wrong("fps", "a number of frames per second", fps))?,
         scene: serde_json::from_str(scene).map_err(|_| wrong("scene", "JSON", scene))?,
         made_by: entry("made_by")?.clone(),
-    })
+    };
+    Ok((provenance, version == SEWN_VERSION))
 }
 
-fn read_cloth(file: &SafeTensors<'_>, vertices: usize) -> Result<Cloth, TrajectoryFileError> {
+fn read_cloth(
+    file: &SafeTensors<'_>,
+    vertices: usize,
+    is_sewn: bool,
+) -> Result<Cloth, TrajectoryFileError> {
     let (faces, _) = read_tensor(file, "faces", &[None, Some(3)])?;
     let (rest, _) = read_tensor(file, "rest_positions", &[Some(vertices), Some(3)])?;
-    let coordinates = &[Some(vertices), Some(2)];
+    let coordinates = &[(!is_sewn).then_some(vertices), Some(2)];
     let (coordinates, _) = read_tensor(file, "material_coordinates", coordinates)?;
     let (mass, _) = read_tensor(file, "vertex_mass", &[Some(vertices)])?;
     let (handles, _) = read_tensor(file, "handles", &[None])?;
-    let faces: Vec<[u32; 3]> = integers(faces)
-        .chunks_exact(3)
-        .map(|f| [f[0], f[1], f[2]])
-        .collect();
+    let faces = triples(&integers(faces));
     let (area, _) = read_tensor(file, "face_area", &[Some(faces.len())])?;
     let arrays = ClothArrays {
         rest_positions: vec3s(&floats(rest)),
@@ -235,11 +262,18 @@ fn read_cloth(file: &SafeTensors<'_>, vertices: usize) -> Result<Cloth, Trajecto
         face_area: floats(area),
     };
     let handles = Handles::new(&integers(handles), vertices)?;
-    Ok(Cloth::new(
-        Topology::new(vertices, &faces)?,
-        handles,
-        arrays,
-    )?)
+    let topology = Topology::new(vertices, &faces)?;
+    if !is_sewn {
+        return Ok(Cloth::new(topology, handles, arrays)?);
+    }
+    let (corners, _) = read_tensor(file, PATTERN_FACES, &[Some(faces.len()), Some(3)])?;
+    let corners = triples(&integers(corners));
+    Ok(Cloth::sewn(topology, handles, arrays, corners)?)
+}
+
+fn triples(values: &[u32]) -> Vec<[u32; 3]> {
+    let (triples, _) = values.as_chunks::<3>();
+    triples.to_vec()
 }
 
 /// The bytes of tensor `name` and its shape, which must agree with `shape` where that is `Some`.
@@ -257,7 +291,7 @@ fn read_tensor<'f>(
         });
     };
     let dtype = match name {
-        "faces" | "handles" => Dtype::U32,
+        "faces" | "handles" | PATTERN_FACES => Dtype::U32,
         _ => Dtype::F32,
     };
     let fits = tensor.shape().len() == shape.len()

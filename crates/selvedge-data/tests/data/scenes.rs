@@ -157,7 +157,7 @@ fn mistakes_are_errors_that_name_file_and_field() {
         (
             "generator = {",
             "obj = \"a.obj\", generator = {",
-            "has both a generator and an obj",
+            "has both a generator and a file",
         ),
         (
             "\"gray-interlock\"",

@@ -99,8 +99,12 @@ fn errors_name_the_file_and_what_is_wrong() {
             "found \"something-else\"",
         ),
         (
+            swap("\"version\":\"1\"", "\"version\":\"3\""),
+            "expected 1 or 2, found \"3\"",
+        ),
+        (
             swap("\"version\":\"1\"", "\"version\":\"2\""),
-            "expected 1, found \"2\"",
+            "no tensor named pattern_faces",
         ),
         (swap("\"made_by\"", "\"made_at\""), "made_at"),
         (

@@ -317,17 +317,15 @@ impl Statics {
         self.arc_rest.resize(4 * (first + arcs), 0.0);
         self.arc_material.resize(3 * (first + arcs), 0.0);
         self.hinges.resize(4 * (first + arcs), 0);
-        let uv = graph.material_coordinates();
-        for (number, edge) in graph.topology().edges().iter().enumerate() {
+        for (number, flat) in graph.material_vectors().into_iter().enumerate() {
             let (rest, length) = (graph.rest_vectors()[number], graph.rest_lengths()[number]);
-            let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-            let (flat, flat_length) = (a - b, a.distance(b));
-            for (arc, sign) in graph.edge_arcs()[number].into_iter().zip([1.0, -1.0]) {
+            let sides = [1.0, -1.0].into_iter().zip(flat);
+            for (arc, (sign, flat)) in graph.edge_arcs()[number].into_iter().zip(sides) {
                 let arc = first + arc as usize;
                 let rest = sign * rest;
                 self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
-                let flat = sign * flat;
-                self.arc_material[3 * arc..][..3].copy_from_slice(&[flat.x, flat.y, flat_length]);
+                let material = [flat.x, flat.y, flat.length()];
+                self.arc_material[3 * arc..][..3].copy_from_slice(&material);
             }
         }
         // A negative length in the flat cloth marks a link: no edge has one.

@@ -35,6 +35,7 @@ fn scene() -> Scene {
         name: "guarded".to_owned(),
         handles: Handles::new(&sheet.labels["upper-corners"], 36).unwrap(),
         mesh: sheet.mesh,
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         material,
         environment: Environment::default(),

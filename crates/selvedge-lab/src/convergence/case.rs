@@ -102,6 +102,10 @@ impl Case {
                 let rest = physics::find_rest_pose(self.scene(), reporter)?;
                 Ok(SavedState::at_rest(rest.positions))
             }
+            (None, StartSpec::Fit) => {
+                let fitted = physics::fit_within(self.scene(), reporter)?;
+                Ok(SavedState::at_rest(fitted.positions))
+            }
             (None, _) => Ok(SavedState::at_rest(self.scene().mesh.positions().to_vec())),
         }
     }

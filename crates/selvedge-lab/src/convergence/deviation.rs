@@ -105,7 +105,7 @@ pub(super) struct Gauge<'a> {
 
 impl<'a> Gauge<'a> {
     pub(super) fn of(scene: &'a Scene) -> Self {
-        let rest = scene.mesh.rest_shape(scene.material.density);
+        let rest = scene.rest_shape();
         Self {
             topology: scene.mesh.topology(),
             material_length: rest.edge_length,

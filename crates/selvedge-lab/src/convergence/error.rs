@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use selvedge_data::{SceneSpecError, WriteError};
+use selvedge_sim::FitError;
 use thiserror::Error;
 
 use crate::folder::FolderError;
@@ -21,6 +22,7 @@ pub struct ChoiceError(String);
 pub enum ConvergenceError {
     Folder(#[from] FolderError),
     RestPose(#[from] RestPoseError),
+    Fit(#[from] FitError),
     #[error("the reference run: {0}")]
     Reference(#[from] SimulationError),
     #[error("the resolved scene as JSON: {0}")]

@@ -21,7 +21,6 @@ mod order;
 mod outcome;
 mod reference;
 mod report;
-mod runner;
 mod runs;
 mod settings;
 
@@ -253,10 +252,7 @@ impl Plan {
                 .find(|(other, _)| other.name == case.outcome.name);
             let Some((scene, _)) = planned else { continue };
             for series in &mut case.outcome.rivals {
-                let one = workers::alone(Some(1), || {
-                    milliseconds(scene, &series.method, &case.middle, &timed)
-                });
-                series.ms_per_frame = one.ok().flatten();
+                series.ms_per_frame = milliseconds(scene, &series.method, &case.middle, &timed);
                 if task.advance().is_break() {
                     return End::Interrupted;
                 }

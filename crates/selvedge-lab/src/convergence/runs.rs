@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
+use selvedge_cloth::Stepper;
 use selvedge_data::{Drive, SavedState};
 
 use super::case::Case;
 use super::deviation::{Deviation, Gauge, Strains};
 use super::method::Method;
 use super::outcome::Run;
-use super::reference::{Reference, State};
-use super::runner::Runner;
+use super::reference::{Reference, start_simulator, state_of, step};
 use crate::event::Task;
 
 /// Time after which there are frames enough to know how long one takes.
@@ -46,9 +46,7 @@ impl Bench<'_, '_> {
         let saved = self.reference.saved(run.start);
         let saved = saved.ok_or_else(|| lacking(run.start))?;
         let scene = self.case.scene_by(method);
-        let mut simulator = Runner::start(method, &scene, saved, &|frame| {
-            self.reference.state(frame).map(|state| state.positions)
-        })?;
+        let mut simulator = start_simulator(&scene, saved)?;
         let path = scene.handle_path().map_err(|error| error.to_string())?;
         let drive = Drive {
             path: &path,
@@ -59,14 +57,10 @@ impl Bench<'_, '_> {
             found: f64::NEG_INFINITY,
         };
         for k in 1..=self.horizons.last().copied().unwrap_or(0) {
-            simulator.step(drive)?;
+            step(&mut simulator, drive)?;
             let frame = run.start + k;
             let truth = self.reference.state(frame).ok_or_else(|| lacking(frame))?;
-            let found = simulator.state();
-            let found = State {
-                positions: &found.positions,
-                velocities: &found.velocities,
-            };
+            let found = state_of(&simulator);
             strains.truth = strains
                 .truth
                 .max(self.gauge.largest_strain(truth.positions));
@@ -75,7 +69,7 @@ impl Bench<'_, '_> {
                 .max(self.gauge.largest_strain(found.positions));
             if self.horizons.contains(&k) {
                 let deviation = self.gauge.deviation(truth, found, strains);
-                check_finite(&deviation, frame)?;
+                check_finite(&deviation, simulator.frame())?;
                 run.deviations.push(deviation);
             }
             if self.task.advance_by(method.substeps).is_break() {
@@ -108,8 +102,7 @@ pub(super) fn milliseconds(
     task: &TimedFrames<'_, '_>,
 ) -> Option<f64> {
     let scene = case.scene_by(method);
-    let at = |_: usize| Some(start.positions.as_slice());
-    let mut simulator = Runner::start(method, &scene, start.clone(), &at).ok()?;
+    let mut simulator = start_simulator(&scene, start.clone()).ok()?;
     let path = scene.handle_path().ok()?;
     let drive = Drive {
         path: &path,
@@ -122,7 +115,7 @@ pub(super) fn milliseconds(
             return None;
         }
         let before = Instant::now();
-        if simulator.step(drive).is_err() {
+        if step(&mut simulator, drive).is_err() {
             break;
         }
         times.push(1e3 * before.elapsed().as_secs_f64());

@@ -171,9 +171,7 @@ impl Contestant {
     /// Returns `true` where the contestant wants the scene of its course.
     pub fn wants_scene(&self) -> bool {
         match &self.racer {
-            Racer::Model(model, guard, _) => {
-                guard.correction != Correction::None || model.spec().base.is_some()
-            }
+            Racer::Model(_, guard, _) => guard.correction != Correction::None,
             Racer::Rigid | Racer::Mirror | Racer::Physics(_) | Racer::Truth => false,
         }
     }
@@ -245,8 +243,7 @@ fn guarded(
     let graph = selvedge_train::graph_of(course.motion, truth)?;
     let first = (start + 1).saturating_sub(model.spec().history());
     let known: Vec<&[Vec3]> = (first..=start).map(|frame| truth.frame(frame)).collect();
-    let scene = course.scene.map(|scene| &**scene);
-    let stepper = machine.start(model, graph, &known, scene)?;
+    let stepper = machine.start(model, graph, &known)?;
     if guard.correction == Correction::None {
         return Ok(Mover::Other(Box::new(stepper)));
     }

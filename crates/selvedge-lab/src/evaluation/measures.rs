@@ -129,7 +129,6 @@ impl Curves {
 
 /// The largest strain of each of `frames` against the material of the truth's cloth.
 fn strains(truth: &Trajectory, frames: Frames<'_>) -> Result<Vec<f64>, MetricError> {
-    let coordinates = truth.cloth().material_coordinates();
-    let lengths = metrics::material_edge_lengths(truth.topology(), coordinates);
+    let lengths = metrics::material_edge_lengths(truth.cloth());
     metrics::largest_strain(frames, truth.topology(), &lengths)
 }

@@ -40,6 +40,9 @@ fn identity(truth: &Trajectory) -> blake3::Hash {
     {
         hasher.update(&coordinate.to_le_bytes());
     }
+    for point in cloth.pattern().corners().iter().flatten() {
+        hasher.update(&point.to_le_bytes());
+    }
     for vertex in cloth.handles().vertices() {
         hasher.update(&vertex.index().to_le_bytes());
     }

@@ -10,8 +10,9 @@
 //! | 3 | state | JSON ([`crate::State`]) |
 //! | 4 | frame | see below |
 //!
-//! A **cloth** has `generation, vertices, faces` u32, the faces `[faces, 3]` u32, and the material
-//! coordinates `[vertices, 2]` f32 `[m]`.
+//! A **cloth** has `generation, vertices, faces, points` u32, the faces `[faces, 3]` u32, their
+//! corners among the points of the pattern `[faces, 3]` u32, and these points `[points, 2]` f32
+//! `[m]`.
 //!
 //! A **frame** has `generation, number` u32, `time` f32 `[s]`, `client, drag` u32 (the last drag
 //! that this frame follows), `handles, tracks, vertices` u32, `[handles]` of (vertex u32, goal
@@ -38,10 +39,10 @@ pub use receive::{ClientMessage, Command, Drag, Push, WireError, decode};
 pub use send::{FrameParts, Hello, cloth, frame, json};
 
 /// The version of these messages; a page of another version is told to reload.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// The name of the sub-protocol that a page asks for, with [`VERSION`] in it.
-pub const SUBPROTOCOL: &str = "selvedge.v1";
+pub const SUBPROTOCOL: &str = "selvedge.v2";
 
 /// No message to the session is longer `[bytes]`.
 pub const LONGEST: usize = 16 * 1024;

@@ -51,13 +51,15 @@ pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
 #[must_use]
 pub fn cloth(generation: u32, cloth: &Cloth) -> Vec<u8> {
     let faces = cloth.topology().face_indices();
-    let coordinates = cloth.material_coordinates();
-    let size = 16 + 12 * faces.len() + 8 * coordinates.len();
+    let pattern = cloth.pattern();
+    let coordinates = pattern.points();
+    let size = 20 + 24 * faces.len() + 8 * coordinates.len();
     let mut bytes = header(kind::CLOTH, size);
-    for word in [generation, coordinates.len() as u32, faces.len() as u32] {
+    let counts = [cloth.vertex_count(), faces.len(), coordinates.len()];
+    for word in std::iter::once(generation).chain(counts.map(|count| count as u32)) {
         bytes.extend_from_slice(&word.to_le_bytes());
     }
-    for word in faces.as_flattened() {
+    for word in [faces, pattern.corners()].concat().as_flattened() {
         bytes.extend_from_slice(&word.to_le_bytes());
     }
     for point in coordinates {

@@ -70,7 +70,7 @@ proptest! {
 fn each_defect_has_its_reason() {
     let text = |bytes: &[u8]| decode(bytes).unwrap_err().to_string();
     assert_eq!(text(&[]), "the message has 0 bytes, its header alone has 4");
-    assert!(text(&[2, 16, 0, 0, 0, 0, 0, 0]).contains("version 2"));
+    assert!(text(&[1, 16, 0, 0, 0, 0, 0, 0]).contains("version 1"));
     assert!(text(&message(99, &[])).contains("kind 99"));
     assert!(text(&[VERSION, 16, 1, 0, 0, 0, 0, 0]).contains("are 0"));
     assert!(text(&message(kind::READY, &[])).contains("has 8 bytes, found 4"));
@@ -111,9 +111,11 @@ fn cloths_and_frames_have_the_documented_layout() {
     let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
     let of = Cloth::new(topology, Handles::new(&[1], 3).unwrap(), arrays).unwrap();
     let bytes = cloth(7, &of);
-    assert_eq!(bytes.len(), 16 + 12 + 24);
-    assert_eq!([0, 1, 2, 3].map(|k| word(&bytes, 1 + k)), [7, 3, 1, 0]);
-    assert_eq!(f32::from_bits(word(&bytes, 12)), 2.0);
+    assert_eq!(bytes.len(), 20 + 2 * 12 + 24);
+    assert_eq!([0, 1, 2, 3].map(|k| word(&bytes, 1 + k)), [7, 3, 1, 3]);
+    let faces = [0, 1, 2, 3, 4, 5].map(|k| word(&bytes, 5 + k));
+    assert_eq!(faces, [0, 1, 2, 0, 1, 2]);
+    assert_eq!(f32::from_bits(word(&bytes, 16)), 2.0);
 
     let track = [Vec3::X, Vec3::Y, Vec3::Z];
     let bytes = frame(&FrameParts {

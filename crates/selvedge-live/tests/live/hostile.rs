@@ -26,18 +26,18 @@ fn what_is_no_message_is_refused_with_a_reason() {
     for (bytes, reason) in [
         (&b""[..], "its header alone has 4"),
         (&[9, 16, 0, 0, 0, 0, 0, 0], "version 9"),
-        (&[1, 77, 0, 0], "kind 77"),
+        (&[2, 77, 0, 0], "kind 77"),
         (
-            &[1, 17, 0, 0, 1, 0, 0, 0, 255, 255, 255, 255],
+            &[2, 17, 0, 0, 1, 0, 0, 0, 255, 255, 255, 255],
             "found 4294967295",
         ),
         (
             &[
-                1, 18, 0, 0, 0, 0, 192, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+                2, 18, 0, 0, 0, 0, 192, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
             ],
             "NaN",
         ),
-        (&[1, 19, 0, 0, b'{'], "cannot be understood"),
+        (&[2, 19, 0, 0, b'{'], "cannot be understood"),
     ] {
         let (code, text) = refused(bytes);
         assert_eq!(code, 1002, "{text}");
@@ -96,7 +96,7 @@ fn a_flood_is_cut_off_and_others_hardly_notice() {
         for word in [1_u32, 1, 0, 0, 0, 0] {
             body.extend(word.to_le_bytes());
         }
-        let bytes = [&[1, 17, 0, 0][..], &body].concat();
+        let bytes = [&[2, 17, 0, 0][..], &body].concat();
         let started = Instant::now();
         // 10,000 at once, far more than so many in a second.
         let sent = (0..10_000)
@@ -200,7 +200,7 @@ fn foreign_pages_and_names_are_turned_away() {
     assert_eq!(with("Origin", "http://localhost:1"), 403);
     assert_eq!(with("Origin", "null"), 403);
     assert_eq!(with("Host", "evil.example"), 403);
-    assert_eq!(with("Sec-WebSocket-Protocol", "selvedge.v2"), 400);
+    assert_eq!(with("Sec-WebSocket-Protocol", "selvedge.v1"), 400);
     served.close();
 }
 

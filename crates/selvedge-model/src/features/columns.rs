@@ -331,12 +331,10 @@ fn rest_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
 }
 
 fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
-    let uv = graph.material_coordinates();
-    for (edge, [forward, back]) in graph.topology().edges().iter().zip(graph.edge_arcs()) {
-        let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-        let (d, length) = (a - b, a.distance(b));
-        out.put(*forward as usize, [d.x, d.y, length]);
-        out.put(*back as usize, [-d.x, -d.y, length]);
+    for (vectors, arcs) in graph.material_vectors().iter().zip(graph.edge_arcs()) {
+        for (&arc, d) in arcs.iter().zip(vectors) {
+            out.put(arc as usize, [d.x, d.y, d.length()]);
+        }
     }
 }
 

@@ -124,12 +124,9 @@ impl ClothGraph {
             .iter()
             .map(|v| v.0)
             .collect();
-        let flat = |v: VertexId| self.cloth.material_coordinates()[v.index()];
-        let mut lengths: Vec<f32> = topology
-            .edges()
-            .iter()
-            .map(|edge| flat(edge.vertices[0]).distance(flat(edge.vertices[1])))
-            .collect();
+        let flat = self.material_vectors();
+        let length = |[along, back]: &[Vec2; 2]| 0.5 * (along.length() + back.length());
+        let mut lengths: Vec<f32> = flat.iter().map(length).collect();
         if lengths.iter().all(|&length| length == 0.0) {
             // The flat coordinates are unknown.
             lengths.copy_from_slice(&self.rest_lengths);
@@ -197,10 +194,30 @@ impl ClothGraph {
         self.cloth.face_area()
     }
 
-    /// Flat coordinates of the unstrained cloth `[m]`, `[vertices]`.
+    /// Points of the pattern, the flat coordinates of the unstrained cloth `[m]`, `[points]`; of a
+    /// cloth without seams there is one for each vertex.
     #[must_use]
     pub fn material_coordinates(&self) -> &[Vec2] {
         self.cloth.material_coordinates()
+    }
+
+    /// Sender minus receiver of the two arcs of each edge in the pattern `[m]`, in the order of
+    /// [`Self::edge_arcs`], `[edges, 2]`. An arc lies in the face to its left, so that the two arcs
+    /// of a seam see it as either panel does; without a face there, in the other.
+    /// `[eq:seam-vector]`
+    #[must_use]
+    pub fn material_vectors(&self) -> Vec<[Vec2; 2]> {
+        let pattern = self.cloth.pattern();
+        let edges = self.topology().edges().iter();
+        edges
+            .map(|edge| {
+                // `vertices[0]` → `vertices[1]` has the first face to its left.
+                let (left, right) = pattern.sides(edge);
+                let [a, b] = left.ends;
+                let [c, d] = right.map_or(left.ends, |right| right.ends);
+                [a - b, d - c]
+            })
+            .collect()
     }
 
     /// The sagged rest pose in the world `[m]`, `[vertices]`.
@@ -390,5 +407,46 @@ mod tests {
             let found = message(environment, frame_rate);
             assert!(found.contains(expected), "{found}");
         }
+    }
+
+    #[test]
+    fn each_arc_of_a_seam_lies_in_the_face_to_its_left() {
+        use selvedge_cloth::{Handles, Mesh};
+        // Two faces sewn along 1-2; the second is turned by a quarter and a tenth larger.
+        let (faces, turn) = ([[0, 1, 2], [1, 3, 2]], glam::DVec2::from_angle(1.5707963));
+        let at = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 0.5)].map(glam::DVec2::from);
+        let shapes = [0, 1].map(|face| {
+            let place = |v: u32| match face {
+                0 => at[v as usize],
+                _ => 1.1 * turn.rotate(at[v as usize]) + 4.0,
+            };
+            faces[face].map(place)
+        });
+        let positions = at.map(|p| DVec3::new(p.x, p.y, 0.0)).to_vec();
+        let mesh = Mesh::sewn(&faces, &shapes, positions).expect("a mesh");
+        let handles = Handles::new(&[0, 3], 4).expect("handles");
+        let cloth = Cloth::of_mesh(&mesh, 0.2, handles).expect("a cloth");
+        let graph = ClothGraph::new(&cloth, Environment::default(), 60.0).expect("a graph");
+        let edges = graph.topology().edges();
+        let seam = edges
+            .iter()
+            .position(|edge| !edge.is_boundary())
+            .expect("a seam");
+        assert_eq!(edges[seam].vertices.map(|v| v.0), [1, 2]);
+        let [along, back] = graph.material_vectors()[seam];
+        // Arc 1 → 2 has face 0 to its left: (0, -1). Arc 2 → 1 has face 1: 1.1 turned (0, 1).
+        assert!(along.distance(Vec2::new(0.0, -1.0)) < 1e-6, "{along}");
+        assert!(back.distance(Vec2::new(-1.1, 0.0)) < 1e-5, "{back}");
+        for (number, [there, again]) in graph.material_vectors().into_iter().enumerate() {
+            assert!(number == seam || there == -again);
+        }
+        // Coarse levels measure seams by the mean of both sides, and nothing is lost to a NaN.
+        let coarse = graph.with_coarse_levels(1);
+        assert!(
+            coarse
+                .links()
+                .iter()
+                .all(|link| link.rest_vector.is_finite())
+        );
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! The four corners of an edge are its ends 0 → 1 (counter-clockwise in the left face), the
 //! opposite vertex of the left face, and that of the right face. The angle θ is positive if the
-//! wings rise towards the normals; rest angles are 0. Bending stiffness and edge length are held
+//! wings rise towards the normals; θ₀ is the rest angle. Bending stiffness and edge length are held
 //! constant when differentiating. Degenerate faces (height below 10⁻³ of the edge) count as if they
 //! had that height.
 
@@ -18,6 +18,19 @@ pub struct BendElement {
     stiffness: [f64; 5],
     /// Material area of the two faces together `[m²]`.
     area: f64,
+    /// Angle without torque θ₀ `[rad]`.
+    rest_angle: f64,
+}
+
+/// A hinge's edge in the rest shape of one of its faces.
+#[derive(Clone, Copy, Debug)]
+pub struct HingeSide<'a> {
+    /// Bending stiffness of the face's fabric.
+    pub table: &'a BendTable,
+    /// The edge from its first to its second end in the face's pattern `[m]`.
+    pub along: DVec2,
+    /// Material area of the face `[m²]`.
+    pub area: f64,
 }
 
 /// Force and Jacobian of one edge at one configuration.
@@ -25,7 +38,7 @@ pub struct BendElement {
 pub struct BendResponse {
     /// ∂θ/∂x of the four corners `[1/m]`.
     pub gradient: [DVec3; 4],
-    /// Signed dihedral angle θ `[rad]`.
+    /// Signed dihedral angle beyond the rest angle, θ - θ₀ `[rad]`.
     pub angle: f64,
     /// Stiffness of the hinge, coeff/2 = ke l²/(4 (a_A + a_B)) `[N·m]`.
     pub stiffness: f64,
@@ -42,18 +55,37 @@ impl BendElement {
     #[must_use]
     pub fn new(table: &BendTable, corners: [DVec2; 4]) -> Self {
         let [from, to, left, right] = corners;
-        let along = to - from;
-        let direction = along.y.abs().atan2(along.x.abs());
-        let place = (direction / std::f64::consts::FRAC_PI_4).clamp(0.0, 2.0);
-        let low = (place as usize).min(1);
-        let between = place - low as f64;
-        let rows = &table.0;
         Self {
-            stiffness: std::array::from_fn(|column| {
-                (1.0 - between) * rows[low][column] + between * rows[low + 1][column]
-            }),
+            stiffness: stiffness_along(table, to - from),
             area: signed_area_2d(from, to, left).abs() + signed_area_2d(from, right, to).abs(),
+            rest_angle: 0.0,
         }
+    }
+
+    /// The element of an edge that its two faces see in patterns or fabrics of their own: its
+    /// stiffness is the mean of the two sides', each read in its own direction.
+    /// `[eq:seam-bending]`
+    #[must_use]
+    pub fn across(sides: [HingeSide<'_>; 2]) -> Self {
+        let [left, right] = sides.map(|side| stiffness_along(side.table, side.along));
+        Self {
+            stiffness: std::array::from_fn(|column| 0.5 * (left[column] + right[column])),
+            area: sides[0].area + sides[1].area,
+            rest_angle: 0.0,
+        }
+    }
+
+    /// The same element with this rest angle `[rad]`. `[eq:rest-angle]`
+    #[must_use]
+    pub fn resting_at(self, rest_angle: f64) -> Self {
+        Self { rest_angle, ..self }
+    }
+
+    /// The same element, `factor` times as stiff.
+    #[must_use]
+    pub fn stiffened(mut self, factor: f64) -> Self {
+        self.stiffness.iter_mut().for_each(|k| *k *= factor);
+        self
     }
 
     /// Bending stiffness ke `[N·m]` at a dimensionless curvature: linear between columns ⌊value⌋
@@ -70,13 +102,13 @@ impl BendElement {
 
     /// Force and Jacobian at these corner positions `[m]`.
     ///
-    /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 θ l/(a_A + a_B), l the current length;
-    /// [`BendingLaw::Symmetric`] reads it at |θ|. `[eq:bend-stiffness]`
+    /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 (θ - θ₀) l/(a_A + a_B), l the current length;
+    /// [`BendingLaw::Symmetric`] reads it at |θ - θ₀|. `[eq:bend-stiffness]`
     #[must_use]
     #[inline(always)]
     pub fn respond(&self, law: BendingLaw, corners: [DVec3; 4]) -> BendResponse {
         let [from, to, left, right] = corners;
-        let angle = dihedral_angle(from, to, left, right);
+        let angle = beyond(dihedral_angle(from, to, left, right), self.rest_angle);
         let length = from.distance(to);
         let read_at = match law {
             BendingLaw::Symmetric => angle.abs(),
@@ -91,8 +123,32 @@ impl BendElement {
     }
 }
 
+/// Row of the table for an edge in this direction, folded into 0 to 90° from the course axis.
+fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
+    let direction = along.y.abs().atan2(along.x.abs());
+    let place = (direction / std::f64::consts::FRAC_PI_4).clamp(0.0, 2.0);
+    let low = (place as usize).min(1);
+    let between = place - low as f64;
+    let rows = &table.0;
+    std::array::from_fn(|column| {
+        (1.0 - between) * rows[low][column] + between * rows[low + 1][column]
+    })
+}
+
+/// θ - θ₀ in [-π, π]: the shorter way round, so that a hinge that rests folded does not jump where
+/// its wings pass through each other.
+#[inline(always)]
+fn beyond(angle: f64, rest: f64) -> f64 {
+    let turn = std::f64::consts::TAU;
+    match angle - rest {
+        far if far > 0.5 * turn => far - turn,
+        far if far < -0.5 * turn => far + turn,
+        near => near,
+    }
+}
+
 impl BendResponse {
-    /// Force on the four corners `[N]`: F = -coeff/2 θ ∂θ/∂x. `[eq:bend-force]`
+    /// Force on the four corners `[N]`: F = -coeff/2 (θ - θ₀) ∂θ/∂x. `[eq:bend-force]`
     #[must_use]
     #[inline(always)]
     pub fn force(&self) -> [DVec3; 4] {
@@ -285,6 +341,67 @@ mod tests {
             form += product.dot(vectors[row]);
         }
         assert!(form >= 0.0);
+    }
+
+    #[test]
+    fn at_its_rest_angle_a_hinge_has_no_force_and_beyond_it_that_of_the_difference() {
+        let flat = BendElement::new(&TABLE, REST);
+        let theta = angle(folded());
+        let resting = flat
+            .resting_at(theta)
+            .respond(BendingLaw::Symmetric, folded());
+        assert_eq!(resting.angle, 0.0);
+        assert_eq!(resting.force(), [DVec3::ZERO; 4]);
+        // The energy k/2 (θ - θ₀)² has the force as its negative gradient; k is held constant.
+        let element = flat.resting_at(-0.3);
+        let response = element.respond(BendingLaw::Symmetric, folded());
+        assert!((response.angle - theta - 0.3).abs() < 1e-15);
+        let energy = |corners| 0.5 * response.stiffness * (angle(corners) + 0.3).powi(2);
+        let h = 1e-7;
+        for (corner, force) in response.force().iter().enumerate() {
+            for axis in 0..3 {
+                let moved = |by: f64| {
+                    let mut corners = folded();
+                    corners[corner][axis] += by;
+                    energy(corners)
+                };
+                let measured = (moved(h) - moved(-h)) / (2.0 * h);
+                // Stiffness of about 2e-5 N·m times the error of the angle's gradient.
+                assert!((force[axis] + measured).abs() < 1e-5 * response.stiffness * 10.0);
+            }
+        }
+    }
+
+    #[test]
+    fn a_hinge_that_rests_nearly_shut_takes_the_shorter_way() {
+        assert!((beyond(-3.0, 3.0) - (std::f64::consts::TAU - 6.0)).abs() < 1e-15);
+        assert!((beyond(3.0, -3.0) + (std::f64::consts::TAU - 6.0)).abs() < 1e-15);
+        assert_eq!(beyond(1.0, 0.25), 0.75);
+    }
+
+    #[test]
+    fn across_a_seam_of_one_cloth_that_lies_flat_nothing_changes() {
+        let [from, to, left, right] = REST;
+        let side = |opposite: DVec2| HingeSide {
+            table: &TABLE,
+            along: to - from,
+            area: signed_area_2d(from, to, opposite).abs(),
+        };
+        let across = BendElement::across([side(left), side(right)]);
+        assert_eq!(across, BendElement::new(&TABLE, REST));
+        // The other side turned by a quarter is read in its own direction.
+        let turned = HingeSide {
+            along: (to - from).perp(),
+            ..side(right)
+        };
+        let mixed = BendElement::across([side(left), turned]);
+        let other = BendElement::across([turned, turned]);
+        for curvature in [0.0, 1.5, 4.0] {
+            let mean = 0.5 * (across.stiffness_at(curvature) + other.stiffness_at(curvature));
+            assert!((mixed.stiffness_at(curvature) - mean).abs() < 1e-19);
+            let twice = mixed.stiffened(2.0).stiffness_at(curvature);
+            assert!((twice - 2.0 * mean).abs() < 1e-19);
+        }
     }
 
     #[test]

@@ -24,11 +24,11 @@ const THINNEST: f64 = 1e-6;
 
 /// The limits of a cloth.
 pub(crate) struct StrainLimiter {
-    limits: StrainLimits,
     faces: Vec<LimitedFace>,
 }
 
 struct LimitedFace {
+    limits: StrainLimits,
     corners: [u32; 3],
     /// Material coordinates `[m]`.
     rest: [DVec2; 3],
@@ -46,40 +46,48 @@ struct Allowed {
 }
 
 impl StrainLimiter {
-    /// The limiter of a scene whose material has limits; vertex `mass` in kg, `[vertices]`.
+    /// The limiter of a scene of which a material has limits; vertex `mass` in kg, `[vertices]`.
+    /// Faces of a material without limits are left as they are.
     pub(crate) fn new(scene: &Scene, mass: &[f64]) -> Option<Self> {
-        let limits = scene.material.strain_limits?;
+        let (materials, material_of) = scene.materials();
+        if materials
+            .iter()
+            .all(|material| material.strain_limits.is_none())
+        {
+            return None;
+        }
         let held = match scene.physics.handles {
             HandleConstraint::Exact => scene.handles.mask(mass.len()),
             HandleConstraint::Spring => vec![false; mass.len()],
         };
-        let uv = scene.mesh.material_coordinates();
-        let faces = scene.mesh.topology().face_indices();
-        Some(Self {
-            limits,
-            faces: faces
-                .into_iter()
-                .filter(|corners| corners.iter().any(|&v| !held[v as usize]))
-                .map(|corners| {
-                    let rest = corners.map(|v| uv[v as usize]);
-                    LimitedFace::new(
-                        corners,
-                        rest,
-                        corners.map(|v| (!held[v as usize]).then_some(mass[v as usize])),
-                    )
+        let shapes = scene.mesh.pattern().faces();
+        let faces = scene.mesh.topology().face_indices().into_iter().zip(shapes);
+        let limited = faces
+            .zip(material_of)
+            .filter_map(|((corners, rest), material)| {
+                let limits = materials[material].strain_limits?;
+                if corners.iter().all(|&v| held[v as usize]) {
+                    return None;
+                }
+                let free = corners.map(|v| (!held[v as usize]).then_some(mass[v as usize]));
+                Some(LimitedFace {
+                    limits,
+                    ..LimitedFace::new(corners, rest, free)
                 })
-                .collect(),
+            });
+        Some(Self {
+            faces: limited.collect(),
         })
     }
 
     /// Returns true if a face of `state` is at a limit or beyond.
     pub(crate) fn is_reached(&self, state: &State) -> bool {
-        let tighter = StrainLimits {
-            min: self.limits.min + 2.0 * TOLERANCE,
-            max: self.limits.max - 2.0 * TOLERANCE,
-        };
         let mut faces = self.faces.iter();
         faces.any(|face| {
+            let tighter = StrainLimits {
+                min: face.limits.min + 2.0 * TOLERANCE,
+                max: face.limits.max - 2.0 * TOLERANCE,
+            };
             let (along_u, along_v) = face
                 .element
                 .gradient(face.corners.map(|v| state.positions[v as usize]));
@@ -93,7 +101,7 @@ impl StrainLimiter {
         for sweep in 0..MOST_SWEEPS {
             let mut moved = false;
             for face in &self.faces {
-                moved |= face.limit(self.limits, dt, state);
+                moved |= face.limit(face.limits, dt, state);
             }
             if !moved {
                 return sweep;
@@ -117,6 +125,10 @@ impl LimitedFace {
             }),
         };
         Self {
+            limits: StrainLimits {
+                min: 0.0,
+                max: f64::INFINITY,
+            },
             corners,
             rest,
             element: StretchElement::new(rest),

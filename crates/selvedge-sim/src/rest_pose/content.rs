@@ -1,5 +1,7 @@
 //! What decides a rest pose, so that one that was found can be known again.
 
+use std::collections::BTreeMap;
+
 use selvedge_cloth::{
     Environment, HandleSchedule, Handles, Integrator, LinearSolver, Material, Mesh,
     PhysicsSettings, SagMethod, SagSettings, Scene, Substepping,
@@ -22,6 +24,7 @@ pub struct RestPoseContent {
     handles: Handles,
     schedule: HandleSchedule,
     material: Material,
+    fabrics: BTreeMap<String, Material>,
     environment: Environment,
     physics: PhysicsSettings,
     sag: SagSettings,
@@ -43,6 +46,7 @@ impl RestPoseContent {
             handles,
             schedule,
             material,
+            fabrics,
             environment,
             motion: _,
             physics,
@@ -55,12 +59,15 @@ impl RestPoseContent {
             handles,
             schedule,
             material,
+            fabrics,
             environment,
             physics,
             sag,
             frame_rate,
         };
-        let moves = sag.method == SagMethod::Motion || content.material.strain_limits.is_some();
+        let is_limited = |material: &Material| material.strain_limits.is_some();
+        let has_limits = is_limited(&content.material) || content.fabrics.values().any(is_limited);
+        let moves = sag.method == SagMethod::Motion || has_limits;
         if !moves {
             content.leave_motion_out();
         }
@@ -70,6 +77,9 @@ impl RestPoseContent {
     /// Equilibrium is found without velocity, by a complete factorisation and without damping.
     fn leave_motion_out(&mut self) {
         self.material.damping = 0.0;
+        for fabric in self.fabrics.values_mut() {
+            fabric.damping = 0.0;
+        }
         self.frame_rate = 0.0;
         self.physics.substeps = 0;
         self.physics.integrator = Integrator::Linearised;

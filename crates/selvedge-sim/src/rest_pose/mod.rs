@@ -62,8 +62,12 @@ pub fn sag_with_progress(
     scene.material.damping = 0.0;
     scene.physics.least_damping = Some(0.0);
     let rest = find_equilibrium(scene, approach, progress)?;
-    match scene.material.strain_limits {
-        Some(_) => relax_within_limits(scene, rest, progress),
-        None => Ok(rest),
+    let (materials, _) = scene.materials();
+    if materials
+        .iter()
+        .any(|material| material.strain_limits.is_some())
+    {
+        return relax_within_limits(scene, rest, progress);
     }
+    Ok(rest)
 }

@@ -1,7 +1,7 @@
 //! Start of the search for a rest pose: the scene in still air with the handles that hold at first,
 //! and its mesh with a smooth bulge.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{Handles, Scene, SceneError};
 
@@ -82,17 +82,17 @@ fn bulge_profile(scene: &Scene) -> Vec<f64> {
 
 /// Bump of one sheet with these `vertices` and `handles`, `[vertices]`.
 fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
-    let uv = scene.mesh.material_coordinates();
-    let places: Vec<DVec2> = vertices.iter().map(|&v| uv[v]).collect();
+    let at = places_of(scene);
+    let places: Vec<DVec3> = vertices.iter().map(|&v| at[v]).collect();
     let size = extent(&places);
-    let handles: Vec<DVec2> = handles.iter().map(|&v| uv[v]).collect();
-    let middle = handles.iter().sum::<DVec2>() / handles.len() as f64;
+    let handles: Vec<DVec3> = handles.iter().map(|&v| at[v]).collect();
+    let middle = handles.iter().sum::<DVec3>() / handles.len() as f64;
     let mut heights: Vec<f64> = places
         .iter()
         .map(|place| {
             let bump = (-(place.distance(middle) / (0.6 * size)).powi(2)).exp();
             let clear =
-                |handle: &DVec2| 1.0 - (-(place.distance(*handle) / (0.2 * size)).powi(2)).exp();
+                |handle: &DVec3| 1.0 - (-(place.distance(*handle) / (0.2 * size)).powi(2)).exp();
             bump * handles.iter().map(clear).product::<f64>()
         })
         .collect();
@@ -103,13 +103,23 @@ fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
     heights
 }
 
-/// Longer side of the mesh's box in material space `[m]`.
+/// Longest side of the mesh's box in material space, of a sewn one in the world `[m]`.
 pub(super) fn sheet_size(scene: &Scene) -> f64 {
-    extent(scene.mesh.material_coordinates())
+    extent(&places_of(scene))
 }
 
-/// Longer side of the box around `places` `[m]`.
-fn extent(places: &[DVec2]) -> f64 {
+/// Places of the vertices in material space; of a sewn mesh, whose panels lie anywhere there, in
+/// the world `[m]`, `[vertices]`.
+fn places_of(scene: &Scene) -> Vec<DVec3> {
+    let pattern = scene.mesh.pattern();
+    if pattern.is_sewn() {
+        return scene.mesh.positions().to_vec();
+    }
+    pattern.points().iter().map(|p| p.extend(0.0)).collect()
+}
+
+/// Longest side of the box around `places` `[m]`.
+fn extent(places: &[DVec3]) -> f64 {
     let low = places.iter().fold(places[0], |low, c| low.min(*c));
     let high = places.iter().fold(places[0], |high, c| high.max(*c));
     (high - low).max_element()

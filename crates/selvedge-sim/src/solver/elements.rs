@@ -4,10 +4,10 @@
 //! matrix ([`crate::solver::blocks`]) gathers from the elements around it, in a fixed order. So any
 //! number of threads gives the same bytes. Nothing is allocated after construction.
 
-use glam::DVec3;
-use selvedge_cloth::{BendingLaw, Environment, Mesh, Scene, StretchLookup};
+use glam::{DVec2, DVec3};
+use selvedge_cloth::{BendingLaw, EdgeSide, Environment, Material, Mesh, Scene, StretchLookup};
 
-use crate::laws::bend::{BendElement, BendResponse};
+use crate::laws::bend::{BendElement, BendResponse, HingeSide};
 use crate::laws::external::{AirResistance, AirResponse, air_response};
 use crate::laws::stretch::{StretchElement, StretchResponse};
 use crate::laws::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
@@ -18,6 +18,8 @@ use crate::threads::Threads;
 pub(crate) struct Face {
     pub(crate) corners: [u32; 3],
     element: StretchElement,
+    /// Number of its material.
+    material: u32,
 }
 
 /// An interior edge with its corners in the order of [`BendElement`].
@@ -26,9 +28,10 @@ pub(crate) struct Hinge {
     element: BendElement,
 }
 
-enum StretchLaw {
-    Exact(ExactStiffness),
-    Grid(GridStiffness),
+/// A law for each material.
+enum StretchLaws {
+    Exact(Vec<ExactStiffness>),
+    Grid(Vec<GridStiffness>),
 }
 
 /// Responses of a face at the last evaluation: of its material and of the air.
@@ -82,7 +85,7 @@ pub(crate) struct Hinges {
 pub(crate) struct Elements {
     pub(crate) faces: Faces,
     pub(crate) hinges: Hinges,
-    stretch_law: StretchLaw,
+    stretch_laws: StretchLaws,
     environment: Environment,
     /// Stiffness-proportional damping of the material `[s]`.
     pub(crate) damping: f64,
@@ -101,25 +104,23 @@ impl Elements {
     /// The elements of a scene that has been validated.
     pub(crate) fn new(scene: &Scene) -> Self {
         let mesh = &scene.mesh;
-        let uv = mesh.material_coordinates();
+        let (materials, material_of) = scene.materials();
+        let shapes = mesh.pattern().faces();
         let faces: Vec<Face> = mesh
             .topology()
             .face_indices()
             .into_iter()
-            .map(|corners| Face {
+            .zip(shapes)
+            .zip(&material_of)
+            .map(|((corners, shape), &material)| Face {
                 corners,
-                element: StretchElement::new(corners.map(|v| uv[v as usize])),
+                element: StretchElement::new(shape),
+                material: material as u32,
             })
             .collect();
-        let hinges: Vec<Hinge> = hinge_stencils(mesh)
-            .into_iter()
-            .map(|corners| Hinge {
-                corners,
-                element: BendElement::new(&scene.material.bend, corners.map(|v| uv[v as usize])),
-            })
-            .collect();
+        let hinges = hinges(mesh, &materials, &material_of);
         let vertex_count = mesh.topology().vertex_count();
-        let table = scene.material.stretch;
+        let tables = materials.iter().map(|material| material.stretch);
         Self {
             faces_of: Lists::group(vertex_count, &incidence(faces.iter().map(|f| f.corners))),
             hinges_of: Lists::group(vertex_count, &incidence(hinges.iter().map(|h| h.corners))),
@@ -134,13 +135,15 @@ impl Elements {
                 hinges,
                 law: scene.physics.bending,
             },
-            stretch_law: match scene.physics.stretch_lookup {
-                StretchLookup::Exact => StretchLaw::Exact(ExactStiffness::new(table)),
-                StretchLookup::Grid => StretchLaw::Grid(GridStiffness::new(table)),
+            stretch_laws: match scene.physics.stretch_lookup {
+                StretchLookup::Exact => {
+                    StretchLaws::Exact(tables.map(ExactStiffness::new).collect())
+                }
+                StretchLookup::Grid => StretchLaws::Grid(tables.map(GridStiffness::new).collect()),
             },
             environment: scene.environment,
             damping: scene.physics.damping(scene.material.damping),
-            mass: mesh.rest_shape(scene.material.density).vertex_mass,
+            mass: scene.rest_shape().vertex_mass,
             jacobian: 0.0,
             dt: 0.0,
         }
@@ -162,11 +165,11 @@ impl Elements {
         (self.jacobian, self.dt) = (at.jacobian, at.dt);
         let air = &self.environment;
         let faces = &mut self.faces;
-        match (&self.stretch_law, at.stiffening) {
-            (StretchLaw::Exact(law), false) => faces.evaluate::<_, false>(law, threads, air, at),
-            (StretchLaw::Exact(law), true) => faces.evaluate::<_, true>(law, threads, air, at),
-            (StretchLaw::Grid(law), false) => faces.evaluate::<_, false>(law, threads, air, at),
-            (StretchLaw::Grid(law), true) => faces.evaluate::<_, true>(law, threads, air, at),
+        match (&self.stretch_laws, at.stiffening) {
+            (StretchLaws::Exact(laws), false) => faces.evaluate::<_, false>(laws, threads, air, at),
+            (StretchLaws::Exact(laws), true) => faces.evaluate::<_, true>(laws, threads, air, at),
+            (StretchLaws::Grid(laws), false) => faces.evaluate::<_, false>(laws, threads, air, at),
+            (StretchLaws::Grid(laws), true) => faces.evaluate::<_, true>(laws, threads, air, at),
         }
         self.hinges.evaluate(threads, at);
         let gravity = self.environment.gravity * at.dt;
@@ -242,7 +245,7 @@ impl Faces {
     /// Evaluates the faces; with a Jacobian that knows how the stiffness grows if `STIFFENING`.
     fn evaluate<L: StretchStiffness + Sync, const STIFFENING: bool>(
         &mut self,
-        law: &L,
+        laws: &[L],
         threads: Threads,
         environment: &Environment,
         at: Linearisation<'_>,
@@ -252,7 +255,12 @@ impl Faces {
             &mut self.responses,
             &mut self.impulses,
             |k, response, pushes| {
-                let Face { corners, element } = &faces[k];
+                let Face {
+                    corners,
+                    element,
+                    material,
+                } = &faces[k];
+                let law = &laws[*material as usize];
                 let places = select(at.positions, corners);
                 let stretch = if STIFFENING {
                     element.respond_stiffening(law, places)
@@ -289,6 +297,30 @@ fn select<const N: usize>(vectors: &[DVec3], corners: &[u32; N]) -> [DVec3; N] {
     selected
 }
 
+/// The hinges of a mesh, whose faces have these materials.
+fn hinges(mesh: &Mesh, materials: &[&Material], material_of: &[usize]) -> Vec<Hinge> {
+    let (topology, pattern) = (mesh.topology(), mesh.pattern());
+    let interior = topology.edges().iter().enumerate();
+    interior
+        .filter_map(|(number, edge)| {
+            let (left, right) = pattern.sides(edge);
+            let (right, opposite) = (right?, edge.opposite.1?);
+            let is_seam = pattern.is_seam(edge);
+            let side = |side: EdgeSide<DVec2>| HingeSide {
+                table: &materials[material_of[side.face.index()]].bend,
+                along: side.ends[1] - side.ends[0],
+                area: side.area(),
+            };
+            let element = BendElement::across([side(left), side(right)])
+                .resting_at(mesh.rest_angles().get(number).copied().unwrap_or(0.0))
+                .stiffened(if is_seam { mesh.seam_stiffness() } else { 1.0 });
+            let [from, to] = edge.vertices;
+            let corners = [from.0, to.0, edge.opposite.0.0, opposite.0];
+            Some(Hinge { corners, element })
+        })
+        .collect()
+}
+
 /// Corners of every interior edge in the order of [`BendElement`].
 pub(crate) fn hinge_stencils(mesh: &Mesh) -> Vec<[u32; 4]> {
     mesh.topology()
@@ -311,3 +343,6 @@ fn incidence<const N: usize>(corners: impl Iterator<Item = [u32; N]>) -> Vec<(u3
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

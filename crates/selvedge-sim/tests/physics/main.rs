@@ -4,6 +4,7 @@
 mod allocation;
 mod conformance;
 mod dynamics;
+mod fit;
 mod golden;
 mod limits;
 mod reference;
@@ -11,6 +12,7 @@ mod releases;
 mod rest;
 mod robustness;
 mod scenes;
+mod sewn;
 mod sheets;
 mod simulator;
 mod solvers;

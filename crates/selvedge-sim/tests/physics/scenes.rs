@@ -59,6 +59,7 @@ pub(crate) fn hanging(side: usize) -> Scene {
     Scene {
         name: "hanging".to_owned(),
         handles: Handles::new(&[0, side as u32 - 1], vertex_count).unwrap(),
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         mesh,
         material: material(GRAY),

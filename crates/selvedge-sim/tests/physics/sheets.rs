@@ -26,6 +26,7 @@ pub(crate) fn scene(mesh: Mesh, material: Material, handles: &[u32]) -> Scene {
     Scene {
         name: "closed form".to_owned(),
         handles: Handles::new(handles, vertices).unwrap(),
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         mesh,
         material,

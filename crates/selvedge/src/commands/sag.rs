@@ -86,12 +86,7 @@ fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64
     let trajectory = physics::trajectory(&loaded.spec, scene, rest, frame)?;
     if out.extension().is_some_and(|e| e == "obj") {
         let cloth = trajectory.cloth();
-        write_obj(
-            out,
-            cloth.topology(),
-            cloth.rest_positions(),
-            cloth.material_coordinates(),
-        )?;
+        write_obj(out, cloth, cloth.rest_positions())?;
     } else {
         trajectory.write(out)?;
     }

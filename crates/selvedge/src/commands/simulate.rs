@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
 use selvedge_data::{
-    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
+    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics, worst_edges,
 };
 use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
 use selvedge_sim::{SaggedRest, Threads};
@@ -71,8 +71,9 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         None => frames_left(scene.frame_count()?, passed)?,
     };
     let (run, states) = simulate(args, scene, start, frames)?;
-    let sheet = scene.mesh.positions();
-    let rest_positions = rest.as_ref().map_or(sheet, |rest| &rest.positions);
+    let rest_positions = rest
+        .as_ref()
+        .map_or(scene.mesh.positions(), |rest| &rest.positions);
     let trajectory = physics::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
     if let (Some(states), Some(path)) = (states, &args.states) {
@@ -193,6 +194,7 @@ fn choose_start(loaded: &mut LoadedScene, start: Start<'_>) -> anyhow::Result<()
         Start::Scene => return Ok(()),
         Start::Rest => (StartSpec::Rest, None),
         Start::Mesh => (StartSpec::Mesh, None),
+        Start::Fit => (StartSpec::Fit, None),
         Start::State(path, frame) => {
             let choice = StateChoice {
                 frame,
@@ -211,42 +213,56 @@ fn choose_start(loaded: &mut LoadedScene, start: Start<'_>) -> anyhow::Result<()
 }
 
 /// The remedy for a rest pose that is not found.
-const ELSEWHERE: &str = "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene)";
+const ELSEWHERE: &str = "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene), or relaxed from there into its pattern (--fit)";
 
-/// The sagged rest pose, and where the run starts. A cloth that nothing holds has no rest pose: it
-/// can only be let go where it starts, and is then at rest there. So is one whose rest pose is not
-/// needed for the run and not found.
+/// The sagged rest pose, and where the run starts. Only a run that starts in the rest pose waits
+/// for it. A cloth that nothing holds has none: it can only be let go elsewhere.
 fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> {
     let scene = &loaded.scene;
-    let from_rest = loaded.spec.start == StartSpec::Rest;
-    if scene.handles.is_empty() && from_rest {
+    let start = match (&loaded.state, &loaded.spec.start) {
+        (Some(state), _) => state.clone(),
+        (None, StartSpec::Fit) => fitted(scene)?,
+        (None, StartSpec::Rest) => return from_rest(scene),
+        (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
+    };
+    Ok((None, start))
+}
+
+fn from_rest(scene: &Scene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> {
+    if scene.handles.is_empty() {
         anyhow::bail!(
             "scene {:?} has no handles, so that nothing holds the cloth: let it fall with --from-start",
             scene.name
         );
     }
-    let rest = if scene.handles.is_empty() {
-        None
-    } else {
-        match physics::rest_pose(scene, &mut progress::listener()) {
-            Ok(rest) => Some(rest),
-            Err(error) if interrupt::requested() => return Err(error.into()),
-            Err(error) if from_rest => {
-                return Err(anyhow::Error::new(error).context(ELSEWHERE));
-            }
-            Err(error) => {
-                tracing::warn!("{error}: the file has the mesh as rest positions");
-                None
-            }
+    match physics::rest_pose(scene, &mut progress::listener()) {
+        Ok(rest) => {
+            let start = SavedState::at_rest(rest.positions.clone());
+            Ok((Some(rest), start))
         }
-    };
-    let start = match (&loaded.state, &rest) {
-        (Some(state), _) => state.clone(),
-        (None, Some(rest)) if from_rest => SavedState::at_rest(rest.positions.clone()),
-        (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
-    };
-    Ok((rest, start))
+        Err(error) if interrupt::requested() => Err(error.into()),
+        Err(error) => Err(anyhow::Error::new(error).context(ELSEWHERE)),
+    }
 }
+
+/// The cloth relaxed into its pattern. Says what is left of its strain.
+fn fitted(scene: &Scene) -> anyhow::Result<SavedState> {
+    let fitted = physics::fit(scene, &mut progress::listener())?;
+    let [before, after] = [fitted.before, fitted.after].map(percent);
+    tracing::info!("fitted into the pattern: the largest strain went from {before} to {after}");
+    if fitted.after > LEFT {
+        let worst = worst_edges(&scene.mesh, &fitted.positions, 3);
+        let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
+        tracing::warn!(
+            "the cloth does not fit into its pattern: strains of up to {after} are left ({before} before), the worst edges are {}; look at these panels, or at handles that are too far apart",
+            named.join(", ")
+        );
+    }
+    Ok(SavedState::at_rest(fitted.positions))
+}
+
+/// Strain that a fit may leave without a word.
+const LEFT: f64 = 0.1;
 
 /// Frames of a motion of `all` after `passed`.
 fn frames_left(all: usize, passed: usize) -> anyhow::Result<usize> {

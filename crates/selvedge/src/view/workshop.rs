@@ -11,17 +11,18 @@ use selvedge_cloth::generate::{NamedSheet, Shape, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
-    GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, StartSpec, Transform,
-    materials, shipped_scenes,
+    GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, Sewing, StartSpec,
+    Transform, materials, shipped_scenes,
 };
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, physics, rest_pose};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
-use selvedge_sim::SagError;
+use selvedge_sim::{SagError, fit};
 
 use super::movers::ModelOnMachine;
 use super::scene_cloth::SceneCloth;
+use crate::output::percent;
 use crate::scenes;
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
@@ -122,7 +123,9 @@ impl ViewWorkshop {
         remarks: &mut Vec<String>,
     ) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
         let scene = &loaded.scene;
-        let rest = if scene.handles.is_empty() {
+        let rest = if loaded.spec.start == StartSpec::Fit {
+            scene.mesh.positions().to_vec()
+        } else if scene.handles.is_empty() {
             remarks.push("nothing holds this cloth: it falls".to_owned());
             scene.mesh.positions().to_vec()
         } else {
@@ -138,6 +141,7 @@ impl ViewWorkshop {
         };
         let start = match (&loaded.state, &loaded.spec.start) {
             (Some(state), _) => state.clone(),
+            (None, StartSpec::Fit) => fitted(scene, progress, remarks)?,
             (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
             (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
         };
@@ -205,6 +209,25 @@ impl Workshop for ViewWorkshop {
     }
 }
 
+/// The cloth relaxed into its pattern, with a remark on what is left of its strain.
+fn fitted(
+    scene: &Scene,
+    progress: &mut dyn FnMut(String) -> ControlFlow<()>,
+    remarks: &mut Vec<String>,
+) -> anyhow::Result<SavedState> {
+    let fitted = fit(scene, &mut |now| {
+        let [done, strain] = [now.done, now.strain].map(|share| 100.0 * share);
+        progress(format!(
+            "fitting into the pattern: {done:.0} % done, largest strain {strain:.1} %"
+        ))
+    })?;
+    let [before, after] = [fitted.before, fitted.after].map(percent);
+    remarks.push(format!(
+        "fitted into the pattern: the largest strain went from {before} to {after}"
+    ));
+    Ok(SavedState::at_rest(fitted.positions))
+}
+
 /// Returns `true` where a cloth cannot be shown without the rest pose that was not found: the scene
 /// starts in it, or nobody waits for it any more. A cloth whose handles have all let go has no rest
 /// pose.
@@ -267,6 +290,9 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
             seed: 1,
         }),
         transform: Transform::default(),
+        rest_angles: None,
+        sewing: Sewing::default(),
+        seam_stiffness: None,
     };
     let made = spec.build(Path::new(""))?;
     let handles = made.labels.get(sheet.handles);

@@ -6,8 +6,7 @@ use serde_json::Value;
 
 /// Largest strain of each frame of a run, by the metrics of trajectories.
 fn strains(run: &Trajectory) -> Vec<f64> {
-    let coordinates = run.cloth().material_coordinates();
-    let lengths = metrics::material_edge_lengths(run.topology(), coordinates);
+    let lengths = metrics::material_edge_lengths(run.cloth());
     metrics::largest_strain(run.frames(), run.topology(), &lengths).unwrap()
 }
 

@@ -105,7 +105,8 @@ fn a_cloth_can_be_let_go_where_its_mesh_stands() {
         .scene;
     let start: Vec<_> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
     assert_eq!(run.frame(0), start);
-    assert_ne!(run.cloth().rest_positions(), start);
+    // Nobody waited for a rest pose: the start has its place.
+    assert_eq!(run.cloth().rest_positions(), start);
 }
 
 #[test]

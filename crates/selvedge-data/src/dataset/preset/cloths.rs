@@ -5,6 +5,7 @@
 //! handles of each mesh.
 
 use super::config::{NamedCloth, NamedMotion};
+use crate::formats::polygons::Sewing;
 use crate::scene::{
     GeneratorSpec, HandleSelection, MeshFile, MeshSource, MeshSpec, SceneProblem, SceneSpecError,
     Transform, field,
@@ -38,6 +39,9 @@ impl NamedCloth {
         let mesh = MeshSpec {
             source: MeshSource::Generator(generator),
             transform: Transform::default(),
+            rest_angles: None,
+            sewing: Sewing::default(),
+            seam_stiffness: None,
         };
         let built = mesh.build("".as_ref())?;
         let handles = built.labels.get(sheet.handles).cloned();

@@ -43,8 +43,8 @@ use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
 use crate::scene::{
-    LoadedScene, MotionSource, SceneFileError, SceneProblem, SceneSpec, SceneSpecError,
-    SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
+    LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
+    SceneSpecError, SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
 };
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Mesh, Motion, SceneError};
@@ -185,7 +185,12 @@ impl DatasetPreset {
     /// [`SceneProblem`] names the field and what is wrong.
     pub fn parse(text: &str, folder: &Path) -> Result<Self, SceneProblem> {
         let file: PresetFile = parse_toml(text)?;
-        let (setting, mesh, groups) = file.setting.resolve(folder, &mut Vec::new())?;
+        let ResolvedSetting {
+            setting,
+            mesh,
+            groups,
+            ..
+        } = file.setting.resolve(folder, &mut Vec::new())?;
         let mut own = BTreeMap::new();
         let stand = Stand::of(&setting, &mesh, &groups);
         for (name, source) in &file.motions {

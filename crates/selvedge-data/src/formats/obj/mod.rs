@@ -2,19 +2,14 @@
 //! the numbers that they have in the file (from 0 here, from 1 there), and objects and groups
 //! become labels of vertices.
 //!
-//! Files of other programs often have texture coordinates from 0 to 1 and seams, where a vertex has
-//! two of them: [`ObjOptions`] says what is done then.
+//! A vertex with several texture coordinates lies on a seam. Files of other programs often have
+//! texture coordinates from 0 to 1: [`MeshOptions`] says what is done then.
 //!
 //! Several objects make one mesh of several sheets. The reader is our own: the common ones number
-//! vertices anew in every group, so that handles chosen by number would be others. Normals,
-//! materials and smoothing are passed over; curves and surfaces are errors. Bytes that are not
+//! vertices anew in every group, so that handles chosen by number would be others. Normals and
+//! smoothing are passed over, other statements with a warning that counts them. Bytes that are not
 //! UTF-8 can only be part of names, where they become the replacement character.
 
-mod assemble;
-mod error;
-mod fit;
-mod flat;
-mod options;
 mod parse;
 mod write;
 
@@ -23,55 +18,54 @@ use std::path::Path;
 use glam::DVec3;
 use selvedge_cloth::generate::Sheet;
 
-pub use self::error::{ObjError, ReadObjError};
-pub use self::options::{ObjOptions, Seams, TextureUnit};
+use super::polygons::{MeshFileError, MeshOptions, Polygons, ReadMesh, ReadMeshError, assemble};
 pub use write::write_obj;
 pub(crate) use write::{ObjFrame, write_obj_frame};
 
 /// Reads a mesh and its labels.
 ///
 /// # Errors
-/// [`ReadObjError`] names the file, and the line or vertex that cannot be used.
-pub fn read_obj(path: &Path) -> Result<Sheet, ReadObjError> {
+/// [`ReadMeshError`] names the file, and the line or vertex that cannot be used.
+pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
     std::fs::read(path)
-        .map_err(ObjError::Read)
-        .and_then(|bytes| parse_obj_bytes(&bytes, ObjOptions::default()))
-        .map_err(|source| ReadObjError {
+        .map_err(MeshFileError::Read)
+        .and_then(|bytes| parse_obj(&String::from_utf8_lossy(&bytes)))
+        .map_err(|source| ReadMeshError {
             path: path.to_owned(),
             source,
         })
 }
 
 /// Reads the vertices of a mesh only `[m]`, `[vertices]`; faces may be of any kind.
-pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadObjError> {
+pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshError> {
     let positions = std::fs::read(path)
-        .map_err(ObjError::Read)
+        .map_err(MeshFileError::Read)
         .and_then(|bytes| Ok(parse::parse(&String::from_utf8_lossy(&bytes))?.positions));
-    positions.map_err(|source| ReadObjError {
+    positions.map_err(|source| ReadMeshError {
         path: path.to_owned(),
         source,
     })
 }
 
-/// Reads a mesh and its labels from the bytes of a file.
-pub(crate) fn parse_obj_bytes(bytes: &[u8], options: ObjOptions) -> Result<Sheet, ObjError> {
-    parse_obj_with(&String::from_utf8_lossy(bytes), options)
+/// The polygons in the bytes of a file.
+pub(crate) fn parse_obj_polygons(bytes: &[u8]) -> Result<Polygons, MeshFileError> {
+    parse::parse(&String::from_utf8_lossy(bytes))
 }
 
 /// Reads a mesh and its labels from the text of a file.
 ///
 /// # Errors
-/// [`ObjError`] names the line or vertex that cannot be used.
-pub fn parse_obj(text: &str) -> Result<Sheet, ObjError> {
-    parse_obj_with(text, ObjOptions::default())
+/// [`MeshFileError`] names the line or vertex that cannot be used.
+pub fn parse_obj(text: &str) -> Result<Sheet, MeshFileError> {
+    Ok(parse_obj_with(text, MeshOptions::default())?.sheet)
 }
 
-/// Parses like [`parse_obj`], with texture coordinates taken as `options` say.
+/// Reads a mesh with all that the file says of it, as `options` say.
 ///
 /// # Errors
-/// As for [`parse_obj`]; [`ObjError::Fit`].
-pub fn parse_obj_with(text: &str, options: ObjOptions) -> Result<Sheet, ObjError> {
-    assemble::assemble(parse::parse(text)?, options)
+/// As for [`parse_obj`]; [`MeshFileError::Fit`].
+pub fn parse_obj_with(text: &str, options: MeshOptions) -> Result<ReadMesh, MeshFileError> {
+    assemble(parse::parse(text)?, options)
 }
 
 #[cfg(test)]

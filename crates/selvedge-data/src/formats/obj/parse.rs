@@ -1,42 +1,34 @@
-//! The statements of an OBJ file, with indices resolved and nothing interpreted.
+//! The statements of an OBJ file as polygons: indices resolved, nothing interpreted.
+//!
+//! Lines (`l`) of a group give the group's name to their vertices. Read beyond the standard are
+//! ARCSim's velocities of vertices (`nv`) and labels of faces (`fl`, `tl`), which are taken for
+//! names of fabrics.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::error::ObjError;
+use crate::formats::polygons::{Corner, MeshFileError, Place, Polygon, Polygons};
 
-/// Statements of a file.
-#[derive(Debug, Default)]
-pub(super) struct Statements {
-    pub(super) positions: Vec<DVec3>,
-    pub(super) texture: Vec<DVec2>,
-    pub(super) polygons: Vec<Polygon>,
-    /// Vertices by the names of their objects and groups.
-    pub(super) labels: BTreeMap<String, BTreeSet<u32>>,
+/// Statements that say nothing of the shape: normals, points of curves, smoothing, libraries of
+/// materials.
+const SILENT: [&str; 4] = ["vn", "vp", "s", "mtllib"];
+
+/// State of reading: what the statements so far have set.
+#[derive(Default)]
+struct Reader {
+    polygons: Polygons,
+    object: Option<String>,
+    groups: Vec<String>,
+    fabric: Option<u32>,
+    /// Statements that are passed over, with the first line and the number of each.
+    unknown: BTreeMap<String, (usize, usize)>,
 }
 
-/// A face.
-#[derive(Debug)]
-pub(super) struct Polygon {
-    /// Line in the file, from 1.
-    pub(super) line: usize,
-    pub(super) corners: Vec<Corner>,
-}
-
-/// A corner of a face: indices from 0.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Corner {
-    pub(super) vertex: u32,
-    pub(super) texture: Option<usize>,
-}
-
-pub(super) fn parse(text: &str) -> Result<Statements, ObjError> {
+pub(super) fn parse(text: &str) -> Result<Polygons, MeshFileError> {
     // Some programs put a byte-order mark before the first line.
     let text = text.trim_start_matches('\u{feff}');
-    let mut statements = Statements::default();
-    let mut object: Option<String> = None;
-    let mut groups: Vec<String> = Vec::new();
+    let mut reader = Reader::default();
     for (line, content) in logical_lines(text) {
         let content = content.split('#').next().unwrap_or_default();
         let mut words = content.split_whitespace();
@@ -44,34 +36,98 @@ pub(super) fn parse(text: &str) -> Result<Statements, ObjError> {
             continue;
         };
         let rest: Vec<&str> = words.collect();
-        let error = |problem| ObjError::Line { line, problem };
+        let read = reader.read(line, keyword, &rest);
+        read.map_err(|problem| MeshFileError::Line { line, problem })?;
+    }
+    Ok(reader.finish())
+}
+
+impl Reader {
+    fn read(&mut self, line: usize, keyword: &str, rest: &[&str]) -> Result<(), String> {
+        let polygons = &mut self.polygons;
         match keyword {
             "v" => {
-                let [x, y, z] = numbers(&rest).map_err(error)?;
-                statements.positions.push(DVec3::new(x, y, z));
+                let [x, y, z] = numbers(rest)?;
+                polygons.positions.push(DVec3::new(x, y, z));
+                polygons.numbers.push(polygons.positions.len());
             }
             "vt" => {
-                let [u, v] = numbers(&rest).map_err(error)?;
-                statements.texture.push(DVec2::new(u, v));
+                let [u, v] = numbers(rest)?;
+                polygons.texture.push(DVec2::new(u, v));
             }
-            "f" => {
-                let corners = corners(&rest, &statements).map_err(error)?;
-                for name in object.iter().chain(&groups) {
-                    let label = statements.labels.entry(name.clone()).or_default();
-                    label.extend(corners.iter().map(|corner| corner.vertex));
+            "nv" => {
+                let [x, y, z] = numbers(rest)?;
+                let last = polygons.positions.len().checked_sub(1);
+                let last = last.ok_or("a velocity stands before the first vertex")?;
+                polygons.velocities.insert(last as u32, DVec3::new(x, y, z));
+            }
+            "f" => self.read_face(line, rest)?,
+            // A line of a group names a border, as seams need it.
+            "l" if !self.groups.is_empty() => {
+                for word in rest {
+                    let vertex = index(word, polygons.positions.len(), "vertex")? as u32;
+                    for name in &self.groups {
+                        polygons
+                            .labels
+                            .entry(name.clone())
+                            .or_default()
+                            .insert(vertex);
+                    }
                 }
-                statements.polygons.push(Polygon { line, corners });
             }
-            "o" => object = (!rest.is_empty()).then(|| rest.join(" ")),
-            "g" => groups = rest.iter().map(|name| (*name).to_owned()).collect(),
-            "vn" | "vp" | "s" | "usemtl" | "mtllib" => {}
+            "fl" | "tl" => {
+                let label = rest.first().ok_or("a label of a face is missing")?;
+                let fabric = polygons.fabric_of(label);
+                let last = polygons.polygons.last_mut();
+                last.ok_or("a label stands before the first face")?.fabric = Some(fabric);
+            }
+            "o" => self.object = (!rest.is_empty()).then(|| rest.join(" ")),
+            "g" => self.groups = rest.iter().map(|name| (*name).to_owned()).collect(),
+            "usemtl" => {
+                self.fabric = match rest.is_empty() {
+                    true => None,
+                    false => Some(polygons.fabric_of(&rest.join(" "))),
+                };
+            }
+            known if SILENT.contains(&known) => {}
             other => {
-                let problem = format!("{other:?} is no statement that a mesh of faces has");
-                return Err(error(problem));
+                let entry = self.unknown.entry(other.to_owned()).or_insert((line, 0));
+                entry.1 += 1;
             }
         }
+        Ok(())
     }
-    Ok(statements)
+
+    fn read_face(&mut self, line: usize, rest: &[&str]) -> Result<(), String> {
+        let corners = corners(rest, &self.polygons)?;
+        for name in self.object.iter().chain(&self.groups) {
+            let label = self.polygons.labels.entry(name.clone()).or_default();
+            label.extend(corners.iter().map(|corner| corner.vertex));
+        }
+        self.polygons.polygons.push(Polygon {
+            place: Place::Line(line),
+            corners,
+            fabric: self.fabric,
+        });
+        Ok(())
+    }
+
+    fn finish(self) -> Polygons {
+        let mut polygons = self.polygons;
+        if !self.unknown.is_empty() {
+            let count: usize = self.unknown.values().map(|(_, count)| count).sum();
+            let each: Vec<String> = self
+                .unknown
+                .iter()
+                .map(|(name, (line, count))| format!("{count} × {name:?} (first in line {line})"))
+                .collect();
+            polygons.warnings.push(format!(
+                "{count} statements that no mesh of faces has are passed over: {}",
+                each.join(", ")
+            ));
+        }
+        polygons
+    }
 }
 
 /// Lines with their numbers from 1; one that ends in a backslash is joined with the next.
@@ -102,20 +158,20 @@ fn numbers<const N: usize>(words: &[&str]) -> Result<[f64; N], String> {
     Ok(values)
 }
 
-fn corners(words: &[&str], statements: &Statements) -> Result<Vec<Corner>, String> {
+fn corners(words: &[&str], polygons: &Polygons) -> Result<Vec<Corner>, String> {
     if words.len() < 3 {
         return Err(format!("a face needs 3 corners, found {}", words.len()));
     }
-    words.iter().map(|word| corner(word, statements)).collect()
+    words.iter().map(|word| corner(word, polygons)).collect()
 }
 
-fn corner(word: &str, statements: &Statements) -> Result<Corner, String> {
+fn corner(word: &str, polygons: &Polygons) -> Result<Corner, String> {
     let mut parts = word.split('/');
     let vertex = parts.next().unwrap_or_default();
-    let vertex = index(vertex, statements.positions.len(), "vertex")?;
+    let vertex = index(vertex, polygons.positions.len(), "vertex")?;
     let texture = match parts.next() {
         None | Some("") => None,
-        Some(text) => Some(index(text, statements.texture.len(), "texture coordinate")?),
+        Some(text) => Some(index(text, polygons.texture.len(), "texture coordinate")?),
     };
     let vertex = u32::try_from(vertex).map_err(|_| "there are too many vertices".to_owned())?;
     Ok(Corner { vertex, texture })

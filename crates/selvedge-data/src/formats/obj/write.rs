@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::Topology;
+use selvedge_cloth::{Cloth, Pattern, Topology};
 
 use crate::formats::atomic::{WriteError, write_atomically};
 
@@ -15,27 +15,21 @@ pub(crate) struct ObjFrame<'a> {
     pub(crate) topology: &'a Topology,
     /// `[m]`, `[vertices]`.
     pub(crate) positions: &'a [Vec3],
-    /// `[m]`, `[vertices]`.
-    pub(crate) material_coordinates: &'a [Vec2],
+    /// Texture coordinates are the points of the pattern.
+    pub(crate) pattern: Pattern<'a, Vec2>,
     /// Normals of length one, `[vertices]`.
     pub(crate) normals: Option<&'a [Vec3]>,
 }
 
-/// Writes `positions` `[m]`, `[vertices]`, and `material_coordinates` `[m]`, `[vertices]`, of a
-/// cloth with this topology, all or nothing.
+/// Writes `positions` `[m]`, `[vertices]`, and the pattern of `cloth`, all or nothing.
 ///
 /// # Errors
 /// [`WriteError`].
-pub fn write_obj(
-    path: &Path,
-    topology: &Topology,
-    positions: &[Vec3],
-    material_coordinates: &[Vec2],
-) -> Result<(), WriteError> {
+pub fn write_obj(path: &Path, cloth: &Cloth, positions: &[Vec3]) -> Result<(), WriteError> {
     let frame = ObjFrame {
-        topology,
+        topology: cloth.topology(),
         positions,
-        material_coordinates,
+        pattern: cloth.pattern(),
         normals: None,
     };
     write_obj_frame(path, &frame)
@@ -52,17 +46,18 @@ impl ObjFrame<'_> {
         for p in self.positions {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
-        for c in self.material_coordinates {
+        for c in self.pattern.points() {
             writeln!(out, "vt {} {}", c.x, c.y)?;
         }
         for n in self.normals.unwrap_or_default() {
             writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;
         }
-        for face in self.topology.faces() {
+        for (face, corners) in self.topology.faces().iter().zip(self.pattern.corners()) {
             let [a, b, c] = face.map(|v| v.0 + 1);
+            let [p, q, r] = corners.map(|point| point + 1);
             match self.normals {
-                None => writeln!(out, "f {a}/{a} {b}/{b} {c}/{c}")?,
-                Some(_) => writeln!(out, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}")?,
+                None => writeln!(out, "f {a}/{p} {b}/{q} {c}/{r}")?,
+                Some(_) => writeln!(out, "f {a}/{p}/{a} {b}/{q}/{b} {c}/{r}/{c}")?,
             }
         }
         Ok(())

@@ -11,8 +11,11 @@
 //!
 //! Format: the USD documentation, "Usd ASCII" and `UsdGeomXformable`.
 
+mod meshes;
 mod operations;
 mod tokens;
+
+use std::collections::BTreeMap;
 
 use glam::DMat4;
 
@@ -20,6 +23,7 @@ use self::operations::{Attribute, Samples, operations_of};
 use self::tokens::{Token, Tokens};
 use super::error::RigError;
 use super::node::{Rig, RigNode};
+use super::node_mesh::NodeMesh;
 
 /// Prims within prims, and brackets within brackets, at most.
 const DEEPEST: usize = 200;
@@ -44,10 +48,37 @@ struct Prim {
     attributes: Vec<Attribute>,
     order: Option<Vec<String>>,
     obstacle: Option<String>,
+    /// Type of the prim.
+    kind: String,
+    /// Arrays that make a mesh, by name.
+    arrays: BTreeMap<String, Vec<f64>>,
 }
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
+    let (prims, stage) = read(bytes, false)?;
+    rig(prims, &stage)
+}
+
+/// The rig in the bytes of a file, and the meshes of its prims.
+pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
+    let (mut prims, stage) = read(bytes, true)?;
+    let meshes = meshes::meshes(&mut prims)?;
+    Ok((rig(prims, &stage)?, meshes))
+}
+
+fn rig(prims: Vec<Prim>, stage: &Stage) -> Result<Rig, RigError> {
+    let codes = stage.codes_per_second.or(stage.frames_per_second);
+    let rate = codes.unwrap_or(CODES_PER_SECOND);
+    let nodes = prims.into_iter().map(|prim| node(prim, rate));
+    Ok(Rig {
+        nodes: nodes.collect::<Result<_, _>>()?,
+        world: world(stage),
+    })
+}
+
+/// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
+fn read(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
     if bytes.starts_with(BINARY) {
         return Err(RigError::BinaryUsd);
     }
@@ -65,18 +96,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
     let mut reader = Reader {
         tokens: Tokens::new(text),
         prims: Vec::new(),
+        keeps_arrays,
     };
     let stage = reader.stage()?;
     while reader.tokens.peek()?.is_some() {
         reader.prim(None, 0)?;
     }
-    let codes = stage.codes_per_second.or(stage.frames_per_second);
-    let rate = codes.unwrap_or(CODES_PER_SECOND);
-    let nodes = reader.prims.into_iter().map(|prim| node(prim, rate));
-    Ok(Rig {
-        nodes: nodes.collect::<Result<_, _>>()?,
-        world: world(&stage),
-    })
+    Ok((reader.prims, stage))
 }
 
 fn shortened(text: &str) -> String {
@@ -117,6 +143,7 @@ fn world(stage: &Stage) -> DMat4 {
 struct Reader<'a> {
     tokens: Tokens<'a>,
     prims: Vec<Prim>,
+    keeps_arrays: bool,
 }
 
 impl<'a> Reader<'a> {
@@ -193,7 +220,8 @@ impl<'a> Reader<'a> {
                 return Err(self.tokens.wrong(problem));
             }
         }
-        if let Some(Token::Word(_)) = self.tokens.peek()? {
+        if let Some(Token::Word(kind)) = self.tokens.peek()? {
+            kind.clone_into(&mut prim.kind);
             self.tokens.next()?;
         }
         prim.name = match self.tokens.next()? {
@@ -271,20 +299,23 @@ impl<'a> Reader<'a> {
 
     /// `[words] type[] name[.timeSamples] [= value] [( … )]`.
     fn property(&mut self, number: usize) -> Result<(), RigError> {
-        let mut name = "";
+        let (mut name, mut kind) = ("", "");
         while let Some(Token::Word(word)) = self.tokens.peek()? {
             // A new statement begins where the last one had no value.
             if !name.is_empty() && self.tokens.is_at_line_start() {
                 break;
             }
-            name = word;
+            (kind, name) = (name, word);
             self.tokens.next()?;
             if self.tokens.skip_if("[")? {
                 self.tokens.expect("]")?;
             }
         }
         if self.tokens.skip_if("=")? {
-            self.value_of(number, name)?;
+            match meshes::array_of(kind, name).filter(|_| self.keeps_arrays) {
+                Some(array) => self.array(number, array, name)?,
+                None => self.value_of(number, name)?,
+            }
         }
         if self.tokens.skip_if("(")? {
             self.skip_to(")", 0)?;
@@ -317,6 +348,33 @@ impl<'a> Reader<'a> {
             samples,
             line,
         });
+        Ok(())
+    }
+
+    /// The numbers within the brackets of an array, of time samples those of the first.
+    fn array(&mut self, number: usize, array: String, name: &str) -> Result<(), RigError> {
+        let is_timed = name.ends_with(".timeSamples");
+        if is_timed {
+            self.tokens.expect("{")?;
+            self.tokens.number()?;
+            self.tokens.expect(":")?;
+        }
+        if !self.tokens.skip_if("[")? {
+            return self.skip_value();
+        }
+        let mut numbers = Vec::new();
+        while !self.tokens.skip_if("]")? {
+            let is_sign = matches!(self.tokens.peek()?, Some(Token::Sign("(" | ")" | ",")));
+            if is_sign {
+                self.tokens.next()?;
+            } else {
+                numbers.push(self.tokens.number()?);
+            }
+        }
+        self.prims[number].arrays.insert(array, numbers);
+        if is_timed {
+            self.skip_to("}", 0)?;
+        }
         Ok(())
     }
 

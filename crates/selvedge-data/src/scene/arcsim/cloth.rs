@@ -1,5 +1,6 @@
 //! The cloth of an ARCSim scene: its mesh and how it is placed, and its material.
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +15,7 @@ use super::super::text::read_text;
 use super::object::{Object, numbers, parse_json};
 use super::parts::Parts;
 use super::shared::find_file;
-use crate::formats::obj::ObjOptions;
+use crate::formats::polygons::{MeshOptions, Sewing};
 
 /// Ranges of factors of a material, of mass per area `[kg/m²]` and of damping `[s]`.
 const FACTORS: RangeInclusive<f64> = 1e-6..=1e6;
@@ -25,8 +26,39 @@ const DAMPING: RangeInclusive<f64> = 0.0..=100.0;
 pub(super) struct SceneCloth {
     pub(super) mesh: MeshSpec,
     pub(super) material: Material,
-    /// The material's own file, where it has one.
-    pub(super) material_file: Option<PathBuf>,
+    /// Further materials, of the faces with label 1, 2 and so on.
+    pub(super) others: Vec<Material>,
+    /// The materials' own files, where they have some.
+    pub(super) material_files: Vec<PathBuf>,
+}
+
+impl SceneCloth {
+    /// The further materials by the labels of faces, of which the mesh has these; one that no face
+    /// has is warned of.
+    pub(super) fn fabrics(
+        &self,
+        labels: &[String],
+        warnings: &mut Vec<String>,
+    ) -> BTreeMap<String, Material> {
+        let mut fabrics = BTreeMap::new();
+        for (number, material) in (1..).zip(&self.others) {
+            let label = number.to_string();
+            if labels.contains(&label) {
+                fabrics.insert(label, material.clone());
+            } else {
+                warnings.push(format!(
+                    "cloths[0].materials[{number}] is left out: no face of the mesh has the label {number}"
+                ));
+            }
+        }
+        let damping = self.material.damping;
+        if fabrics.values().any(|fabric| fabric.damping != damping) {
+            warnings.push(format!(
+                "a cloth has one damping for all its faces: {damping} s, that of its first material"
+            ));
+        }
+        fabrics
+    }
 }
 
 /// Reads `cloths`, of which there must be one.
@@ -42,25 +74,26 @@ pub(super) fn read(
         return Err(scene.wrong("cloths", "must have one cloth", &format!("{count} cloths")));
     };
     let mesh = read_mesh(&mut cloth, folder, warnings)?;
-    let mut materials = cloth.objects("materials")?;
-    if materials.len() > 1 {
-        warnings.push(format!(
-            "{} after the first are not supported: all faces have the first",
-            cloth.place("materials")
-        ));
+    let mut materials = Vec::new();
+    let mut material_files = Vec::new();
+    for used in cloth.objects("materials")? {
+        let (material, file) = read_material(used, folder, parts, warnings)?;
+        materials.push(material);
+        material_files.extend(file);
     }
     if materials.is_empty() {
         return Err(cloth.missing("materials"));
     }
-    let used = materials.swap_remove(0);
-    let (material, material_file) = read_material(used, folder, parts, warnings)?;
+    let others = materials.split_off(1);
+    let material = materials.swap_remove(0);
     // Remeshing that is not disabled has its own warning.
     cloth.pass_over(&["remeshing"]);
     cloth.finish(warnings);
     Ok(SceneCloth {
         mesh,
         material,
-        material_file,
+        others,
+        material_files,
     })
 }
 
@@ -85,8 +118,11 @@ fn read_mesh(
         placed.finish(warnings);
     }
     Ok(MeshSpec {
-        source: MeshSource::obj(&found, folder, ObjOptions::default())?,
+        source: MeshSource::obj(&found, folder, MeshOptions::default())?,
         transform,
+        rest_angles: None,
+        sewing: Sewing::default(),
+        seam_stiffness: None,
     })
 }
 

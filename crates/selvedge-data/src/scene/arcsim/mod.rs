@@ -17,11 +17,14 @@ mod unique;
 use self::object::{Object, parse_json};
 use self::parts::Parts;
 use self::shared::Times;
+use super::file::moving_mesh;
 use super::loaded::LoadedScene;
+use super::mesh_spec::BuiltMesh;
 use super::problem::SceneProblem;
-use super::spec::{SceneSpec, Setting};
+use super::spec::{SceneSpec, SceneSpecError, Setting};
 use super::start::StartSpec;
 use selvedge_cloth::{Environment, Motion, PhysicsMode, PhysicsSettings, SagSettings};
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -57,10 +60,11 @@ pub(super) fn parse_arcsim(
     let times = read_times(&mut scene, &mut warnings)?;
     let drive = drive::read(&mut scene, &times, &mut warnings)?;
     let setting = Setting {
-        mesh: cloth.mesh,
+        mesh: cloth.mesh.clone(),
         handles: drive.vertices,
         schedule: drive.schedule,
-        material: cloth.material,
+        material: cloth.material.clone(),
+        fabrics: BTreeMap::new(),
         environment: read_environment(&mut scene, &mut warnings)?,
         physics: PhysicsSettings {
             substeps: times.substeps,
@@ -71,16 +75,29 @@ pub(super) fn parse_arcsim(
     };
     Parts::finish(&mut scene, &mut warnings)?;
     scene.finish(&mut warnings);
-    let spec = SceneSpec {
+    let mut spec = SceneSpec {
         name: name.to_owned(),
         setting,
         motion: Motion::Splines(drive.motion),
         start: StartSpec::Mesh,
     };
     let mut files = spec.files(folder);
-    files.extend(cloth.material_file);
-    let scene = spec.build(folder)?;
+    files.extend_from_slice(&cloth.material_files);
+    let BuiltMesh {
+        sheet,
+        velocities,
+        warnings: mended,
+    } = spec
+        .setting
+        .mesh
+        .read(folder)
+        .map_err(SceneSpecError::from)?;
+    warnings.extend(mended);
+    spec.setting.fabrics = cloth.fabrics(&sheet.mesh.fabrics().names, &mut warnings);
+    let state = moving_mesh(&spec.start, &sheet.mesh, velocities);
+    let scene = spec.with_mesh(sheet.mesh)?;
     let loaded = LoadedScene {
+        state,
         warnings,
         files,
         ..LoadedScene::new(spec, scene)

@@ -371,3 +371,32 @@ fn wrong_values_are_errors_that_name_file_and_key() {
     let named = "materials[0].data: felt.json: density: must be between";
     assert!(error.contains(named), "{error}");
 }
+
+#[test]
+fn labels_of_faces_choose_materials_and_velocities_are_those_of_the_start() {
+    let desk = Desk::new();
+    let labelled = SQUARE
+        .replace("v 1 0 0\n", "v 1 0 0\nnv 0 0 2\n")
+        .replace("f 1/1 3/3 4/4\n", "f 1/1 3/3 4/4\nfl 1\n");
+    desk.write("square.obj", &labelled);
+    let two = "{\"data\": \"felt.json\", \"thicken\": 4, \"damping\": 0.001}, {\"data\": \"felt.json\"}],";
+    let loaded = desk
+        .edited(
+            "\"damping\": 0.001}],",
+            &format!("\"damping\": 0.001}}, {two}"),
+        )
+        .unwrap();
+    let scene = &loaded.scene;
+    assert_eq!(scene.fabrics.len(), 1);
+    assert!((scene.fabrics["1"].density - 0.8).abs() < 1e-15);
+    let (materials, of_face) = scene.materials();
+    assert_eq!(of_face, [0, 1]);
+    assert_eq!(materials[1], &scene.fabrics["1"]);
+    let left_out = "cloths[0].materials[2] is left out: no face of the mesh has the label 2";
+    assert_eq!(loaded.warnings, [left_out]);
+    // Half as large and turned by -90° about y: +z becomes -x.
+    let state = loaded.state.unwrap();
+    assert!(state.velocities[1].distance(DVec3::new(-1.0, 0.0, 0.0)) < 1e-15);
+    assert_eq!(state.velocities[0], DVec3::ZERO);
+    assert_eq!(state.positions, scene.mesh.positions());
+}

@@ -197,7 +197,12 @@ fn a_sagged_rest_pose_without_texture_takes_its_coordinates_from_a_flat_mesh() {
         .lines()
         .filter(|line| !line.starts_with("vt"))
         .map(|line| match line.strip_prefix("f ") {
-            Some(_) => "f 1 2 5\n".to_owned(),
+            Some(corners) => {
+                let vertices = corners
+                    .split_whitespace()
+                    .map(|c| c.split('/').next().unwrap());
+                format!("f {}\n", vertices.collect::<Vec<_>>().join(" "))
+            }
             None => format!("{line}\n"),
         })
         .collect();

@@ -91,7 +91,7 @@ impl Served {
         let uri = format!("ws://{}/socket", self.server.address());
         let mut request = uri.into_client_request().unwrap();
         let headers = request.headers_mut();
-        headers.insert("Sec-WebSocket-Protocol", "selvedge.v1".parse().unwrap());
+        headers.insert("Sec-WebSocket-Protocol", "selvedge.v2".parse().unwrap());
         request
     }
 
@@ -138,7 +138,7 @@ pub(crate) struct Frame {
 
 impl Page {
     pub(crate) fn send(&mut self, kind: u8, body: &[u8]) {
-        let bytes = [&[1, kind, 0, 0], body].concat();
+        let bytes = [&[2, kind, 0, 0], body].concat();
         self.socket.send(Message::Binary(bytes.into())).unwrap();
     }
 

@@ -44,6 +44,7 @@ fn scene(handles: HandleConstraint, bending: BendingLaw) -> Scene {
         name: "strip".to_owned(),
         mesh: Mesh::new(&faces, coordinates, positions).unwrap(),
         handles: Handles::new(&[7, 2], 10).unwrap(),
+        fabrics: std::collections::BTreeMap::new(),
         schedule: HandleSchedule::default(),
         material: Material {
             name: "test".to_owned(),

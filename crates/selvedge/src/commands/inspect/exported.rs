@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use selvedge_data::{Rig, Trajectory};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::output::{Answer, Facts};
 
@@ -22,6 +22,16 @@ pub(super) fn read_npz(path: &Path) -> anyhow::Result<Trajectory> {
 /// # Errors
 /// What of it cannot be understood.
 pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add("kind", "nodes of another program");
+    facts.add("file", path.display());
+    let nodes = nodes(&mut facts, path)?;
+    let report = json!({ "kind": "rig", "file": path, "nodes": nodes });
+    Answer::new(facts, &report)
+}
+
+/// Adds the nodes of a file, and gives them for the report.
+pub(super) fn nodes(facts: &mut Facts, path: &Path) -> anyhow::Result<Value> {
     let rig = Rig::read(path)?;
     let nodes: Vec<(&str, Option<[f64; 2]>)> = rig
         .nodes()
@@ -30,9 +40,6 @@ pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
         .map(|(number, node)| (node.name.as_str(), rig.span(number)))
         .collect();
     let moving = nodes.iter().filter(|node| node.1.is_some()).count();
-    let mut facts = Facts::new();
-    facts.add("kind", "nodes of another program");
-    facts.add("file", path.display());
     facts.add("nodes", format!("{}, {moving} of them moving", nodes.len()));
     for (name, span) in &nodes {
         let when = match span {
@@ -44,10 +51,5 @@ pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
     let nodes = nodes
         .iter()
         .map(|(name, span)| json!({ "name": name, "moves": span }));
-    let report = json!({
-        "kind": "rig",
-        "file": path,
-        "nodes": nodes.collect::<Vec<_>>(),
-    });
-    Answer::new(facts, &report)
+    Ok(nodes.collect())
 }

@@ -9,20 +9,20 @@
 
 mod exported;
 mod folders;
+mod mesh;
 mod picture;
 
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use glam::Vec3;
-use selvedge_cloth::Mesh;
 use selvedge_data::{
-    LoadedScene, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics, read_obj,
-    shipped_scenes,
+    LoadedScene, MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics,
+    read_mesh, shipped_scenes,
 };
 use selvedge_lab::physics;
 use selvedge_model::{MODEL_FORMAT, Model, Network};
-use selvedge_train::{CHECKPOINT_FORMAT, CORRECTION_FORMAT, CorrectionConfig, TrainConfig};
+use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
 
 use super::dataset_plan;
@@ -59,12 +59,18 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
         Some("safetensors") => inspect_container(path),
         Some("toml") => inspect_toml(path, &name),
         Some("json") => inspect_scene(&scenes::open(&name)?, &name),
-        Some("obj") => {
-            let sheet = read_obj(path)?;
-            inspect_mesh(&sheet.mesh, sheet.labels.keys(), path)
-        }
+        Some("obj") => mesh::inspect(&read_mesh(path, MeshOptions::default())?, path, false),
         Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
-        Some("glb" | "usda") => exported::inspect_rig(path),
+        Some("glb" | "usda") => match read_mesh(path, MeshOptions::default()) {
+            Ok(read) => mesh::inspect(&read, path, true),
+            // What has no mesh to read has nodes, for handles to follow.
+            Err(error) => {
+                if !error.source.is_without_mesh() {
+                    tracing::warn!("no mesh can be read: {error}");
+                }
+                exported::inspect_rig(path)
+            }
+        },
         _ => bail!(
             "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb or .usda, and a data set, a training and a study are folders"
         ),
@@ -79,38 +85,10 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
     if table.contains_key("setting") {
         return dataset_plan::run(name);
     }
-    if CorrectionConfig::is_meant(&text) {
-        let cfg = CorrectionConfig::parse_with(&text, path, &[])?;
-        return inspect_correction(&cfg, name);
-    }
     if table.contains_key("batch") {
         return inspect_training(&TrainConfig::parse(&text, path)?, name);
     }
     inspect_scene(&scenes::open(name)?, name)
-}
-
-/// A configuration of a training that corrects physics.
-fn inspect_correction(cfg: &CorrectionConfig, name: &str) -> anyhow::Result<Answer> {
-    let mut facts = Facts::new();
-    facts.add(
-        "kind",
-        "training configuration, of a model that corrects physics",
-    );
-    facts.add("file", name);
-    facts.add("name", &cfg.name);
-    facts.add("steps", cfg.steps);
-    facts.add("samples per step", cfg.batch.samples);
-    facts.add("parameters", Network::new(&cfg.model)?.parameter_count());
-    facts.add("latent", cfg.model.latent);
-    facts.add("blocks", cfg.model.blocks);
-    facts.add("corrects", serde_json::to_string(&cfg.model.base)?);
-    facts.add(
-        "teacher",
-        format!("{} solves per frame", cfg.teacher.substeps),
-    );
-    facts.add("scenes", cfg.teacher.scenes.join(", "));
-    let report = json!({ "kind": "correction-training", "file": name, "config": cfg });
-    Answer::new(facts, &report)
 }
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
@@ -146,8 +124,7 @@ fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
             inspect_states(&bytes, path)
         }
         Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format"
-                && [CHECKPOINT_FORMAT, CORRECTION_FORMAT].contains(&found.as_str()) =>
+            if name == "format" && found == CHECKPOINT_FORMAT =>
         {
             inspect_checkpoint(bytes.len(), path)
         }
@@ -295,6 +272,7 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
     facts.add("name", &scene.name);
     facts.add("vertices", topology.vertex_count());
     facts.add("faces", topology.faces().len());
+    let seen = mesh::facts(&mut facts, &scene.mesh);
     facts.add("handles", format!("{handles:?}"));
     facts.add(
         "material",
@@ -318,46 +296,9 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
         "vertices": topology.vertex_count(),
         "faces": topology.faces().len(),
         "frames": frames,
+        "pattern": seen,
         "warnings": loaded.warnings,
         "scene": loaded.spec.to_json()?,
-    });
-    Answer::new(facts, &report)
-}
-
-fn inspect_mesh<'a>(
-    mesh: &Mesh,
-    labels: impl Iterator<Item = &'a String>,
-    path: &Path,
-) -> anyhow::Result<Answer> {
-    let topology = mesh.topology();
-    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
-    let labels: Vec<&String> = labels.collect();
-    let boundary = topology.edges().iter().filter(|e| e.is_boundary()).count();
-    let (low, high) = box_of(&physics::rounded(mesh.positions()));
-    let mut facts = Facts::new();
-    facts.add("kind", "mesh");
-    facts.add("file", path.display());
-    facts.add("vertices", topology.vertex_count());
-    facts.add("faces", topology.faces().len());
-    facts.add(
-        "edges",
-        format!("{}, {boundary} on the boundary", topology.edges().len()),
-    );
-    facts.add("area", format!("{area:.4} m²"));
-    facts.add("from", format!("{low} m"));
-    facts.add("to", format!("{high} m"));
-    facts.add("labels", format!("{labels:?}"));
-    let report = json!({
-        "kind": "mesh",
-        "file": path,
-        "vertices": topology.vertex_count(),
-        "faces": topology.faces().len(),
-        "edges": topology.edges().len(),
-        "boundary_edges": boundary,
-        "area": area,
-        "lowest_corner": low.to_array(),
-        "highest_corner": high.to_array(),
-        "labels": labels,
     });
     Answer::new(facts, &report)
 }

@@ -7,7 +7,8 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use selvedge_cloth::{Mesh, VertexId};
 use selvedge_data::{
-    STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, read_obj, write_atomically,
+    MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, read_mesh,
+    write_atomically,
 };
 use selvedge_lab::physics;
 use selvedge_lab::report::{TrainingLog, training_chart};
@@ -46,7 +47,10 @@ pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => draw_container(path, to),
         Some("npz") => draw_run(&read_npz(path)?, path, to),
-        Some("obj") => draw_mesh(&read_obj(path)?.mesh, &[], to),
+        Some("obj" | "glb" | "usda") => {
+            let read = read_mesh(path, MeshOptions::default())?;
+            draw_mesh(&read.sheet.mesh, &[], to)
+        }
         Some("toml" | "json") | None => {
             let loaded = scenes::open(&name).with_context(|| {
                 format!("{name}: only scenes, and no other configurations, can be drawn")

@@ -1,0 +1,70 @@
+//! Meshes in files of any kind that is known: the ending of the name says which.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::obj::parse_obj_polygons;
+use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
+use crate::rig::RigError;
+use crate::rig::mesh::polygons;
+
+/// Part of a mesh's extent up to which vertices of formats that split them coincide: single
+/// precision at some ten roundings.
+const COINCIDENT: f64 = 1e-6;
+
+/// Reads a mesh from a file (.obj, .glb, .usda), as `options` say.
+///
+/// # Errors
+/// [`ReadMeshError`] names the file, and the line, face or vertex that cannot be used.
+pub fn read_mesh(path: &Path, options: MeshOptions) -> Result<ReadMesh, ReadMeshError> {
+    std::fs::read(path)
+        .map_err(MeshFileError::Read)
+        .and_then(|bytes| parse_mesh_bytes(path, &bytes, options, &Sewing::default()))
+        .map_err(|source| ReadMeshError {
+            path: path.to_owned(),
+            source,
+        })
+}
+
+/// Reads a mesh from the bytes of the file at `path`, whose name says its format, and sews it.
+pub(crate) fn parse_mesh_bytes(
+    path: &Path,
+    bytes: &[u8],
+    mut options: MeshOptions,
+    sewing: &Sewing,
+) -> Result<ReadMesh, MeshFileError> {
+    let is_glb = match path.extension().and_then(|e| e.to_str()) {
+        Some("glb") => true,
+        Some("usda") => false,
+        Some("obj") | None => {
+            let mut polygons = parse_obj_polygons(bytes)?;
+            sew(&mut polygons, sewing)?;
+            return assemble(polygons, options);
+        }
+        Some(_) => {
+            let problem = "is no kind of mesh that can be read: .obj, .glb or .usda".to_owned();
+            return Err(MeshFileError::Content { problem });
+        }
+    };
+    let mut polygons = polygons(bytes, is_glb).map_err(|error| match error {
+        RigError::NoMesh => MeshFileError::NoMesh,
+        other => MeshFileError::Content {
+            problem: other.to_string(),
+        },
+    })?;
+    sew(&mut polygons, sewing)?;
+    // These formats split vertices along seams.
+    options
+        .weld
+        .get_or_insert(COINCIDENT * extent(&polygons.positions));
+    assemble(polygons, options)
+}
+
+/// Longest side of the box around `positions`.
+fn extent(positions: &[DVec3]) -> f64 {
+    let first = positions.first().copied().unwrap_or_default();
+    let low = positions.iter().fold(first, |low, p| low.min(*p));
+    let high = positions.iter().fold(first, |high, p| high.max(*p));
+    (high - low).max_element()
+}

@@ -1,0 +1,268 @@
+//! From polygons to a mesh with a rest shape for each triangle.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::generate::Sheet;
+use selvedge_cloth::{FaceFabrics, FaceId, Mesh, MeshError, TopologyError, VertexId};
+
+use super::clean::{check_corners, drop_unused};
+use super::error::MeshFileError;
+use super::fit::fit;
+use super::flat::planar_coordinates;
+use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
+use super::orient::orient;
+use super::shape::{in_own_plane, own_shape};
+use super::soup::{Place, Polygons, ReadMesh};
+use super::triangulate::triangulate;
+use super::weld::weld;
+
+/// Makes a mesh as `options` say.
+pub(crate) fn assemble(
+    mut polygons: Polygons,
+    options: MeshOptions,
+) -> Result<ReadMesh, MeshFileError> {
+    if polygons.polygons.is_empty() {
+        return Err(MeshFileError::NoFaces);
+    }
+    if let Some(tolerance) = options.weld {
+        weld(&mut polygons, tolerance)?;
+        if polygons.polygons.is_empty() {
+            return Err(MeshFileError::NoFaces);
+        }
+    }
+    check_corners(&polygons)?;
+    drop_unused(&mut polygons);
+    orient(&mut polygons);
+    let thread = options.thread.unwrap_or(DVec3::Y);
+    if thread.try_normalize().is_none() {
+        let found = thread.to_string();
+        return Err(MeshFileError::Thread { found });
+    }
+    let flat = rest_coordinates(&mut polygons, options)?;
+    let is_own_shape = flat.is_none();
+    let triangles = match flat {
+        Some(coordinates) => triangles_of(&polygons, &coordinates)?,
+        None => own_triangles(&polygons, thread)?,
+    };
+    finish(polygons, &triangles, is_own_shape)
+}
+
+/// Triangles with their rest shapes and where they come from.
+struct Triangles {
+    faces: Vec<[u32; 3]>,
+    shapes: Vec<[DVec2; 3]>,
+    fabrics: Vec<Option<u32>>,
+    places: Vec<Place>,
+}
+
+/// Material coordinates of each polygon's corners `[m]`, `[polygons][corners]`; none where the rest
+/// shape is the form in space.
+fn rest_coordinates(
+    polygons: &mut Polygons,
+    options: MeshOptions,
+) -> Result<Option<Vec<Vec<DVec2>>>, MeshFileError> {
+    if options.pattern == PatternSource::Shape {
+        return Ok(None);
+    }
+    let mut corners = polygons.polygons.iter().flat_map(|p| &p.corners);
+    if !corners.any(|corner| corner.texture.is_some()) {
+        let flat = planar_coordinates(polygons);
+        return Ok(flat.map(|flat| {
+            let at = |corner: &super::soup::Corner| flat[corner.vertex as usize];
+            let of = |p: &super::soup::Polygon| p.corners.iter().map(at).collect();
+            polygons.polygons.iter().map(of).collect()
+        }));
+    }
+    if options.seams == Seams::Cut {
+        cut(polygons);
+    }
+    let mut coordinates = texture_coordinates(polygons)?;
+    if options.seams == Seams::Refuse {
+        check_seams(polygons, &coordinates)?;
+    }
+    if options.texture == TextureUnit::Fit {
+        fit(polygons, &mut coordinates)?;
+    }
+    Ok(Some(coordinates))
+}
+
+/// Gives every further texture coordinate of a vertex a vertex of its own at the same place, with
+/// the same labels and velocity.
+fn cut(polygons: &mut Polygons) {
+    // What stands for vertex v with a coordinate: v itself for the first, then the copies.
+    let mut versions: Vec<Vec<(DVec2, u32)>> = vec![Vec::new(); polygons.positions.len()];
+    for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
+        let Some(texture) = corner.texture else {
+            continue;
+        };
+        let value = polygons.texture[texture];
+        let known = &mut versions[corner.vertex as usize];
+        if let Some((_, version)) = known.iter().find(|(other, _)| *other == value) {
+            corner.vertex = *version;
+            continue;
+        }
+        let original = corner.vertex;
+        if !known.is_empty() {
+            corner.vertex = polygons.positions.len() as u32;
+            polygons
+                .positions
+                .push(polygons.positions[original as usize]);
+            if let Some(number) = polygons.numbers.get(original as usize).copied() {
+                polygons.numbers.push(number);
+            }
+            if let Some(velocity) = polygons.velocities.get(&original).copied() {
+                polygons.velocities.insert(corner.vertex, velocity);
+            }
+            for label in polygons.labels.values_mut() {
+                if label.contains(&original) {
+                    label.insert(corner.vertex);
+                }
+            }
+        }
+        known.push((value, corner.vertex));
+    }
+}
+
+fn texture_coordinates(polygons: &Polygons) -> Result<Vec<Vec<DVec2>>, MeshFileError> {
+    let of_polygon = |polygon: &super::soup::Polygon| {
+        let corners = polygon.corners.iter();
+        let places = corners.map(|corner| Some(polygons.texture[corner.texture?]));
+        let places: Option<Vec<DVec2>> = places.collect();
+        places.ok_or(MeshFileError::MissingTexture {
+            place: polygon.place,
+        })
+    };
+    polygons.polygons.iter().map(of_polygon).collect()
+}
+
+/// Checks that all faces of a vertex agree on its coordinate.
+fn check_seams(polygons: &Polygons, coordinates: &[Vec<DVec2>]) -> Result<(), MeshFileError> {
+    let mut found: BTreeMap<u32, DVec2> = BTreeMap::new();
+    for (polygon, places) in polygons.polygons.iter().zip(coordinates) {
+        for (corner, &value) in polygon.corners.iter().zip(places) {
+            let first = *found.entry(corner.vertex).or_insert(value);
+            if first != value {
+                return Err(MeshFileError::Seam {
+                    vertex: polygons.number(corner.vertex),
+                    first: first.to_string(),
+                    second: value.to_string(),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn triangles_of(
+    polygons: &Polygons,
+    coordinates: &[Vec<DVec2>],
+) -> Result<Triangles, MeshFileError> {
+    split(
+        polygons,
+        |number| coordinates[number].clone(),
+        |number, corners| corners.map(|corner| coordinates[number][corner]),
+    )
+}
+
+fn own_triangles(polygons: &Polygons, thread: DVec3) -> Result<Triangles, MeshFileError> {
+    let at = |number: usize, corner: usize| {
+        let vertex = polygons.polygons[number].corners[corner].vertex;
+        polygons.positions[vertex as usize]
+    };
+    let flat = |number: usize| {
+        let corners = 0..polygons.polygons[number].corners.len();
+        in_own_plane(&corners.map(|corner| at(number, corner)).collect::<Vec<_>>())
+    };
+    split(polygons, flat, |number, corners| {
+        own_shape(corners.map(|corner| at(number, corner)), thread)
+    })
+}
+
+/// Cuts every polygon, whose corners lie at `flat`, into triangles of these `shape`s.
+fn split(
+    polygons: &Polygons,
+    flat: impl Fn(usize) -> Vec<DVec2>,
+    shape: impl Fn(usize, [usize; 3]) -> [DVec2; 3],
+) -> Result<Triangles, MeshFileError> {
+    let mut made = Triangles {
+        faces: Vec::new(),
+        shapes: Vec::new(),
+        fabrics: Vec::new(),
+        places: Vec::new(),
+    };
+    for (number, polygon) in polygons.polygons.iter().enumerate() {
+        let corners = polygon.corners.len();
+        let place = polygon.place;
+        let triangles = triangulate(&flat(number));
+        for triangle in triangles.ok_or(MeshFileError::Polygon { place, corners })? {
+            made.faces.push(triangle.map(|k| polygon.corners[k].vertex));
+            made.shapes.push(shape(number, triangle));
+            made.fabrics.push(polygon.fabric);
+            made.places.push(place);
+        }
+    }
+    Ok(made)
+}
+
+fn finish(
+    polygons: Polygons,
+    triangles: &Triangles,
+    is_own_shape: bool,
+) -> Result<ReadMesh, MeshFileError> {
+    let positions = polygons.positions.clone();
+    let mesh = Mesh::sewn(&triangles.faces, &triangles.shapes, positions);
+    let mut mesh = mesh.map_err(|error| placed(error, &polygons, &triangles.places))?;
+    if triangles.fabrics.iter().any(Option::is_some) {
+        mesh = mesh.with_fabrics(FaceFabrics {
+            names: polygons.fabrics,
+            of_face: triangles.fabrics.clone(),
+        })?;
+    }
+    let labels = polygons
+        .labels
+        .into_iter()
+        .map(|(name, vertices)| (name, vertices.into_iter().collect()))
+        .collect();
+    let vertices = 0..mesh.positions().len() as u32;
+    let given = &polygons.velocities;
+    let velocity = |v: u32| given.get(&v).copied().unwrap_or_default();
+    let velocities = (!given.is_empty()).then(|| vertices.map(velocity).collect());
+    Ok(ReadMesh {
+        sheet: Sheet { mesh, labels },
+        velocities,
+        is_own_shape,
+        warnings: polygons.warnings,
+    })
+}
+
+/// The error with the places of its faces and the file's own numbers of its vertices.
+fn placed(error: MeshError, polygons: &Polygons, places: &[Place]) -> MeshFileError {
+    let place = |face: FaceId| places[face.index()];
+    let number = |vertex: VertexId| polygons.number(vertex.0);
+    match error {
+        MeshError::ZeroArea { face, area } => {
+            let place = place(face);
+            MeshFileError::NoArea { place, area }
+        }
+        MeshError::Topology(TopologyError::NonManifoldEdge { vertices, faces }) => {
+            MeshFileError::NonManifold {
+                places: faces.into_iter().map(|face| place(FaceId(face))).collect(),
+                vertices: vertices.map(number),
+            }
+        }
+        MeshError::Topology(TopologyError::InconsistentOrientation {
+            vertices,
+            first,
+            second,
+        }) => MeshFileError::Twisted {
+            places: [first, second].map(place),
+            vertices: vertices.map(number),
+        },
+        MeshError::Topology(TopologyError::DuplicateFace { first, second }) => {
+            let places = [first, second].map(place);
+            MeshFileError::Duplicate { places }
+        }
+        other => other.into(),
+    }
+}

@@ -1,0 +1,124 @@
+//! Errors of meshes in files.
+
+use std::path::PathBuf;
+
+use selvedge_cloth::MeshError;
+use thiserror::Error;
+
+use super::soup::Place;
+
+/// A file that is not a cloth.
+#[derive(Debug, Error)]
+#[error("{}: {source}", path.display())]
+pub struct ReadMeshError {
+    /// The file.
+    pub path: PathBuf,
+    /// The problem.
+    #[source]
+    pub source: MeshFileError,
+}
+
+/// Content that is not a cloth. Lines and vertices of an OBJ count from 1, as in the file; in other
+/// formats vertices and faces count from 0.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum MeshFileError {
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("line {line}: {problem}")]
+    Line { line: usize, problem: String },
+    #[error("{problem}")]
+    Content { problem: String },
+    #[error("has no faces")]
+    NoFaces,
+    #[error("has no mesh, only nodes")]
+    NoMesh,
+    #[error("{place}: this face names vertex {vertex} twice: remove it, or mend its corners")]
+    RepeatedVertex { place: Place, vertex: usize },
+    #[error(
+        "vertex {vertex} has the texture coordinates {first} and {second}, which mesh.seams = \"refuse\" forbids: leave it out to sew the panels together there, or cut the cloth with mesh.seams = \"cut\""
+    )]
+    Seam {
+        vertex: usize,
+        first: String,
+        second: String,
+    },
+    #[error(
+        "the texture coordinates of the sheet of vertex {vertex} cannot be stretched along u and v to fit its shape: they need some extent along both; mend them, or take the rest shape from the form in space with mesh.pattern = \"shape\""
+    )]
+    Fit { vertex: usize },
+    #[error(
+        "{place}: this face has no texture coordinates, but others have: give it some, or take the rest shape from the form in space with mesh.pattern = \"shape\""
+    )]
+    MissingTexture { place: Place },
+    #[error(
+        "{place}: this face of {corners} corners crosses itself or has no area, so that it cannot be cut into triangles: mend it, or triangulate it"
+    )]
+    Polygon { place: Place, corners: usize },
+    #[error(
+        "{place}: this face has no area in the pattern ({area:e} m²): mend its texture coordinates, remove it, or take the rest shape from the form in space with mesh.pattern = \"shape\""
+    )]
+    NoArea { place: Place, area: f64 },
+    #[error(
+        "{}: the edge from vertex {} to vertex {} belongs to more than two faces (the mesh is not manifold there): separate the layers, each with vertices of its own",
+        listed(places), vertices[0], vertices[1]
+    )]
+    NonManifold {
+        places: Vec<Place>,
+        vertices: [usize; 2],
+    },
+    #[error(
+        "{} and {}: these faces run through the edge from vertex {} to vertex {} in the same direction, and no turning of faces mends it: the sheet is twisted into itself (as a Möbius strip is); cut it open there",
+        places[0], places[1], vertices[0], vertices[1]
+    )]
+    Twisted {
+        places: [Place; 2],
+        vertices: [usize; 2],
+    },
+    #[error("{} and {}: these faces have the same three vertices: remove one of them", places[0], places[1])]
+    Duplicate { places: [Place; 2] },
+    #[error(
+        "{key} names {name:?}, but the mesh has no object or group of that name; it has [{known}]"
+    )]
+    NoLabel {
+        key: &'static str,
+        name: String,
+        known: String,
+    },
+    #[error(
+        "mesh.panels: the place of {panel:?} needs an axis that is a direction, and finite numbers"
+    )]
+    Place { panel: String },
+    #[error(
+        "seams: {:?} has {} vertices and {:?} has {}: give both borders as many", names[0], counts[0], names[1], counts[1]
+    )]
+    SeamCounts {
+        names: [String; 2],
+        counts: [usize; 2],
+    },
+    #[error(
+        "seams: the vertices of {name:?} are not one line along the border of a panel, from one end to another: a group of edges that is a whole border, or has gaps, cannot be sewn"
+    )]
+    Border { name: String },
+    #[error("seams need a pattern: texture coordinates, or panels that lie flat in one plane")]
+    NotFlat,
+    #[error("mesh.weld must be finite and not negative, found {found}")]
+    Weld { found: f64 },
+    #[error("mesh.thread must be a direction, found {found}")]
+    Thread { found: String },
+    #[error("{0} (numbers from 0)")]
+    Mesh(#[from] MeshError),
+}
+
+impl MeshFileError {
+    /// Returns true where the file is of a kind that has meshes, but this one has none.
+    #[must_use]
+    pub fn is_without_mesh(&self) -> bool {
+        matches!(self, Self::NoMesh)
+    }
+}
+
+fn listed(places: &[Place]) -> String {
+    let words: Vec<String> = places.iter().map(ToString::to_string).collect();
+    words.join(", ")
+}

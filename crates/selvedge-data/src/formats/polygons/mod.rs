@@ -1,0 +1,29 @@
+//! Polygons over vertices, as a file of another program has them, and the mesh that is made of
+//! them: welded, turned one way, cut into triangles, with a rest shape for each.
+//!
+//! The rest shape comes from texture coordinates, which are material coordinates `[m]`, from the
+//! plane of a flat sheet, or from the form that the mesh has in space.
+
+mod assemble;
+mod clean;
+mod error;
+mod fit;
+mod flat;
+mod options;
+mod orient;
+mod sew;
+mod shape;
+mod soup;
+mod triangulate;
+mod weld;
+
+pub(crate) use self::assemble::assemble;
+pub use self::error::{MeshFileError, ReadMeshError};
+pub use self::options::{MeshOptions, PatternSource, RestAngles, Seams, TextureUnit};
+pub(crate) use self::sew::sew;
+pub use self::sew::{PanelPlace, SeamPair, Sewing};
+pub(crate) use self::soup::{Corner, Polygon, Polygons};
+pub use self::soup::{Place, ReadMesh};
+
+#[cfg(test)]
+mod tests;

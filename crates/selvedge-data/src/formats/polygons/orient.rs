@@ -1,0 +1,89 @@
+//! Turning faces so that all of a sheet are counter-clockwise from the same side.
+
+use std::collections::HashMap;
+
+use super::soup::Polygons;
+
+/// A face's side of an edge, and true where it runs from the smaller vertex to the larger.
+type Sides = Vec<(usize, bool)>;
+
+/// Turns faces that run against most of their sheet. A sheet that cannot be turned one way (a
+/// Möbius strip) is left to the checks of the mesh.
+pub(super) fn orient(polygons: &mut Polygons) {
+    let sides = sides(polygons);
+    let count = polygons.polygons.len();
+    let mut flips: Vec<Option<bool>> = vec![None; count];
+    let mut places = Vec::new();
+    for first in 0..count {
+        if flips[first].is_some() {
+            continue;
+        }
+        let sheet = turn_sheet(polygons, &sides, &mut flips, first);
+        // Most faces are right.
+        let turned = sheet
+            .iter()
+            .filter(|&&face| flips[face] == Some(true))
+            .count();
+        let wrong = 2 * turned <= sheet.len();
+        for face in sheet {
+            if flips[face] == Some(wrong) {
+                polygons.polygons[face].corners.reverse();
+                places.push(polygons.polygons[face].place);
+            }
+        }
+    }
+    if let Some(first) = places.first() {
+        polygons.warnings.push(format!(
+            "{} faces are turned round, so that all of a sheet are counter-clockwise from the same side; the first at {first}",
+            places.len()
+        ));
+    }
+}
+
+fn ends(polygons: &Polygons, face: usize) -> impl Iterator<Item = [u32; 2]> + '_ {
+    let corners = &polygons.polygons[face].corners;
+    (0..corners.len()).map(|k| [k, (k + 1) % corners.len()].map(|k| corners[k].vertex))
+}
+
+fn sides(polygons: &Polygons) -> HashMap<[u32; 2], Sides> {
+    let mut sides: HashMap<[u32; 2], Sides> = HashMap::new();
+    for face in 0..polygons.polygons.len() {
+        for [a, b] in ends(polygons, face) {
+            let key = [a.min(b), a.max(b)];
+            sides.entry(key).or_default().push((face, a < b));
+        }
+    }
+    sides
+}
+
+/// Decides for the sheet of face `first` which of its faces run against it; gives its faces.
+fn turn_sheet(
+    polygons: &Polygons,
+    sides: &HashMap<[u32; 2], Sides>,
+    flips: &mut [Option<bool>],
+    first: usize,
+) -> Vec<usize> {
+    let mut sheet = vec![first];
+    flips[first] = Some(false);
+    let mut next = 0;
+    while let Some(&face) = sheet.get(next) {
+        next += 1;
+        let flip = flips[face] == Some(true);
+        for [a, b] in ends(polygons, face) {
+            // Edges of more than two faces say nothing; the mesh names them.
+            let Some([one, two]) = sides.get(&[a.min(b), a.max(b)]).map(Vec::as_slice) else {
+                continue;
+            };
+            let (own, other) = if one.0 == face {
+                (one, two)
+            } else {
+                (two, one)
+            };
+            if flips[other.0].is_none() {
+                flips[other.0] = Some(flip ^ (own.1 == other.1));
+                sheet.push(other.0);
+            }
+        }
+    }
+    sheet
+}

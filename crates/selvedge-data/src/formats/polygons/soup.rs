@@ -1,0 +1,88 @@
+//! Polygons over vertices, as a file has them, and the mesh that was made of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use glam::{DVec2, DVec3};
+use selvedge_cloth::generate::Sheet;
+
+/// Polygons of a file with indices resolved and nothing interpreted.
+#[derive(Debug, Default)]
+pub(crate) struct Polygons {
+    pub(crate) positions: Vec<DVec3>,
+    /// Number of each vertex in the file, for errors.
+    pub(crate) numbers: Vec<usize>,
+    pub(crate) texture: Vec<DVec2>,
+    pub(crate) polygons: Vec<Polygon>,
+    /// Vertices by the names of their objects and groups.
+    pub(crate) labels: BTreeMap<String, BTreeSet<u32>>,
+    /// Names of fabrics, by which faces refer to them.
+    pub(crate) fabrics: Vec<String>,
+    /// Velocities of vertices, where the file has them `[m/s]`.
+    pub(crate) velocities: BTreeMap<u32, DVec3>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// A face.
+#[derive(Clone, Debug)]
+pub(crate) struct Polygon {
+    pub(crate) place: Place,
+    pub(crate) corners: Vec<Corner>,
+    pub(crate) fabric: Option<u32>,
+}
+
+/// A corner of a face: indices from 0.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Corner {
+    pub(crate) vertex: u32,
+    pub(crate) texture: Option<usize>,
+}
+
+/// Place of a face in its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text, from 1.
+    Line(usize),
+    /// Number of the face, from 0.
+    Face(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Face(face) => write!(f, "face {face}"),
+        }
+    }
+}
+
+/// A mesh as it was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadMesh {
+    /// The mesh and its labels.
+    pub sheet: Sheet,
+    /// Velocities of the vertices, where the file has them `[m/s]`, `[vertices]`.
+    pub velocities: Option<Vec<DVec3>>,
+    /// True where each face's rest shape is its own form in space: there is no pattern.
+    pub is_own_shape: bool,
+    /// Warnings of what was mended or passed over.
+    pub warnings: Vec<String>,
+}
+
+impl Polygons {
+    /// Number of the fabric of that name.
+    pub(crate) fn fabric_of(&mut self, name: &str) -> u32 {
+        let known = self.fabrics.iter().position(|known| known == name);
+        let number = known.unwrap_or_else(|| {
+            self.fabrics.push(name.to_owned());
+            self.fabrics.len() - 1
+        });
+        number as u32
+    }
+
+    /// The number of a vertex in the file.
+    pub(crate) fn number(&self, vertex: u32) -> usize {
+        let known = self.numbers.get(vertex as usize).copied();
+        known.unwrap_or(vertex as usize)
+    }
+}

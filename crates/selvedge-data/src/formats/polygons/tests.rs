@@ -1,0 +1,337 @@
+//! Tests of meshes of other programs: seams, own shapes, mending and its warnings, errors.
+
+use super::*;
+use crate::formats::obj::parse_obj_with;
+use glam::DVec3;
+
+fn read(text: &str, edit: impl Fn(&mut MeshOptions)) -> Result<ReadMesh, MeshFileError> {
+    let mut options = MeshOptions::default();
+    edit(&mut options);
+    parse_obj_with(text, options)
+}
+
+fn as_is(text: &str) -> ReadMesh {
+    read(text, |_| {}).unwrap()
+}
+
+fn problem(text: &str) -> String {
+    read(text, |_| {}).unwrap_err().to_string()
+}
+
+/// Two quads over six vertices, apart in the texture: sewn along 2-3.
+const SHIRT: &str = "o shirt\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\n\
+    vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 9 0\nvt 8 0\nvt 8 1\nvt 9 1\n\
+    g front\nusemtl Denim\nf 1/1 2/2 3/3 4/4\ng back\nusemtl Lining blue\nf 2/5 5/6 6/7 3/8\n";
+
+#[test]
+fn panels_apart_in_the_texture_are_sewn() {
+    let made = as_is(SHIRT);
+    let mesh = &made.sheet.mesh;
+    assert_eq!(mesh.positions().len(), 6);
+    assert_eq!(mesh.pattern().points().len(), 8);
+    assert_eq!(mesh.pattern().panels(), [0, 0, 1, 1]);
+    assert!(made.warnings.is_empty() && made.velocities.is_none() && !made.is_own_shape);
+    let fabrics = mesh.fabrics();
+    assert_eq!(fabrics.names, ["Denim", "Lining blue"]);
+    assert_eq!(fabrics.of_face, [Some(0), Some(0), Some(1), Some(1)]);
+    assert_eq!(made.sheet.labels["back"], [1, 2, 4, 5]);
+    assert_eq!(made.sheet.labels["shirt"].len(), 6);
+    let refused = read(SHIRT, |o| o.seams = Seams::Refuse).unwrap_err();
+    assert!(
+        matches!(refused, MeshFileError::Seam { vertex: 2, .. }),
+        "{refused}"
+    );
+    let cut = read(SHIRT, |o| o.seams = Seams::Cut).unwrap();
+    assert_eq!(cut.sheet.mesh.positions().len(), 8);
+    assert!(!cut.sheet.mesh.pattern().is_sewn());
+}
+
+#[test]
+fn each_panel_is_fitted_to_its_size() {
+    // The second panel's texture is in another unit, and mirrored.
+    let text = SHIRT.replace(
+        "vt 9 0\nvt 8 0\nvt 8 1\nvt 9 1",
+        "vt 9 0\nvt 6 0\nvt 6 7\nvt 9 7",
+    );
+    let made = read(&text, |o| o.texture = TextureUnit::Fit).unwrap();
+    let lengths = made.sheet.mesh.pattern().edge_lengths();
+    for (edge, length) in made.sheet.mesh.topology().edges().iter().zip(lengths) {
+        let [a, b] = edge
+            .vertices
+            .map(|v| made.sheet.mesh.positions()[v.index()]);
+        assert!((a.distance(b) - length).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_cloth_without_a_pattern_takes_its_own_shape() {
+    // A tent of two quads.
+    let tent = "v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nv 1 0 2\nv 0 0 2\n\
+        f 1 2 3 4\nf 4 3 5 6\n";
+    for made in [
+        as_is(tent),
+        // Its texture is not asked.
+        read(
+            &format!("vt 0 0\n{}", tent.replace("f 1 2 3 4", "f 1/1 2/1 3/1 4/1")),
+            |o| {
+                o.pattern = PatternSource::Shape;
+            },
+        )
+        .unwrap(),
+    ] {
+        assert!(made.is_own_shape);
+        let mesh = &made.sheet.mesh;
+        for (edge, length) in mesh
+            .topology()
+            .edges()
+            .iter()
+            .zip(mesh.pattern().edge_lengths())
+        {
+            let [a, b] = edge.vertices.map(|v| mesh.positions()[v.index()]);
+            assert!((a.distance(b) - length).abs() < 1e-15);
+        }
+        // The wale axis runs up each roof: 1 m along u, √2 m along v.
+        for shape in mesh.pattern().faces() {
+            let extent = |axis: usize| {
+                let values = shape.map(|p| p[axis]);
+                values.iter().copied().fold(f64::MIN, f64::max)
+                    - values.iter().copied().fold(f64::MAX, f64::min)
+            };
+            assert!((extent(0) - 1.0).abs() < 1e-15 && (extent(1) - 2.0_f64.sqrt()).abs() < 1e-15);
+        }
+    }
+    let along = read(tent, |o| o.thread = Some(DVec3::X)).unwrap();
+    let shape = along.sheet.mesh.pattern().face(selvedge_cloth::FaceId(0));
+    assert!(
+        ((shape[1] - shape[0]).y.abs() - 1.0).abs() < 1e-15,
+        "{shape:?}"
+    );
+    let nowhere = read(tent, |o| o.thread = Some(DVec3::ZERO)).unwrap_err();
+    assert!(
+        nowhere
+            .to_string()
+            .starts_with("mesh.thread must be a direction")
+    );
+}
+
+#[test]
+fn statements_that_are_unknown_are_counted_in_one_warning() {
+    let text = format!("l 1 2\nny 0 0 0\nl 2 3\n{SHIRT}");
+    let made = as_is(&text);
+    assert_eq!(
+        made.warnings,
+        [
+            "3 statements that no mesh of faces has are passed over: 2 × \"l\" (first in line 1), \
+            1 × \"ny\" (first in line 2)"
+        ]
+    );
+}
+
+#[test]
+fn velocities_and_labels_of_arcsim_are_read() {
+    let text = "v 0 0 0\nnv 1 2 3\nv 1 0 0\nv 0 1 0\nnv 0 0 -1\nv 1 1 0\n\
+        f 1 2 3\nfl 2\nf 2 4 3\nfl 0\n";
+    let made = as_is(text);
+    let expected = [
+        DVec3::new(1.0, 2.0, 3.0),
+        DVec3::ZERO,
+        DVec3::NEG_Z,
+        DVec3::ZERO,
+    ];
+    assert_eq!(made.velocities.as_deref(), Some(&expected[..]));
+    assert_eq!(made.sheet.mesh.fabrics().names, ["2", "0"]);
+    assert_eq!(made.sheet.mesh.fabrics().of_face, [Some(0), Some(1)]);
+}
+
+#[test]
+fn vertices_without_a_face_are_left_out_with_a_warning() {
+    let text = "g all\nv 7 7 7\nv 0 0 0\nnv 1 0 0\nv 1 0 0\nv 8 8 8\nv 0 1 0\nf 2 3 5\n";
+    let made = as_is(text);
+    assert_eq!(
+        made.sheet.mesh.positions(),
+        [DVec3::ZERO, DVec3::X, DVec3::Y]
+    );
+    assert_eq!(made.sheet.labels["all"], [0, 1, 2]);
+    assert_eq!(made.velocities.unwrap()[0], DVec3::X);
+    assert_eq!(made.warnings.len(), 1);
+    assert!(
+        made.warnings[0]
+            .starts_with("2 vertices belong to no face and are left out, the first is 1")
+    );
+}
+
+#[test]
+fn faces_against_the_others_are_turned_with_a_warning() {
+    let strip = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 2 0\nv 1 2 0\n";
+    let good = as_is(&format!("{strip}f 1 2 3\nf 3 2 4\nf 3 4 5\nf 5 4 6\n"));
+    let bad = as_is(&format!("{strip}f 1 3 2\nf 3 2 4\nf 3 4 5\nf 5 4 6\n"));
+    assert!(good.warnings.is_empty());
+    assert_eq!(bad.warnings.len(), 1);
+    assert!(
+        bad.warnings[0].starts_with("1 faces are turned round"),
+        "{:?}",
+        bad.warnings
+    );
+    assert!(bad.warnings[0].ends_with("the first at line 7"));
+    let edges = |made: &ReadMesh| made.sheet.mesh.topology().edges().to_vec();
+    assert_eq!(edges(&good).len(), edges(&bad).len());
+    // A Möbius strip of three quads has no such turn.
+    let text = problem(
+        "v 0 0 0\nv 0 1 0\nv 1 0 0\nv 1 1 1\nv 2 0 1\nv 2 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+            f 1/1 3/2 4/3 2/4\nf 3/1 5/2 6/3 4/4\nf 5/1 2/2 1/3 6/4\n",
+    );
+    assert!(text.contains("twisted into itself"), "{text}");
+}
+
+#[test]
+fn faces_at_fault_are_named_by_their_lines() {
+    let base = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\nv 1 1 -1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 2 0\n";
+    let text = problem(&format!(
+        "{base}f 1/1 2/2 3/3\nf 2/1 4/2 3/3\nf 3/1 2/2 5/3\n"
+    ));
+    assert!(
+        text.starts_with("line 10, line 11, line 12: the edge from vertex 2 to vertex 3"),
+        "{text}"
+    );
+    let text = problem(&format!("{base}f 1/1 2/2 3/4\nf 2/1 4/2 5/3\n"));
+    assert!(
+        text.starts_with("line 10: this face has no area in the pattern"),
+        "{text}"
+    );
+    let text = problem(&format!(
+        "{base}f 1/1 2/2 3/3\nf 3/1 1/2 2/3\nf 2/1 4/2 5/3\n"
+    ));
+    assert!(
+        text.starts_with("line 10 and line 11: these faces have the same"),
+        "{text}"
+    );
+}
+
+#[test]
+fn vertices_that_coincide_are_welded_and_their_texture_stays_apart() {
+    // The panels of the shirt with vertices of their own, a hair apart.
+    let split = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1.00001 0 0\nv 2 0 0\nv 2 1 0\nv 1 0.99999 0\n\
+        vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 9 0\nvt 8 0\nvt 8 1\nvt 9 1\n\
+        g front\nf 1/1 2/2 3/3 4/4\ng back\nf 5/5 6/6 7/7 8/8\n";
+    assert_eq!(as_is(split).sheet.mesh.pattern().panels(), [0, 0, 1, 1]);
+    assert_eq!(
+        as_is(split).sheet.mesh.topology().sheets().iter().max(),
+        Some(&1)
+    );
+    let welded = read(split, |o| o.weld = Some(1e-4)).unwrap();
+    let mesh = &welded.sheet.mesh;
+    assert_eq!(mesh.positions().len(), 6);
+    assert_eq!(mesh.topology().sheets().iter().max(), Some(&0));
+    assert_eq!(mesh.pattern().points().len(), 8);
+    assert_eq!(welded.sheet.labels["back"], [1, 2, 4, 5]);
+    assert!(welded.warnings.is_empty());
+    // Vertices that the faces share collapse.
+    let flat = read(split, |o| o.weld = Some(3.0)).unwrap_err();
+    assert!(matches!(flat, MeshFileError::NoFaces), "{flat}");
+    assert!(read(split, |o| o.weld = Some(-1.0)).is_err());
+}
+
+#[test]
+fn concave_faces_are_cut_inside() {
+    let arrow = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 3 1 0\nv 2 4 0\nv 1 1 0\nv 0 4 0\nf 1 2 3 4 5 6 7\n";
+    let made = as_is(arrow);
+    let area: f64 = made.sheet.mesh.rest_shape(1.0).face_area.iter().sum();
+    // The square less two notches of base 2 and depth 3.
+    assert!((area - 10.0).abs() < 1e-12, "{area}");
+    let crossed = problem("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n");
+    assert!(
+        crossed.starts_with("line 5: this face of 4 corners crosses itself"),
+        "{crossed}"
+    );
+}
+
+/// Two flat panels of 2 × 2 quads with named borders, far apart in one plane.
+const FLAT: &str = "g front\nv 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\nv 0 2 0\nv 1 2 0\nv 2 2 0\n\
+    f 1 2 5 4\nf 2 3 6 5\nf 4 5 8 7\nf 5 6 9 8\n\
+    g back\nv 5 0 0\nv 6 0 0\nv 7 0 0\nv 5 1 0\nv 6 1 0\nv 7 1 0\nv 5 2 0\nv 6 2 0\nv 7 2 0\n\
+    f 10 11 14 13\nf 11 12 15 14\nf 13 14 17 16\nf 14 15 18 17\n\
+    g front-left\nl 1 4 7\ng front-right\nl 3 6 9\ng back-left\nl 10 13 16\ng back-right\nl 12 15 18\n\
+    g short\nl 12 15\n";
+
+fn sewn(panels: &[PanelPlace], seams: &[[&str; 2]]) -> Result<ReadMesh, MeshFileError> {
+    let mut polygons = crate::formats::obj::parse_obj_polygons(FLAT.as_bytes())?;
+    let seams = seams.iter().map(|[a, b]| SeamPair {
+        a: (*a).to_owned(),
+        b: (*b).to_owned(),
+    });
+    let sewing = Sewing {
+        panels: panels.to_vec(),
+        seams: seams.collect(),
+    };
+    sew(&mut polygons, &sewing)?;
+    assemble(polygons, MeshOptions::default())
+}
+
+#[test]
+fn flat_panels_are_placed_and_sewn_to_a_tube() {
+    // The back is moved behind the front and turned to face away from it.
+    let back = PanelPlace {
+        panel: "back".to_owned(),
+        axis: DVec3::Y,
+        angle_deg: 180.0,
+        translation: DVec3::new(7.0, 0.0, -0.2),
+    };
+    let made = sewn(
+        &[back],
+        &[["front-left", "back-right"], ["front-right", "back-left"]],
+    )
+    .unwrap();
+    let mesh = &made.sheet.mesh;
+    assert!(made.warnings.is_empty() && !made.is_own_shape);
+    assert_eq!(mesh.positions().len(), 12);
+    // A tube: V - E + F = 0, in two panels with two seams of two edges.
+    let topology = mesh.topology();
+    assert_eq!(12 + topology.faces().len(), topology.edges().len());
+    assert_eq!(mesh.pattern().panels().iter().max(), Some(&1));
+    let seams = topology
+        .edges()
+        .iter()
+        .filter(|edge| mesh.pattern().is_seam(edge));
+    assert_eq!(seams.count(), 4);
+    // Pairs meet half way, and the pattern is that of the flat panels.
+    let z: Vec<f64> = mesh
+        .positions()
+        .iter()
+        .map(|p| (10.0 * p.z).round())
+        .collect();
+    for (depth, count) in [(0.0, 3), (-1.0, 6), (-2.0, 3)] {
+        assert_eq!(z.iter().filter(|z| **z == depth).count(), count, "{z:?}");
+    }
+    assert!(
+        mesh.rest_shape(1.0)
+            .face_area
+            .iter()
+            .all(|a| (a - 0.5).abs() < 1e-12)
+    );
+    assert_eq!(made.sheet.labels["back"].len(), 9);
+}
+
+#[test]
+fn seams_that_cannot_be_sewn_are_named() {
+    let problem = |seam: [&str; 2]| sewn(&[], &[seam]).unwrap_err().to_string();
+    let text = problem(["front-left", "short"]);
+    assert!(
+        text.contains("\"front-left\" has 3 vertices and \"short\" has 2"),
+        "{text}"
+    );
+    let text = problem(["front-left", "hem"]);
+    assert!(
+        text.contains("seams names \"hem\"") && text.contains("back-left"),
+        "{text}"
+    );
+    let text = problem(["front", "back"]);
+    assert!(text.contains("are not one line along the border"), "{text}");
+    let lost = PanelPlace {
+        panel: "back".to_owned(),
+        axis: DVec3::ZERO,
+        angle_deg: 0.0,
+        translation: DVec3::ZERO,
+    };
+    let text = sewn(&[lost], &[]).unwrap_err().to_string();
+    assert!(text.contains("the place of \"back\""), "{text}");
+}

@@ -1,0 +1,128 @@
+//! Cutting polygons into triangles.
+
+use glam::DVec2;
+use selvedge_cloth::geometry::signed_area_2d;
+
+/// Triangles of a polygon with these `corners`, which run either way round, as numbers of its
+/// corners; none if it crosses itself or has no area.
+///
+/// A fan from the corner whose smallest triangle is largest, so that quads get their better
+/// diagonal; where no fan is inside, ears are cut off (Meisters 1975), the fattest first.
+pub(super) fn triangulate(corners: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+    let count = corners.len();
+    if count == 3 {
+        // No choice; what is wrong with a triangle the mesh says better.
+        return Some(vec![[0, 1, 2]]);
+    }
+    let whole: f64 = (1..count - 1)
+        .map(|k| signed_area_2d(corners[0], corners[k], corners[k + 1]))
+        .sum();
+    let sense = whole.signum();
+    let area = |[a, b, c]: [usize; 3]| sense * signed_area_2d(corners[a], corners[b], corners[c]);
+    let fan =
+        |center: usize| (1..count - 1).map(move |k| [0, k, k + 1].map(|j| (center + j) % count));
+    let smallest = |center: usize| fan(center).map(area).fold(f64::INFINITY, f64::min);
+    let mut best = 0;
+    for center in 1..count {
+        if smallest(center) > smallest(best) {
+            best = center;
+        }
+    }
+    if smallest(best) > 0.0 {
+        return Some(fan(best).collect());
+    }
+    ears(corners, area)
+}
+
+fn ears(corners: &[DVec2], area: impl Fn([usize; 3]) -> f64) -> Option<Vec<[usize; 3]>> {
+    let mut open: Vec<usize> = (0..corners.len()).collect();
+    let mut triangles = Vec::with_capacity(corners.len() - 2);
+    while open.len() > 3 {
+        let count = open.len();
+        let ear = |k: usize| [(k + count - 1) % count, k, (k + 1) % count].map(|k| open[k]);
+        let is_clear = |triangle: [usize; 3]| {
+            let others = open.iter().filter(|corner| !triangle.contains(corner));
+            others
+                .copied()
+                .all(|corner| !is_inside(triangle, corner, &area))
+        };
+        let quality = |triangle: [usize; 3]| {
+            let [a, b, c] = triangle.map(|k| corners[k]);
+            let longest = a
+                .distance_squared(b)
+                .max(b.distance_squared(c))
+                .max(c.distance_squared(a));
+            area(triangle) / longest
+        };
+        let candidates = (0..count).filter(|&k| area(ear(k)) > 0.0 && is_clear(ear(k)));
+        let best = candidates.max_by(|&a, &b| quality(ear(a)).total_cmp(&quality(ear(b))))?;
+        triangles.push(ear(best));
+        open.remove(best);
+    }
+    let last = [open[0], open[1], open[2]];
+    triangles.push(last);
+    (area(last) > 0.0).then_some(triangles)
+}
+
+/// Returns true if the corner lies in the triangle, its sides included.
+fn is_inside(triangle: [usize; 3], corner: usize, area: &impl Fn([usize; 3]) -> f64) -> bool {
+    let [a, b, c] = triangle;
+    [[a, b], [b, c], [c, a]]
+        .iter()
+        .all(|&[from, to]| area([from, to, corner]) >= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(corners: &[DVec2], triangles: &[[usize; 3]]) -> f64 {
+        let of = |triangle: &[usize; 3]| {
+            let [a, b, c] = triangle.map(|k| corners[k]);
+            signed_area_2d(a, b, c)
+        };
+        assert!(triangles.iter().all(|t| of(t) * of(&triangles[0]) > 0.0));
+        triangles.iter().map(of).sum()
+    }
+
+    #[test]
+    fn concave_polygons_are_filled_either_way_round() {
+        // A comb with two teeth, which no fan fills: area 5 - 2.
+        let comb = [
+            (0.0, 0.0),
+            (5.0, 0.0),
+            (5.0, 3.0),
+            (4.0, 3.0),
+            (4.0, 1.0),
+            (3.0, 1.0),
+            (3.0, 3.0),
+            (2.0, 3.0),
+            (2.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 3.0),
+            (0.0, 3.0),
+        ]
+        .map(DVec2::from);
+        let triangles = triangulate(&comb).unwrap();
+        assert_eq!(triangles.len(), 10);
+        assert!((area(&comb, &triangles) - 11.0).abs() < 1e-12);
+        let mut back = comb;
+        back.reverse();
+        let triangles = triangulate(&back).unwrap();
+        assert!((area(&back, &triangles) + 11.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_quad_gets_the_diagonal_with_the_larger_smallest_triangle() {
+        let dart = [(0.0, 0.0), (2.0, 0.0), (0.5, 0.5), (0.0, 2.0)].map(DVec2::from);
+        assert_eq!(triangulate(&dart).unwrap(), [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn a_polygon_that_crosses_itself_or_has_no_area_has_no_triangles() {
+        let bow = [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)].map(DVec2::from);
+        assert_eq!(triangulate(&bow), None);
+        let line = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)].map(DVec2::from);
+        assert_eq!(triangulate(&line), None);
+    }
+}

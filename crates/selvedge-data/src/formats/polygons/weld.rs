@@ -1,0 +1,93 @@
+//! Welding by position: vertices that are nearer to each other than a tolerance become one, with
+//! their texture coordinates apart, as the two sides of a seam are.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::DVec3;
+
+use super::clean::drop_collapsed;
+use super::error::MeshFileError;
+use super::soup::Polygons;
+
+/// Welds vertices up to `tolerance` apart. The first of them stays; the order of the others does
+/// not change.
+pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFileError> {
+    if !(tolerance.is_finite() && tolerance >= 0.0) {
+        return Err(MeshFileError::Weld { found: tolerance });
+    }
+    let owners = owners(&polygons.positions, tolerance);
+    let welded = (0_u32..)
+        .zip(&owners)
+        .filter(|(v, owner)| v != *owner)
+        .count();
+    if welded == 0 {
+        return Ok(());
+    }
+    merge(polygons, &owners);
+    Ok(())
+}
+
+/// Makes every vertex one with its owner, the first of those that are one.
+pub(super) fn merge(polygons: &mut Polygons, owners: &[u32]) {
+    for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
+        corner.vertex = owners[corner.vertex as usize];
+    }
+    for label in polygons.labels.values_mut() {
+        let moved: BTreeSet<u32> = label.iter().map(|&v| owners[v as usize]).collect();
+        *label = moved;
+    }
+    drop_collapsed(polygons);
+    renumber(polygons, owners);
+}
+
+/// The first vertex within `tolerance` of each one, by cells of a grid.
+fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
+    let size = if tolerance > 0.0 { tolerance } else { 1e-12 };
+    let cell = |p: DVec3| (p / size).floor().to_array().map(|x| x as i64);
+    let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
+    let mut owners = Vec::with_capacity(positions.len());
+    for (vertex, &position) in (0_u32..).zip(positions) {
+        let [x, y, z] = cell(position);
+        let around =
+            (-1..=1).flat_map(|i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [i, j, k])));
+        let near = around
+            .filter_map(|[i, j, k]| cells.get(&[x + i, y + j, z + k]))
+            .flatten()
+            .copied()
+            .filter(|&other| positions[other as usize].distance(position) <= tolerance)
+            .min();
+        owners.push(near.unwrap_or(vertex));
+        if near.is_none() {
+            cells.entry([x, y, z]).or_default().push(vertex);
+        }
+    }
+    owners
+}
+
+/// Closes the gaps in the numbers that welding left; unlike a vertex without a face, a welded one
+/// is no loss to speak of.
+fn renumber(polygons: &mut Polygons, owners: &[u32]) {
+    let is_kept = |v: usize| owners[v] as usize == v;
+    let mut next = 0;
+    let numbers: Vec<u32> = (0..owners.len())
+        .map(|v| {
+            let number = next;
+            next += u32::from(is_kept(v));
+            number
+        })
+        .collect();
+    for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
+        corner.vertex = numbers[corner.vertex as usize];
+    }
+    for label in polygons.labels.values_mut() {
+        *label = label.iter().map(|&v| numbers[v as usize]).collect();
+    }
+    let kept: Vec<usize> = (0..owners.len()).filter(|&v| is_kept(v)).collect();
+    polygons.numbers = kept.iter().map(|&v| polygons.number(v as u32)).collect();
+    polygons.positions = kept.iter().map(|&v| polygons.positions[v]).collect();
+    let velocities = std::mem::take(&mut polygons.velocities).into_iter();
+    let kept = velocities.filter(|(v, _)| is_kept(*v as usize));
+    polygons.velocities = kept
+        .map(|(v, velocity)| (numbers[v as usize], velocity))
+        .collect();
+}

@@ -1,0 +1,144 @@
+//! The meshes of a USD stage: points, faces and texture coordinates, and the subsets of faces that
+//! have a material of their own.
+//!
+//! Texture coordinates are `primvars:st`, or the only array of the type `texCoord2f`, with or
+//! without indices, per corner of a face or per point; which of the two their number says.
+//!
+//! Format: the USD documentation, `UsdGeomMesh`, `UsdGeomPrimvar` and `UsdGeomSubset`.
+
+use glam::{DVec2, DVec3};
+
+use super::super::error::RigError;
+use super::super::node_mesh::NodeMesh;
+use super::Prim;
+
+const POINTS: &str = "points";
+const COUNTS: &str = "faceVertexCounts";
+const INDICES: &str = "faceVertexIndices";
+const SUBSET: &str = "indices";
+const TEXTURE: &str = "texture";
+const TEXTURE_INDICES: &str = "texture indices";
+const ORIENTED: &str = "st";
+
+/// The name under which a property of this type and name is kept; none if no mesh needs it.
+pub(super) fn array_of(kind: &str, name: &str) -> Option<String> {
+    let name = name.strip_suffix(".timeSamples").unwrap_or(name);
+    if [POINTS, COUNTS, INDICES, SUBSET].contains(&name) {
+        return Some(name.to_owned());
+    }
+    let variable = name.strip_prefix("primvars:")?;
+    match variable.strip_suffix(":indices") {
+        Some(of) => Some(format!("{TEXTURE_INDICES} {of}")),
+        None if variable == ORIENTED || kind.starts_with("texCoord2") => {
+            Some(format!("{TEXTURE} {variable}"))
+        }
+        None => None,
+    }
+}
+
+/// The meshes of these prims.
+pub(super) fn meshes(prims: &mut [Prim]) -> Result<Vec<NodeMesh>, RigError> {
+    let mut made = Vec::new();
+    for node in 0..prims.len() {
+        if prims[node].kind != "Mesh" {
+            continue;
+        }
+        let mut mesh = mesh(&prims[node], node)?;
+        for subset in prims.iter().filter(|prim| prim.parent == Some(node)) {
+            if subset.kind != "GeomSubset" {
+                continue;
+            }
+            for &face in subset.arrays.get(SUBSET).into_iter().flatten() {
+                if let Some(fabric) = mesh.fabrics.get_mut(face as usize) {
+                    *fabric = Some(subset.name.clone());
+                }
+            }
+        }
+        made.push(mesh);
+    }
+    Ok(made)
+}
+
+fn mesh(prim: &Prim, node: usize) -> Result<NodeMesh, RigError> {
+    let wrong = |problem: String| RigError::Node {
+        name: prim.name.clone(),
+        problem,
+    };
+    let array = |name: &str| {
+        let found = prim.arrays.get(name);
+        found.ok_or_else(|| wrong(format!("its mesh has no {name}")))
+    };
+    let positions: Vec<DVec3> = array(POINTS)?
+        .chunks_exact(3)
+        .map(DVec3::from_slice)
+        .collect();
+    let counts = array(COUNTS)?;
+    let indices: Vec<u32> = array(INDICES)?.iter().map(|&v| v as u32).collect();
+    let total: f64 = counts.iter().sum();
+    if total != indices.len() as f64 {
+        let problem = format!(
+            "{COUNTS} sum to {total}, but {INDICES} has {}",
+            indices.len()
+        );
+        return Err(wrong(problem));
+    }
+    let mut corners = indices.into_iter();
+    let faces: Vec<Vec<u32>> = counts
+        .iter()
+        .map(|&count| corners.by_ref().take(count as usize).collect())
+        .collect();
+    let texture = texture(prim, &faces, positions.len()).map_err(wrong)?;
+    Ok(NodeMesh {
+        node,
+        fabrics: vec![None; faces.len()],
+        positions,
+        faces,
+        texture,
+    })
+}
+
+/// Texture coordinates of the faces' corners.
+fn texture(
+    prim: &Prim,
+    faces: &[Vec<u32>],
+    points: usize,
+) -> Result<Option<Vec<Vec<DVec2>>>, String> {
+    let sets = prim.arrays.iter();
+    let mut sets: Vec<(&str, &Vec<f64>)> = sets
+        .filter_map(|(name, values)| Some((name.strip_prefix(TEXTURE)?.strip_prefix(' ')?, values)))
+        .filter(|(name, _)| !name.starts_with("indices "))
+        .collect();
+    sets.sort_by_key(|(name, _)| *name != ORIENTED);
+    let Some(&(name, values)) = sets.first() else {
+        return Ok(None);
+    };
+    if sets.len() > 1 && name != ORIENTED {
+        let names: Vec<&str> = sets.iter().map(|set| set.0).collect();
+        return Err(format!(
+            "it has the texture coordinates [{}]: call those of the pattern st",
+            names.join(", ")
+        ));
+    }
+    let values: Vec<DVec2> = values.chunks_exact(2).map(DVec2::from_slice).collect();
+    let place = |number: f64| values.get(number as usize).copied();
+    let values: Option<Vec<DVec2>> = match prim.arrays.get(&format!("{TEXTURE_INDICES} {name}")) {
+        Some(indices) => indices.iter().map(|&number| place(number)).collect(),
+        None => Some(values.clone()),
+    };
+    let values = values.ok_or("an index of its texture coordinates has no value")?;
+    let corners: usize = faces.iter().map(Vec::len).sum();
+    if values.len() == corners {
+        let mut values = values.into_iter();
+        let of = |face: &Vec<u32>| values.by_ref().take(face.len()).collect();
+        return Ok(Some(faces.iter().map(of).collect()));
+    }
+    if values.len() != points {
+        return Err(format!(
+            "it has {} texture coordinates, for {corners} corners of faces and {points} points",
+            values.len()
+        ));
+    }
+    let at = |&v: &u32| values.get(v as usize).copied().unwrap_or_default();
+    let of = |face: &Vec<u32>| face.iter().map(at).collect();
+    Ok(Some(faces.iter().map(of).collect()))
+}

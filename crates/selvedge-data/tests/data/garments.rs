@@ -1,0 +1,162 @@
+//! Garments in files of other programs: what Selvedge exports comes back sewn, and a shirt written
+//! by a script, as Blender would write it, is one cloth of four panels.
+
+use glam::DVec3;
+use selvedge_cloth::{Cloth, Handles, Mesh};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use selvedge_data::{MeshOptions, Provenance, Trajectory, UpAxis, parse_obj_with, read_mesh};
+use serde_json::Value;
+use std::ops::ControlFlow;
+
+/// A sleeve: a tube of two mirrored halves, front and back, sewn along both sides.
+fn sleeve() -> Mesh {
+    let (rows, columns) = (5, 4);
+    let mut text = String::from("o sleeve\n");
+    for j in 0..=rows {
+        for i in 0..2 * columns {
+            let angle = std::f64::consts::PI * f64::from(i) / f64::from(columns);
+            let (sine, cosine) = angle.sin_cos();
+            text += &format!(
+                "v {} {} {}\n",
+                0.05 * cosine,
+                -0.04 * f64::from(j),
+                0.05 * sine
+            );
+        }
+    }
+    let chord = 0.1 * (std::f64::consts::PI / f64::from(2 * columns)).sin();
+    let mut textures = 0;
+    let mut faces = String::new();
+    for side in 0..2 {
+        let name = if side == 0 { "Front" } else { "Back" };
+        faces += &format!("usemtl {name}\n");
+        for j in 0..=rows {
+            for i in 0..=columns {
+                let u = f64::from(i) * chord;
+                let u = if side == 0 { u } else { 1.0 - u };
+                text += &format!("vt {u} {}\n", -0.04 * f64::from(j));
+            }
+        }
+        for j in 0..rows {
+            for i in 0..columns {
+                let corner = |a: i32, b: i32| {
+                    let vertex =
+                        (j + b) * 2 * columns + (side * columns + i + a) % (2 * columns) + 1;
+                    let texture = textures + (j + b) * (columns + 1) + i + a + 1;
+                    format!("{vertex}/{texture}")
+                };
+                let words = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                faces += &format!("f {}\n", words.join(" "));
+            }
+        }
+        textures += (rows + 1) * (columns + 1);
+    }
+    parse_obj_with(&(text + &faces), MeshOptions::default())
+        .unwrap()
+        .sheet
+        .mesh
+}
+
+fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Path) {
+    let vertices = mesh.positions().len();
+    let cloth = Cloth::of_mesh(mesh, 0.2, Handles::new(&[0], vertices).unwrap()).unwrap();
+    let positions = cloth.rest_positions().to_vec();
+    let provenance = Provenance {
+        frame_rate: 60.0,
+        scene: Value::Null,
+        made_by: "test".to_owned(),
+    };
+    let trajectory = Trajectory::new(cloth, positions, provenance).unwrap();
+    let options = ExportOptions {
+        format,
+        frames: FrameSpan::default(),
+        up,
+        normals: Normals::LeftOut,
+    };
+    export(&trajectory, path, &options, &mut || {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+}
+
+#[test]
+fn a_garment_comes_back_through_gltf_and_usd_sewn() {
+    let mesh = sleeve();
+    assert_eq!(mesh.pattern().panels().iter().max(), Some(&1));
+    let seams = |mesh: &Mesh| {
+        let edges = mesh.topology().edges().iter();
+        edges.filter(|edge| mesh.pattern().is_seam(edge)).count()
+    };
+    assert_eq!(seams(&mesh), 10);
+    let folder = tempfile::tempdir().unwrap();
+    for (name, format, up) in [
+        ("a.glb", ExportFormat::Glb, UpAxis::Y),
+        ("a.usda", ExportFormat::Usda, UpAxis::Y),
+        ("b.usda", ExportFormat::Usda, UpAxis::Z),
+        ("a.obj", ExportFormat::Obj, UpAxis::Y),
+    ] {
+        let path = folder.path().join(name);
+        exported(&mesh, format, up, &path);
+        let read = read_mesh(&path, MeshOptions::default()).unwrap();
+        let back = &read.sheet.mesh;
+        assert!(read.warnings.is_empty() && !read.is_own_shape, "{name}");
+        assert_eq!(back.topology(), mesh.topology(), "{name}");
+        assert_eq!(seams(back), 10, "{name}");
+        for (one, other) in back.positions().iter().zip(mesh.positions()) {
+            assert!(one.distance(*other) < 1e-7, "{name}: {one} {other}");
+        }
+        let lengths = back.pattern().edge_lengths();
+        for (one, other) in lengths.iter().zip(mesh.pattern().edge_lengths()) {
+            assert!((one - other).abs() < 2e-7, "{name}: {one} {other}");
+        }
+    }
+}
+
+#[test]
+fn materials_and_units_of_other_formats_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.usda");
+    // Centimetres, z up, placed by its parent; corners by index; a subset of faces with a material.
+    let text = "#usda 1.0\n(\n    metersPerUnit = 0.01\n    upAxis = \"Z\"\n)\n\
+        def Xform \"body\"\n{\n    double3 xformOp:translate = (0, 0, 100)\n\
+        uniform token[] xformOpOrder = [\"xformOp:translate\"]\n\
+        def Mesh \"skirt\"\n{\n\
+        int[] faceVertexCounts = [4, 3]\nint[] faceVertexIndices = [0, 1, 2, 3, 1, 4, 2]\n\
+        point3f[] points = [(0, 0, 0), (10, 0, 0), (10, 0, 10), (0, 0, 10), (20, 0, 5)]\n\
+        texCoord2f[] primvars:UVMap = [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1), (5, 5), (5.1, 5.05), (5, 5.1)] (\n\
+        interpolation = \"faceVarying\"\n)\n\
+        int[] primvars:UVMap:indices = [0, 1, 2, 3, 4, 5, 6]\n\
+        def GeomSubset \"Lining\"\n{\nint[] indices = [1]\n}\n}\n}\n";
+    std::fs::write(&path, text).unwrap();
+    let read = read_mesh(&path, MeshOptions::default()).unwrap();
+    let mesh = &read.sheet.mesh;
+    assert!(
+        mesh.positions()[2].distance(DVec3::new(0.1, 1.1, 0.0)) < 1e-12,
+        "{}",
+        mesh.positions()[2]
+    );
+    assert_eq!(mesh.fabrics().names, ["Lining"]);
+    assert_eq!(mesh.fabrics().of_face, [None, None, Some(0)]);
+    assert_eq!(mesh.pattern().panels(), [0, 0, 1]);
+    assert_eq!(read.sheet.labels["skirt"].len(), 5);
+    let message = |from: &str, to: &str| {
+        std::fs::write(&path, text.replace(from, to)).unwrap();
+        read_mesh(&path, MeshOptions::default())
+            .unwrap_err()
+            .to_string()
+    };
+    let error = message("[4, 3]", "[4, 4]");
+    assert!(
+        error.contains("sum to 8, but faceVertexIndices has 7"),
+        "{error}"
+    );
+    let error = message("1, 4, 2]\n", "1, 9, 2]\n");
+    assert!(error.contains("names vertex 9 of 5"), "{error}");
+    let error = message("[0, 1, 2, 3, 4, 5, 6]", "[0, 1]");
+    assert!(
+        error.contains("2 texture coordinates, for 7 corners"),
+        "{error}"
+    );
+    let error = message("def Mesh", "def Xform");
+    assert!(error.ends_with("has no mesh, only nodes"), "{error}");
+}

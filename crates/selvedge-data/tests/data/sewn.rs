@@ -1,0 +1,191 @@
+//! A sewn cloth in files: what is written comes back, and other programs get a texture coordinate
+//! per corner, or per vertex with a way back.
+
+use glam::{Vec2, Vec3};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use selvedge_data::{Provenance, Trajectory, UpAxis, read_obj};
+use serde_json::Value;
+use std::path::Path;
+
+/// Two squares sewn along 1-2, the second mirrored and apart in the pattern.
+fn cloth() -> Cloth {
+    let faces = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]];
+    let at = [
+        (0.0, 0.0),
+        (1.0, 0.0),
+        (1.0, 1.0),
+        (0.0, 1.0),
+        (2.0, 0.0),
+        (2.0, 1.0),
+    ];
+    let flat = at.map(Vec2::from);
+    let mut points = flat.to_vec();
+    for v in [4, 5, 1, 2] {
+        let mirrored = Vec2::new(10.0 - flat[v].x, flat[v].y);
+        if v > 3 {
+            points[v] = mirrored
+        } else {
+            points.push(mirrored)
+        }
+    }
+    let arrays = ClothArrays {
+        rest_positions: flat.iter().map(|p| p.extend(0.25)).collect(),
+        material_coordinates: points,
+        vertex_mass: vec![0.1; 6],
+        face_area: vec![0.5; 4],
+    };
+    let corners = vec![[0, 1, 2], [0, 2, 3], [6, 4, 5], [6, 5, 7]];
+    let topology = Topology::new(6, &faces).unwrap();
+    Cloth::sewn(topology, Handles::new(&[3], 6).unwrap(), arrays, corners).unwrap()
+}
+
+fn trajectory() -> Trajectory {
+    let cloth = cloth();
+    let shifted = |by: f32| {
+        cloth
+            .rest_positions()
+            .iter()
+            .map(move |p| *p + by * Vec3::Y)
+    };
+    let positions = shifted(0.0).chain(shifted(0.5)).collect();
+    let provenance = Provenance {
+        frame_rate: 60.0,
+        scene: Value::Null,
+        made_by: "test".to_owned(),
+    };
+    Trajectory::new(cloth, positions, provenance).unwrap()
+}
+
+fn exported(format: ExportFormat, frames: FrameSpan, path: &Path) {
+    let options = ExportOptions {
+        format,
+        frames,
+        up: UpAxis::Y,
+        normals: Normals::LeftOut,
+    };
+    export(&trajectory(), path, &options, &mut || {
+        std::ops::ControlFlow::Continue(())
+    })
+    .unwrap();
+}
+
+#[test]
+fn a_trajectory_of_a_sewn_cloth_comes_back_and_has_a_version_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.safetensors");
+    trajectory().write(&path).unwrap();
+    assert_eq!(Trajectory::read(&path).unwrap(), trajectory());
+    let bytes = std::fs::read(&path).unwrap();
+    let text = String::from_utf8_lossy(&bytes);
+    // A reader of version 1 says that it expected 1 and found 2.
+    assert!(text.contains("\"version\":\"2\""));
+    // A point that two vertices share is refused.
+    let mut spoilt = bytes.clone();
+    let data = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize + 8;
+    let header: Value = serde_json::from_slice(&bytes[8..data]).unwrap();
+    let start = header["pattern_faces"]["data_offsets"][0].as_u64().unwrap() as usize + data;
+    spoilt[start + 4 * 6] = 3;
+    let error = Trajectory::from_bytes(&spoilt).unwrap_err().to_string();
+    assert!(
+        error.contains("point 3 of the pattern belongs to vertices"),
+        "{error}"
+    );
+}
+
+#[test]
+fn an_archive_of_a_sewn_cloth_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npz");
+    exported(ExportFormat::Npz, FrameSpan::default(), &path);
+    let read = Trajectory::from_npz(&std::fs::read(&path).unwrap()).unwrap();
+    assert_eq!(read.cloth(), trajectory().cloth());
+    assert_eq!(read.positions(), trajectory().positions());
+}
+
+#[test]
+fn an_obj_of_a_sewn_cloth_has_its_texture_per_corner_and_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    exported(ExportFormat::Obj, "0".parse().unwrap(), &path);
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert_eq!(
+        text.lines().filter(|line| line.starts_with("v ")).count(),
+        6
+    );
+    assert_eq!(
+        text.lines().filter(|line| line.starts_with("vt ")).count(),
+        8
+    );
+    assert!(text.contains("f 2/7 5/5 6/6\n"), "{text}");
+    let mesh = read_obj(&path).unwrap().mesh;
+    let (expected, pattern) = (cloth(), mesh.pattern());
+    assert_eq!(mesh.topology(), expected.topology());
+    assert_eq!(pattern.corners(), expected.pattern().corners());
+    let points: Vec<Vec2> = pattern.points().iter().map(|p| p.as_vec2()).collect();
+    assert_eq!(points, expected.material_coordinates());
+}
+
+#[test]
+fn a_stage_of_a_sewn_cloth_has_texture_coordinates_that_vary_over_faces() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.usda");
+    exported(ExportFormat::Usda, FrameSpan::default(), &path);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let st = text.split("primvars:st = [").nth(1).unwrap();
+    let (values, after) = st.split_once(']').unwrap();
+    assert_eq!(values.matches('(').count(), 12);
+    assert!(
+        values.contains("(0, 0), (1, 0), (1, 1), (0, 0)"),
+        "{values}"
+    );
+    assert!(
+        after
+            .trim_start()
+            .starts_with("(\n            interpolation = \"faceVarying\"")
+    );
+}
+
+#[test]
+fn a_gltf_of_a_sewn_cloth_is_split_along_its_seams_with_a_way_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    exported(ExportFormat::Glb, FrameSpan::default(), &path);
+    let bytes = std::fs::read(&path).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    let primitive = &json["meshes"][0]["primitives"][0];
+    let view = |number: &Value| {
+        let accessor = &json["accessors"][number.as_u64().unwrap() as usize];
+        let at = accessor["bufferView"].as_u64().unwrap() as usize;
+        let start = json["bufferViews"][at]["byteOffset"].as_u64().unwrap()
+            + accessor["byteOffset"].as_u64().unwrap();
+        let count = accessor["count"].as_u64().unwrap() as usize;
+        let width = match accessor["type"].as_str().unwrap() {
+            "VEC3" => 3,
+            "VEC2" => 2,
+            _ => 1,
+        };
+        let (words, _) = bytes[28 + length + start as usize..].as_chunks::<4>();
+        words[..count * width].to_vec()
+    };
+    let floats = |name: &str| -> Vec<f32> {
+        let words = view(&primitive["attributes"][name]);
+        words.into_iter().map(f32::from_le_bytes).collect()
+    };
+    let back = floats("_VERTEX");
+    assert_eq!(back, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 1.0, 2.0]);
+    let positions = floats("POSITION");
+    for (point, &vertex) in back.iter().enumerate() {
+        let place = Vec3::from_slice(&positions[3 * point..]);
+        assert_eq!(place, trajectory().frame(0)[vertex as usize]);
+    }
+    assert_eq!(floats("TEXCOORD_0").len(), 16);
+    let indices = view(&primitive["indices"])
+        .into_iter()
+        .map(u32::from_le_bytes);
+    assert!(indices.eq(cloth().pattern().corners().into_flattened()));
+    let change = view(&primitive["targets"][0]["POSITION"]);
+    assert_eq!(change.len(), 24);
+    assert_eq!(f32::from_le_bytes(change[22]), 0.5);
+}

@@ -1,0 +1,291 @@
+//! Fitting: a cloth relaxes into its pattern from where its mesh stands, before a motion begins.
+//!
+//! A mesh of another program may have edges many times as long as its pattern has them, and the
+//! physics would fling it about. A cloth that is too large or small as a whole is first scaled
+//! about its handles, which stay. Then edges are brought to their lengths one after another, by a
+//! part of what they lack that rises from pass to pass (position-based, Müller et al. 2007)
+//! `[eq:fit]`. Then solves of the cloth without gravity and air, its velocities dropped after each
+//! and its stiffness rising to its own, bring the faces to rest; a solve in which an edge strains
+//! too much is repeated over a shorter time.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use selvedge_cloth::{Handles, Mesh, Scene, SceneError, VertexId};
+use thiserror::Error;
+
+use crate::active_handles::ActiveHandles;
+use crate::state::State;
+use crate::strain_watch::WatchedEdges;
+
+/// Passes over all edges at most, and those within which something must get better.
+const MOST_PASSES: u32 = 6000;
+const PATIENCE: u32 = 1200;
+/// Passes after which an edge is corrected in full.
+const RISE: u32 = 150;
+/// Strain of every edge at which the passes end.
+const CLOSE: f64 = 2e-3;
+/// Median stretches within which a cloth is not scaled as a whole.
+const OWN_SIZE: std::ops::RangeInclusive<f64> = 0.8..=1.25;
+/// Part of the material's stiffness in each stage of the solves, and the solves of a stage.
+const STAGES: [f64; 3] = [0.01, 0.1, 1.0];
+const SOLVES: u32 = 15;
+/// Change of an edge's stretch in a solve beyond which the solve is repeated over half the time,
+/// and how often.
+const MOST_CHANGE: f64 = 0.1;
+const MOST_HALVINGS: u32 = 8;
+/// Calls of the listener are this many passes apart.
+const BEAT: u32 = 10;
+
+/// A cloth that has relaxed into its pattern.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fitted {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Largest strain of an edge at the start, by its amount.
+    pub before: f64,
+    /// Largest strain of an edge that is left, by its amount.
+    pub after: f64,
+}
+
+/// Progress of a fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitProgress {
+    /// Part of the most work that it can be, 0 to 1.
+    pub done: f64,
+    /// Largest strain of an edge now, by its amount.
+    pub strain: f64,
+}
+
+/// Reason why a cloth was not fitted.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum FitError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("stopped, as was asked, while the cloth relaxed into its pattern")]
+    Stopped,
+    #[error("the cloth cannot relax into its pattern: {cause}")]
+    Solve { cause: String },
+}
+
+/// An edge with what it is brought to.
+struct Spring {
+    ends: [usize; 2],
+    /// Shares of the two ends in a correction; 0 where held.
+    shares: [f64; 2],
+    length: f64,
+}
+
+/// A callback that sees the progress and may stop the fit.
+type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
+
+/// Relaxes the cloth of `scene` into its pattern, its handles where the mesh has them.
+///
+/// # Errors
+/// A scene that does not validate; [`FitError::Stopped`]; a system that cannot be solved.
+pub fn fit(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
+    scene.validate()?;
+    let springs = springs(&scene.mesh, &scene.handles);
+    let mut positions = scene.mesh.positions().to_vec();
+    let before = largest_strain(&springs, &positions);
+    scale(&springs, &scene.handles, &mut positions);
+    project(&springs, &mut positions, progress)?;
+    relax(scene, &springs, &mut positions, progress)?;
+    let after = largest_strain(&springs, &positions);
+    Ok(Fitted {
+        positions,
+        before,
+        after,
+    })
+}
+
+fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
+    let held = handles.mask(mesh.topology().vertex_count());
+    let edges = mesh.topology().edges().iter();
+    edges
+        .zip(mesh.pattern().edge_lengths())
+        .map(|(edge, length)| {
+            let weight = |v: VertexId| if held[v.index()] { 0.0 } else { 1.0 };
+            let [a, b] = edge.vertices.map(weight);
+            let total = f64::max(a + b, 1.0);
+            Spring {
+                ends: edge.vertices.map(|v| v.index()),
+                shares: [a / total, b / total],
+                length,
+            }
+        })
+        .collect()
+}
+
+fn largest_strain(springs: &[Spring], positions: &[DVec3]) -> f64 {
+    let strain = |spring: &Spring| {
+        let [a, b] = spring.ends.map(|v| positions[v]);
+        (a.distance(b) / spring.length - 1.0).abs()
+    };
+    springs.iter().map(strain).fold(0.0, f64::max)
+}
+
+/// Root mean square of the edges' strains.
+fn strain_rms(springs: &[Spring], positions: &[DVec3]) -> f64 {
+    let square = |spring: &Spring| {
+        let [a, b] = spring.ends.map(|v| positions[v]);
+        (a.distance(b) / spring.length - 1.0).powi(2)
+    };
+    (springs.iter().map(square).sum::<f64>() / springs.len() as f64).sqrt()
+}
+
+/// Scales a cloth whose edges are too long or short in the median about the middle of its handles,
+/// which stay; about its own middle where it has none.
+fn scale(springs: &[Spring], handles: &Handles, positions: &mut [DVec3]) {
+    let stretch = |spring: &Spring| {
+        let [a, b] = spring.ends.map(|v| positions[v]);
+        a.distance(b) / spring.length
+    };
+    let mut stretches: Vec<f64> = springs.iter().map(stretch).collect();
+    stretches.sort_by(f64::total_cmp);
+    let median = stretches[stretches.len() / 2];
+    if OWN_SIZE.contains(&median) || median <= 0.0 {
+        return;
+    }
+    let held = handles.mask(positions.len());
+    let fixed = match handles.is_empty() {
+        true => positions.to_vec(),
+        false => handles.select(positions),
+    };
+    let middle = fixed.iter().sum::<DVec3>() / fixed.len() as f64;
+    for (position, held) in positions.iter_mut().zip(held) {
+        if !held {
+            *position = middle + (*position - middle) / median;
+        }
+    }
+}
+
+/// Moves the ends of every edge by `part` of what it lacks; every second pass backwards.
+fn pass(springs: &[Spring], positions: &mut [DVec3], part: f64, backwards: bool) {
+    let count = springs.len();
+    for k in 0..count {
+        let spring = &springs[if backwards { count - 1 - k } else { k }];
+        let [a, b] = spring.ends;
+        let along = positions[b] - positions[a];
+        let length = along.length();
+        if length > 0.0 {
+            let shift = along * (part * (1.0 - spring.length / length));
+            positions[a] += shift * spring.shares[0];
+            positions[b] -= shift * spring.shares[1];
+        }
+    }
+}
+
+/// Brings edges to their lengths, until they are or it gets no better.
+fn project(
+    springs: &[Spring],
+    positions: &mut [DVec3],
+    progress: Listener<'_>,
+) -> Result<(), FitError> {
+    let mut best = (strain_rms(springs, positions), 0);
+    let mut kept = positions.to_vec();
+    for number in 0..MOST_PASSES {
+        let is_close = best.1 + 1 == number && largest_strain(springs, positions) <= CLOSE;
+        if best.0 == 0.0 || is_close || number > best.1 + PATIENCE {
+            break;
+        }
+        let part = f64::from(number + 1) / f64::from(RISE);
+        pass(springs, positions, part.min(1.0), number % 2 == 1);
+        let rms = strain_rms(springs, positions);
+        if rms < 0.999 * best.0 {
+            best = (rms, number);
+            kept.copy_from_slice(positions);
+        }
+        if number % BEAT == 0 {
+            let strain = largest_strain(springs, positions);
+            let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
+            tell(progress, FitProgress { done, strain })?;
+        }
+    }
+    positions.copy_from_slice(&kept);
+    Ok(())
+}
+
+/// Solves without gravity and air, from standstill to standstill, the stiffness rising.
+fn relax(
+    scene: &Scene,
+    springs: &[Spring],
+    positions: &mut Vec<DVec3>,
+    progress: Listener<'_>,
+) -> Result<(), FitError> {
+    let mut bare = scene.clone();
+    bare.environment.gravity = DVec3::ZERO;
+    bare.environment.air_density = 0.0;
+    bare.environment.air_drag = 0.0;
+    let watched = WatchedEdges::new(&scene.mesh, &scene.handles);
+    let targets = scene.handles.select(scene.mesh.positions());
+    for (number, part) in STAGES.into_iter().enumerate() {
+        bare.material = scene.material.clone().multiplied(part, part);
+        let fabrics = scene.fabrics.iter();
+        let softer = |(name, fabric): (&String, &selvedge_cloth::Material)| {
+            (name.clone(), fabric.clone().multiplied(part, part))
+        };
+        bare.fabrics = fabrics.map(softer).collect();
+        let mut active = ActiveHandles::all(&bare).map_err(failed)?;
+        for solve in 0..SOLVES {
+            let before = largest_strain(springs, positions);
+            if !still_step(&mut active, &bare, positions, &targets, &watched) {
+                // Too far from its pattern for the physics: what the passes reached stays.
+                return Ok(());
+            }
+            let strain = largest_strain(springs, positions);
+            let all = (STAGES.len() as u32 * SOLVES) as f64;
+            let done = 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all;
+            tell(progress, FitProgress { done, strain })?;
+            if (before - strain).abs() < 1e-6 {
+                break;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn failed(cause: impl std::error::Error) -> FitError {
+    FitError::Solve {
+        cause: cause.to_string(),
+    }
+}
+
+/// One solve from a standstill, in which no edge strains too much; returns false if there is none.
+fn still_step(
+    active: &mut ActiveHandles,
+    scene: &Scene,
+    positions: &mut Vec<DVec3>,
+    targets: &[DVec3],
+    watched: &WatchedEdges,
+) -> bool {
+    let mut dt = 1.0 / scene.frame_rate;
+    for _ in 0..MOST_HALVINGS {
+        let mut state = State {
+            velocities: vec![DVec3::ZERO; positions.len()],
+            positions: positions.clone(),
+        };
+        let solved = active.advance_first_order(dt, &mut state, targets).is_ok();
+        let is_finite = state.positions.iter().all(|p| p.is_finite());
+        if solved
+            && is_finite
+            && watched
+                .check(positions, &state.positions, MOST_CHANGE)
+                .is_ok()
+        {
+            *positions = state.positions;
+            return true;
+        }
+        active.system.forget_changes();
+        dt *= 0.5;
+    }
+    false
+}
+
+fn tell(progress: Listener<'_>, now: FitProgress) -> Result<(), FitError> {
+    match progress(now) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(FitError::Stopped),
+    }
+}

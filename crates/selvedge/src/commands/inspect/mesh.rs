@@ -1,0 +1,122 @@
+//! A mesh file, and what its pattern is: panels, seams, fabrics, and the edges that start farthest
+//! from their lengths.
+
+use std::path::Path;
+
+use selvedge_cloth::Mesh;
+use selvedge_cloth::geometry::signed_area_2d;
+use selvedge_data::{ReadMesh, worst_edges};
+use selvedge_lab::physics;
+use serde_json::{Value, json};
+
+use super::{box_of, exported};
+use crate::output::{Answer, Facts};
+
+/// Worst edges that are named.
+const NAMED: usize = 5;
+
+/// Says what the mesh in a file is, and which nodes there are beside it if it `has_nodes`.
+pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::Result<Answer> {
+    for warning in &read.warnings {
+        tracing::warn!("{}: {warning}", path.display());
+    }
+    let mesh = &read.sheet.mesh;
+    let topology = mesh.topology();
+    let labels: Vec<&String> = read.sheet.labels.keys().collect();
+    let boundary = topology.edges().iter().filter(|e| e.is_boundary()).count();
+    let (low, high) = box_of(&physics::rounded(mesh.positions()));
+    let mut facts = Facts::new();
+    facts.add("kind", "mesh");
+    facts.add("file", path.display());
+    facts.add("vertices", topology.vertex_count());
+    facts.add("faces", topology.faces().len());
+    facts.add(
+        "edges",
+        format!("{}, {boundary} on the boundary", topology.edges().len()),
+    );
+    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+    facts.add("area", format!("{area:.4} m²"));
+    facts.add("from", format!("{low} m"));
+    facts.add("to", format!("{high} m"));
+    facts.add("labels", format!("{labels:?}"));
+    if read.is_own_shape {
+        facts.add("pattern", "none: each face rests as it stands");
+    }
+    if read.velocities.is_some() {
+        facts.add("velocities", "of the vertices, for start = \"mesh\"");
+    }
+    let seen = self::facts(&mut facts, mesh);
+    let nodes = match has_nodes {
+        true => exported::nodes(&mut facts, path)?,
+        false => Value::Null,
+    };
+    let report = json!({
+        "kind": "mesh",
+        "file": path,
+        "vertices": topology.vertex_count(),
+        "faces": topology.faces().len(),
+        "edges": topology.edges().len(),
+        "boundary_edges": boundary,
+        "area": area,
+        "lowest_corner": low.to_array(),
+        "highest_corner": high.to_array(),
+        "labels": labels,
+        "own_shape": read.is_own_shape,
+        "pattern": seen,
+        "nodes": nodes,
+        "warnings": read.warnings,
+    });
+    Answer::new(facts, &report)
+}
+
+/// Adds what the pattern of `mesh` is, and gives it for the report.
+pub(super) fn facts(facts: &mut Facts, mesh: &Mesh) -> Value {
+    let (topology, pattern) = (mesh.topology(), mesh.pattern());
+    let sheets = topology.sheets().iter().max().map_or(0, |last| last + 1);
+    let panels = pattern.panels();
+    let count = panels.iter().max().map_or(0, |last| last + 1);
+    let is_seam = |edge: &&selvedge_cloth::Edge| pattern.is_seam(edge);
+    let seams = topology.edges().iter().filter(is_seam).count();
+    let mut mirrored = vec![0.0; count as usize];
+    for (shape, panel) in pattern.faces().zip(&panels) {
+        let [a, b, c] = shape;
+        mirrored[*panel as usize] += signed_area_2d(a, b, c);
+    }
+    let mirrored = mirrored.iter().filter(|area| **area < 0.0).count();
+    let worst = worst_edges(mesh, mesh.positions(), NAMED);
+    facts.add("sheets", sheets);
+    if seams > 0 {
+        let mirrored = match mirrored {
+            0 => String::new(),
+            some => format!(", {some} of them mirrored"),
+        };
+        facts.add("panels", format!("{count}{mirrored}"));
+        facts.add("seams", format!("{seams} edges"));
+    }
+    let fabrics = &mesh.fabrics().names;
+    if !fabrics.is_empty() {
+        facts.add("fabrics", format!("{fabrics:?}"));
+    }
+    for edge in &worst {
+        facts.add("longest edge", edge);
+    }
+    let worst: Vec<Value> = worst
+        .iter()
+        .map(|edge| {
+            json!({
+                "vertices": edge.vertices,
+                "panels": edge.panels,
+                "fabrics": edge.fabrics,
+                "stretch": edge.stretch,
+            })
+        })
+        .collect();
+    json!({
+        "sheets": sheets,
+        "panels": count,
+        "mirrored_panels": mirrored,
+        "seam_edges": seams,
+        "fabrics": fabrics,
+        "worst_edges": worst,
+    })
+}
