@@ -36,6 +36,7 @@ pub const TRAININGS: &[(&str, &str)] = trainings![
     "rp-without-bending",
     "rp-without-physics",
     "rp-gru10-better",
+    "corrected",
 ];
 
 /// The text of the shipped training configuration of this name, if there is one.

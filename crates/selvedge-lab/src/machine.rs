@@ -8,12 +8,13 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use glam::Vec3;
-use selvedge_cloth::Correctable;
+use selvedge_cloth::{Correctable, Scene};
+use selvedge_corrected::{CorrectedError, CorrectedStepper, FrameState};
 #[cfg(feature = "gpu")]
 use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
 #[cfg(feature = "gpu")]
 use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
-use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError};
+use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError, opening_frames};
 use selvedge_train::{EngineMaker, OnProcessor};
 use thiserror::Error;
 
@@ -128,6 +129,13 @@ pub enum MachineError {
 #[allow(missing_docs, reason = "the messages are those of the engines")]
 pub enum StartError {
     Processor(#[from] RolloutError),
+    Corrected(#[from] CorrectedError),
+    #[error(
+        "the model corrects physics, which needs the scene, and the trajectory does not say from which scene it is"
+    )]
+    NoScene,
+    #[error("the model corrects physics, which runs on the processor only: leave out --device")]
+    PhysicsOnGpu,
     #[cfg(feature = "gpu")]
     Gpu(#[from] OpeningError),
 }
@@ -150,17 +158,25 @@ impl Machine {
         }
     }
 
-    /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
+    /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`. A
+    /// model that corrects physics needs the `scene`; its velocity is that between the last two
+    /// frames.
     ///
     /// # Errors
-    /// A start that does not fit the cloth; on a GPU also memory that it does not have.
+    /// A start that does not fit the cloth, physics without its scene or on a GPU; on a GPU also
+    /// memory that it does not have.
     pub fn start(
         &self,
         model: &Arc<Model>,
         graph: ClothGraph,
         start: &[&[Vec3]],
+        scene: Option<&Scene>,
     ) -> Result<Mover, StartError> {
         let model = Arc::clone(model);
+        if model.spec().base.is_some() {
+            let stepper = self.start_corrected(model, start, scene)?;
+            return Ok(Box::new(stepper));
+        }
         match self {
             Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
             #[cfg(feature = "gpu")]
@@ -170,6 +186,21 @@ impl Machine {
                 Ok(Box::new(stepper))
             }
         }
+    }
+
+    fn start_corrected(
+        &self,
+        model: Arc<Model>,
+        start: &[&[Vec3]],
+        scene: Option<&Scene>,
+    ) -> Result<CorrectedStepper, StartError> {
+        if !matches!(self, Self::Cpu) {
+            return Err(StartError::PhysicsOnGpu);
+        }
+        let scene = scene.ok_or(StartError::NoScene)?;
+        let frames = opening_frames(model.spec(), scene.mesh.positions().len(), start)?;
+        let state = FrameState::of_frames(&frames, scene.frame_rate);
+        Ok(CorrectedStepper::new(model, scene, state)?)
     }
 
     /// The maker of a training's engine; on the processor its micro-batches have `micro_batch`

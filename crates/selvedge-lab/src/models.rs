@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use glam::Vec3;
 use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
+use selvedge_corrected::cloth_graph;
 use selvedge_data::{Drive, record};
 use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
 use thiserror::Error;
@@ -89,7 +90,8 @@ impl NamedModel {
         }
     }
 
-    /// Starts the model at `start` `[m]`, `[vertices]`, at rest, on a machine.
+    /// Starts the model at `start` `[m]`, `[vertices]`, at rest, on a machine; `scene` is that of
+    /// `graph`.
     ///
     /// # Errors
     /// A start that does not fit the cloth, or a machine that cannot run it.
@@ -98,8 +100,9 @@ impl NamedModel {
         graph: ClothGraph,
         start: &[Vec3],
         machine: &Machine,
+        scene: &Scene,
     ) -> Result<Mover, StartModelError> {
-        let started = machine.start(&self.model, graph, &[start]);
+        let started = machine.start(&self.model, graph, &[start], Some(scene));
         started.map_err(|source| StartModelError {
             model: self.name.clone(),
             source,
@@ -107,12 +110,20 @@ impl NamedModel {
     }
 }
 
-/// Returns the graph of `cloth`, which knows its rest pose, in the environment of `scene`.
+/// Returns the graph of `cloth`, which knows its rest pose, in the environment of `scene`, for
+/// `model`.
 ///
 /// # Errors
-/// Parts that do not fit.
-pub fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> Result<ClothGraph, SceneGraphError> {
-    let graph = ClothGraph::new(cloth, scene.environment, scene.frame_rate);
+/// Parts that do not fit; gusts, for a model that corrects no physics.
+pub fn graph_of_scene(
+    scene: &Scene,
+    cloth: &Cloth,
+    model: &Model,
+) -> Result<ClothGraph, SceneGraphError> {
+    let graph = match model.spec().base {
+        None => ClothGraph::new(cloth, scene.environment, scene.frame_rate),
+        Some(_) => cloth_graph(scene, cloth),
+    };
     graph.map_err(|source| SceneGraphError {
         scene: scene.name.clone(),
         source,

@@ -17,7 +17,6 @@ use selvedge_data::{
     LoadedScene, NamedCloth, SceneSpec, SceneSpecError, WriteError, metrics, write_atomically,
 };
 use selvedge_guard::GuardSettings;
-use selvedge_model::ClothGraph;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -88,6 +87,7 @@ pub enum StressError {
 #[error(transparent)]
 enum DriveError {
     Motion(#[from] MotionError),
+    Graph(#[from] SceneGraphError),
     Start(#[from] StartModelError),
     Guard(#[from] WatchError),
     Targets(#[from] HandleError),
@@ -141,7 +141,6 @@ pub struct StressStage {
     scene: Arc<Scene>,
     /// The cloth.
     pub cloth: Cloth,
-    graph: ClothGraph,
 }
 
 const QUANTILES: [f64; 6] = [0.0, 0.25, 0.5, 0.75, 0.95, 1.0];
@@ -203,12 +202,10 @@ fn stage(mesh: String, scene: Scene, reporter: &Reporter<'_>) -> Result<StressSt
         let scene = scene.name.clone();
         StressError::Cloth { scene, source }
     })?;
-    let graph = graph_of_scene(&scene, &cloth)?;
     Ok(StressStage {
         mesh,
         scene: Arc::new(scene),
         cloth,
-        graph,
     })
 }
 
@@ -293,9 +290,10 @@ impl Drive<'_, '_> {
         let start = stage.cloth.rest_positions();
         let held = stage.scene.handles.select(stage.scene.mesh.positions());
         let path = motion.motion().bind(&held, rate)?;
+        let graph = graph_of_scene(&stage.scene, &stage.cloth, &self.model.model)?;
         let stepper = self
             .model
-            .start(stage.graph.clone(), start, &Machine::Cpu)?;
+            .start(graph, start, &Machine::Cpu, &stage.scene)?;
         let scene = Some(Arc::clone(&stage.scene));
         let mut watched = WatchedModel::new(stepper, &stage.cloth, rate, scene, plan.guard)?;
         let started = Instant::now();

@@ -193,10 +193,10 @@ mod tests {
         let scene = hanging();
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect()).unwrap();
-        let graph = models::graph_of_scene(&scene, &cloth).unwrap();
         let model = NamedModel::open(None).unwrap();
+        let graph = models::graph_of_scene(&scene, &cloth, &model.model).unwrap();
         let stepper = model
-            .start(graph, cloth.rest_positions(), &Machine::Cpu)
+            .start(graph, cloth.rest_positions(), &Machine::Cpu, &scene)
             .unwrap();
         let settings = GuardSettings::with(correction);
         let rate = scene.frame_rate;

@@ -80,6 +80,9 @@ mod spec;
 #[cfg(test)]
 mod test_cloth;
 
+pub use features::correction::{
+    CorrectionColumns, HalfTurns, MotionState, PredictedFrame, Stiffness, correction_groups,
+};
 pub use features::{
     Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,
     RunningStatistics, Window, edge_columns, edge_features, edge_features_backward, edge_groups,
@@ -102,11 +105,11 @@ pub use network::{
 };
 pub use network::{reference, roofline};
 pub use rollout::{
-    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
-    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
-    target_acceleration,
+    Corrector, Familiarity, LearnedStepper, LocalAcceleration, MODEL_FORMAT, MOST_DEVIATIONS,
+    Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError, TwoFrames,
+    WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
     Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, ModelSpec,
-    NodeFeature, ReferenceSlope, SpecError,
+    NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
 };

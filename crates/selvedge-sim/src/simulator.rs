@@ -18,6 +18,8 @@ use crate::state::State;
 use crate::strain_watch::{Overstrained, StrainWatch};
 use crate::threads::Threads;
 
+mod correctable;
+
 /// A cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
     scene: Scene,
@@ -25,6 +27,8 @@ pub struct Simulator {
     state: State,
     history: History,
     saved: (State, History),
+    /// The rest of what undoes the last step, while that can be undone.
+    undo: Option<Undo>,
     rounded: Vec<Vec3>,
     frame: usize,
     /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
@@ -35,6 +39,14 @@ pub struct Simulator {
     watch: Option<StrainWatch>,
     /// Positions before the substep, for the watch on strains `[m]`.
     before: Vec<DVec3>,
+}
+
+/// The parts that undo a step beside the saved state.
+struct Undo {
+    /// The active handles before, where they were others.
+    active: Option<ActiveHandles>,
+    /// Places of the handles on their paths before `[m]`, `[handles]`.
+    reached: Vec<DVec3>,
 }
 
 /// The state of a cloth one substep ago.
@@ -112,6 +124,7 @@ impl Simulator {
             targets: vec![DVec3::ZERO; scene.handles.len()],
             history: History::none(vertices),
             saved: (state.clone(), History::none(vertices)),
+            undo: None,
             frame: 0,
             threads: Threads::Pool,
             watch: match scene.physics.substepping {
@@ -135,6 +148,7 @@ impl Simulator {
     #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.frame = frame;
+        self.undo = None;
         self.update_wind();
         self
     }
@@ -205,6 +219,7 @@ impl Simulator {
         self.active.system.forget_changes();
         self.history.forget();
         self.frame = frame;
+        self.undo = None;
         self.update_wind();
         self.round();
         Ok(())
@@ -241,6 +256,41 @@ impl Simulator {
         self.history.before.velocities.copy_from_slice(velocities);
         self.history.set_last_substep(*seconds);
         Ok(self)
+    }
+
+    /// Replaces the newest positions `[m]` and velocities `[m/s]`, `[vertices]`. The state one
+    /// substep ago takes its part of the change, as if that had grown evenly over the frame, so
+    /// that the next substep does not take the change for motion.
+    ///
+    /// # Errors
+    /// As for [`Self::with_state`]; the cloth is left as it was.
+    pub fn correct(
+        &mut self,
+        positions: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), SimulatorError> {
+        let vertices = self.rounded.len();
+        check_state("positions", "position", positions, vertices)?;
+        check_state("velocities", "velocity", velocities, vertices)?;
+        let substeps = f64::from(self.scene.physics.substeps);
+        let part = (substeps - 1.0) / substeps;
+        let (now, before) = (&mut self.state, &mut self.history.before);
+        for (now, before, to) in [
+            (&mut now.positions, &mut before.positions, positions),
+            (&mut now.velocities, &mut before.velocities, velocities),
+        ] {
+            for ((now, before), to) in now.iter_mut().zip(before).zip(to) {
+                *before += part * (*to - *now);
+                *now = *to;
+            }
+        }
+        self.round();
+        Ok(())
+    }
+
+    /// Drops the state one substep ago: the next substep starts anew.
+    pub fn forget_previous(&mut self) {
+        self.history.forget();
     }
 
     /// State before the last substep; none with an integrator of first order, before the first
@@ -319,6 +369,7 @@ impl Simulator {
             });
         }
         self.save();
+        self.undo = None;
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         if let Err(error) = threads.run(|| self.solve(dt)) {
@@ -474,6 +525,7 @@ impl Stepper for Simulator {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.undo = None;
         check_target_count(self, targets)?;
         let before = self.change_active(targets)?;
         self.update_wind();
@@ -488,7 +540,11 @@ impl Stepper for Simulator {
             }
             return Err(error);
         }
-        self.reached.copy_from_slice(targets.end());
+        let reached = std::mem::replace(&mut self.reached, targets.end().to_vec());
+        self.undo = Some(Undo {
+            active: before,
+            reached,
+        });
         self.frame += 1;
         Ok(())
     }

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use selvedge_data::{Dataset, WriteError};
 
+pub(crate) use self::differences::differences;
 pub use self::error::{ContentProblem, ResumeError};
 pub use self::file::CHECKPOINT_FORMAT;
 use self::file::{Bytes, CheckpointFile, SlotEntry, State, VERSION, history_name};

@@ -1,6 +1,6 @@
 //! The configuration of a training: a TOML file, checked once, saved beside the result.
 
-mod error;
+pub(crate) mod error;
 mod sampling;
 mod setting;
 
@@ -13,6 +13,7 @@ pub use self::error::{ConfigError, InvalidConfig, SettingError};
 use self::error::{count, positive, require};
 pub use self::sampling::{BatchConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling};
 pub use self::setting::Setting;
+pub(crate) use self::setting::changed_text as changed;
 use crate::losses::LossWeights;
 use crate::optimizer::AdamSettings;
 use crate::schedule::{LearningRate, MOST_STEPS, UnrollFrames};
@@ -167,6 +168,9 @@ impl TrainConfig {
     /// [`InvalidConfig`] names the field.
     pub fn validate(&self) -> Result<(), InvalidConfig> {
         self.model.validate()?;
+        if self.model.base.is_some() {
+            return Err(InvalidConfig::Base);
+        }
         self.losses.validate()?;
         self.optimizer.validate()?;
         self.learning_rate.validate()?;

@@ -101,6 +101,7 @@
 
 mod checkpoint;
 mod config;
+mod correction;
 mod engine;
 mod fit_normalizers;
 mod losses;
@@ -121,6 +122,11 @@ pub use config::{
     BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling,
     Setting, SettingError, TrainConfig,
 };
+pub use correction::{
+    CORRECTION_FORMAT, CorrectionConfig, CorrectionEvent, CorrectionReport, CorrectionSample,
+    CorrectionTrainError, CorrectionTrainer, ResumeCorrectionError, RunCorrectionError,
+    SampleConfig, SampleSource, SaveCorrectionError, TeacherConfig, run_correction,
+};
 pub use engine::{
     Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, Setup, SlotRun,
     Update, run_slots,
@@ -133,7 +139,7 @@ pub use losses::{
 pub use memory::{Arithmetic, MemoryError, available_memory};
 pub use optimizer::{Adam, AdamError, AdamRates, AdamSettings, clip_norm};
 pub use origin::Origin;
-pub use run::{Kept, RunEnd, RunError, RunLimits, files, run};
+pub use run::{Kept, LogError, RunEnd, RunError, RunLimits, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use slot::ShownSample;
 pub use trainer::{StepReport, TrainError, Trainer};

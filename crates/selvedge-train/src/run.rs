@@ -89,15 +89,20 @@ pub enum RunError {
     Train { source: TrainError, kept: Kept },
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error("the log {path} cannot be kept: {source}")]
-    Log {
-        path: PathBuf,
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Log(#[from] LogError),
     #[error("the configuration cannot be written as TOML: {0}")]
     Config(#[from] toml::ser::Error),
     #[error("the model cannot be written: {0}")]
     Model(#[from] ModelFileError),
+}
+
+/// A log that cannot be kept.
+#[derive(Debug, Error)]
+#[error("the log {path} cannot be kept: {source}")]
+pub struct LogError {
+    path: PathBuf,
+    source: std::io::Error,
 }
 
 /// A line of the log.
@@ -147,7 +152,7 @@ pub fn run(
             .steps_done()
             .is_multiple_of(trainer.config().log_every)
         {
-            append(&log_path, &LogLine::of(&since_line))?;
+            append(&log_path, LogLine::of(&since_line))?;
             since_line.clear();
         }
         if saved.elapsed() >= limits.checkpoint_every {
@@ -223,28 +228,32 @@ impl LogLine {
     }
 }
 
-fn append(path: &Path, line: &Option<LogLine>) -> Result<(), RunError> {
-    let Some(line) = line else { return Ok(()) };
+fn append(path: &Path, line: Option<LogLine>) -> Result<(), LogError> {
+    line.map_or(Ok(()), |line| append_line(path, &line))
+}
+
+/// Appends a line to a log.
+pub(crate) fn append_line(path: &Path, line: &impl Serialize) -> Result<(), LogError> {
     let written = serde_json::to_string(line)
         .map_err(std::io::Error::from)
         .and_then(|text| {
             let mut file = OpenOptions::new().create(true).append(true).open(path)?;
             file.write_all(format!("{text}\n").as_bytes())
         });
-    written.map_err(|source| RunError::Log {
+    written.map_err(|source| LogError {
         path: path.to_owned(),
         source,
     })
 }
 
 /// Drops the lines of steps that a resumed training will do again, and a line cut short.
-fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
+pub(crate) fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         Err(source) => {
             let path = path.to_owned();
-            return Err(RunError::Log { path, source });
+            return Err(LogError { path, source });
         }
     };
     let step_of = |line: &str| -> Option<u64> {
@@ -258,8 +267,11 @@ fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
             kept.push('\n');
         }
     }
-    write_atomically(path, |out| out.write_all(kept.as_bytes()))?;
-    Ok(())
+    let written = write_atomically(path, |out| out.write_all(kept.as_bytes()));
+    written.map_err(|error| LogError {
+        path: error.path,
+        source: error.source,
+    })
 }
 
 #[cfg(test)]

@@ -380,9 +380,9 @@ pub(crate) struct TrainArgs {
     /// The folder of the run: checkpoints, log, model.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: PathBuf,
-    /// The folder of the data set.
+    /// The folder of the data set; none for a model that corrects physics, which asks a teacher.
     #[arg(long, value_name = "FOLDER")]
-    pub(crate) data: PathBuf,
+    pub(crate) data: Option<PathBuf>,
     /// Go on from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,

@@ -1,19 +1,31 @@
-//! Methods that are compared: an integrator by the name that scenes give it, and substeps.
+//! Methods that are compared: an integrator by the name that scenes give it, or a model, and
+//! substeps.
 
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use selvedge_cloth::Integrator;
+use selvedge_model::Model;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::error::ChoiceError;
 
-/// An integrator by the name that scenes give it, with the default settings of its iteration.
-#[derive(Clone, Debug, PartialEq)]
+/// An integrator by the name that scenes give it, with the default settings of its iteration; or a
+/// model by its own name.
+#[derive(Clone, Debug)]
 pub struct NamedIntegrator {
     name: String,
     integrator: Integrator,
+    model: Option<Arc<Model>>,
+}
+
+/// Models are told apart by their names.
+impl PartialEq for NamedIntegrator {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name && self.integrator == other.integrator
+    }
 }
 
 /// An integrator with so many substeps per frame.
@@ -43,12 +55,19 @@ impl FromStr for NamedIntegrator {
         Ok(Self {
             name: name.to_owned(),
             integrator,
+            model: None,
         })
     }
 }
 
 impl NamedIntegrator {
-    /// As scenes have it.
+    /// The model that moves the cloth, or corrects it; none for physics alone.
+    #[must_use]
+    pub fn model(&self) -> Option<&Arc<Model>> {
+        self.model.as_ref()
+    }
+
+    /// As scenes have it; that of the physics that a model corrects.
     #[must_use]
     pub fn integrator(&self) -> Integrator {
         self.integrator
@@ -68,6 +87,21 @@ impl Serialize for NamedIntegrator {
 }
 
 impl Method {
+    /// A model called `name`, with the substeps of the physics that it corrects; 1 where it
+    /// corrects none.
+    #[must_use]
+    pub fn of_model(name: String, model: Arc<Model>) -> Self {
+        let base = model.spec().base;
+        Self {
+            integrator: NamedIntegrator {
+                name,
+                integrator: base.map_or(Integrator::default(), |base| base.integrator),
+                model: Some(model),
+            },
+            substeps: base.map_or(1, |base| base.substeps),
+        }
+    }
+
     /// Every one of `integrators` with every one of `substeps`, each once.
     #[must_use]
     pub fn all(integrators: &[NamedIntegrator], substeps: &[u32]) -> Vec<Self> {

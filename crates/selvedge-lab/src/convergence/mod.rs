@@ -21,6 +21,7 @@ mod order;
 mod outcome;
 mod reference;
 mod report;
+mod runner;
 mod runs;
 mod settings;
 
@@ -252,7 +253,10 @@ impl Plan {
                 .find(|(other, _)| other.name == case.outcome.name);
             let Some((scene, _)) = planned else { continue };
             for series in &mut case.outcome.rivals {
-                series.ms_per_frame = milliseconds(scene, &series.method, &case.middle, &timed);
+                let one = workers::alone(Some(1), || {
+                    milliseconds(scene, &series.method, &case.middle, &timed)
+                });
+                series.ms_per_frame = one.ok().flatten();
                 if task.advance().is_break() {
                     return End::Interrupted;
                 }

@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use selvedge_cloth::Stepper;
 use selvedge_data::{Drive, SavedState};
 
 use super::case::Case;
 use super::deviation::{Deviation, Gauge, Strains};
 use super::method::Method;
 use super::outcome::Run;
-use super::reference::{Reference, start_simulator, state_of, step};
+use super::reference::{Reference, State};
+use super::runner::Runner;
 use crate::event::Task;
 
 /// Time after which there are frames enough to know how long one takes.
@@ -46,7 +46,9 @@ impl Bench<'_, '_> {
         let saved = self.reference.saved(run.start);
         let saved = saved.ok_or_else(|| lacking(run.start))?;
         let scene = self.case.scene_by(method);
-        let mut simulator = start_simulator(&scene, saved)?;
+        let mut simulator = Runner::start(method, &scene, saved, &|frame| {
+            self.reference.state(frame).map(|state| state.positions)
+        })?;
         let path = scene.handle_path().map_err(|error| error.to_string())?;
         let drive = Drive {
             path: &path,
@@ -57,10 +59,14 @@ impl Bench<'_, '_> {
             found: f64::NEG_INFINITY,
         };
         for k in 1..=self.horizons.last().copied().unwrap_or(0) {
-            step(&mut simulator, drive)?;
+            simulator.step(drive)?;
             let frame = run.start + k;
             let truth = self.reference.state(frame).ok_or_else(|| lacking(frame))?;
-            let found = state_of(&simulator);
+            let found = simulator.state();
+            let found = State {
+                positions: &found.positions,
+                velocities: &found.velocities,
+            };
             strains.truth = strains
                 .truth
                 .max(self.gauge.largest_strain(truth.positions));
@@ -69,7 +75,7 @@ impl Bench<'_, '_> {
                 .max(self.gauge.largest_strain(found.positions));
             if self.horizons.contains(&k) {
                 let deviation = self.gauge.deviation(truth, found, strains);
-                check_finite(&deviation, simulator.frame())?;
+                check_finite(&deviation, frame)?;
                 run.deviations.push(deviation);
             }
             if self.task.advance_by(method.substeps).is_break() {
@@ -102,7 +108,8 @@ pub(super) fn milliseconds(
     task: &TimedFrames<'_, '_>,
 ) -> Option<f64> {
     let scene = case.scene_by(method);
-    let mut simulator = start_simulator(&scene, start.clone()).ok()?;
+    let at = |_: usize| Some(start.positions.as_slice());
+    let mut simulator = Runner::start(method, &scene, start.clone(), &at).ok()?;
     let path = scene.handle_path().ok()?;
     let drive = Drive {
         path: &path,
@@ -115,7 +122,7 @@ pub(super) fn milliseconds(
             return None;
         }
         let before = Instant::now();
-        if step(&mut simulator, drive).is_err() {
+        if simulator.step(drive).is_err() {
             break;
         }
         times.push(1e3 * before.elapsed().as_secs_f64());

@@ -171,7 +171,9 @@ impl Contestant {
     /// Returns `true` where the contestant wants the scene of its course.
     pub fn wants_scene(&self) -> bool {
         match &self.racer {
-            Racer::Model(_, guard, _) => guard.correction != Correction::None,
+            Racer::Model(model, guard, _) => {
+                guard.correction != Correction::None || model.spec().base.is_some()
+            }
             Racer::Rigid | Racer::Mirror | Racer::Physics(_) | Racer::Truth => false,
         }
     }
@@ -243,7 +245,8 @@ fn guarded(
     let graph = selvedge_train::graph_of(course.motion, truth)?;
     let first = (start + 1).saturating_sub(model.spec().history());
     let known: Vec<&[Vec3]> = (first..=start).map(|frame| truth.frame(frame)).collect();
-    let stepper = machine.start(model, graph, &known)?;
+    let scene = course.scene.map(|scene| &**scene);
+    let stepper = machine.start(model, graph, &known, scene)?;
     if guard.correction == Correction::None {
         return Ok(Mover::Other(Box::new(stepper)));
     }

@@ -4,9 +4,6 @@
 use crate::kernels::dropout::Dropout;
 use crate::network::encoder_state::EncoderState;
 
-/// Columns of the output: an acceleration.
-pub(crate) const OUTPUTS: usize = 3;
-
 /// Normalised features of a window of frames, oldest first.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a, T> {
@@ -37,7 +34,7 @@ pub enum Pass<'a> {
 
 /// Derivatives of a scalar, given for the output and computed for weights, input and states.
 pub struct Gradients<'a, T> {
-    /// With respect to the output, `[vertices, 3]`.
+    /// With respect to the output, `[vertices, outputs]`.
     pub output: &'a [T],
     /// With respect to the weights, laid out like them; added to.
     pub weights: &'a mut [T],

@@ -11,7 +11,7 @@ use crate::graph::share::{Rows, Share, SplitRows};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::real::Real;
-use crate::network::arguments::{Carried, Gradients, InputGradient, OUTPUTS};
+use crate::network::arguments::{Carried, Gradients, InputGradient};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::{ArcGradients, BlockKept, NodeGradients};
@@ -37,7 +37,10 @@ impl Network {
         assert!(kept, "a forward pass to learn from comes first");
         let purpose = weights.purpose;
         assert_eq!(purpose, Purpose::Training, "purpose of the packed weights");
-        assert_eq!(gradients.output.len(), graph.vertex_count() * OUTPUTS);
+        assert_eq!(
+            gradients.output.len(),
+            graph.vertex_count() * self.spec.outputs()
+        );
         assert_eq!(gradients.weights.len(), self.parameter_count());
         w.fit_groups(self, graph.partitions.len());
         self.decode_backward(weights, graph, &mut gradients, w);
@@ -63,6 +66,7 @@ impl Network {
             arcs: (),
         };
         let (record, of_output) = (&w.decoder, gradients.output);
+        let outputs = self.spec.outputs();
         let work = |partitions: &[Partition],
                     share: Share<Rows<'_, T>, ()>,
                     group: &mut Group<T>| {
@@ -72,9 +76,9 @@ impl Network {
             let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
             for Partition { vertices, .. } in partitions {
                 let nodes = all.part(&counted_from(vertices, first)).values;
-                let output = &mut scratch.output[..vertices.len() * OUTPUTS];
+                let output = &mut scratch.output[..vertices.len() * outputs];
                 output
-                    .copy_from_slice(&of_output[vertices.start * OUTPUTS..vertices.end * OUTPUTS]);
+                    .copy_from_slice(&of_output[vertices.start * outputs..vertices.end * outputs]);
                 let pre_activation = &mut scratch.pre_activation[..nodes.len()];
                 let through = MlpGradients {
                     output,

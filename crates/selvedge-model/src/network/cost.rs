@@ -5,7 +5,6 @@
 //! Features, activations, normalisation and sums of messages, a few percent, are left out. The
 //! memory counts all that a [`Workspace`](crate::Workspace) holds.
 
-use crate::network::arguments::OUTPUTS;
 use crate::spec::{Encoder, ModelSpec, RowEncoder};
 
 /// Floating-point operations of one frame, for each vertex and each arc.
@@ -49,7 +48,7 @@ pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
         }
     }
     let [nodes, edges] = spec.encoder.rows();
-    let decoder = 2 * square + latent * OUTPUTS as u64;
+    let decoder = 2 * square + latent * spec.outputs() as u64;
     Flops {
         vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
         arc: 2 * (encoder(spec, edges, spec.edge_width()) + blocks * arc),
@@ -117,7 +116,7 @@ pub fn activations(spec: &ModelSpec) -> Activations {
             + blocks * (2 * latent + perceptron)
             + decoder
             + 5 * latent
-            + OUTPUTS as u64
+            + spec.outputs() as u64
             + carried,
         // The latent arcs and the gradients of their first layer.
         arc: of_arc + blocks * (latent + perceptron) + 2 * latent + carried,

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use crate::kernels::real::Real;
-use crate::network::arguments::OUTPUTS;
 use crate::network::layers::block::Block;
 use crate::network::layers::encoder::EncoderLayers;
 use crate::network::layers::mlp::Mlp;
@@ -75,7 +74,7 @@ impl Network {
             blocks.push(modules.add(|module| Block::new(module, &path, latent)));
         }
         let (decoder, decoder_first) = modules.add(|module| {
-            let decoder = Mlp::plain(module, "decoder", latent, latent, OUTPUTS);
+            let decoder = Mlp::plain(module, "decoder", latent, latent, spec.outputs());
             let first = Piece::whole(&mut module.size, &decoder.first);
             (decoder, first)
         });

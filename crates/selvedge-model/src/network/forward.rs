@@ -7,7 +7,7 @@ use crate::graph::share::{Rows, Share, split_rows};
 use crate::kernels::dropout::RowMasks;
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::network::arguments::{Carried, OUTPUTS, Pass};
+use crate::network::arguments::{Carried, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::layers::block::{ArcRows, BlockInput, NodeRows};
 use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRows};
@@ -31,7 +31,7 @@ split_rows! {
         block: NodeRows<'a, T>,
         /// Endpoint products for the next block, `[vertices, 2 latent]`.
         next_products: Rows<'a, T>,
-        /// `[vertices, 3]`, from the last block only.
+        /// `[vertices, outputs]`, from the last block only.
         output: Rows<'a, T>,
         decoder: MlpRows<'a, T>,
     }
@@ -185,7 +185,7 @@ impl Network {
                     record: node_record,
                 },
                 next_products: Rows::new(next_products, 2 * latent),
-                output: Rows::new(&mut w.output, OUTPUTS),
+                output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
             arcs: ArcRows {

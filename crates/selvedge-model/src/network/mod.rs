@@ -18,7 +18,6 @@ pub mod reference;
 pub mod roofline;
 pub(crate) mod workspace;
 
-pub(crate) use arguments::OUTPUTS;
 pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients};
 pub use definition::Network;
 pub use encoder_state::EncoderState;

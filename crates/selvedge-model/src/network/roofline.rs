@@ -12,7 +12,6 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::simd::Instructions;
-use crate::network::arguments::OUTPUTS;
 use crate::network::packed::Purpose;
 use crate::spec::{Encoder, ModelSpec, RowEncoder};
 
@@ -106,7 +105,7 @@ pub fn bare_products(
     add(arcs, latent, latent, 3 * spec.blocks, false);
     add(vertices, 2 * latent, latent, spec.blocks, false);
     add(vertices, latent, latent, 2 * spec.blocks + 2, false);
-    add(vertices, latent, OUTPUTS, 1, false);
+    add(vertices, latent, spec.outputs(), 1, false);
     list
 }
 

@@ -12,7 +12,7 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::arguments::{OUTPUTS, Pass};
+use crate::network::arguments::Pass;
 use crate::network::definition::Network;
 use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::BlockRecord;
@@ -139,7 +139,7 @@ impl<T: Real> Workspace<T> {
         for products in &mut self.endpoint_products {
             products.resize(vertices * 2 * latent);
         }
-        self.output.resize(vertices * OUTPUTS);
+        self.output.resize(vertices * network.spec().outputs());
         if network.streams() {
             self.end.fit(vertices, arcs, latent);
         }

@@ -2,6 +2,7 @@
 //! it.
 
 mod advance;
+pub(crate) mod corrector;
 pub(crate) mod half;
 pub(crate) mod model;
 pub(crate) mod model_file;
@@ -10,6 +11,7 @@ mod stepper;
 pub use advance::{
     LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward, target_acceleration,
 };
+pub use corrector::{Corrector, Familiarity, MOST_DEVIATIONS, NoBase, cut};
 pub use half::WeightType;
 pub use model::{Model, ModelError, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError};

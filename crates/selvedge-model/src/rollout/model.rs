@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::features::normalizer::Normalizer;
-use crate::network::{Network, OUTPUTS};
+use crate::network::Network;
 use crate::spec::{ModelSpec, SpecError};
 
 /// Frozen statistics of the inputs and the output of a network.
@@ -115,7 +115,7 @@ fn check_counts(
         ),
         (
             "normalizer.acceleration",
-            OUTPUTS,
+            spec.outputs(),
             normalizers.acceleration.width(),
         ),
     ];

@@ -8,8 +8,8 @@ use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
 
 use crate::features::normalizer::{Normalizer, NormalizerError};
+use crate::network::Network;
 use crate::network::parameters::Parameter;
-use crate::network::{Network, OUTPUTS};
 use crate::rollout::half::{WeightType, bf16_bits, bf16_value, f16_bits, f16_value};
 use crate::rollout::model::{Model, ModelError, Normalizers};
 use crate::spec::{ModelSpec, SpecError};
@@ -156,7 +156,7 @@ fn statistics(spec: &ModelSpec) -> [(&'static str, usize); 3] {
     [
         ("nodes", spec.node_width()),
         ("edges", spec.edge_width()),
-        ("acceleration", OUTPUTS),
+        ("acceleration", spec.outputs()),
     ]
 }
 

@@ -57,6 +57,8 @@ pub enum RolloutError {
     NoFrame,
     #[error("the start position of vertex {vertex} is not finite")]
     NonFinite { vertex: VertexId },
+    #[error("the model corrects physics (model.base): it does not move cloth by itself")]
+    NeedsPhysics,
 }
 
 /// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from
@@ -99,6 +101,9 @@ impl LearnedStepper {
         graph: ClothGraph,
         start: &[&[Vec3]],
     ) -> Result<Self, RolloutError> {
+        if model.spec().base.is_some() {
+            return Err(RolloutError::NeedsPhysics);
+        }
         let vertices = graph.vertex_count();
         let graph = graph.with_coarse_levels(model.spec().coarse_levels);
         Ok(Self {

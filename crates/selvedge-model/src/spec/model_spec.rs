@@ -6,6 +6,8 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
+use crate::features::correction::{ARC_COLUMNS, NODE_COLUMNS};
+use crate::spec::base::{LEAST_LATENT, PhysicsBase};
 use crate::spec::integration::Integration;
 use crate::spec::limits::EdgeLimits;
 
@@ -14,11 +16,11 @@ use crate::spec::limits::EdgeLimits;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
-    /// Features of a node.
-    #[serde(deserialize_with = "each_once")]
+    /// Features of a node; none where the network corrects physics, whose columns are fixed.
+    #[serde(default, deserialize_with = "each_once")]
     pub node_features: BTreeSet<NodeFeature>,
-    /// Features of an arc.
-    #[serde(deserialize_with = "each_once")]
+    /// Features of an arc; none where the network corrects physics.
+    #[serde(default, deserialize_with = "each_once")]
     pub edge_features: BTreeSet<EdgeFeature>,
     /// Encoder of features to latent vectors.
     pub encoder: Encoder,
@@ -36,6 +38,9 @@ pub struct ModelSpec {
     /// Bounds of the lengths of a rollout's edges; none in the paper.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge_limits: Option<EdgeLimits>,
+    /// Physics that the network corrects; none where it moves the cloth by itself, as in the paper.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<PhysicsBase>,
 }
 
 /// A group of columns of a vertex, in the order in which they stand in the input.
@@ -196,6 +201,13 @@ pub enum SpecError {
         "model.edge_features contains \"{feature}\", but there are no coarse levels: give model.coarse_levels, or take it out"
     )]
     NoLevels { feature: &'static str },
+    #[error(
+        "model.{field} must be left out where the network corrects physics (model.base): {reason}"
+    )]
+    WithBase {
+        field: &'static str,
+        reason: &'static str,
+    },
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -226,6 +238,7 @@ impl ModelSpec {
             coarse_levels: 0,
             integration: Integration::default(),
             edge_limits: None,
+            base: None,
         }
     }
 
@@ -241,6 +254,7 @@ impl ModelSpec {
             coarse_levels: 0,
             integration: Integration::default(),
             edge_limits: None,
+            base: None,
         }
     }
 
@@ -251,6 +265,9 @@ impl ModelSpec {
     /// Names the field.
     pub fn validate(&self) -> Result<(), SpecError> {
         self.check_sizes()?;
+        if let Some(base) = &self.base {
+            return self.check_base(base);
+        }
         if let Integration::Carried { damping, stiffness } = self.integration {
             for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
                 if !(0.0..=1.0).contains(&found) {
@@ -279,6 +296,42 @@ impl ModelSpec {
                     most,
                     found,
                 });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_base(&self, base: &PhysicsBase) -> Result<(), SpecError> {
+        let sizes = [
+            ("base.substeps", base.substeps as usize, 1, 1000),
+            ("latent", self.latent, LEAST_LATENT, 4096),
+        ];
+        for (field, found, least, most) in sizes {
+            if !(least..=most).contains(&found) {
+                return Err(SpecError::Size {
+                    field,
+                    least,
+                    most,
+                    found,
+                });
+            }
+        }
+        let columns = "its columns are fixed";
+        let alone = "the physics moves the cloth";
+        for (field, is_given, reason) in [
+            ("node_features", !self.node_features.is_empty(), columns),
+            ("edge_features", !self.edge_features.is_empty(), columns),
+            ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
+            ("coarse_levels", self.coarse_levels > 0, columns),
+            (
+                "integration",
+                self.integration != Integration::default(),
+                alone,
+            ),
+            ("edge_limits", self.edge_limits.is_some(), alone),
+        ] {
+            if is_given {
+                return Err(SpecError::WithBase { field, reason });
             }
         }
         Ok(())
@@ -338,15 +391,31 @@ impl ModelSpec {
         self.window() + 1 + usize::from(accelerations)
     }
 
+    /// Columns of the output of a vertex: an acceleration, or the correction of a position and of a
+    /// velocity.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        match self.base {
+            None => 3,
+            Some(_) => 6,
+        }
+    }
+
     /// Columns of a vertex.
     #[must_use]
     pub fn node_width(&self) -> usize {
+        if self.base.is_some() {
+            return NODE_COLUMNS;
+        }
         self.node_features.iter().map(|f| f.width()).sum()
     }
 
     /// Columns of an arc.
     #[must_use]
     pub fn edge_width(&self) -> usize {
+        if self.base.is_some() {
+            return ARC_COLUMNS;
+        }
         self.edge_features.iter().map(|f| f.width()).sum()
     }
 }

@@ -3,15 +3,15 @@
 use serde_json::Value;
 
 /// A place where two values differ, and both texts.
-pub(super) struct Difference {
-    pub(super) path: String,
-    pub(super) made: String,
-    pub(super) now: String,
+pub(crate) struct Difference {
+    pub(crate) path: String,
+    pub(crate) made: String,
+    pub(crate) now: String,
 }
 
 /// The places where two values differ. Tables of other keys (another kind of schedule) differ as a
 /// whole.
-pub(super) fn differences(made: &Value, now: &Value) -> Vec<Difference> {
+pub(crate) fn differences(made: &Value, now: &Value) -> Vec<Difference> {
     if made == now {
         return Vec::new();
     }

@@ -66,6 +66,14 @@ pub enum InvalidConfig {
     Optimizer(#[from] AdamError),
     #[error(transparent)]
     Schedule(#[from] ScheduleError),
+    #[error(
+        "model.base is missing: say which physics the model corrects, as base = {{ substeps = 1 }}"
+    )]
+    NoBase,
+    #[error(
+        "model.base: this training learns from a data set, but a model that corrects physics learns from a teacher: give the table [teacher]"
+    )]
+    Base,
     #[error("{field} must be between 1 and {most}, found {found}")]
     Count {
         field: &'static str,
@@ -80,24 +88,24 @@ pub enum InvalidConfig {
     },
 }
 
-pub(super) fn count(field: &'static str, found: u64, most: u64) -> Result<(), InvalidConfig> {
+pub(crate) fn count(field: &'static str, found: u64, most: u64) -> Result<(), InvalidConfig> {
     if (1..=most).contains(&found) {
         return Ok(());
     }
     Err(InvalidConfig::Count { field, most, found })
 }
 
-pub(super) fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+pub(crate) fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
     let holds = found.is_finite() && found > 0.0;
     require(holds, field, "finite and positive", found)
 }
 
-pub(super) fn part(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+pub(crate) fn part(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
     let holds = (0.0..=1.0).contains(&found);
     require(holds, field, "between 0 and 1", found)
 }
 
-pub(super) fn require(
+pub(crate) fn require(
     holds: bool,
     field: &'static str,
     expected: &'static str,

@@ -26,6 +26,11 @@ impl DeviceArgs {
         Machine::open(self.device, self.precision())
     }
 
+    /// Returns true where the processor is asked for.
+    pub(crate) fn is_processor(&self) -> bool {
+        self.device == DeviceName::Cpu
+    }
+
     /// The precision that is asked for.
     pub(crate) fn precision(&self) -> PrecisionName {
         self.precision.name()

@@ -103,6 +103,10 @@ pub(crate) struct ConvergenceArgs {
     /// Their numbers of substeps per frame, separated by commas.
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,2,4,8,16", value_parser = clap::value_parser!(u32).range(1..=1000))]
     substeps: Vec<u32>,
+    /// A model that is measured beside the physics: a file, or the name of a shipped one; may stand
+    /// several times.
+    #[arg(long = "model", value_name = "FILE")]
+    pub(crate) models: Vec<PathBuf>,
     /// The integrator of the truth.
     #[arg(long, value_name = "NAME", default_value = "second-order")]
     reference_integrator: NamedIntegrator,
@@ -127,10 +131,12 @@ pub(crate) struct ConvergenceArgs {
 }
 
 impl ConvergenceArgs {
-    /// The settings that are asked for.
-    pub(crate) fn settings(&self) -> Settings {
+    /// The settings that are asked for, with `models` among the rivals.
+    pub(crate) fn settings(&self, models: Vec<Method>) -> Settings {
+        let mut rivals = Method::all(&self.integrators, &self.substeps);
+        rivals.extend(models);
         Settings {
-            rivals: Method::all(&self.integrators, &self.substeps),
+            rivals,
             reference: Method {
                 integrator: self.reference_integrator.clone(),
                 substeps: self.reference_substeps,

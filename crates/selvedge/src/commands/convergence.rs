@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use selvedge_cloth::motion::named;
 use selvedge_data::{LoadedScene, materials};
 use selvedge_lab::convergence::{self, Case, Mean, Method, Outcome, Plan};
+use selvedge_lab::models::NamedModel;
 use serde::Serialize;
 
 use crate::cli::ConvergenceArgs;
@@ -52,7 +53,7 @@ pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     let materials = expanded(&args.materials, "all", shipped.collect());
     let motions = expanded(&args.motions, "test", named::test());
     let cases = Case::all(&opened, &materials, &motions)?;
-    let plan = Plan::new(cases, args.settings())?;
+    let plan = Plan::new(cases, args.settings(models(&args.models)?))?;
     let references = args.out.join("references");
     check_places(&args.out, &opened)?;
     let outcome = convergence::run(&plan, &references, &mut progress::listener())?;
@@ -62,6 +63,17 @@ pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     };
     let answered = answered(args, &outcome, wrote);
     Ok(Answer::new(text(&answered, &outcome), &answered)?.ended(outcome.end))
+}
+
+/// Opens the models that are measured, called by the stems of their files.
+fn models(files: &[PathBuf]) -> anyhow::Result<Vec<Method>> {
+    let open = |file: &PathBuf| -> anyhow::Result<Method> {
+        let model = NamedModel::open(Some(file))?.model;
+        let stem = file.file_stem().unwrap_or(file.as_os_str());
+        let name = format!("model {}", stem.to_string_lossy());
+        Ok(Method::of_model(name, model))
+    };
+    files.iter().map(open).collect()
 }
 
 /// Checks that no file of the study takes the place of one that is read.

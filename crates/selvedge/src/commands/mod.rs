@@ -4,6 +4,7 @@ mod bench;
 mod compare;
 mod convergence;
 mod convert;
+mod correction;
 mod dataset;
 mod dataset_import;
 mod dataset_inspect;

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use selvedge_lab::assets;
 use selvedge_model::{Encoder, FirstEdgeLayer, Flops, Network, flops};
-use selvedge_train::TrainConfig;
+use selvedge_train::{CorrectionConfig, TrainConfig};
 use serde::Serialize;
 use serde_json::json;
 
@@ -75,8 +75,14 @@ pub(crate) fn run() -> anyhow::Result<Answer> {
 }
 
 fn row(name: &'static str, text: &str) -> anyhow::Result<Row> {
-    let cfg = TrainConfig::parse(text, name.as_ref())?;
-    let spec = &cfg.model;
+    let (spec, steps) = if CorrectionConfig::is_meant(text) {
+        let cfg = CorrectionConfig::parse_with(text, name.as_ref(), &[])?;
+        (cfg.model, cfg.steps)
+    } else {
+        let cfg = TrainConfig::parse(text, name.as_ref())?;
+        (cfg.model, cfg.steps)
+    };
+    let spec = &spec;
     let network = Network::new(spec).with_context(|| name.to_owned())?;
     let Flops { vertex, arc } = flops(spec, FirstEdgeLayer::Split);
     Ok(Row {
@@ -85,7 +91,7 @@ fn row(name: &'static str, text: &str) -> anyhow::Result<Row> {
         encoder: spec.encoder,
         vertex_columns: spec.node_width(),
         arc_columns: spec.edge_width(),
-        steps: cfg.steps,
+        steps,
         flops_per_vertex: vertex,
         flops_per_arc: arc,
         flops_per_frame: flops(spec, FirstEdgeLayer::Split).per_frame(VERTICES, ARCS),

@@ -246,9 +246,9 @@ fn predict(
 ) -> anyhow::Result<Prediction> {
     let scene = &setup.loaded.scene;
     let cloth = Cloth::of_scene(scene, physics::rounded(&setup.rest.positions))?;
-    let graph = models::graph_of_scene(scene, &cloth)?;
+    let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
     let path = scene.handle_path()?;
-    let stepper = model.start(graph, cloth.rest_positions(), machine)?;
+    let stepper = model.start(graph, cloth.rest_positions(), machine, scene)?;
     let mut watched = WatchedModel::new(
         stepper,
         &cloth,

@@ -1,13 +1,15 @@
 //! `selvedge train`: the loop of `selvedge-train`, with a bar, Ctrl-C and a summary.
 
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::{assets, folder, generation, training};
-use selvedge_train::{EngineMaker, RunEnd, RunLimits, TrainConfig, Trainer, files};
+use selvedge_train::{
+    ConfigError, CorrectionConfig, EngineMaker, RunEnd, RunLimits, TrainConfig, Trainer, files,
+};
 use serde::Serialize;
 
 use crate::cli::TrainArgs;
@@ -16,10 +18,10 @@ use crate::output::{Answer, End, Facts};
 use crate::progress::{self, Progress};
 
 /// Between two checkpoints.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(300);
+pub(super) const CHECKPOINT_EVERY: Duration = Duration::from_secs(300);
 
 /// Weight of the newest loss in the one that is shown.
-const NEWEST: f64 = 0.02;
+pub(super) const NEWEST: f64 = 0.02;
 
 #[derive(Serialize)]
 struct TrainReport {
@@ -54,9 +56,19 @@ struct StoppedReport {
 /// # Errors
 /// What of the configuration, the data, the folder or a step went wrong.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
-    let cfg = config(args)?;
+    let written = text_of(&args.config)?;
+    if CorrectionConfig::is_meant(&written) {
+        return super::correction::run(args, &written);
+    }
+    let cfg = config(args, &written)?;
     let machine = args.machine.open()?;
-    let data = generation::open(&args.data)?;
+    let Some(data) = &args.data else {
+        bail!(
+            "--data is missing: {} learns from a data set; `selvedge dataset generate` makes one",
+            args.config
+        );
+    };
+    let data = generation::open(data)?;
     let _claimed = folder::claim_folder(&args.out)?;
     let steps = cfg.steps;
     let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
@@ -91,13 +103,20 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&report), &report)?.ended(end))
 }
 
+/// The text of a configuration: a shipped one's, or that of a file.
+fn text_of(config: &str) -> Result<String, ConfigError> {
+    match assets::training(config) {
+        Some(text) => Ok(text.to_owned()),
+        None => std::fs::read_to_string(config).map_err(|source| ConfigError::Read {
+            path: config.into(),
+            source,
+        }),
+    }
+}
+
 /// The configuration with the changes of the call.
-fn config(args: &TrainArgs) -> anyhow::Result<TrainConfig> {
-    let path = args.config.as_ref();
-    let mut cfg = match assets::training(&args.config) {
-        Some(text) => TrainConfig::parse_with(text, path, &args.set)?,
-        None => TrainConfig::read_with(path, &args.set)?,
-    };
+fn config(args: &TrainArgs, text: &str) -> anyhow::Result<TrainConfig> {
+    let mut cfg = TrainConfig::parse_with(text, args.config.as_ref(), &args.set)?;
     if let Some(steps) = args.steps {
         cfg.steps = steps;
     }
@@ -144,14 +163,7 @@ fn trainer(
     if args.resume {
         return Ok(Some(Trainer::resume(cfg, data, &checkpoint, engine)?));
     }
-    // A log alone is of a training that ended before there was anything to go on from.
-    let kept = [files::CHECKPOINT, files::MODEL];
-    if let Some(kept) = kept.iter().find(|name| args.out.join(name).exists()) {
-        bail!(
-            "{}: there is a training in this folder ({kept}): go on with it with --resume, or choose another folder",
-            args.out.display()
-        );
-    }
+    require_empty(&args.out)?;
     if let Some(folder) = &args.from {
         let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
         return Ok(Some(trainer));
@@ -162,6 +174,19 @@ fn trainer(
         engine,
         &mut progress::listener(),
     )?)
+}
+
+/// Refuses a folder with a training. A log alone is of one that ended before there was anything to
+/// go on from.
+pub(super) fn require_empty(out: &Path) -> anyhow::Result<()> {
+    let kept = [files::CHECKPOINT, files::MODEL];
+    if let Some(kept) = kept.iter().find(|name| out.join(name).exists()) {
+        bail!(
+            "{}: there is a training in this folder ({kept}): go on with it with --resume, or choose another folder",
+            out.display()
+        );
+    }
+    Ok(())
 }
 
 fn stopped(steps: u64) -> Facts {
@@ -190,15 +215,20 @@ fn text(report: &TrainReport) -> Facts {
     if let Some(loss) = report.loss {
         facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
     }
-    if report.steps_done < report.steps {
+    add_files(&mut facts, &report.out, report.steps_done < report.steps);
+    facts
+}
+
+/// Adds the files of a training, and how to go on with one that is not at its end.
+pub(super) fn add_files(facts: &mut Facts, out: &Path, goes_on: bool) {
+    if goes_on {
         facts.add("to go on", "the same command with --resume");
     }
     for file in [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG] {
-        let path = report.out.join(file);
+        let path = out.join(file);
         // There is no log of fewer steps than a line is of.
         if path.exists() {
             facts.add("wrote", path.display());
         }
     }
-    facts
 }

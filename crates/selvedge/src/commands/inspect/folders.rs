@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use selvedge_lab::report::TrainingLog;
-use selvedge_train::{TrainConfig, files};
-use serde_json::json;
+use selvedge_train::{CorrectionConfig, TrainConfig, files};
+use serde_json::{Value, json};
 
 use crate::commands::dataset_inspect;
 use crate::output::{Answer, Facts};
@@ -54,12 +54,32 @@ pub(super) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
     }
 }
 
-/// The configuration in the folder of a training.
-pub(super) fn config_in(folder: &Path) -> anyhow::Result<TrainConfig> {
+/// The parts of a training's configuration that are shown.
+pub(super) struct Configured {
+    pub(super) name: String,
+    steps: u64,
+    config: Value,
+}
+
+/// The configuration in the folder of a training, on data or by a teacher.
+pub(super) fn config_in(folder: &Path) -> anyhow::Result<Configured> {
     let path = folder.join(files::CONFIG);
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("{}: could not be read", path.display()))?;
-    Ok(TrainConfig::parse(&text, &path)?)
+    if CorrectionConfig::is_meant(&text) {
+        let cfg = CorrectionConfig::parse_with(&text, &path, &[])?;
+        return Ok(Configured {
+            config: serde_json::to_value(&cfg)?,
+            name: cfg.name,
+            steps: cfg.steps,
+        });
+    }
+    let cfg = TrainConfig::parse(&text, &path)?;
+    Ok(Configured {
+        config: serde_json::to_value(&cfg)?,
+        name: cfg.name,
+        steps: cfg.steps,
+    })
 }
 
 fn inspect_training(folder: &Path) -> anyhow::Result<Answer> {
@@ -91,7 +111,7 @@ fn inspect_training(folder: &Path) -> anyhow::Result<Answer> {
         "first_loss": first.map(|row| row.loss),
         "last_loss": last.map(|row| row.loss),
         "files": there,
-        "config": cfg,
+        "config": cfg.config,
     });
     Answer::new(facts, &report)
 }

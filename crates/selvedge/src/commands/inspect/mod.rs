@@ -22,7 +22,7 @@ use selvedge_data::{
 };
 use selvedge_lab::physics;
 use selvedge_model::{MODEL_FORMAT, Model, Network};
-use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
+use selvedge_train::{CHECKPOINT_FORMAT, CORRECTION_FORMAT, CorrectionConfig, TrainConfig};
 use serde_json::{Value, json};
 
 use super::dataset_plan;
@@ -85,10 +85,38 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
     if table.contains_key("setting") {
         return dataset_plan::run(name);
     }
+    if CorrectionConfig::is_meant(&text) {
+        let cfg = CorrectionConfig::parse_with(&text, path, &[])?;
+        return inspect_correction(&cfg, name);
+    }
     if table.contains_key("batch") {
         return inspect_training(&TrainConfig::parse(&text, path)?, name);
     }
     inspect_scene(&scenes::open(name)?, name)
+}
+
+/// A configuration of a training that corrects physics.
+fn inspect_correction(cfg: &CorrectionConfig, name: &str) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add(
+        "kind",
+        "training configuration, of a model that corrects physics",
+    );
+    facts.add("file", name);
+    facts.add("name", &cfg.name);
+    facts.add("steps", cfg.steps);
+    facts.add("samples per step", cfg.batch.samples);
+    facts.add("parameters", Network::new(&cfg.model)?.parameter_count());
+    facts.add("latent", cfg.model.latent);
+    facts.add("blocks", cfg.model.blocks);
+    facts.add("corrects", serde_json::to_string(&cfg.model.base)?);
+    facts.add(
+        "teacher",
+        format!("{} solves per frame", cfg.teacher.substeps),
+    );
+    facts.add("scenes", cfg.teacher.scenes.join(", "));
+    let report = json!({ "kind": "correction-training", "file": name, "config": cfg });
+    Answer::new(facts, &report)
 }
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
@@ -124,7 +152,8 @@ fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
             inspect_states(&bytes, path)
         }
         Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == CHECKPOINT_FORMAT =>
+            if name == "format"
+                && [CHECKPOINT_FORMAT, CORRECTION_FORMAT].contains(&found.as_str()) =>
         {
             inspect_checkpoint(bytes.len(), path)
         }

@@ -1,0 +1,264 @@
+//! Corrected physics as a [`Stepper`].
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{
+    Cloth, ClothError, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Topology,
+    VertexId,
+};
+use selvedge_model::{
+    Corrector, Familiarity, GraphError, Model, MotionState, NoBase, PhysicsBase, PredictedFrame,
+};
+use selvedge_sim::{Simulator, SimulatorError, Threads};
+use thiserror::Error;
+
+use crate::base::{base_scene, cloth_graph, stiffness};
+
+/// A state between two frames.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameState {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+}
+
+/// A model, a scene or a start that corrected physics cannot be made of.
+#[derive(Debug, Error)]
+#[error(transparent)]
+#[allow(missing_docs, reason = "the messages are those of the parts")]
+pub enum CorrectedError {
+    Base(#[from] NoBase),
+    Physics(#[from] SimulatorError),
+    Cloth(#[from] ClothError),
+    Graph(#[from] GraphError),
+}
+
+/// States of before a step.
+struct Undo {
+    now: FrameState,
+    before: Option<FrameState>,
+}
+
+/// A cloth that cheap physics moves and a network corrects.
+pub struct CorrectedStepper {
+    base: PhysicsBase,
+    scene: Scene,
+    simulator: Simulator,
+    corrector: Corrector,
+    /// The state before the next step.
+    now: FrameState,
+    /// The state one frame before; the model is told that there is none where it is not known.
+    before: Option<FrameState>,
+    /// The states before the last step, while that can be undone.
+    undo: Option<Undo>,
+    /// True for each vertex that a handle holds, `[vertices]`.
+    held: Vec<bool>,
+    /// The last frame's.
+    familiarity: Familiarity,
+}
+
+impl CorrectedStepper {
+    /// Moves the cloth of `scene` by `model` from `start`.
+    ///
+    /// # Errors
+    /// A model that corrects no physics, or a scene or a start that physics cannot run.
+    pub fn new(
+        model: Arc<Model>,
+        scene: &Scene,
+        start: FrameState,
+    ) -> Result<Self, CorrectedError> {
+        let base = model.spec().base.ok_or(NoBase)?;
+        let scene = base_scene(scene, base);
+        let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
+        let cloth = Cloth::of_scene(&scene, rest.collect())?;
+        let graph = cloth_graph(&scene, &cloth)?;
+        let corrector = Corrector::new(model, graph, stiffness(&scene.material))?;
+        let FrameState {
+            positions,
+            velocities,
+        } = start.clone();
+        Ok(Self {
+            base,
+            simulator: Simulator::with_state(&scene, positions, velocities)?,
+            corrector,
+            now: start,
+            before: None,
+            undo: None,
+            held: scene.handles.mask(scene.mesh.positions().len()),
+            familiarity: Familiarity::default(),
+            scene,
+        })
+    }
+
+    /// The same cloth with frames counted from `frame`: the next step has the wind of that frame.
+    #[must_use]
+    pub fn at_frame(mut self, frame: usize) -> Self {
+        self.simulator = self.simulator.at_frame(frame);
+        self
+    }
+
+    /// Sets the threads of the physics; those of the network are the pool's.
+    pub fn set_threads(&mut self, threads: Threads) {
+        self.simulator.set_threads(threads);
+    }
+
+    /// The state now.
+    #[must_use]
+    pub fn state(&self) -> &FrameState {
+        &self.now
+    }
+
+    /// The part of the last frame that was like what the model was trained on.
+    #[must_use]
+    pub fn familiarity(&self) -> Familiarity {
+        self.familiarity
+    }
+
+    /// Predicts a frame by physics.
+    fn predict(&mut self, targets: &HandleTargets) -> Result<FrameState, StepError> {
+        if self.base.forgets {
+            self.simulator.forget_previous();
+        }
+        self.simulator.step(targets)?;
+        Ok(FrameState {
+            positions: self.simulator.positions_f64().to_vec(),
+            velocities: self.simulator.velocities_f64().to_vec(),
+        })
+    }
+
+    /// The state that the model makes of a predicted one.
+    fn correct(&mut self, frame: usize, predicted: &FrameState) -> FrameState {
+        let mut next = predicted.clone();
+        let environment = self.scene.environment;
+        let environment = environment.during_step(frame, self.scene.frame_rate);
+        let before = if self.base.forgets {
+            None
+        } else {
+            self.before.as_ref()
+        };
+        let predicted = PredictedFrame {
+            before: before.map(FrameState::as_motion),
+            last: self.now.as_motion(),
+            predicted: predicted.as_motion(),
+            wind: environment.wind,
+            gravity: environment.gravity,
+            held: &self.held,
+        };
+        self.familiarity =
+            self.corrector
+                .correct(&predicted, &mut next.positions, &mut next.velocities);
+        next
+    }
+
+    fn hold(&mut self, targets: &HandleTargets) {
+        for (handle, vertex) in self.scene.handles.vertices().iter().enumerate() {
+            self.held[vertex.index()] = targets.holds(handle);
+        }
+    }
+
+    /// Makes the simulator's state the newest one, which has no known frame before it.
+    fn begin_anew(&mut self) {
+        self.now
+            .positions
+            .copy_from_slice(self.simulator.positions_f64());
+        self.now
+            .velocities
+            .copy_from_slice(self.simulator.velocities_f64());
+        self.before = None;
+    }
+}
+
+impl FrameState {
+    /// The state at the last of `frames`, oldest first `[m]`, `[frames][vertices]`, of which there
+    /// are `rate` per second: at rest where there is one.
+    #[must_use]
+    pub fn of_frames(frames: &[Vec<Vec3>], rate: f64) -> Self {
+        let wide = |frame: &Vec<Vec3>| frame.iter().map(|p| p.as_dvec3()).collect();
+        let positions: Vec<DVec3> = frames.last().map_or_else(Vec::new, wide);
+        let before: Vec<DVec3> = match frames {
+            [.., before, _] => wide(before),
+            _ => positions.clone(),
+        };
+        let moves = positions.iter().zip(before);
+        Self {
+            velocities: moves.map(|(p, q)| rate * (*p - q)).collect(),
+            positions,
+        }
+    }
+
+    /// As the columns of a model take it.
+    #[must_use]
+    pub fn as_motion(&self) -> MotionState<'_> {
+        MotionState {
+            positions: &self.positions,
+            velocities: &self.velocities,
+        }
+    }
+}
+
+impl Stepper for CorrectedStepper {
+    fn topology(&self) -> &Topology {
+        self.simulator.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.simulator.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        self.simulator.positions()
+    }
+
+    fn frame(&self) -> usize {
+        self.simulator.frame()
+    }
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        self.undo = None;
+        let frame = self.frame();
+        let predicted = self.predict(targets)?;
+        self.hold(targets);
+        let next = self.correct(frame, &predicted);
+        if let Err(error) = self.simulator.correct(&next.positions, &next.velocities) {
+            let vertex = match error {
+                SimulatorError::NonFinite { vertex, .. } => vertex,
+                _ => VertexId(0),
+            };
+            self.simulator.undo_step();
+            let frame = frame + 1;
+            return Err(StepError::NonFinite { frame, vertex });
+        }
+        let now = std::mem::replace(&mut self.now, next);
+        let before = self.before.replace(now.clone());
+        self.undo = Some(Undo { now, before });
+        Ok(())
+    }
+}
+
+impl Correctable for CorrectedStepper {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.simulator.replace_frame(positions)?;
+        let before = self.before.take();
+        self.begin_anew();
+        self.before = before;
+        Ok(())
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.simulator.take_frame(positions)?;
+        self.undo = None;
+        self.begin_anew();
+        Ok(())
+    }
+
+    fn undo_step(&mut self) {
+        let Some(Undo { now, before }) = self.undo.take() else {
+            return;
+        };
+        self.simulator.undo_step();
+        self.now = now;
+        self.before = before;
+    }
+}

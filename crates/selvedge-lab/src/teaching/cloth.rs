@@ -1,0 +1,306 @@
+//! One cloth that moves, with the physics that is corrected and the teacher beside each other.
+
+use std::error::Error;
+use std::sync::Arc;
+
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::{HandlePath, Integrator, Stepper};
+use selvedge_corrected::{FrameState, base_scene, stiffness};
+use selvedge_model::{
+    ClothGraph, CorrectionColumns, Corrector, HalfTurns, Model, MotionState, PhysicsBase,
+    PredictedFrame,
+};
+use selvedge_sim::{Simulator, Threads};
+use selvedge_train::{CorrectionConfig, CorrectionSample};
+
+use super::scenes::{TeachingScene, TeachingScenes};
+
+/// A cloth whose vertex is farther from the teacher's after one frame has gone astray `[m]`.
+const ASTRAY: f64 = 0.05;
+/// Frames of the teacher between two runs of the model, at most.
+const MOST_TAUGHT: usize = 20;
+/// Part of the frames before which the frame before is forgotten, as at the start of a run.
+const FORGETFUL: f64 = 0.02;
+
+type Problem = Box<dyn Error + Send + Sync>;
+
+/// A cloth that is moved to make samples.
+pub(super) struct TaughtCloth {
+    rng: ChaCha8Rng,
+    /// The motion under way; none before the first.
+    run: Option<Run>,
+    gone_astray: u64,
+}
+
+/// A cloth on its way through a motion.
+struct Run {
+    scene: usize,
+    path: HandlePath,
+    cheap: Simulator,
+    teacher: Simulator,
+    columns: CorrectionColumns,
+    corrector: Option<Corrector>,
+    base: PhysicsBase,
+    /// Solves of the teacher per frame.
+    teaching: u32,
+    held: Vec<bool>,
+    now: FrameState,
+    before: Option<FrameState>,
+    /// Frames until the next motion.
+    left: usize,
+    /// Frames until the cloth follows the other one, the model or the teacher.
+    until_change: usize,
+    follows_model: bool,
+}
+
+impl TaughtCloth {
+    /// Cloth `number` of a training that goes on after `first` steps.
+    pub(super) fn new(seed: u64, first: u64, number: usize) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ first.rotate_left(32));
+        // The trainer's own streams are counted from 0 on.
+        rng.set_stream(u64::MAX - number as u64);
+        Self {
+            rng,
+            run: None,
+            gone_astray: 0,
+        }
+    }
+
+    /// Runs that went astray so far.
+    pub(super) fn gone_astray(&self) -> u64 {
+        self.gone_astray
+    }
+
+    /// Moves the cloth by a frame. None where that went astray: the next frame is of another
+    /// motion.
+    pub(super) fn sample(
+        &mut self,
+        scenes: &TeachingScenes,
+        cfg: &CorrectionConfig,
+        model: Option<&Arc<Model>>,
+        own_frames: usize,
+    ) -> Result<Option<CorrectionSample>, Problem> {
+        let mut run = match self.run.take() {
+            Some(run) if run.left > 0 => run,
+            _ => Run::begin(scenes, cfg, &mut self.rng)?,
+        };
+        run.left -= 1;
+        let scene = &scenes.scenes[run.scene];
+        run.choose(model, own_frames, &mut self.rng);
+        let sample = run.advance(scene, model, &mut self.rng)?;
+        match sample {
+            Some(_) => self.run = Some(run),
+            None => self.gone_astray += 1,
+        }
+        Ok(sample)
+    }
+}
+
+impl Run {
+    /// Begins one of the motions somewhere on its way; physics leads there.
+    fn begin(
+        scenes: &TeachingScenes,
+        cfg: &CorrectionConfig,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self, Problem> {
+        let number = rng.random_range(0..scenes.scenes.len());
+        let TeachingScene { scene, graph, rest } = &scenes.scenes[number];
+        let path = scene.handle_path()?;
+        let lasts = path.frame_count();
+        let lead = rng.random_range(0..=cfg.samples.lead.min(lasts));
+        let base = cfg.model.base.ok_or("model.base is missing")?;
+        let leading = PhysicsBase {
+            integrator: Integrator::SecondOrder,
+            substeps: 2,
+            forgets: false,
+        };
+        let still = vec![DVec3::ZERO; rest.len()];
+        let simulator = |base: PhysicsBase, frame: usize, state: FrameState| {
+            let scene = base_scene(scene, base);
+            let made = Simulator::with_state(&scene, state.positions, state.velocities)?;
+            let mut made = made.at_frame(frame);
+            made.set_threads(Threads::One);
+            Ok::<_, Problem>(made)
+        };
+        let at_rest = FrameState {
+            positions: rest.to_vec(),
+            velocities: still,
+        };
+        let mut leader = simulator(leading, 0, at_rest)?;
+        for frame in 0..lead {
+            leader.step(&path.targets(frame, leading.substeps as usize)?)?;
+        }
+        let now = state_of(&leader);
+        let teacher = PhysicsBase {
+            substeps: cfg.teacher.substeps,
+            ..leading
+        };
+        Ok(Self {
+            scene: number,
+            cheap: simulator(base, lead, now.clone())?,
+            teacher: simulator(teacher, lead, now.clone())?,
+            columns: CorrectionColumns::new(
+                graph,
+                stiffness(&scene.material),
+                1.0 / scene.frame_rate,
+            ),
+            corrector: None,
+            base,
+            teaching: teacher.substeps,
+            held: graph.handle_mask().to_vec(),
+            path,
+            now,
+            before: None,
+            left: rng.random_range(1..=cfg.samples.frames),
+            until_change: 0,
+            follows_model: false,
+        })
+    }
+
+    /// Chooses whom the cloth follows: in turn the teacher for up to [`MOST_TAUGHT`] frames, and
+    /// the model for less than `own_frames`.
+    fn choose(&mut self, model: Option<&Arc<Model>>, own_frames: usize, rng: &mut ChaCha8Rng) {
+        if self.until_change > 0 {
+            self.until_change -= 1;
+            return;
+        }
+        self.follows_model = !self.follows_model && model.is_some() && own_frames > 1;
+        let most = if self.follows_model {
+            own_frames - 1
+        } else {
+            MOST_TAUGHT
+        };
+        self.until_change = rng.random_range(0..most);
+    }
+
+    /// Moves the cloth by a frame; none where it goes astray.
+    fn advance(
+        &mut self,
+        scene: &TeachingScene,
+        model: Option<&Arc<Model>>,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<CorrectionSample>, Problem> {
+        let frame = self.cheap.frame();
+        let forgets = rng.random::<f64>() < FORGETFUL;
+        if forgets || self.base.forgets {
+            self.cheap.forget_previous();
+            self.before = None;
+        }
+        let FrameState {
+            positions,
+            velocities,
+        } = &self.now;
+        self.teacher.resume(frame, positions, velocities)?;
+        let targets = self.path.targets(frame, self.base.substeps as usize)?;
+        let finely = self.path.targets(frame, self.teaching as usize)?;
+        if self.cheap.step(&targets).is_err() || self.teacher.step(&finely).is_err() {
+            return Ok(None);
+        }
+        let predicted = state_of(&self.cheap);
+        let turns = HalfTurns {
+            along: rng.random(),
+            over: rng.random(),
+        };
+        let sample = self.write(scene, &predicted, turns);
+        let next = match model.filter(|_| self.follows_model) {
+            Some(model) => self.corrected(scene, model, predicted)?,
+            None => state_of(&self.teacher),
+        };
+        let truth = self.teacher.positions_f64().iter();
+        let near = |(p, q): (&DVec3, &DVec3)| p.distance(*q) < ASTRAY;
+        if !next.positions.iter().zip(truth).all(near)
+            || self
+                .cheap
+                .correct(&next.positions, &next.velocities)
+                .is_err()
+        {
+            return Ok(None);
+        }
+        self.before = Some(std::mem::replace(&mut self.now, next));
+        Ok(Some(sample))
+    }
+
+    /// The sample of the cheap frame `predicted`, in columns of the cloth turned by `turns`.
+    fn write(
+        &mut self,
+        scene: &TeachingScene,
+        predicted: &FrameState,
+        turns: HalfTurns,
+    ) -> CorrectionSample {
+        let frame = frame_of(scene, self.cheap.frame() - 1, &self.held);
+        let frame = PredictedFrame {
+            before: self.before.as_ref().map(FrameState::as_motion),
+            last: self.now.as_motion(),
+            predicted: predicted.as_motion(),
+            ..frame
+        };
+        self.columns.write(&scene.graph, &frame, turns);
+        let truth = MotionState {
+            positions: self.teacher.positions_f64(),
+            velocities: self.teacher.velocities_f64(),
+        };
+        let mut target = Vec::new();
+        self.columns.target(frame.predicted, truth, &mut target);
+        CorrectionSample {
+            graph: Arc::clone(&scene.graph),
+            nodes: self.columns.nodes.clone(),
+            arcs: self.columns.arcs.clone(),
+            target,
+            free: self.held.iter().map(|held| !held).collect(),
+        }
+    }
+
+    /// The state that `model` makes of a predicted one.
+    fn corrected(
+        &mut self,
+        scene: &TeachingScene,
+        model: &Arc<Model>,
+        predicted: FrameState,
+    ) -> Result<FrameState, Problem> {
+        let corrector = match &mut self.corrector {
+            Some(corrector) => corrector,
+            none => none.insert(Corrector::new(
+                Arc::clone(model),
+                ClothGraph::clone(&scene.graph),
+                stiffness(&scene.scene.material),
+            )?),
+        };
+        corrector.set_model(model)?;
+        let mut next = predicted.clone();
+        let frame = PredictedFrame {
+            before: self.before.as_ref().map(FrameState::as_motion),
+            last: self.now.as_motion(),
+            predicted: predicted.as_motion(),
+            ..frame_of(scene, self.cheap.frame() - 1, &self.held)
+        };
+        corrector.correct(&frame, &mut next.positions, &mut next.velocities);
+        Ok(next)
+    }
+}
+
+/// Frame number `frame` of a scene, but for the states, which stay empty.
+fn frame_of<'a>(scene: &TeachingScene, frame: usize, held: &'a [bool]) -> PredictedFrame<'a> {
+    let nothing = MotionState {
+        positions: &[],
+        velocities: &[],
+    };
+    let rate = scene.scene.frame_rate;
+    let environment = scene.scene.environment.during_step(frame, rate);
+    PredictedFrame {
+        before: None,
+        last: nothing,
+        predicted: nothing,
+        wind: environment.wind,
+        gravity: environment.gravity,
+        held,
+    }
+}
+
+fn state_of(simulator: &Simulator) -> FrameState {
+    FrameState {
+        positions: simulator.positions_f64().to_vec(),
+        velocities: simulator.velocities_f64().to_vec(),
+    }
+}

@@ -1,0 +1,58 @@
+//! Samples for models that correct physics: cloths that move by cheap physics, corrected or not,
+//! and converged physics that is asked for the frame after each of their states.
+//!
+//! Scenes are those of data sets' motions to train on. Each cloth is the work of one thread, and
+//! all that is drawn by chance follows from the seed and the cloth's number.
+
+mod cloth;
+mod scenes;
+
+use std::error::Error;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use selvedge_model::Model;
+use selvedge_train::{CorrectionConfig, CorrectionSample, SampleSource};
+
+pub use self::scenes::{TeachingScenes, TeachingScenesError};
+
+use self::cloth::TaughtCloth;
+
+/// Cloths that move at once, and their teacher.
+pub struct Teaching {
+    scenes: TeachingScenes,
+    cfg: CorrectionConfig,
+    cloths: Vec<TaughtCloth>,
+}
+
+impl Teaching {
+    /// The cloths of a training by `cfg` in `scenes` that goes on after `first` steps.
+    #[must_use]
+    pub fn new(scenes: TeachingScenes, cfg: CorrectionConfig, first: u64) -> Self {
+        let cloth = |number| TaughtCloth::new(cfg.seed, first, number);
+        Self {
+            cloths: (0..cfg.samples.cloths).map(cloth).collect(),
+            scenes,
+            cfg,
+        }
+    }
+}
+
+impl SampleSource for Teaching {
+    fn samples(
+        &mut self,
+        model: Option<&Arc<Model>>,
+        own_frames: usize,
+    ) -> Result<Vec<CorrectionSample>, Box<dyn Error + Send + Sync>> {
+        let (scenes, cfg) = (&self.scenes, &self.cfg);
+        let cloths = self.cloths.par_iter_mut();
+        let samples: Result<Vec<_>, _> = cloths
+            .map(|cloth| cloth.sample(scenes, cfg, model, own_frames))
+            .collect();
+        Ok(samples?.into_iter().flatten().collect())
+    }
+
+    fn gone_astray(&self) -> u64 {
+        self.cloths.iter().map(TaughtCloth::gone_astray).sum()
+    }
+}

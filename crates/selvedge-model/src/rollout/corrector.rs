@@ -1,0 +1,193 @@
+//! A model that corrects physics, at work on one cloth: columns of a predicted frame, one pass of
+//! the network, and its corrections of positions and velocities.
+//!
+//! Where the input is unlike what the model was trained on, its corrections fade to nothing, and
+//! the frame stays the physics' own.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use thiserror::Error;
+
+use crate::features::correction::{
+    ARC_COLUMNS, CorrectionColumns, HalfTurns, NODE_COLUMNS, PredictedFrame, Stiffness,
+};
+use crate::graph::ClothGraph;
+use crate::kernels::simd::Instructions;
+use crate::network::packed::{PackedWeights, Purpose};
+use crate::network::workspace::Workspace;
+use crate::network::{Carried, EncoderState, Input, Pass};
+use crate::rollout::model::Model;
+use crate::spec::PhysicsBase;
+
+/// Deviations from the mean within which training has seen a column often.
+const FAMILIAR: f32 = 6.0;
+/// Deviations beyond which a column counts as never seen.
+const UNLIKE: f32 = 12.0;
+/// Deviations to which inputs and outputs are cut, in training and in use.
+pub const MOST_DEVIATIONS: f32 = 10.0;
+
+/// A model that moves cloth by itself where one that corrects physics is needed.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("the model moves the cloth by itself: it corrects no physics")]
+pub struct NoBase;
+
+/// A model that corrects the frames of one cloth.
+pub struct Corrector {
+    model: Arc<Model>,
+    graph: ClothGraph,
+    columns: CorrectionColumns,
+    weights: PackedWeights<f32>,
+    workspace: Workspace<f32>,
+    rows: Vec<f32>,
+    /// Part of the correction that each vertex gets, `[vertices]`.
+    shares: Vec<f32>,
+}
+
+/// The share of a frame that was corrected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Familiarity {
+    /// Part of the vertices whose input is like what was trained on.
+    pub familiar: f64,
+    /// The farthest that a vertex was moved `[m]`.
+    pub largest: f64,
+}
+
+impl Corrector {
+    /// A corrector of the cloth of `graph`, whose material has `stiffness`.
+    ///
+    /// # Errors
+    /// [`NoBase`].
+    pub fn new(model: Arc<Model>, graph: ClothGraph, stiffness: Stiffness) -> Result<Self, NoBase> {
+        if model.spec().base.is_none() {
+            return Err(NoBase);
+        }
+        let columns = CorrectionColumns::new(&graph, stiffness, 1.0 / graph.frame_rate());
+        let (purpose, using) = (Purpose::Inference, Instructions::Detected);
+        Ok(Self {
+            columns,
+            weights: model.network().pack(model.weights(), purpose, using),
+            workspace: Workspace::new(),
+            rows: Vec::new(),
+            shares: vec![1.0; graph.vertex_count()],
+            model,
+            graph,
+        })
+    }
+
+    /// Corrects with another model from now on, of the same network.
+    ///
+    /// # Errors
+    /// [`NoBase`].
+    ///
+    /// # Panics
+    /// When its network is another one.
+    pub fn set_model(&mut self, model: &Arc<Model>) -> Result<(), NoBase> {
+        if Arc::ptr_eq(&self.model, model) {
+            return Ok(());
+        }
+        if model.spec().base.is_none() {
+            return Err(NoBase);
+        }
+        assert_eq!(model.spec(), self.model.spec(), "network");
+        self.model = Arc::clone(model);
+        let network = self.model.network();
+        network.repack(self.model.weights(), &mut self.weights);
+        Ok(())
+    }
+
+    /// The cloth.
+    #[must_use]
+    pub fn graph(&self) -> &ClothGraph {
+        &self.graph
+    }
+
+    /// The physics that the model corrects.
+    ///
+    /// # Errors
+    /// [`NoBase`], which [`Self::new`] has refused.
+    pub fn base(&self) -> Result<PhysicsBase, NoBase> {
+        self.model.spec().base.ok_or(NoBase)
+    }
+
+    /// Corrects `positions` `[m]` and `velocities` `[m/s]`, `[vertices]` each, which begin as the
+    /// predicted ones of `frame`.
+    ///
+    /// # Panics
+    /// When a slice does not have the size of the cloth.
+    pub fn correct(
+        &mut self,
+        frame: &PredictedFrame<'_>,
+        positions: &mut [DVec3],
+        velocities: &mut [DVec3],
+    ) -> Familiarity {
+        let columns = &mut self.columns;
+        columns.write(&self.graph, frame, HalfTurns::default());
+        let normalizers = self.model.normalizers();
+        normalizers.nodes.normalize(&mut columns.nodes);
+        normalizers.edges.normalize(&mut columns.arcs);
+        find_shares(&self.graph, columns, &mut self.shares);
+        cut(&mut columns.nodes);
+        cut(&mut columns.arcs);
+        let out = self.model.network().forward_carried(
+            &self.weights,
+            self.graph.connectivity(),
+            Carried {
+                input: Input {
+                    nodes: &columns.nodes,
+                    arcs: &columns.arcs,
+                },
+                state: &EncoderState::new(),
+            },
+            Pass::Inference,
+            &mut self.workspace,
+        );
+        self.rows.clear();
+        self.rows.extend_from_slice(out);
+        cut(&mut self.rows);
+        normalizers.acceleration.denormalize(&mut self.rows);
+        let mut result = Familiarity::default();
+        for (row, &share) in self
+            .rows
+            .as_chunks_mut::<6>()
+            .0
+            .iter_mut()
+            .zip(&self.shares)
+        {
+            row.iter_mut().for_each(|x| *x *= share);
+            let moved = row[..3].iter().map(|x| x * x).sum::<f32>().sqrt();
+            result.largest = result.largest.max(moved.into());
+            result.familiar += f64::from(u8::from(share == 1.0));
+        }
+        result.familiar /= self.shares.len().max(1) as f64;
+        self.columns
+            .apply(&self.rows, frame.held, positions, velocities);
+        result
+    }
+}
+
+/// The part of its correction that each vertex gets: all of it where its columns and those of the
+/// arcs that arrive there are within [`FAMILIAR`] deviations, none beyond [`UNLIKE`]
+/// `[eq:familiar]`.
+fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f32]) {
+    let most = |row: &[f32]| row.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+    let arcs = columns.arcs.as_chunks::<ARC_COLUMNS>().0;
+    let first = graph.connectivity().first_arc();
+    let nodes = columns.nodes.as_chunks::<NODE_COLUMNS>().0.iter();
+    for (v, (row, share)) in nodes.zip(shares).enumerate() {
+        let arriving = &arcs[first[v] as usize..first[v + 1] as usize];
+        let far = most(row).max(most(arriving.as_flattened()));
+        let far = (far - FAMILIAR) / (UNLIKE - FAMILIAR);
+        *share = 1.0 - far.clamp(0.0, 1.0);
+        if far.is_nan() {
+            *share = 0.0;
+        }
+    }
+}
+
+/// Cuts normalised values to what training shows.
+pub fn cut(rows: &mut [f32]) {
+    for value in rows {
+        *value = value.clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS);
+    }
+}

@@ -1,0 +1,79 @@
+//! The physics as a [`Correctable`]: frames that were made elsewhere, and steps that are undone.
+
+use glam::Vec3;
+use selvedge_cloth::{Correctable, StepError, VertexId};
+
+use super::{Simulator, Undo};
+use crate::state::State;
+
+impl Simulator {
+    /// Checks the number of positions, and that all of them are finite.
+    fn check_frame(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
+        assert_eq!(positions.len(), self.rounded.len(), "positions");
+        match positions.iter().position(|p| !p.is_finite()) {
+            Some(vertex) => Err(StepError::NonFinite {
+                frame,
+                vertex: VertexId(vertex as u32),
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A frame that is replaced moves at the velocities of before, plus that of the way from the old
+/// places to the new ones in one frame. One that is taken moves as it came from the frame before.
+impl Correctable for Simulator {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.check_frame(self.frame, positions)?;
+        let rate = self.scene.frame_rate;
+        let State {
+            positions: x,
+            velocities: v,
+        } = &mut self.state;
+        for ((x, v), to) in x.iter_mut().zip(v).zip(positions) {
+            let to = to.as_dvec3();
+            *v += rate * (to - *x);
+            *x = to;
+        }
+        self.round();
+        Ok(())
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.check_frame(self.frame + 1, positions)?;
+        self.undo = None;
+        let rate = self.scene.frame_rate;
+        let State {
+            positions: x,
+            velocities: v,
+        } = &mut self.state;
+        for ((x, v), to) in x.iter_mut().zip(v).zip(positions) {
+            let to = to.as_dvec3();
+            *v = rate * (to - *x);
+            *x = to;
+        }
+        for (reached, vertex) in self.reached.iter_mut().zip(self.scene.handles.vertices()) {
+            *reached = self.state.positions[vertex.index()];
+        }
+        self.active.system.forget_changes();
+        self.history.forget();
+        self.frame += 1;
+        self.update_wind();
+        self.round();
+        Ok(())
+    }
+
+    fn undo_step(&mut self) {
+        let Some(Undo { active, reached }) = self.undo.take() else {
+            return;
+        };
+        self.restore();
+        if let Some(active) = active {
+            self.active = active;
+        }
+        self.reached = reached;
+        self.frame -= 1;
+        self.update_wind();
+        self.round();
+    }
+}
