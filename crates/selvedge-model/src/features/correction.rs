@@ -71,9 +71,9 @@ pub struct Stiffness {
 pub struct CorrectionColumns {
     /// Length of a frame `[s]`.
     dt: f64,
-    /// Of each edge: direction in the pattern as cos 2φ and sin 2φ, and logarithms of its length
-    /// and of the two stiffnesses, `[edges]`.
-    still: Vec<[f32; STILL_COLUMNS]>,
+    /// Of both arcs of each edge: direction in the pattern as cos 2φ and sin 2φ, and logarithms of
+    /// its length and of the two stiffnesses, `[edges, 2]`.
+    still: Vec<[[f32; STILL_COLUMNS]; 2]>,
     /// Length of each edge in the material `[m]`, `[edges]`.
     lengths: Vec<f32>,
     /// Of each face: shares of its two edges from the first corner in the tangent along the
@@ -114,32 +114,26 @@ impl CorrectionColumns {
     /// Columns of the cloth of `graph`, whose material has `stiffness`; a frame lasts `dt` `[s]`.
     #[must_use]
     pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64) -> Self {
-        let uv = graph.material_coordinates();
-        let edges = graph.topology().edges().iter();
-        let mut lengths = Vec::with_capacity(edges.len());
-        let still = edges.map(|edge| {
-            let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-            let d = a - b;
-            let length = d.length();
-            lengths.push(length);
-            let inverse = if length > 0.0 {
-                1.0 / (length * length)
-            } else {
-                0.0
-            };
+        let pattern = graph.cloth().pattern();
+        let lengths: Vec<f32> = pattern.edge_lengths().iter().map(|&l| l as f32).collect();
+        let still = graph.material_vectors().into_iter().zip(&lengths);
+        let still = still.map(|(arcs, &length)| {
             let inertia = stiffness.density * f64::from(length * length) / (dt * dt);
             let bend = stiffness.bend / (inertia * f64::from(length * length));
-            [
-                (d.x * d.x - d.y * d.y) * inverse,
-                2.0 * d.x * d.y * inverse,
-                length.ln(),
-                (stiffness.stretch / inertia).ln() as f32,
-                bend.ln() as f32,
-            ]
+            arcs.map(|d| {
+                let square = d.length_squared();
+                let inverse = if square > 0.0 { 1.0 / square } else { 0.0 };
+                [
+                    (d.x * d.x - d.y * d.y) * inverse,
+                    2.0 * d.x * d.y * inverse,
+                    length.ln(),
+                    (stiffness.stretch / inertia).ln() as f32,
+                    bend.ln() as f32,
+                ]
+            })
         });
         let still = still.collect();
-        let along = graph.topology().faces().iter().map(|face| {
-            let [a, b, c] = face.map(|v| uv[v.index()]);
+        let along = pattern.faces().map(|[a, b, c]| {
             let (p, q) = (b - a, c - a);
             let area = p.perp_dot(q);
             if area == 0.0 {
@@ -277,12 +271,11 @@ impl CorrectionColumns {
             ]
             .map(|d| d * inverse);
             let [bent, bends] = self.angles[number].map(|angle| side * angle);
-            let mut still = self.still[number];
-            if turns.over {
-                still[1] = -still[1];
-            }
             // The first arc comes from a and arrives at b.
-            for (&arc, (sender, receiver, sign)) in arcs.iter().zip([(a, b, 1.0), (b, a, -1.0)]) {
+            let both = [(a, b, 1.0), (b, a, -1.0)];
+            for ((&arc, still), (sender, receiver, sign)) in
+                arcs.iter().zip(&self.still[number]).zip(both)
+            {
                 let row = &mut rows[arc as usize];
                 let axes = self.frames[receiver].transpose();
                 for (to, vector) in row.as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
@@ -292,7 +285,8 @@ impl CorrectionColumns {
                 row[15..17].copy_from_slice(&strains);
                 row[17] = bends;
                 row[18] = bends - bent;
-                row[19..24].copy_from_slice(&still);
+                row[19..24].copy_from_slice(still);
+                row[20] *= side;
             }
         }
     }
