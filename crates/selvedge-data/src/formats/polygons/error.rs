@@ -78,24 +78,9 @@ pub enum MeshFileError {
     #[error("{} and {}: these faces have the same three vertices: remove one of them", places[0], places[1])]
     Duplicate { places: [Place; 2] },
     #[error(
-        "{key} names {name:?}, but the mesh has no object or group of that name; it has [{known}]"
-    )]
-    NoLabel {
-        key: &'static str,
-        name: String,
-        known: String,
-    },
-    #[error(
         "mesh.panels: the place of {panel:?} needs an axis that is a direction, and finite numbers"
     )]
     Place { panel: String },
-    #[error(
-        "seams: {:?} has {} vertices and {:?} has {}: give both borders as many", names[0], counts[0], names[1], counts[1]
-    )]
-    SeamCounts {
-        names: [String; 2],
-        counts: [usize; 2],
-    },
     #[error(
         "seams: the vertices of {name:?} are not one line along the border of a panel, from one end to another: a group of edges that is a whole border, or has gaps, cannot be sewn"
     )]

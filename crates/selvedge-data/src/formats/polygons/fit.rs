@@ -6,6 +6,7 @@
 //! texture without strain. A panel whose texture is mirrored is mirrored back.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use glam::DVec2;
 use selvedge_cloth::geometry::signed_area_2d;
@@ -21,8 +22,8 @@ pub(super) fn fit(
     let panels = panels(polygons, coordinates);
     let mut done: HashMap<usize, DVec2> = HashMap::new();
     for &panel in &panels {
-        if !done.contains_key(&panel) {
-            done.insert(panel, scale(polygons, coordinates, &panels, panel)?);
+        if let Entry::Vacant(entry) = done.entry(panel) {
+            entry.insert(scale(polygons, coordinates, &panels, panel)?);
         }
     }
     for (corners, panel) in coordinates.iter_mut().zip(&panels) {

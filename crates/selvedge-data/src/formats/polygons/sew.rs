@@ -122,10 +122,11 @@ fn vertices<'a>(
 ) -> Result<&'a BTreeSet<u32>, MeshFileError> {
     polygons.labels.get(name).ok_or_else(|| {
         let known: Vec<&str> = polygons.labels.keys().map(String::as_str).collect();
-        MeshFileError::NoLabel {
-            key,
-            name: name.to_owned(),
-            known: known.join(", "),
+        MeshFileError::Content {
+            problem: format!(
+                "{key} names {name:?}, but the mesh has no object or group of that name; it has [{}]",
+                known.join(", ")
+            ),
         }
     })
 }
@@ -149,9 +150,12 @@ fn pairs_of(polygons: &Polygons, seam: &SeamPair) -> Result<Vec<[u32; 2]>, MeshF
     let [a, b] = [&seam.a, &seam.b].map(|name| border(polygons, name));
     let (a, mut b) = (a?, b?);
     if a.len() != b.len() {
-        return Err(MeshFileError::SeamCounts {
-            names: [seam.a.clone(), seam.b.clone()],
-            counts: [a.len(), b.len()],
+        let (one, other) = (a.len(), b.len());
+        return Err(MeshFileError::Content {
+            problem: format!(
+                "seams: {:?} has {one} vertices and {:?} has {other}: give both borders as many",
+                seam.a, seam.b
+            ),
         });
     }
     let distance = |b: &[u32]| -> f64 {
