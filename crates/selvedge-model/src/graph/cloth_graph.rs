@@ -413,7 +413,10 @@ mod tests {
     fn each_arc_of_a_seam_lies_in_the_face_to_its_left() {
         use selvedge_cloth::{Handles, Mesh};
         // Two faces sewn along 1-2; the second is turned by a quarter and a tenth larger.
-        let (faces, turn) = ([[0, 1, 2], [1, 3, 2]], glam::DVec2::from_angle(1.5707963));
+        let (faces, turn) = (
+            [[0, 1, 2], [1, 3, 2]],
+            glam::DVec2::from_angle(std::f64::consts::FRAC_PI_2),
+        );
         let at = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 0.5)].map(glam::DVec2::from);
         let shapes = [0, 1].map(|face| {
             let place = |v: u32| match face {
