@@ -262,3 +262,6 @@ impl Correctable for CorrectedStepper {
         self.before = before;
     }
 }
+
+#[cfg(test)]
+mod tests;

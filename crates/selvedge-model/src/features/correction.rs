@@ -341,3 +341,6 @@ fn bend(corners: [DVec3; 4]) -> f32 {
     let sine = 0.0 - along.length() * normal_left.dot(to_right);
     sine.atan2(normal_left.dot(normal_right))
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

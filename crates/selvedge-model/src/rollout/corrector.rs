@@ -147,14 +147,11 @@ impl Corrector {
         cut(&mut self.rows);
         normalizers.acceleration.denormalize(&mut self.rows);
         let mut result = Familiarity::default();
-        for (row, &share) in self
-            .rows
-            .as_chunks_mut::<6>()
-            .0
-            .iter_mut()
-            .zip(&self.shares)
-        {
-            row.iter_mut().for_each(|x| *x *= share);
+        let rows = self.rows.as_chunks_mut::<6>().0.iter_mut();
+        for ((row, &share), &held) in rows.zip(&self.shares).zip(frame.held) {
+            // What is dropped need not be a number.
+            let part = |x: f32| if share == 0.0 || held { 0.0 } else { share * x };
+            row.iter_mut().for_each(|x| *x = part(*x));
             let moved = row[..3].iter().map(|x| x * x).sum::<f32>().sqrt();
             result.largest = result.largest.max(moved.into());
             result.familiar += f64::from(u8::from(share == 1.0));
@@ -170,7 +167,9 @@ impl Corrector {
 /// arcs that arrive there are within [`FAMILIAR`] deviations, none beyond [`UNLIKE`]
 /// `[eq:familiar]`.
 fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f32]) {
-    let most = |row: &[f32]| row.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+    // Of two numbers `max` gives the one that is a number: those that are none are the farthest.
+    let size = |x: &f32| if x.is_nan() { f32::INFINITY } else { x.abs() };
+    let most = |row: &[f32]| row.iter().map(size).fold(0.0, f32::max);
     let arcs = columns.arcs.as_chunks::<ARC_COLUMNS>().0;
     let first = graph.connectivity().first_arc();
     let nodes = columns.nodes.as_chunks::<NODE_COLUMNS>().0.iter();
@@ -179,9 +178,6 @@ fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f3
         let far = most(row).max(most(arriving.as_flattened()));
         let far = (far - FAMILIAR) / (UNLIKE - FAMILIAR);
         *share = 1.0 - far.clamp(0.0, 1.0);
-        if far.is_nan() {
-            *share = 0.0;
-        }
     }
 }
 
@@ -191,3 +187,6 @@ pub fn cut(rows: &mut [f32]) {
         *value = value.clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS);
     }
 }
+
+#[cfg(test)]
+mod tests;

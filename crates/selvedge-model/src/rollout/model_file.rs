@@ -312,4 +312,4 @@ fn read_normalizer(
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

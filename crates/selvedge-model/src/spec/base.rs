@@ -20,3 +20,78 @@ pub struct PhysicsBase {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub forgets: bool,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::{EdgeFeature, EdgeLimits, Encoder, Integration, ModelSpec, NodeFeature};
+
+    fn spec() -> ModelSpec {
+        let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 2,
+            "base": {"substeps": 1}}"#;
+        serde_json::from_str(text).expect("a spec")
+    }
+
+    #[test]
+    fn a_base_fixes_columns_and_outputs() {
+        let spec = spec();
+        assert_eq!(spec.validate(), Ok(()));
+        assert_eq!(
+            (spec.node_width(), spec.edge_width(), spec.outputs()),
+            (20, 24, 6)
+        );
+        let base = spec.base.expect("a base");
+        assert_eq!(base.integrator, Integrator::default());
+        assert!(!base.forgets);
+        let text = serde_json::to_string(&spec).expect("JSON");
+        assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));
+        let unknown = text.replace("\"substeps\"", "\"steps\"");
+        assert!(serde_json::from_str::<ModelSpec>(&unknown).is_err());
+    }
+
+    #[test]
+    fn a_spec_with_a_base_that_says_more_names_the_field() {
+        let edits: [(&str, fn(&mut ModelSpec)); 8] = [
+            (
+                "model.base.substeps must be between 1 and 1000, found 0",
+                |spec| {
+                    spec.base.as_mut().expect("a base").substeps = 0;
+                },
+            ),
+            ("model.latent must be between 8 and 4096, found 7", |spec| {
+                spec.latent = 7
+            }),
+            ("model.node_features must be left out", |spec| {
+                spec.node_features.insert(NodeFeature::Velocity);
+            }),
+            ("model.edge_features must be left out", |spec| {
+                spec.edge_features.insert(EdgeFeature::Vector);
+            }),
+            ("model.encoder must be left out", |spec| {
+                spec.encoder = Encoder::Gru { window: 2 };
+            }),
+            ("model.coarse_levels must be left out", |spec| {
+                spec.coarse_levels = 1
+            }),
+            ("model.integration must be left out", |spec| {
+                spec.integration = Integration::Carried {
+                    damping: 0.1,
+                    stiffness: 0.1,
+                };
+            }),
+            ("model.edge_limits must be left out", |spec| {
+                spec.edge_limits = Some(EdgeLimits {
+                    least: 0.9,
+                    most: 1.1,
+                    sweeps: 2,
+                });
+            }),
+        ];
+        for (expected, edit) in edits {
+            let mut spec = spec();
+            edit(&mut spec);
+            let error = spec.validate().expect_err(expected).to_string();
+            assert!(error.starts_with(expected), "{error}");
+        }
+    }
+}

@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 use selvedge_model::{
     Carried, Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient,
-    Instructions, Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients,
-    Workspace, reference,
+    Instructions, Model, ModelSpec, Network, PackedWeights, Pass, PhysicsBase, Purpose,
+    StateGradients, Workspace, reference,
 };
 
 /// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
@@ -90,6 +90,16 @@ fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Mlp { window: 3 }, 6, 1),
         ModelSpec::physical(Encoder::NodeGru { window: 3 }, 6, 1),
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
+        ModelSpec {
+            node_features: Default::default(),
+            edge_features: Default::default(),
+            base: Some(PhysicsBase {
+                integrator: Default::default(),
+                substeps: 1,
+                forgets: false,
+            }),
+            ..ModelSpec::physical(Encoder::MLP, 8, 2)
+        },
     ]
 }
 
@@ -188,7 +198,7 @@ fn gradients_match_finite_differences_in_every_tensor() {
         let pass = Pass::Training(dropout);
         case.objective(&case.weights, pass, &mut workspace);
         let mut gradient = vec![0.0; case.weights.len()];
-        let output: Vec<f64> = (0..case.graph.vertex_count() * 3)
+        let output: Vec<f64> = (0..case.graph.vertex_count() * spec.outputs())
             .map(coefficient)
             .collect();
         let [mut nodes, mut arcs] = [&case.nodes, &case.arcs].map(|x| vec![f64::NAN; x.len()]);
@@ -355,7 +365,7 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
             nodes: &nodes,
             arcs: &arcs,
         };
-        let output: Vec<f32> = (0..3 * case.graph.vertex_count())
+        let output: Vec<f32> = (0..spec.outputs() * case.graph.vertex_count())
             .map(|k| coefficient(k) as f32)
             .collect();
         let [wide, plain] = [Instructions::Detected, Instructions::Plain].map(|instructions| {

@@ -3,6 +3,7 @@
 
 mod allocation;
 mod conformance;
+mod corrections;
 mod dynamics;
 mod fit;
 mod golden;

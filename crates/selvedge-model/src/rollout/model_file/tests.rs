@@ -2,10 +2,11 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::Integrator;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::spec::Encoder;
+use crate::spec::{Encoder, PhysicsBase};
 
 fn normalizer(width: usize, first: f64) -> Normalizer {
     let mean = (0..width).map(|k| first + k as f64 / 3.0).collect();
@@ -13,24 +14,34 @@ fn normalizer(width: usize, first: f64) -> Normalizer {
     Normalizer::new(mean, deviation).expect("statistics")
 }
 
-fn model(spec: &ModelSpec) -> Model {
+pub(crate) fn model(spec: &ModelSpec) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let network = Network::new(spec).expect("a valid spec");
     let weights = network.initialise(&mut || rng.random::<f64>());
     let normalizers = Normalizers {
         nodes: normalizer(spec.node_width(), 0.1),
         edges: normalizer(spec.edge_width(), -0.2),
-        acceleration: normalizer(3, 1e-9),
+        acceleration: normalizer(spec.outputs(), 1e-9),
     };
     let training = r#"{"steps": 3, "note": "ünï \"quoted\""}"#.to_owned();
     Model::new(spec, weights, normalizers, training).expect("a model")
 }
 
-fn specs() -> [ModelSpec; 3] {
+fn specs() -> [ModelSpec; 4] {
     [
         ModelSpec::physical(Encoder::Gru { window: 2 }, 4, 1),
         ModelSpec::physical(Encoder::MLP, 5, 2),
         ModelSpec::mesh_graph_nets(4, 1),
+        ModelSpec {
+            node_features: Default::default(),
+            edge_features: Default::default(),
+            base: Some(PhysicsBase {
+                integrator: Integrator::SecondOrder,
+                substeps: 3,
+                forgets: true,
+            }),
+            ..ModelSpec::physical(Encoder::MLP, 8, 1)
+        },
     ]
 }
 

@@ -1,0 +1,220 @@
+//! Corrected physics keeps the contract of a stepper, and is its base where nothing is corrected.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
+use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::{
+    Environment, Gust, HandleSchedule, Integrator, Motion, PhysicsSettings, SagSettings,
+};
+use selvedge_model::{Encoder, ModelSpec, Network, Normalizer, Normalizers};
+
+use super::*;
+
+const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
+/// Deviation of corrections that do no harm `[m]`.
+const SMALL: f64 = 1e-4;
+
+/// A square that hangs from two corners.
+fn hanging() -> Scene {
+    let spec = SquareSpec {
+        vertices: 25,
+        size: 1.0,
+        seed: 2,
+    };
+    let sheet = square(&spec).unwrap();
+    Scene {
+        name: "hanging".to_owned(),
+        handles: Handles::new(&sheet.labels["upper-corners"], 25).unwrap(),
+        schedule: HandleSchedule::default(),
+        mesh: sheet.mesh,
+        material: toml::from_str(GRAY).unwrap(),
+        environment: Environment::default(),
+        motion: Motion::still(1.0),
+        physics: PhysicsSettings::default(),
+        sag: SagSettings::default(),
+        frame_rate: 60.0,
+    }
+}
+
+fn gusty() -> Scene {
+    let mut scene = hanging();
+    scene.environment.gust = Some(Gust {
+        speed: DVec3::new(3.0, 0.0, 2.0),
+        period: 0.2,
+        seed: 1,
+    });
+    scene
+}
+
+fn bases() -> [PhysicsBase; 4] {
+    let base = |integrator, substeps, forgets| PhysicsBase {
+        integrator,
+        substeps,
+        forgets,
+    };
+    [
+        base(Integrator::Linearised, 1, false),
+        base(Integrator::SecondOrder, 1, false),
+        base(Integrator::SecondOrder, 2, false),
+        base(Integrator::SecondOrder, 1, true),
+    ]
+}
+
+/// An untrained model, whose corrections have the deviation `size`; with `size` 0 it has none, by
+/// weights of the last layer that are 0.
+fn model(base: PhysicsBase, size: f64) -> Arc<Model> {
+    let spec = ModelSpec {
+        node_features: Default::default(),
+        edge_features: Default::default(),
+        base: Some(base),
+        ..ModelSpec::physical(Encoder::MLP, 8, 1)
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let network = Network::new(&spec).unwrap();
+    let mut weights = network.initialise(&mut || rng.random::<f64>());
+    if size == 0.0 {
+        for name in ["decoder.4.weight", "decoder.4.bias"] {
+            let parameters = network.parameters();
+            let last = parameters.iter().find(|p| p.name == name).unwrap();
+            weights[last.range.clone()].fill(0.0);
+        }
+    }
+    let even = |width: usize, deviation: f64| {
+        Normalizer::new(vec![0.0; width], vec![deviation; width]).unwrap()
+    };
+    let normalizers = Normalizers {
+        nodes: even(spec.node_width(), 10.0),
+        edges: even(spec.edge_width(), 10.0),
+        acceleration: even(spec.outputs(), if size == 0.0 { SMALL } else { size }),
+    };
+    Arc::new(Model::new(&spec, weights, normalizers, String::new()).unwrap())
+}
+
+fn at_rest(scene: &Scene) -> FrameState {
+    FrameState {
+        positions: scene.mesh.positions().to_vec(),
+        velocities: vec![DVec3::ZERO; scene.mesh.positions().len()],
+    }
+}
+
+fn stepper(scene: &Scene, base: PhysicsBase, size: f64) -> CorrectedStepper {
+    CorrectedStepper::new(model(base, size), scene, at_rest(scene)).unwrap()
+}
+
+fn still(scene: &Scene) -> HandleTargets {
+    let places = scene.handles.select(scene.mesh.positions());
+    HandleTargets::at_frame_end(places).unwrap()
+}
+
+#[test]
+fn corrected_physics_conforms() {
+    for scene in [hanging(), gusty()] {
+        for base in bases() {
+            let make = || stepper(&scene, base, SMALL);
+            let checked = check_correctable(make, HandlesEnd::AtTargets);
+            assert_eq!(checked, Ok(()), "{base:?}");
+        }
+    }
+}
+
+#[test]
+fn a_model_that_corrects_nothing_leaves_its_base() {
+    for base in bases() {
+        let scene = gusty();
+        let targets = still(&scene);
+        let physics = base_scene(&scene, base);
+        let mut alone = Simulator::new(&physics).unwrap().at_frame(10);
+        let mut none = stepper(&scene, base, 0.0).at_frame(10);
+        let mut some = stepper(&scene, base, SMALL).at_frame(10);
+        for frame in 11..16 {
+            if base.forgets {
+                alone.forget_previous();
+            }
+            alone.step(&targets).unwrap();
+            none.step(&targets).unwrap();
+            some.step(&targets).unwrap();
+            assert_eq!(none.frame(), frame);
+            assert_eq!(none.state().positions, alone.positions_f64(), "{base:?}");
+            assert_eq!(none.state().velocities, alone.velocities_f64(), "{base:?}");
+            // All of it was familiar: it is the weights that are 0.
+            let familiar = none.familiarity();
+            assert_eq!((familiar.familiar, familiar.largest), (1.0, 0.0));
+        }
+        assert!(some.familiarity().largest > 0.1 * SMALL);
+        assert_ne!(some.positions(), none.positions());
+    }
+}
+
+#[test]
+fn gusts_are_felt() {
+    let run = |scene: &Scene| {
+        let mut stepper = stepper(scene, bases()[1], SMALL);
+        let targets = still(scene);
+        (0..10).for_each(|_| stepper.step(&targets).unwrap());
+        stepper.positions().to_vec()
+    };
+    let (calm, windy) = (run(&hanging()), run(&gusty()));
+    let apart = calm.iter().zip(windy).map(|(p, q)| p.distance(q));
+    assert!(apart.fold(0.0, f32::max) > 1e-3);
+}
+
+#[test]
+fn a_handle_that_lets_go_is_corrected_as_others_are() {
+    let scene = hanging();
+    let [first, second] = scene.handles.vertices() else {
+        panic!("two handles");
+    };
+    let targets = still(&scene).releasing(vec![true, false]).unwrap();
+    let run = |size: f64| {
+        let mut stepper = stepper(&scene, bases()[1], size);
+        stepper.step(&targets).unwrap();
+        stepper.state().positions.clone()
+    };
+    let (none, some) = (run(0.0), run(SMALL));
+    assert!(none[first.index()].distance(some[first.index()]) > 0.01 * SMALL);
+    assert_eq!(none[second.index()], some[second.index()]);
+}
+
+#[test]
+fn a_correction_beyond_all_bounds_fails_and_leaves_the_cloth() {
+    let scene = hanging();
+    let mut stepper = stepper(&scene, bases()[2], 1e38);
+    let refused = stepper.step(&still(&scene));
+    assert!(matches!(
+        refused,
+        Err(StepError::NonFinite { frame: 1, .. })
+    ));
+    assert_eq!(stepper.frame(), 0);
+    assert_eq!(*stepper.state(), at_rest(&scene));
+    let start: Vec<Vec3> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
+    assert_eq!(stepper.positions(), start);
+}
+
+#[test]
+fn a_model_that_moves_the_cloth_by_itself_is_refused() {
+    let spec = ModelSpec::mesh_graph_nets(8, 1);
+    let network = Network::new(&spec).unwrap();
+    let weights = network.initialise(&mut || 0.5);
+    let even = |width: usize| Normalizer::new(vec![0.0; width], vec![1.0; width]).unwrap();
+    let normalizers = Normalizers {
+        nodes: even(spec.node_width()),
+        edges: even(spec.edge_width()),
+        acceleration: even(3),
+    };
+    let alone = Model::new(&spec, weights, normalizers, String::new()).unwrap();
+    let scene = hanging();
+    let made = CorrectedStepper::new(Arc::new(alone), &scene, at_rest(&scene));
+    assert!(matches!(made.err(), Some(CorrectedError::Base(NoBase))));
+}
+
+#[test]
+fn velocities_are_those_between_the_last_two_frames() {
+    let frames = [0.0, 1.0, 3.0].map(|x| vec![Vec3::new(x, 0.0, 0.0)]);
+    let state = FrameState::of_frames(&frames, 60.0);
+    assert_eq!(state.positions, [DVec3::new(3.0, 0.0, 0.0)]);
+    assert_eq!(state.velocities, [DVec3::new(120.0, 0.0, 0.0)]);
+    let state = FrameState::of_frames(&frames[..1], 60.0);
+    assert_eq!(state.velocities, [DVec3::ZERO]);
+    assert_eq!(FrameState::of_frames(&[], 60.0), FrameState::default());
+}
