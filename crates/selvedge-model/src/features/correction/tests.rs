@@ -65,7 +65,7 @@ impl Shape {
     }
 }
 
-/// What leads to a predicted frame, and the truth.
+/// A predicted frame with the states before it, and the truth.
 struct Case {
     graph: ClothGraph,
     /// Before, last, predicted, true.
