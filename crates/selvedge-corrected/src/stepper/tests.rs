@@ -29,6 +29,7 @@ fn hanging() -> Scene {
         schedule: HandleSchedule::default(),
         mesh: sheet.mesh,
         material: toml::from_str(GRAY).unwrap(),
+        fabrics: Default::default(),
         environment: Environment::default(),
         motion: Motion::still(1.0),
         physics: PhysicsSettings::default(),
