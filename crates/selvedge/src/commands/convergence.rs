@@ -65,13 +65,12 @@ pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&answered, &outcome), &answered)?.ended(outcome.end))
 }
 
-/// Opens the models that are measured, called by the stems of their files.
+/// Opens the models that are measured, called by their files without the ending.
 fn models(files: &[PathBuf]) -> anyhow::Result<Vec<Method>> {
     let open = |file: &PathBuf| -> anyhow::Result<Method> {
         let model = NamedModel::open(Some(file))?.model;
-        let stem = file.file_stem().unwrap_or(file.as_os_str());
-        let name = format!("model {}", stem.to_string_lossy());
-        Ok(Method::of_model(name, model))
+        let name = file.with_extension("");
+        Ok(Method::of_model(format!("model {}", name.display()), model))
     };
     files.iter().map(open).collect()
 }
