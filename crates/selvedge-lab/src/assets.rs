@@ -7,6 +7,15 @@ pub const MODEL: (&str, &[u8]) = (
     include_bytes!("../../../assets/models/small.safetensors"),
 );
 
+/// The shipped models by their names, the one above first.
+pub const MODELS: [(&str, &[u8]); 2] = [
+    MODEL,
+    (
+        "corrected",
+        include_bytes!("../../../assets/models/corrected.safetensors"),
+    ),
+];
+
 /// A list of pairs of names and texts of the files in a folder.
 macro_rules! trainings {
     ($($name:literal),+ $(,)?) => {

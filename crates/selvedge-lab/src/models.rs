@@ -31,7 +31,7 @@ pub struct NamedModel {
 pub enum OpenModelError {
     #[error(
         "{name}: there is no such file, and no shipped model of this name; there are: {}",
-        assets::MODEL.0
+        assets::MODELS.map(|model| model.0).join(", ")
     )]
     NotFound { name: String },
     #[error("{name}: could not be read: {source}")]
@@ -60,8 +60,8 @@ pub struct StartModelError {
 }
 
 impl NamedModel {
-    /// Opens the model in `file`, which may also be the name of the shipped one where no file has
-    /// it; without `file` the shipped one.
+    /// Opens the model in `file`, which may also be the name of a shipped one where no file has it;
+    /// without `file` the first of those.
     ///
     /// # Errors
     /// A file that cannot be read or is no model of this version.
@@ -74,10 +74,11 @@ impl NamedModel {
         let model = match bytes {
             Ok(bytes) => Model::from_bytes(&bytes),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                if name != shipped {
-                    return Err(OpenModelError::NotFound { name });
+                let mut known = assets::MODELS.iter();
+                match known.find(|model| model.0 == name) {
+                    None => return Err(OpenModelError::NotFound { name }),
+                    Some((_, bytes)) => Model::from_bytes(bytes),
                 }
-                Model::from_bytes(its_bytes)
             }
             Err(source) => return Err(OpenModelError::Read { name, source }),
         };
