@@ -274,4 +274,23 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn a_model_that_corrects_physics_needs_its_scene() {
+        use selvedge_cloth::{Cloth, Environment, Handles, generate};
+
+        let spec = generate::SquareSpec {
+            vertices: 16,
+            size: 1.0,
+            seed: 1,
+        };
+        let sheet = generate::square(&spec).unwrap();
+        let handles = Handles::new(&sheet.labels["upper-corners"], 16).unwrap();
+        let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).unwrap();
+        let graph = ClothGraph::new(&cloth, Environment::default(), 60.0).unwrap();
+        let model = crate::teaching::tests::model();
+        let start = [cloth.rest_positions()];
+        let made = Machine::Cpu.start(&model, graph, &start, None);
+        assert!(matches!(made.err(), Some(StartError::NoScene)));
+    }
 }

@@ -91,16 +91,21 @@ impl UnrollFrames {
     /// # Errors
     /// Names the field.
     pub fn validate(&self) -> Result<(), ScheduleError> {
+        self.validate_as("unroll")
+    }
+
+    /// As [`Self::validate`], for the key `schedule`.
+    pub(crate) fn validate_as(&self, schedule: &'static str) -> Result<(), ScheduleError> {
         let most = self.most();
         check((1..=1000).contains(&most), || {
-            error("unroll", "frames", "between 1 and 1000", most)
+            error(schedule, "frames", "between 1 and 1000", most)
         })?;
         match *self {
             Self::Growing { start, end, .. } => {
                 check(end > start, || {
-                    error("unroll", "end", format!("after start = {start}"), end)
+                    error(schedule, "end", format!("after start = {start}"), end)
                 })?;
-                within_training("unroll", "end", end)
+                within_training(schedule, "end", end)
             }
             Self::Constant { .. } => Ok(()),
         }

@@ -363,7 +363,7 @@ pub(crate) struct DatasetInspectArgs {
     pub(crate) pictures: Option<PathBuf>,
 }
 
-/// Train a model on a data set.
+/// Train a model on a data set, or one that corrects physics by a teacher.
 ///
 /// Checkpoints go to the folder as training goes on; Ctrl-C writes one more, and --resume goes on
 /// from the last as if nothing had happened.
@@ -373,7 +373,8 @@ Examples:
   selvedge train first --data data/first --out runs/first --for 30m
   selvedge train first --data data/first --out runs/first --resume
   selvedge train rp-gru10 --data data/first --out runs/gpu --device cuda --for 8m
-  selvedge train rp-gru10 --data data/first --out runs/small --set model.latent=32 --set model.blocks=4")]
+  selvedge train rp-gru10 --data data/first --out runs/small --set model.latent=32 --set model.blocks=4
+  selvedge train corrected --out runs/corrected")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge presets` lists them).
     pub(crate) config: String,

@@ -137,3 +137,29 @@ fn a_rival_that_fails_has_no_mean_and_is_told() {
         assert!(page.contains(text), "{text}\n{page}");
     }
 }
+
+#[test]
+fn a_model_is_a_series_of_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut plan = plan(1);
+    let model = crate::teaching::tests::model();
+    plan.settings.rivals = vec![
+        plan.settings.rivals[0].clone(),
+        Method::of_model("mine".to_owned(), model),
+    ];
+    let outcome = study(&plan, folder.path());
+    assert_eq!(outcome.end, End::Complete);
+    let names: Vec<String> = outcome.cases[0]
+        .rivals
+        .iter()
+        .map(|series| series.method.to_string())
+        .collect();
+    assert_eq!(names, ["linearised, 1 substep", "mine, 1 substep"]);
+    let own = outcome.mean(1, 1).unwrap().position_rmse;
+    assert!(own > 0.0 && own < 0.05, "{own}");
+    assert_ne!(own, outcome.mean(0, 1).unwrap().position_rmse);
+    let page = report(&outcome).unwrap();
+    page.write(folder.path()).unwrap();
+    let page = std::fs::read_to_string(folder.path().join("report.md")).unwrap();
+    assert!(page.contains("| mine, 1 substep |"), "{page}");
+}

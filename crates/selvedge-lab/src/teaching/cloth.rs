@@ -195,6 +195,9 @@ impl Run {
         self.teacher.resume(frame, positions, velocities)?;
         let targets = self.path.targets(frame, self.base.substeps as usize)?;
         let finely = self.path.targets(frame, self.teaching as usize)?;
+        for (handle, vertex) in scene.scene.handles.vertices().iter().enumerate() {
+            self.held[vertex.index()] = targets.holds(handle);
+        }
         if self.cheap.step(&targets).is_err() || self.teacher.step(&finely).is_err() {
             return Ok(None);
         }

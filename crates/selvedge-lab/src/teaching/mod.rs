@@ -56,3 +56,6 @@ impl SampleSource for Teaching {
         self.cloths.iter().map(TaughtCloth::gone_astray).sum()
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

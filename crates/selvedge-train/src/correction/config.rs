@@ -121,7 +121,7 @@ impl CorrectionConfig {
         self.model.validate()?;
         self.optimizer.validate()?;
         self.learning_rate.validate()?;
-        self.own_frames.validate()?;
+        self.own_frames.validate_as("own_frames")?;
         check::count("steps", self.steps, MOST_STEPS)?;
         check::count("log_every", self.log_every, 100_000)?;
         check::count("batch.samples", self.batch.samples as u64, 65_536)?;
@@ -160,5 +160,35 @@ impl SampleConfig {
         let expected = "at least samples.statistics";
         check::require(enough, "samples.kept", expected, self.kept as f64)?;
         check::positive("samples.uses", self.uses)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::correction::trainer::tests::config;
+
+    #[test]
+    fn wrong_values_name_their_key() {
+        let frames = |frames| crate::schedule::UnrollFrames::Constant { frames };
+        let edits: [(&str, fn(&mut super::CorrectionConfig)); 6] = [
+            ("teacher.substeps", |cfg| cfg.teacher.substeps = 0),
+            ("teacher.scenes", |cfg| cfg.teacher.scenes.clear()),
+            ("samples.cloths", |cfg| cfg.samples.cloths = 0),
+            ("samples.kept", |cfg| cfg.samples.kept = 3),
+            ("samples.uses", |cfg| cfg.samples.uses = 0.0),
+            ("model.base", |cfg| {
+                cfg.model.base.as_mut().unwrap().substeps = 0
+            }),
+        ];
+        for (key, edit) in edits {
+            let mut cfg = config("");
+            edit(&mut cfg);
+            let error = cfg.validate().unwrap_err().to_string();
+            assert!(error.contains(key), "{key}: {error}");
+        }
+        let mut cfg = config("");
+        cfg.own_frames = frames(0);
+        let error = cfg.validate().unwrap_err().to_string();
+        assert!(error.contains("own_frames.frames"), "{error}");
     }
 }

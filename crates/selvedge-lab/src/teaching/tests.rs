@@ -1,0 +1,129 @@
+//! Samples of a small preset: their sizes, and that threads change none of them.
+
+use std::ops::ControlFlow;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_model::{Network, Normalizer, Normalizers};
+
+use super::*;
+
+const CONFIG: &str = r#"
+name = "tiny"
+seed = 3
+steps = 4
+log_every = 1
+learning_rate = { kind = "constant", rate = 1e-3 }
+batch = { samples = 2 }
+own_frames = { kind = "constant", frames = 3 }
+
+[teacher]
+scenes = ["tiny"]
+substeps = 4
+
+[samples]
+cloths = 3
+statistics = 4
+kept = 8
+lead = 5
+frames = 4
+
+[model]
+encoder = { kind = "mlp" }
+latent = 8
+blocks = 1
+base = { substeps = 1 }
+"#;
+
+/// Vertices of the preset's cloth.
+const VERTICES: usize = 36;
+
+fn config() -> CorrectionConfig {
+    CorrectionConfig::parse_with(CONFIG, "tiny.toml".as_ref(), &[]).unwrap()
+}
+
+/// An untrained model that corrects one substep by a little.
+pub(crate) fn model() -> Arc<Model> {
+    let spec = config().model;
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let network = Network::new(&spec).unwrap();
+    let weights = network.initialise(&mut || rng.random::<f64>());
+    let even = |width: usize, deviation: f64| {
+        Normalizer::new(vec![0.0; width], vec![deviation; width]).unwrap()
+    };
+    let normalizers = Normalizers {
+        nodes: even(spec.node_width(), 10.0),
+        edges: even(spec.edge_width(), 10.0),
+        acceleration: even(spec.outputs(), 1e-5),
+    };
+    Arc::new(Model::new(&spec, weights, normalizers, String::new()).unwrap())
+}
+
+fn scenes() -> TeachingScenes {
+    let names = ["tiny".to_owned()];
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
+    opened.unwrap().unwrap()
+}
+
+/// The samples of six frames, with or without a model.
+fn samples(threads: usize, model: Option<&Arc<Model>>) -> Vec<CorrectionSample> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(|| {
+        let mut teaching = Teaching::new(scenes(), config(), 0);
+        let frames = (0..6).map(|_| teaching.samples(model, 3).unwrap());
+        let samples = frames.flatten().collect();
+        assert_eq!(teaching.gone_astray(), 0);
+        samples
+    })
+}
+
+#[test]
+fn samples_have_their_sizes_and_threads_change_none() {
+    let model = model();
+    let alone = samples(2, None);
+    let spec = config().model;
+    // Three cloths, six frames.
+    assert_eq!(alone.len(), 18);
+    for sample in &alone {
+        assert_eq!(sample.graph.vertex_count(), VERTICES);
+        assert_eq!(sample.nodes.len(), VERTICES * spec.node_width());
+        let arcs = sample.graph.arc_count();
+        assert_eq!(sample.arcs.len(), arcs * spec.edge_width());
+        assert_eq!(sample.target.len(), VERTICES * spec.outputs());
+        let held = sample.free.iter().filter(|free| !**free).count();
+        assert_eq!((sample.free.len(), held), (VERTICES, 2));
+        let all = [&sample.nodes, &sample.arcs, &sample.target];
+        assert!(all.iter().all(|rows| rows.iter().all(|x| x.is_finite())));
+        // The handles are where both have them; some of the others are not.
+        for (v, row) in sample.target.as_chunks::<6>().0.iter().enumerate() {
+            let size = row[..3].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+            assert!(
+                size < 0.05 && (sample.free[v] || size < 1e-6),
+                "{v}: {row:?}"
+            );
+        }
+        assert!(sample.target.iter().any(|x| x.abs() > 1e-6));
+    }
+    for model in [None, Some(&model)] {
+        let [one, two] = [1, 2].map(|threads| samples(threads, model));
+        assert_eq!(one.len(), two.len());
+        for (a, b) in one.iter().zip(&two) {
+            assert_eq!(
+                (&a.nodes, &a.arcs, &a.target),
+                (&b.nodes, &b.arcs, &b.target)
+            );
+        }
+        // A model leads the cloths elsewhere.
+        let same = one.iter().zip(&alone).all(|(a, b)| a.nodes == b.nodes);
+        assert_eq!(same, model.is_none());
+    }
+}
+
+#[test]
+fn a_preset_that_is_not_there_is_named() {
+    let names = ["nowhere".to_owned()];
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
+    let error = opened.err().unwrap().to_string();
+    assert!(error.starts_with("teacher.scenes: "), "{error}");
+    assert!(error.contains("nowhere"), "{error}");
+}
