@@ -25,7 +25,7 @@ substeps = 4
 cloths = 3
 statistics = 4
 kept = 8
-lead = 5
+lead = 60
 frames = 4
 
 [model]
@@ -102,8 +102,10 @@ fn samples_have_their_sizes_and_threads_change_none() {
                 "{v}: {row:?}"
             );
         }
-        assert!(sample.target.iter().any(|x| x.abs() > 1e-6));
     }
+    // A cloth at rest lacks nothing; one that moves does.
+    let lacks = |sample: &CorrectionSample| sample.target.iter().any(|x| x.abs() > 1e-5);
+    assert!(alone.iter().any(lacks));
     for model in [None, Some(&model)] {
         let [one, two] = [1, 2].map(|threads| samples(threads, model));
         assert_eq!(one.len(), two.len());
