@@ -127,8 +127,8 @@ impl CorrectionColumns {
                     (d.x * d.x - d.y * d.y) * inverse,
                     2.0 * d.x * d.y * inverse,
                     length.ln(),
-                    (stiffness.stretch / inertia).ln() as f32,
-                    bend.ln() as f32,
+                    logarithm(stiffness.stretch / inertia),
+                    logarithm(bend),
                 ]
             })
         });
@@ -326,6 +326,11 @@ impl CorrectionColumns {
             }
         }
     }
+}
+
+/// The logarithm of a stiffness without unit; finite for none at all.
+fn logarithm(stiffness: f64) -> f32 {
+    stiffness.max(f64::from(f32::MIN_POSITIVE)).ln() as f32
 }
 
 /// The bending angle of a hinge `[rad]`, as the other features have it.
