@@ -37,6 +37,10 @@ const PAPERS: [(&str, usize); 13] = [
 /// The presets that are not in the paper.
 const OWN: [&str; 3] = ["first", "small", "rp-gru10-better"];
 
+/// Those of models that correct physics, which learn from a teacher, with the parameters of their
+/// networks.
+const CORRECTIONS: [(&str, usize); 1] = [("corrected", 15_798)];
+
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/training")
 }
@@ -61,8 +65,14 @@ fn every_preset_is_listed_with_the_network_that_it_promises() {
         .collect();
     let files: BTreeSet<String> = names_in(&folder()).into_iter().collect();
     assert_eq!(listed, files);
-    let expected: BTreeSet<String> = names().iter().map(|name| format!("{name}.toml")).collect();
+    let corrections = CORRECTIONS.iter().map(|row| row.0);
+    let expected = names().into_iter().chain(corrections);
+    let expected: BTreeSet<String> = expected.map(|name| format!("{name}.toml")).collect();
     assert_eq!(listed, expected);
+    for (name, parameters) in CORRECTIONS {
+        let row = rows.iter().find(|row| row["name"] == name).unwrap();
+        assert_eq!(number(row, "/parameters"), parameters as f64, "{name}");
+    }
     for (name, parameters) in PAPERS {
         let row = rows.iter().find(|row| row["name"] == name).unwrap();
         assert_eq!(number(row, "/parameters"), parameters as f64, "{name}");
