@@ -170,7 +170,8 @@ mod tests {
     #[test]
     fn wrong_values_name_their_key() {
         let frames = |frames| crate::schedule::UnrollFrames::Constant { frames };
-        let edits: [(&str, fn(&mut super::CorrectionConfig)); 6] = [
+        type Edit = fn(&mut super::CorrectionConfig);
+        let edits: [(&str, Edit); 6] = [
             ("teacher.substeps", |cfg| cfg.teacher.substeps = 0),
             ("teacher.scenes", |cfg| cfg.teacher.scenes.clear()),
             ("samples.cloths", |cfg| cfg.samples.cloths = 0),
