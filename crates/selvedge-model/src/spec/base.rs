@@ -51,7 +51,8 @@ mod tests {
 
     #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
-        let edits: [(&str, fn(&mut ModelSpec)); 8] = [
+        type Edit = fn(&mut ModelSpec);
+        let edits: [(&str, Edit); 8] = [
             (
                 "model.base.substeps must be between 1 and 1000, found 0",
                 |spec| {
