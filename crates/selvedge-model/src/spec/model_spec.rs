@@ -288,17 +288,7 @@ impl ModelSpec {
             ("encoder.window", self.window(), 1, 64),
             ("coarse_levels", self.coarse_levels, 0, 8),
         ];
-        for (field, found, least, most) in sizes {
-            if !(least..=most).contains(&found) {
-                return Err(SpecError::Size {
-                    field,
-                    least,
-                    most,
-                    found,
-                });
-            }
-        }
-        Ok(())
+        check_each_size(&sizes)
     }
 
     fn check_base(&self, base: &PhysicsBase) -> Result<(), SpecError> {
@@ -306,16 +296,7 @@ impl ModelSpec {
             ("base.substeps", base.substeps as usize, 1, 1000),
             ("latent", self.latent, LEAST_LATENT, 4096),
         ];
-        for (field, found, least, most) in sizes {
-            if !(least..=most).contains(&found) {
-                return Err(SpecError::Size {
-                    field,
-                    least,
-                    most,
-                    found,
-                });
-            }
-        }
+        check_each_size(&sizes)?;
         let columns = "its columns are fixed";
         let alone = "the physics moves the cloth";
         for (field, is_given, reason) in [
@@ -418,6 +399,21 @@ impl ModelSpec {
         }
         self.edge_features.iter().map(|f| f.width()).sum()
     }
+}
+
+/// Checks fields that are called so: value, least and most.
+fn check_each_size(sizes: &[(&'static str, usize, usize, usize)]) -> Result<(), SpecError> {
+    for &(field, found, least, most) in sizes {
+        if !(least..=most).contains(&found) {
+            return Err(SpecError::Size {
+                field,
+                least,
+                most,
+                found,
+            });
+        }
+    }
+    Ok(())
 }
 
 fn check_limits(limits: &EdgeLimits) -> Result<(), SpecError> {
