@@ -46,6 +46,7 @@
 
 mod cloth;
 pub mod conformance;
+mod contact;
 mod environment;
 pub mod generate;
 pub mod geometry;
@@ -56,6 +57,7 @@ mod isotropic;
 mod material;
 mod mesh;
 pub mod motion;
+mod obstacle;
 mod pattern;
 mod physics;
 mod scene;
@@ -64,6 +66,7 @@ mod stepper;
 mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
+pub use contact::{ContactError, ContactLaw, ContactSettings};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};
@@ -76,6 +79,7 @@ pub use motion::{
     PaceError, PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup,
     SplineMotion, Translation, TurnSense,
 };
+pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
 pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint};
 pub use physics::{
     AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, HandleConstraint, Integrator,

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::{
-    Environment, EnvironmentError, FaceId, HandleError, HandlePath, HandleSchedule, Handles,
-    Material, MaterialError, Mesh, Motion, MotionError, PhysicsError, PhysicsSettings, RestShape,
-    SagSettings, ScheduleError,
+    ContactError, ContactSettings, Environment, EnvironmentError, FaceId, HandleError, HandlePath,
+    HandleSchedule, Handles, Material, MaterialError, Mesh, Motion, MotionError, Obstacle,
+    PhysicsError, PhysicsSettings, RestShape, SagSettings, ScheduleError,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -39,6 +39,10 @@ pub struct Scene {
     pub sag: SagSettings,
     /// Frames per second.
     pub frame_rate: f64,
+    /// Contact with obstacles and of the cloth with itself; none lets everything pass.
+    pub contact: Option<ContactSettings>,
+    /// The bodies that the cloth touches, if it has `contact`.
+    pub obstacles: Vec<Obstacle>,
 }
 
 /// Parts of a scene that do not fit.
@@ -57,6 +61,10 @@ pub enum SceneError {
     Motion(#[from] MotionError),
     #[error(transparent)]
     Physics(#[from] PhysicsError),
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    #[error("the scene has obstacles but no `contact`: add `contact = {{}}`, or remove them")]
+    NoContact,
     #[error(
         "fabrics: no face of the mesh has a fabric named {name:?}; it has [{known}], the names of its usemtl statements"
     )]
@@ -83,6 +91,11 @@ impl Scene {
         self.environment.validate()?;
         self.physics.validate()?;
         self.sag.validate()?;
+        match &self.contact {
+            Some(contact) => contact.validate()?,
+            None if !self.obstacles.is_empty() => return Err(SceneError::NoContact),
+            None => {}
+        }
         if !(1.0..=1e5).contains(&self.frame_rate) {
             return Err(SceneError::FrameRate {
                 found: self.frame_rate,
@@ -198,6 +211,8 @@ mod tests {
             physics: PhysicsSettings::default(),
             sag: SagSettings::default(),
             frame_rate: 60.0,
+            contact: None,
+            obstacles: Vec::new(),
         }
     }
 

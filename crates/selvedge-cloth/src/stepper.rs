@@ -123,6 +123,14 @@ pub enum StepError {
         change: f64,
         bound: f64,
     },
+    #[error(
+        "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m): use more substeps, move handles and obstacles more slowly, or let obstacles pass with `yielding = true` in contact"
+    )]
+    Contact {
+        frame: usize,
+        pair: String,
+        gap: f64,
+    },
     #[error("frame {frame}: the device that computes it failed: {reason}")]
     Device { frame: usize, reason: String },
     #[error("frame {frame}: the recording has only {frames} frames")]
@@ -138,6 +146,7 @@ impl StepError {
             | Self::NonFinite { frame, .. }
             | Self::Solve { frame, .. }
             | Self::Strain { frame, .. }
+            | Self::Contact { frame, .. }
             | Self::Device { frame, .. }
             | Self::EndOfRecording { frame, .. } => frame,
         }
@@ -151,6 +160,7 @@ impl StepError {
             | Self::NonFinite { frame, .. }
             | Self::Solve { frame, .. }
             | Self::Strain { frame, .. }
+            | Self::Contact { frame, .. }
             | Self::Device { frame, .. }
             | Self::EndOfRecording { frame, .. } => *frame = number,
         }

@@ -321,7 +321,10 @@ fn is_callers(error: &StepError) -> bool {
         StepError::Handles { .. } | StepError::EndOfRecording { .. } | StepError::Device { .. } => {
             true
         }
-        StepError::NonFinite { .. } | StepError::Solve { .. } | StepError::Strain { .. } => false,
+        StepError::NonFinite { .. }
+        | StepError::Solve { .. }
+        | StepError::Strain { .. }
+        | StepError::Contact { .. } => false,
     }
 }
 

@@ -123,6 +123,8 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
         },
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

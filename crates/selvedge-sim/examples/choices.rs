@@ -156,5 +156,7 @@ fn scene() -> Scene {
         physics: PhysicsSettings::default(),
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }

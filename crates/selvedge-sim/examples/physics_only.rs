@@ -75,6 +75,8 @@ fn curtain() -> Result<Scene, Box<dyn Error>> {
         physics: PhysicsSettings::default(),
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     })
 }
 

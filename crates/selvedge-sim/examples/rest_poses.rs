@@ -114,5 +114,7 @@ fn scene(fabric: &str, vertices: usize, seed: u64, side: f64) -> Scene {
         physics: PhysicsSettings::default(),
         sag,
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }

@@ -42,6 +42,8 @@
 //!     physics: PhysicsSettings::default(),
 //!     sag: SagSettings::default(),
 //!     frame_rate: 60.0,
+//!     contact: None,
+//!     obstacles: Vec::new(),
 //! };
 //!
 //! // The rest pose, then ten frames in which both handles move sideways by 1 cm each.

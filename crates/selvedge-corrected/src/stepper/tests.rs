@@ -35,6 +35,8 @@ fn hanging() -> Scene {
         physics: PhysicsSettings::default(),
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

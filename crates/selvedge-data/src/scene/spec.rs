@@ -127,6 +127,8 @@ impl SceneSpec {
             physics: setting.physics,
             sag: setting.sag,
             frame_rate: setting.frame_rate,
+            contact: None,
+            obstacles: Vec::new(),
         };
         scene.validate()?;
         Ok(scene)

@@ -43,6 +43,8 @@ fn scene() -> Scene {
         physics: PhysicsSettings::default(),
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

@@ -32,8 +32,8 @@ pub struct RestPoseContent {
 }
 
 impl RestPoseContent {
-    /// The content of `scene`. Its name, its motion, its wind and later releases are no part; nor
-    /// are, where the search needs no motion, the settings of one.
+    /// The content of `scene`. Its name, its motion, its wind, later releases and contact are no
+    /// part; nor are, where the search needs no motion, the settings of one.
     ///
     /// # Errors
     /// A scene that does not validate or has no handles.
@@ -52,6 +52,8 @@ impl RestPoseContent {
             physics,
             sag,
             frame_rate,
+            contact: _,
+            obstacles: _,
         } = scene_at_start(scene)?;
         let mut content = Self {
             version: VERSION,

@@ -7,12 +7,14 @@ use selvedge_cloth::{Handles, Scene, SceneError};
 
 use crate::rest_pose::progress::SagError;
 
-/// The scene at its start, in still air, with only the handles that hold then. In a sheet without
-/// one, all vertices become handles.
+/// The scene at its start, in still air and without contact, with only the handles that hold then.
+/// In a sheet without one, all vertices become handles.
 pub(super) fn scene_at_start(scene: &Scene) -> Result<Scene, SagError> {
     let mut scene = scene.clone();
     scene.environment.wind = DVec3::ZERO;
     scene.environment.gust = None;
+    scene.contact = None;
+    scene.obstacles.clear();
     let released = scene
         .schedule
         .released(0, scene.frame_rate, scene.handles.len());

@@ -68,6 +68,8 @@ pub(crate) fn hanging(side: usize) -> Scene {
         physics: PhysicsSettings::default(),
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

@@ -41,6 +41,8 @@ pub(crate) fn scene(mesh: Mesh, material: Material, handles: &[u32]) -> Scene {
             ..SagSettings::default()
         },
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

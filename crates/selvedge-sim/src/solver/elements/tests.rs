@@ -88,6 +88,8 @@ fn scene() -> Scene {
         },
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

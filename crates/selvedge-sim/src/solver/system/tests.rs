@@ -70,6 +70,8 @@ fn scene(handles: HandleConstraint, bending: BendingLaw) -> Scene {
         },
         sag: SagSettings::default(),
         frame_rate: 60.0,
+        contact: None,
+        obstacles: Vec::new(),
     }
 }
 

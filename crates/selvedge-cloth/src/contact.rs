@@ -1,0 +1,133 @@
+//! Settings of contact: the cloth with obstacles, and with itself. Nouns of a scene; the laws are
+//! in `selvedge-sim`, the geometry in `selvedge-contact`.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Contact of the cloth with the scene's obstacles and with itself. Lengths in metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactSettings {
+    /// Gap below which two layers push each other apart `[m]`.
+    pub thickness: f64,
+    /// Coefficient of friction of the cloth. A pair has the lesser of its two.
+    pub friction: f64,
+    /// True if the cloth touches itself.
+    #[serde(rename = "self")]
+    pub self_contact: bool,
+    /// Law of the push.
+    pub law: ContactLaw,
+    /// Rounds of projection after a solve before the substep is shortened.
+    pub rounds: u32,
+    /// Gap that no pair goes below `[m]`, unless it starts there.
+    pub floor: f64,
+    /// An error after this many parts of a substep.
+    pub max_divisions: u32,
+    /// True if cloth that is pinched between two sides of obstacles lets them pass, and says so.
+    pub yielding: bool,
+}
+
+/// Law by which a gap that is too small pushes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContactLaw {
+    /// A cubic barrier as stiff as the masses and the substep allow, with friction that holds.
+    #[default]
+    Barrier,
+    /// ARCSim's constant stiffness and its friction, which creeps: for comparisons with it.
+    Arcsim,
+}
+
+/// A setting of contact that cannot be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("contact.{field} must be {expected}, found {found}")]
+pub struct ContactError {
+    field: &'static str,
+    expected: &'static str,
+    found: String,
+}
+
+impl Default for ContactSettings {
+    fn default() -> Self {
+        Self {
+            thickness: 1e-3,
+            friction: 0.6,
+            self_contact: true,
+            law: ContactLaw::Barrier,
+            rounds: 8,
+            floor: 2e-5,
+            max_divisions: 64,
+            yielding: false,
+        }
+    }
+}
+
+impl ContactSettings {
+    /// Checks that every value can be used.
+    ///
+    /// # Errors
+    /// Names the field, what it must be and what was found.
+    pub fn validate(&self) -> Result<(), ContactError> {
+        let wrong = |field, expected, found: &dyn std::fmt::Display| {
+            let found = found.to_string();
+            Err(ContactError {
+                field,
+                expected,
+                found,
+            })
+        };
+        if !(1e-5..=1.0).contains(&self.thickness) {
+            return wrong("thickness", "between 1e-5 and 1 m", &self.thickness);
+        }
+        if !(0.0..=100.0).contains(&self.friction) {
+            return wrong("friction", "between 0 and 100", &self.friction);
+        }
+        if !(1e-6..=0.1 * self.thickness).contains(&self.floor) {
+            let expected = "between 1e-6 m and a tenth of contact.thickness";
+            return wrong("floor", expected, &self.floor);
+        }
+        if !(1..=1000).contains(&self.rounds) {
+            return wrong("rounds", "between 1 and 1000", &self.rounds);
+        }
+        if !(1..=100_000).contains(&self.max_divisions) {
+            return wrong("max_divisions", "between 1 and 100000", &self.max_divisions);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_values_are_named() {
+        ContactSettings::default().validate().unwrap();
+        type Spoil = fn(&mut ContactSettings);
+        let wrong: [(&str, Spoil); 6] = [
+            ("contact.thickness", |c| c.thickness = 0.0),
+            ("contact.thickness", |c| c.thickness = f64::NAN),
+            ("contact.friction", |c| c.friction = -0.1),
+            ("contact.floor", |c| c.floor = 2e-4),
+            ("contact.rounds", |c| c.rounds = 0),
+            ("contact.max_divisions", |c| c.max_divisions = 0),
+        ];
+        for (field, spoil) in wrong {
+            let mut settings = ContactSettings::default();
+            spoil(&mut settings);
+            let text = settings.validate().unwrap_err().to_string();
+            assert!(text.starts_with(field), "{text}");
+        }
+    }
+
+    #[test]
+    fn toml_says_self() {
+        let text = "thickness = 0.002\nself = false\nlaw = \"arcsim\"";
+        let settings: ContactSettings = toml::from_str(text).unwrap();
+        assert!(!settings.self_contact);
+        assert_eq!(settings.law, ContactLaw::Arcsim);
+        assert_eq!(settings.friction, ContactSettings::default().friction);
+        let error = toml::from_str::<ContactSettings>("thicknes = 1").unwrap_err();
+        assert!(error.to_string().contains("thicknes"), "{error}");
+    }
+}

@@ -1,0 +1,428 @@
+//! Obstacles: bodies that the cloth touches and that do not feel it. Each is a triangle mesh that
+//! is still, moves as a rigid body, or moves point by point.
+
+use glam::{DQuat, DVec3};
+use thiserror::Error;
+
+/// Farthest coordinate of an obstacle `[m]`.
+const FARTHEST: f64 = 1e6;
+
+/// A body in the way of the cloth: a triangle mesh, open or closed, oriented or not, valid by
+/// construction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Obstacle {
+    name: String,
+    faces: Vec<[u32; 3]>,
+    points: Vec<DVec3>,
+    path: ObstaclePath,
+    friction: f64,
+    thickness: Option<f64>,
+}
+
+/// Motion of an obstacle's points over time. Before the first and after the last time it rests.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ObstaclePath {
+    /// No motion.
+    #[default]
+    Still,
+    /// Rigid motion x(t) = R(t) x + T(t): rotations on the shortest arc, translations linear
+    /// between the keys, whose times increase.
+    Rigid(Vec<RigidKey>),
+    /// Points at equally spaced times from 0, linear in between.
+    Points {
+        /// Frames per second.
+        frame_rate: f64,
+        /// Positions of every point `[m]`, `[frames, points]`.
+        frames: Vec<Vec<DVec3>>,
+    },
+}
+
+/// The place of a rigid body at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidKey {
+    /// Time since the start `[s]`.
+    pub time: f64,
+    /// Rotation about the origin of the obstacle's own points.
+    pub rotation: DQuat,
+    /// Translation `[m]`.
+    pub translation: DVec3,
+}
+
+/// Parts that do not make an [`Obstacle`].
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ObstacleError {
+    #[error("obstacle {name:?} has no faces: it needs at least one triangle")]
+    Empty { name: String },
+    #[error("obstacle {name:?}: face {face} names point {point}, but there are {points}")]
+    OutOfRange {
+        name: String,
+        face: usize,
+        point: u32,
+        points: usize,
+    },
+    #[error("obstacle {name:?}: face {face} has no area at the start: remove it")]
+    NoArea { name: String, face: usize },
+    #[error(
+        "obstacle {name:?}: point {point} of frame {frame} is not finite or more than 1e6 m from the origin: {value}"
+    )]
+    Point {
+        name: String,
+        frame: usize,
+        point: usize,
+        value: DVec3,
+    },
+    #[error(
+        "obstacle {name:?}: frame {frame} has {found} points, expected {expected} as in the mesh: the number of points must not change"
+    )]
+    Count {
+        name: String,
+        frame: usize,
+        expected: usize,
+        found: usize,
+    },
+    #[error("obstacle {name:?}: {field} must be {expected}, found {found}")]
+    Setting {
+        name: String,
+        field: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+}
+
+impl Obstacle {
+    /// An obstacle of these `points` `[m]` and `faces` among them, still, as rough as the cloth.
+    ///
+    /// # Errors
+    /// [`ObstacleError`] names the first face or point that cannot be used.
+    pub fn new(
+        name: &str,
+        points: Vec<DVec3>,
+        faces: Vec<[u32; 3]>,
+    ) -> Result<Self, ObstacleError> {
+        let obstacle = Self {
+            name: name.to_owned(),
+            faces,
+            points,
+            path: ObstaclePath::Still,
+            friction: f64::INFINITY,
+            thickness: None,
+        };
+        obstacle.check_points(0, &obstacle.points)?;
+        obstacle.check_faces()?;
+        Ok(obstacle)
+    }
+
+    /// The same obstacle on a `path`. The points of a path by points replace its own.
+    ///
+    /// # Errors
+    /// [`ObstacleError`] names the first frame, key or point that cannot be used.
+    pub fn moving(mut self, path: ObstaclePath) -> Result<Self, ObstacleError> {
+        match &path {
+            ObstaclePath::Still => {}
+            ObstaclePath::Rigid(keys) => self.check_keys(keys)?,
+            ObstaclePath::Points { frame_rate, frames } => {
+                if !(1e-3..=1e5).contains(frame_rate) {
+                    let expected = "between 0.001 and 100000 per second";
+                    return Err(self.setting("frame_rate", expected, frame_rate));
+                }
+                for (number, frame) in frames.iter().enumerate() {
+                    self.check_points(number, frame)?;
+                }
+                match frames.first() {
+                    None => return Err(self.setting("frames", "at least one", &0)),
+                    Some(first) => self.points.clone_from(first),
+                }
+                self.check_faces()?;
+            }
+        }
+        self.path = path;
+        Ok(self)
+    }
+
+    /// The same obstacle with its own coefficient of friction; a pair has the lesser of two.
+    ///
+    /// # Errors
+    /// [`ObstacleError::Setting`] for one that is negative or not a number.
+    pub fn with_friction(mut self, friction: f64) -> Result<Self, ObstacleError> {
+        if friction.is_nan() || friction < 0.0 {
+            return Err(self.setting("friction", "not negative", &friction));
+        }
+        self.friction = friction;
+        Ok(self)
+    }
+
+    /// The same obstacle with a thickness of its own `[m]`, in place of that of the scene.
+    ///
+    /// # Errors
+    /// [`ObstacleError::Setting`] for one beyond 1e-5 to 1 m.
+    pub fn with_thickness(mut self, thickness: f64) -> Result<Self, ObstacleError> {
+        if !(1e-5..=1.0).contains(&thickness) {
+            return Err(self.setting("thickness", "between 1e-5 and 1 m", &thickness));
+        }
+        self.thickness = Some(thickness);
+        Ok(self)
+    }
+
+    /// Name of the obstacle.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Corners of every face, `[faces, 3]`. They stay the same.
+    #[must_use]
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// Number of points. It stays the same.
+    #[must_use]
+    pub fn point_count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The motion.
+    #[must_use]
+    pub fn path(&self) -> &ObstaclePath {
+        &self.path
+    }
+
+    /// Coefficient of friction; infinite where the cloth alone decides.
+    #[must_use]
+    pub fn friction(&self) -> f64 {
+        self.friction
+    }
+
+    /// Thickness `[m]`, if it has one of its own.
+    #[must_use]
+    pub fn thickness(&self) -> Option<f64> {
+        self.thickness
+    }
+
+    /// Returns true if the obstacle never moves.
+    #[must_use]
+    pub fn is_still(&self) -> bool {
+        match &self.path {
+            ObstaclePath::Still => true,
+            ObstaclePath::Rigid(keys) => keys.len() == 1,
+            ObstaclePath::Points { frames, .. } => frames.len() == 1,
+        }
+    }
+
+    /// Positions of the points at `time` `[s]` since the start, in metres, `[points]`.
+    pub fn positions_at(&self, time: f64) -> impl ExactSizeIterator<Item = DVec3> + '_ {
+        let place = match &self.path {
+            ObstaclePath::Still => Place::Still(&self.points),
+            ObstaclePath::Rigid(keys) => {
+                let (rotation, translation) = rigid_at(keys, time);
+                Place::Rigid(&self.points, rotation, translation)
+            }
+            ObstaclePath::Points { frame_rate, frames } => {
+                let last = frames.len() - 1;
+                let at = (time * frame_rate).clamp(0.0, last as f64);
+                let from = (at.floor() as usize).min(last);
+                let to = (from + 1).min(last);
+                Place::Between(&frames[from], &frames[to], at - from as f64)
+            }
+        };
+        (0..self.points.len()).map(move |k| place.of(k))
+    }
+
+    fn setting(
+        &self,
+        field: &'static str,
+        expected: &'static str,
+        found: &dyn std::fmt::Display,
+    ) -> ObstacleError {
+        ObstacleError::Setting {
+            name: self.name.clone(),
+            field,
+            expected,
+            found: found.to_string(),
+        }
+    }
+
+    fn check_points(&self, frame: usize, points: &[DVec3]) -> Result<(), ObstacleError> {
+        let name = || self.name.clone();
+        if points.len() != self.points.len() {
+            return Err(ObstacleError::Count {
+                name: name(),
+                frame,
+                expected: self.points.len(),
+                found: points.len(),
+            });
+        }
+        let is_far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= FARTHEST);
+        match points.iter().position(is_far) {
+            None => Ok(()),
+            Some(point) => Err(ObstacleError::Point {
+                name: name(),
+                frame,
+                point,
+                value: points[point],
+            }),
+        }
+    }
+
+    fn check_faces(&self) -> Result<(), ObstacleError> {
+        if self.faces.is_empty() {
+            let name = self.name.clone();
+            return Err(ObstacleError::Empty { name });
+        }
+        let points = self.points.len();
+        for (face, corners) in self.faces.iter().enumerate() {
+            if let Some(&point) = corners.iter().find(|p| **p as usize >= points) {
+                return Err(ObstacleError::OutOfRange {
+                    name: self.name.clone(),
+                    face,
+                    point,
+                    points,
+                });
+            }
+            let [a, b, c] = corners.map(|p| self.points[p as usize]);
+            let (along, across) = (b - a, c - a);
+            let area = along.cross(across).length();
+            if area <= 1e-12 * along.length_squared().max(across.length_squared()) {
+                let name = self.name.clone();
+                return Err(ObstacleError::NoArea { name, face });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_keys(&self, keys: &[RigidKey]) -> Result<(), ObstacleError> {
+        if keys.is_empty() {
+            return Err(self.setting("keyframes", "at least one", &0));
+        }
+        for pair in keys.windows(2) {
+            if pair[1].time.partial_cmp(&pair[0].time) != Some(std::cmp::Ordering::Greater) {
+                let found = &pair[1].time;
+                return Err(self.setting("keyframe.time", "later than the one before", found));
+            }
+        }
+        for key in keys {
+            let translation = key.translation;
+            if !(translation.is_finite() && translation.abs().max_element() <= FARTHEST) {
+                let expected = "finite and within 1e6 m";
+                return Err(self.setting("keyframe.translation", expected, &translation));
+            }
+            if !(key.rotation.is_finite() && (key.rotation.length() - 1.0).abs() < 1e-6) {
+                let expected = "a unit quaternion";
+                return Err(self.setting("keyframe.rotation", expected, &key.rotation));
+            }
+            if !key.time.is_finite() {
+                return Err(self.setting("keyframe.time", "finite", &key.time));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The points at a time.
+enum Place<'a> {
+    Still(&'a [DVec3]),
+    Rigid(&'a [DVec3], DQuat, DVec3),
+    Between(&'a [DVec3], &'a [DVec3], f64),
+}
+
+impl Place<'_> {
+    fn of(&self, point: usize) -> DVec3 {
+        match self {
+            Self::Still(points) => points[point],
+            Self::Rigid(points, rotation, translation) => *rotation * points[point] + *translation,
+            Self::Between(from, to, part) => from[point].lerp(to[point], *part),
+        }
+    }
+}
+
+/// Rotation and translation at `time`.
+fn rigid_at(keys: &[RigidKey], time: f64) -> (DQuat, DVec3) {
+    let next = keys.partition_point(|key| key.time <= time);
+    let last = keys.len() - 1;
+    let (from, to) = (&keys[next.saturating_sub(1)], &keys[next.min(last)]);
+    let length = to.time - from.time;
+    let part = if length > 0.0 {
+        ((time - from.time) / length).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    (
+        from.rotation.slerp(to.rotation, part),
+        from.translation.lerp(to.translation, part),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle() -> Obstacle {
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Z];
+        Obstacle::new("wedge", points, vec![[0, 1, 2]]).unwrap()
+    }
+
+    #[test]
+    fn bad_meshes_are_named() {
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
+        let made = |faces: Vec<[u32; 3]>| Obstacle::new("a", points.clone(), faces).unwrap_err();
+        assert!(matches!(made(vec![]), ObstacleError::Empty { .. }));
+        assert!(matches!(
+            made(vec![[0, 1, 3]]),
+            ObstacleError::OutOfRange { point: 3, .. }
+        ));
+        assert!(matches!(
+            made(vec![[0, 1, 2]]),
+            ObstacleError::NoArea { face: 0, .. }
+        ));
+        let far = vec![DVec3::X * 1e7; 3];
+        let error = Obstacle::new("a", far, vec![[0, 1, 2]]).unwrap_err();
+        assert!(matches!(error, ObstacleError::Point { point: 0, .. }));
+        let frames = vec![vec![DVec3::ZERO, DVec3::X, DVec3::Z], vec![DVec3::ZERO; 2]];
+        let path = ObstaclePath::Points {
+            frame_rate: 60.0,
+            frames,
+        };
+        let error = triangle().moving(path).unwrap_err();
+        assert!(matches!(error, ObstacleError::Count { frame: 1, .. }));
+    }
+
+    #[test]
+    fn a_rigid_body_is_between_its_keys() {
+        let key = |time: f64| RigidKey {
+            time,
+            rotation: DQuat::from_rotation_y(time),
+            translation: DVec3::Y * time,
+        };
+        let moving = triangle()
+            .moving(ObstaclePath::Rigid(vec![key(1.0), key(2.0)]))
+            .unwrap();
+        for (time, at) in [(0.0, 1.0), (1.25, 1.25), (2.0, 2.0), (9.0, 2.0)] {
+            let found = moving.positions_at(time).nth(1).unwrap();
+            let expected = DQuat::from_rotation_y(at) * DVec3::X + DVec3::Y * at;
+            assert!(found.distance(expected) < 1e-12, "{time}");
+        }
+        let error = triangle().moving(ObstaclePath::Rigid(vec![key(1.0), key(1.0)]));
+        assert!(matches!(error, Err(ObstacleError::Setting { .. })));
+    }
+
+    #[test]
+    fn points_run_straight_between_frames() {
+        let frame = |y: f64| vec![DVec3::Y * y, DVec3::X, DVec3::Z];
+        let path = ObstaclePath::Points {
+            frame_rate: 10.0,
+            frames: vec![frame(0.0), frame(1.0), frame(3.0)],
+        };
+        let moving = triangle().moving(path).unwrap();
+        for (time, height) in [
+            (-1.0, 0.0),
+            (0.05, 0.5),
+            (0.15, 2.0),
+            (0.2, 3.0),
+            (5.0, 3.0),
+        ] {
+            let found = moving.positions_at(time).next().unwrap().y;
+            assert!((found - height).abs() < 1e-12, "{time}");
+        }
+    }
+}
