@@ -131,6 +131,17 @@ pub enum StepError {
         pair: String,
         gap: f64,
     },
+    #[error(
+        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}: cloth does not stretch so far; use less wind, slower or nearer handles, or raise physics.max_strain"
+    )]
+    Overstretched {
+        frame: usize,
+        substeps: u32,
+        from: VertexId,
+        to: VertexId,
+        strain: f64,
+        bound: f64,
+    },
     #[error("frame {frame}: the device that computes it failed: {reason}")]
     Device { frame: usize, reason: String },
     #[error("frame {frame}: the recording has only {frames} frames")]
@@ -147,6 +158,7 @@ impl StepError {
             | Self::Solve { frame, .. }
             | Self::Strain { frame, .. }
             | Self::Contact { frame, .. }
+            | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::EndOfRecording { frame, .. } => frame,
         }
@@ -161,6 +173,7 @@ impl StepError {
             | Self::Solve { frame, .. }
             | Self::Strain { frame, .. }
             | Self::Contact { frame, .. }
+            | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::EndOfRecording { frame, .. } => *frame = number,
         }

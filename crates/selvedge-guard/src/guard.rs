@@ -324,7 +324,8 @@ fn is_callers(error: &StepError) -> bool {
         StepError::NonFinite { .. }
         | StepError::Solve { .. }
         | StepError::Strain { .. }
-        | StepError::Contact { .. } => false,
+        | StepError::Contact { .. }
+        | StepError::Overstretched { .. } => false,
     }
 }
 

@@ -6,8 +6,8 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    HandleError, HandleTargets, Handles, Scene, SceneError, StepError, Stepper, Substepping,
-    Topology, VertexId, check_target_count,
+    HandleError, HandleTargets, Handles, Scene, SceneError, StepError, Stepper, Topology, VertexId,
+    check_target_count,
 };
 use thiserror::Error;
 
@@ -15,10 +15,12 @@ use crate::active_handles::ActiveHandles;
 use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
-use crate::strain_watch::{Overstrained, StrainWatch};
+use crate::strain_watch::{Overstrained, Overstretched, StrainWatch};
 use crate::threads::Threads;
+use substep_error::SubstepError;
 
 mod correctable;
+mod substep_error;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
@@ -36,7 +38,7 @@ pub struct Simulator {
     /// Targets of the active handles `[m]`.
     targets: Vec<DVec3>,
     threads: Threads,
-    watch: Option<StrainWatch>,
+    watch: StrainWatch,
     /// Positions before the substep, for the watch on strains `[m]`.
     before: Vec<DVec3>,
 }
@@ -127,12 +129,7 @@ impl Simulator {
             undo: None,
             frame: 0,
             threads: Threads::Pool,
-            watch: match scene.physics.substepping {
-                Substepping::Fixed => None,
-                Substepping::Adaptive(settings) => {
-                    Some(StrainWatch::new(settings, &scene.mesh, &scene.handles))
-                }
-            },
+            watch: StrainWatch::new(&scene.physics, &scene.mesh, &scene.handles),
             before: state.positions.clone(),
             scene: scene.clone(),
             active,
@@ -433,32 +430,33 @@ impl Simulator {
             self.active.put_targets(&mut self.targets, path);
             self.solve(dt)?;
         }
-        Ok(())
+        let began = &self.saved.0.positions;
+        Ok(self.watch.check_frame(began, &self.state.positions)?)
     }
 
     /// Moves the state by a substep over `dt` towards `self.targets`. On an error the state is
     /// unusable.
     fn solve(&mut self, dt: f64) -> Result<(), SubstepError> {
-        if self.watch.is_some() {
+        if self.watch.is_of_substeps() {
             self.before.copy_from_slice(&self.state.positions);
         }
         let (state, history) = (&mut self.state, &mut self.history);
         self.active.advance(dt, state, history, &self.targets)?;
-        match &self.watch {
-            None => Ok(()),
-            Some(watch) => Ok(watch.check(&self.before, &self.state.positions)?),
-        }
+        Ok(self.watch.check(&self.before, &self.state.positions)?)
     }
 
     /// Moves the state by a frame. Doubles the scene's number of substeps until edges strain little
-    /// enough. On an error the state is restored.
+    /// enough. Fixed substeps are divided only where the frame ends strained beyond the bound. On
+    /// an error the state is restored.
     fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let threads = self.enter();
-        let most = self.watch.as_ref().map_or(0, StrainWatch::max_substeps);
+        let most = self.scene.physics.most_substeps();
         let mut substeps = self.scene.physics.substeps;
         while let Err(error) = threads.run(|| self.advance(targets, substeps)) {
             self.restore();
-            if 2 * substeps > most {
+            let is_fixed = !self.watch.is_of_substeps();
+            let is_final = is_fixed && !matches!(error, SubstepError::Stretch(_));
+            if is_final || 2 * substeps > most {
                 return Err(self.step_error(error, substeps));
             }
             substeps *= 2;
@@ -482,7 +480,15 @@ impl Simulator {
                 from: vertices[0],
                 to: vertices[1],
                 change,
-                bound: self.watch.as_ref().map_or(0.0, StrainWatch::max_change),
+                bound: self.watch.max_change().unwrap_or(f64::INFINITY),
+            },
+            SubstepError::Stretch(Overstretched { vertices, strain }) => StepError::Overstretched {
+                frame,
+                substeps,
+                from: vertices[0],
+                to: vertices[1],
+                strain,
+                bound: self.scene.physics.max_strain,
             },
         }
     }
@@ -547,24 +553,6 @@ impl Stepper for Simulator {
         });
         self.frame += 1;
         Ok(())
-    }
-}
-
-/// Reason for a failed substep.
-enum SubstepError {
-    Solve(SolveError),
-    Strain(Overstrained),
-}
-
-impl From<SolveError> for SubstepError {
-    fn from(error: SolveError) -> Self {
-        Self::Solve(error)
-    }
-}
-
-impl From<Overstrained> for SubstepError {
-    fn from(error: Overstrained) -> Self {
-        Self::Strain(error)
     }
 }
 

@@ -1,12 +1,16 @@
-//! Watches on the strain of edges within a substep. If one strains too much, the frame is computed
-//! again with more substeps, or a prediction is dropped.
+//! Watches on the strain of edges: on its change within a substep, and on what a frame ends with.
+//! If one strains too much, the frame is computed again with more substeps, or a prediction is
+//! dropped.
 
 use glam::DVec3;
-use selvedge_cloth::{AdaptiveSubsteps as Settings, Handles, Mesh, VertexId};
+use selvedge_cloth::{Handles, Mesh, PhysicsSettings, Substepping, VertexId};
 
-/// The watch of adaptive substeps.
+/// The watch on a simulator's frames.
 pub(crate) struct StrainWatch {
-    settings: Settings,
+    /// Largest change of a stretch in a substep; none with fixed substeps.
+    max_change: Option<f64>,
+    /// Largest strain at the end of a frame.
+    max_strain: f64,
     edges: WatchedEdges,
 }
 
@@ -28,31 +32,58 @@ pub(crate) struct Overstrained {
     pub(crate) change: f64,
 }
 
+/// An edge that is strained beyond what cloth can.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Overstretched {
+    /// Ends of the edge.
+    pub(crate) vertices: [VertexId; 2],
+    /// Its strain l/l₀ - 1.
+    pub(crate) strain: f64,
+}
+
 impl StrainWatch {
     /// The watch on the cloth of `mesh`.
-    pub(crate) fn new(settings: Settings, mesh: &Mesh, handles: &Handles) -> Self {
+    pub(crate) fn new(settings: &PhysicsSettings, mesh: &Mesh, handles: &Handles) -> Self {
         Self {
-            settings,
+            max_change: match settings.substepping {
+                Substepping::Fixed => None,
+                Substepping::Adaptive(adaptive) => Some(adaptive.max_change),
+            },
+            max_strain: settings.max_strain,
             edges: WatchedEdges::new(mesh, handles),
         }
     }
 
-    /// Largest number of substeps of a frame.
-    pub(crate) fn max_substeps(&self) -> u32 {
-        self.settings.max_substeps
+    /// Largest change of an edge's stretch in a substep that passes; none with fixed substeps.
+    pub(crate) fn max_change(&self) -> Option<f64> {
+        self.max_change
     }
 
-    /// Largest change of an edge's stretch that passes.
-    pub(crate) fn max_change(&self) -> f64 {
-        self.settings.max_change
+    /// Returns true if substeps are checked.
+    pub(crate) fn is_of_substeps(&self) -> bool {
+        self.max_change.is_some()
     }
 
-    /// Checks the edges between `before` and `after` `[m]`, `[vertices]`.
+    /// Checks the edges between `before` and `after` a substep `[m]`, `[vertices]`.
     ///
     /// # Errors
-    /// As for [`WatchedEdges::check`], with the bound of the settings.
+    /// As for [`WatchedEdges::check`], with the bound of the settings; none with fixed substeps.
     pub(crate) fn check(&self, before: &[DVec3], after: &[DVec3]) -> Result<(), Overstrained> {
-        self.edges.check(before, after, self.settings.max_change)
+        self.max_change
+            .map_or(Ok(()), |bound| self.edges.check(before, after, bound))
+    }
+
+    /// Checks the edges at the end of a frame, `after`, which began at `before` `[m]`,
+    /// `[vertices]`.
+    ///
+    /// # Errors
+    /// As for [`WatchedEdges::check_stretch`], with the bound of the settings.
+    pub(crate) fn check_frame(
+        &self,
+        before: &[DVec3],
+        after: &[DVec3],
+    ) -> Result<(), Overstretched> {
+        self.edges.check_stretch(before, after, self.max_strain)
     }
 }
 
@@ -117,5 +148,31 @@ impl WatchedEdges {
                 change: most,
             }),
         }
+    }
+    /// Checks the lengths of the edges `after` a frame that began at `before` `[m]`, `[vertices]`.
+    ///
+    /// # Errors
+    /// The edge with the largest strain of those that are longer than before, if
+    /// l/l₀ - 1 > `bound`.
+    fn check_stretch(
+        &self,
+        before: &[DVec3],
+        after: &[DVec3],
+        bound: f64,
+    ) -> Result<(), Overstretched> {
+        let square =
+            |[a, b]: [VertexId; 2], of: &[DVec3]| of[a.index()].distance_squared(of[b.index()]);
+        let mut most = (1.0 + bound).powi(2);
+        let mut worst = None;
+        for edge in &self.0 {
+            let now = square(edge.vertices, after);
+            let stretch = now * edge.inverse_rest * edge.inverse_rest;
+            if stretch > most && now > square(edge.vertices, before) {
+                most = stretch;
+                worst = Some(edge.vertices);
+            }
+        }
+        let strain = most.sqrt() - 1.0;
+        worst.map_or(Ok(()), |vertices| Err(Overstretched { vertices, strain }))
     }
 }

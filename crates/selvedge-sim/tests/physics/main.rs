@@ -8,6 +8,7 @@ mod dynamics;
 mod fit;
 mod golden;
 mod limits;
+mod overstretch;
 mod reference;
 mod releases;
 mod rest;

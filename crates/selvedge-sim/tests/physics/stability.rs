@@ -80,6 +80,7 @@ fn pair(mut scene: Scene, drag: &Drag, frames: usize) -> Pair {
     // The runs differ by the integrator alone, not by a solver's tolerance or a bound.
     physics.solver = LinearSolver::Cholesky;
     physics.substepping = Substepping::Fixed;
+    physics.max_strain = 1e6;
     let run = |integrator: Integrator, substeps: u32| {
         let mut scene = scene.clone();
         (scene.physics.integrator, scene.physics.substeps) = (integrator, substeps);

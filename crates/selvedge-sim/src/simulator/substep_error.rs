@@ -1,0 +1,29 @@
+//! Reasons for a failed substep, or for a frame that ends strained beyond its bound.
+
+use crate::solver::SolveError;
+use crate::strain_watch::{Overstrained, Overstretched};
+
+/// Reason for a failed substep.
+pub(super) enum SubstepError {
+    Solve(SolveError),
+    Strain(Overstrained),
+    Stretch(Overstretched),
+}
+
+impl From<SolveError> for SubstepError {
+    fn from(error: SolveError) -> Self {
+        Self::Solve(error)
+    }
+}
+
+impl From<Overstrained> for SubstepError {
+    fn from(error: Overstrained) -> Self {
+        Self::Strain(error)
+    }
+}
+
+impl From<Overstretched> for SubstepError {
+    fn from(error: Overstretched) -> Self {
+        Self::Stretch(error)
+    }
+}
