@@ -7,7 +7,10 @@ use super::violation::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 21] = [
+const FORBIDDEN: [(&str, &str); 24] = [
+    ("selvedge-contact", "selvedge-sim"),
+    ("selvedge-contact", "selvedge-data"),
+    ("selvedge-contact", "selvedge-model"),
     ("selvedge-sim", "selvedge-model"),
     ("selvedge-model", "selvedge-sim"),
     ("selvedge-sim", "selvedge-data"),

@@ -1,0 +1,241 @@
+//! Boxes along the axes, and a binary tree of them over the faces of a body. The tree is made once
+//! and refitted, so that faces are visited in the same order however they move.
+
+use glam::DVec3;
+
+/// A box along the axes `[m]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least corner.
+    pub least: DVec3,
+    /// Greatest corner.
+    pub greatest: DVec3,
+}
+
+impl Bounds {
+    /// The box of one point.
+    #[must_use]
+    #[inline]
+    pub fn of(point: DVec3) -> Self {
+        Self {
+            least: point,
+            greatest: point,
+        }
+    }
+
+    /// The least box around both.
+    #[must_use]
+    #[inline]
+    pub fn around(self, other: Self) -> Self {
+        Self {
+            least: self.least.min(other.least),
+            greatest: self.greatest.max(other.greatest),
+        }
+    }
+
+    /// The box, wider by `margin` on every side.
+    #[must_use]
+    #[inline]
+    pub fn widened(self, margin: f64) -> Self {
+        Self {
+            least: self.least - DVec3::splat(margin),
+            greatest: self.greatest + DVec3::splat(margin),
+        }
+    }
+
+    /// Returns true if the boxes have a point in common.
+    #[must_use]
+    #[inline]
+    pub fn meets(&self, other: &Self) -> bool {
+        self.least.cmple(other.greatest).all() && other.least.cmple(self.greatest).all()
+    }
+
+    /// Returns true if `other` lies within.
+    #[must_use]
+    #[inline]
+    pub fn contains(&self, other: &Self) -> bool {
+        self.least.cmple(other.least).all() && other.greatest.cmple(self.greatest).all()
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Bounds,
+    /// Second child of an inner node (the first follows it), or the face of a leaf.
+    link: u32,
+    /// Faces below; a leaf has one.
+    count: u32,
+}
+
+/// The tree of a body's faces. Children stand after their parent.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    nodes: Vec<Node>,
+}
+
+impl Tree {
+    /// A tree over `faces`, each with its place `[m]`, halved at medians along the longest side.
+    #[must_use]
+    pub fn new(faces: impl Iterator<Item = (u32, DVec3)>) -> Self {
+        let mut faces: Vec<(u32, DVec3)> = faces.collect();
+        let mut nodes = Vec::with_capacity(2 * faces.len());
+        if !faces.is_empty() {
+            build(&mut nodes, &mut faces);
+        }
+        Self { nodes }
+    }
+
+    /// Gives every face the box that `bounds` has for it, and every node one around its faces.
+    pub fn refit(&mut self, bounds: impl Fn(u32) -> Bounds) {
+        for k in (0..self.nodes.len()).rev() {
+            let Node { link, count, .. } = self.nodes[k];
+            self.nodes[k].bounds = match count {
+                1 => bounds(link),
+                _ => self.nodes[k + 1]
+                    .bounds
+                    .around(self.nodes[link as usize].bounds),
+            };
+        }
+    }
+
+    /// Calls `found` for each two faces of the tree whose boxes meet.
+    pub fn own_pairs(&self, mut found: impl FnMut(u32, u32)) {
+        let mut open: Vec<Two> = Vec::with_capacity(64);
+        if !self.nodes.is_empty() {
+            open.push(Two {
+                first: 0,
+                second: 0,
+            });
+        }
+        while let Some(two) = open.pop() {
+            let own = two.first;
+            if own != two.second {
+                visit(&self.nodes, &self.nodes, two, &mut open, &mut found);
+            } else if self.nodes[own as usize].count > 1 {
+                let (left, right) = (own + 1, self.nodes[own as usize].link);
+                let two = |first, second| Two { first, second };
+                open.extend([two(left, right), two(right, right), two(left, left)]);
+            }
+        }
+    }
+
+    /// Calls `found` for each face of this tree and each of `other` whose boxes meet.
+    pub fn pairs(&self, other: &Self, mut found: impl FnMut(u32, u32)) {
+        let mut open: Vec<Two> = Vec::with_capacity(64);
+        if !self.nodes.is_empty() && !other.nodes.is_empty() {
+            open.push(Two {
+                first: 0,
+                second: 0,
+            });
+        }
+        while let Some(two) = open.pop() {
+            visit(&self.nodes, &other.nodes, two, &mut open, &mut found);
+        }
+    }
+}
+
+/// Two nodes that are still to be compared.
+struct Two {
+    first: u32,
+    second: u32,
+}
+
+/// Opens the larger of two nodes whose boxes meet, or gives two leaves to `found`.
+#[inline]
+fn visit(
+    left: &[Node],
+    right: &[Node],
+    two: Two,
+    open: &mut Vec<Two>,
+    found: &mut impl FnMut(u32, u32),
+) {
+    let Two { first, second } = two;
+    let (a, b) = (&left[first as usize], &right[second as usize]);
+    if !a.bounds.meets(&b.bounds) {
+        return;
+    }
+    let with_first = |first| Two { first, second };
+    let with_second = |second| Two { first, second };
+    match (a.count, b.count) {
+        (1, 1) => found(a.link, b.link),
+        (m, n) if m >= n => open.extend([with_first(a.link), with_first(first + 1)]),
+        _ => open.extend([with_second(b.link), with_second(second + 1)]),
+    }
+}
+
+fn build(nodes: &mut Vec<Node>, faces: &mut [(u32, DVec3)]) {
+    let own = nodes.len();
+    nodes.push(Node {
+        bounds: Bounds::of(DVec3::ZERO),
+        link: faces[0].0,
+        count: faces.len() as u32,
+    });
+    if faces.len() == 1 {
+        return;
+    }
+    let around = |all: Bounds, face: &(u32, DVec3)| all.around(Bounds::of(face.1));
+    let all = faces[1..].iter().fold(Bounds::of(faces[0].1), around);
+    let axis = (all.greatest - all.least).max_position();
+    faces.sort_unstable_by(|a, b| a.1[axis].total_cmp(&b.1[axis]).then(a.0.cmp(&b.0)));
+    let (left, right) = faces.split_at_mut(faces.len() / 2);
+    build(nodes, left);
+    nodes[own].link = nodes.len() as u32;
+    build(nodes, right);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn pairs_are_those_of_brute_force_in_an_order_of_their_own() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut point =
+            |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
+        let places: Vec<DVec3> = (0..40).map(|_| point(1.0)).collect();
+        let numbered = |range: std::ops::Range<u32>| {
+            range.map(|f| (f, places[f as usize])).collect::<Vec<_>>()
+        };
+        let mut first = Tree::new(numbered(0..23).into_iter());
+        let mut second = Tree::new(numbered(23..40).into_iter());
+        let mut orders: Vec<Vec<(u32, u32)>> = Vec::new();
+        for _ in 0..1000 {
+            let boxes: Vec<Bounds> = (0..40)
+                .map(|_| {
+                    Bounds::of(point(1.0))
+                        .around(Bounds::of(point(0.7)))
+                        .widened(0.01)
+                })
+                .collect();
+            first.refit(|f| boxes[f as usize]);
+            second.refit(|f| boxes[f as usize]);
+            let (mut own, mut across) = (Vec::new(), Vec::new());
+            first.own_pairs(|a, b| own.push((a.min(b), a.max(b))));
+            first.pairs(&second, |a, b| across.push((a, b)));
+            orders.push(across.clone());
+            own.sort_unstable();
+            across.sort_unstable();
+            let meet = |a: u32, b: u32| boxes[a as usize].meets(&boxes[b as usize]);
+            let brute = |rows: std::ops::Range<u32>, columns: std::ops::Range<u32>| {
+                let pairs = rows.flat_map(|a| columns.clone().map(move |b| (a, b)));
+                pairs
+                    .filter(|(a, b)| a < b && meet(*a, *b))
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(own, brute(0..23, 0..23));
+            assert_eq!(across, brute(0..23, 23..40));
+        }
+        // Two pairs that are found together are found in the same order each time.
+        let (a, b) = (&orders[0], &orders[1]);
+        let common = |of: &[(u32, u32)], other: &[(u32, u32)]| -> Vec<(u32, u32)> {
+            of.iter()
+                .copied()
+                .filter(|pair| other.contains(pair))
+                .collect()
+        };
+        assert_eq!(common(a, b), common(b, a));
+        assert!(common(a, b).len() > 10);
+    }
+}

@@ -1,0 +1,252 @@
+//! The exact test: faces of a surface that meet at given positions, decided by the signs of
+//! determinants without rounding (Shewchuk 1997).
+
+use glam::DVec3;
+use robust::{Coord, Coord3D, orient2d, orient3d};
+
+use crate::boxes::Bounds;
+use crate::candidates::Candidates;
+use crate::surface::Surface;
+
+/// Two faces that meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Intersection {
+    /// The two faces, numbered as in the surface, the smaller first.
+    pub faces: [u32; 2],
+}
+
+/// All faces of the cloth that meet another face of the cloth or of an obstacle, at `points` `[m]`,
+/// in ascending order. Faces with a common vertex meet where they do so elsewhere too.
+#[must_use]
+pub fn intersections(surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
+    let mut found = Vec::new();
+    let mut test = |a: u32, b: u32| {
+        if triangles_meet(
+            points,
+            surface.faces()[a as usize],
+            surface.faces()[b as usize],
+        ) {
+            let faces = [a.min(b), a.max(b)];
+            found.push(Intersection { faces });
+        }
+    };
+    let trees = Candidates::trees_at(surface, |face| {
+        let [a, b, c] = surface.faces()[face as usize].map(|p| Bounds::of(points[p as usize]));
+        a.around(b).around(c)
+    });
+    if let Some((cloth, obstacles)) = trees.split_first() {
+        cloth.own_pairs(&mut test);
+        for obstacle in obstacles {
+            cloth.pairs(obstacle, &mut test);
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Returns true if two triangles among `points` meet, exactly. Of triangles with a common vertex,
+/// only what they have in common beside it counts; with three common vertices they always meet.
+#[must_use]
+pub fn triangles_meet(points: &[DVec3], first: [u32; 3], second: [u32; 3]) -> bool {
+    let place = |corner: u32| points[corner as usize];
+    let common: Vec<u32> = first
+        .iter()
+        .copied()
+        .filter(|p| second.contains(p))
+        .collect();
+    let own = |of: [u32; 3]| of.into_iter().find(|p| !common.contains(p));
+    let (a, b) = (first.map(place), second.map(place));
+    match common[..] {
+        [] => side_meets(a, b) || side_meets(b, a),
+        [shared] => {
+            opposite(first, shared).is_some_and(|side| segment_meets(side.map(place), b))
+                || opposite(second, shared).is_some_and(|side| segment_meets(side.map(place), a))
+        }
+        [from, to] => match (own(first), own(second)) {
+            (Some(p), Some(q)) => {
+                let [from, to, p, q] = [from, to, p, q].map(place);
+                sign(from, to, p, q) == 0.0 && same_side(from, to, p, q)
+            }
+            _ => true,
+        },
+        _ => true,
+    }
+}
+
+/// The side of a face that does not have `corner`.
+fn opposite(face: [u32; 3], corner: u32) -> Option<[u32; 2]> {
+    let k = face.iter().position(|p| *p == corner)?;
+    Some([face[(k + 1) % 3], face[(k + 2) % 3]])
+}
+
+fn side_meets(triangle: [DVec3; 3], other: [DVec3; 3]) -> bool {
+    (0..3).any(|k| segment_meets([triangle[k], triangle[(k + 1) % 3]], other))
+}
+
+/// Side of the plane a, b, c on which d lies.
+fn sign(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
+    let coordinates = |p: DVec3| Coord3D {
+        x: p.x,
+        y: p.y,
+        z: p.z,
+    };
+    orient3d(
+        coordinates(a),
+        coordinates(b),
+        coordinates(c),
+        coordinates(d),
+    )
+}
+
+/// Returns true if a segment and a triangle have a point in common.
+fn segment_meets(segment: [DVec3; 2], triangle: [DVec3; 3]) -> bool {
+    let ([p, q], [a, b, c]) = (segment, triangle);
+    let (from, to) = (sign(a, b, c, p), sign(a, b, c, q));
+    if (from > 0.0 && to > 0.0) || (from < 0.0 && to < 0.0) {
+        return false;
+    }
+    if from == 0.0 && to == 0.0 {
+        return (0..3).any(|axis| is_flat_meeting(segment, triangle, axis));
+    }
+    let sides = [sign(p, q, a, b), sign(p, q, b, c), sign(p, q, c, a)];
+    sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
+}
+
+/// Returns true if a segment and a triangle in one plane meet, seen along `axis`, along which the
+/// triangle must have an area.
+fn is_flat_meeting(segment: [DVec3; 2], triangle: [DVec3; 3], axis: usize) -> bool {
+    let flat = |p: DVec3| Coord {
+        x: p[(axis + 1) % 3],
+        y: p[(axis + 2) % 3],
+    };
+    let ([p, q], [a, b, c]) = (segment.map(flat), triangle.map(flat));
+    let turn = orient2d(a, b, c);
+    if turn == 0.0 {
+        return false;
+    }
+    let is_within = |point: Coord<f64>| {
+        [(a, b), (b, c), (c, a)]
+            .into_iter()
+            .all(|(from, to)| orient2d(from, to, point) * turn.signum() >= 0.0)
+    };
+    let crosses = |from: Coord<f64>, to: Coord<f64>| {
+        let (s, t) = (orient2d(p, q, from), orient2d(p, q, to));
+        let (u, v) = (orient2d(from, to, p), orient2d(from, to, q));
+        let differ = |s: f64, t: f64| (s >= 0.0 && t <= 0.0) || (s <= 0.0 && t >= 0.0);
+        differ(s, t) && differ(u, v) && !(s == 0.0 && t == 0.0)
+    };
+    is_within(p) || is_within(q) || crosses(a, b) || crosses(b, c) || crosses(c, a)
+}
+
+/// Returns true if p and q, in one plane with a line, lie on the same side of it.
+fn same_side(from: DVec3, to: DVec3, p: DVec3, q: DVec3) -> bool {
+    (0..3).any(|axis| {
+        let flat = |p: DVec3| Coord {
+            x: p[(axis + 1) % 3],
+            y: p[(axis + 2) % 3],
+        };
+        let side = |p: DVec3| orient2d(flat(from), flat(to), flat(p));
+        side(p) * side(q) > 0.0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// A vector of whole numbers, for which all products are exact.
+    type Whole = [i128; 3];
+
+    fn minus(a: Whole, b: Whole) -> Whole {
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+    }
+
+    fn cross(a: Whole, b: Whole) -> Whole {
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    }
+
+    fn dot(a: Whole, b: Whole) -> i128 {
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    }
+
+    /// By axes of separation, in whole numbers: two convex bodies are apart if and only if one of
+    /// these directions separates them strictly.
+    fn meet_by_axes(a: [Whole; 3], b: [Whole; 3]) -> bool {
+        let sides = |t: [Whole; 3]| [minus(t[1], t[0]), minus(t[2], t[1]), minus(t[0], t[2])];
+        let (own, others) = (sides(a), sides(b));
+        let normals = [cross(own[0], own[1]), cross(others[0], others[1])];
+        let mut axes: Vec<Whole> = normals.to_vec();
+        for left in own {
+            for right in others {
+                axes.push(cross(left, right));
+            }
+        }
+        for normal in normals {
+            axes.extend(own.iter().chain(&others).map(|side| cross(normal, *side)));
+        }
+        let apart = |axis: &Whole| {
+            let of = |t: [Whole; 3]| t.map(|p| dot(p, *axis));
+            let (left, right) = (of(a), of(b));
+            left.iter().max() < right.iter().min() || right.iter().max() < left.iter().min()
+        };
+        !axes.iter().any(apart)
+    }
+
+    /// Random triangles on a small grid, where points fall on planes and lines all the time.
+    #[test]
+    fn signs_agree_with_whole_numbers() {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let (mut meeting, mut tested) = (0, 0);
+        while tested < 100_000 {
+            let size = [2, 3, 6, 1000][tested % 4];
+            let flat = tested % 8 == 3;
+            let mut point = || -> Whole {
+                let mut p: Whole = [0; 3].map(|_| i128::from(rng.random_range(-size..=size)));
+                p[2] *= i128::from(!flat);
+                p
+            };
+            let corners = [0; 6].map(|_| point());
+            let [a, b, c, d, e, f] = corners;
+            let has_area = |a, b, c| cross(minus(b, a), minus(c, a)) != [0; 3];
+            if !has_area(a, b, c) || !has_area(d, e, f) {
+                continue;
+            }
+            let places = corners.map(|p| DVec3::from_array(p.map(|x| x as f64 * 0.25)));
+            let found = triangles_meet(&places, [0, 1, 2], [3, 4, 5]);
+            assert_eq!(found, meet_by_axes([a, b, c], [d, e, f]), "{corners:?}");
+            tested += 1;
+            meeting += i32::from(found);
+        }
+        assert!((10_000..90_000).contains(&meeting), "{meeting}");
+    }
+
+    #[test]
+    fn neighbours_meet_only_elsewhere() {
+        let grid = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+        let points = [
+            grid(0.0, 0.0, 0.0),
+            grid(1.0, 0.0, 0.0),
+            grid(0.0, 1.0, 0.0),
+            grid(0.0, -1.0, 0.0),
+            grid(0.0, 0.5, 0.0),
+            grid(0.2, 0.2, -1.0),
+            grid(0.2, 0.2, 1.0),
+            grid(-1.0, -1.0, 1.0),
+        ];
+        let first = [0, 1, 2];
+        // A common side, flat, folded shut, and folded in space.
+        assert!(!triangles_meet(&points, first, [0, 3, 1]));
+        assert!(triangles_meet(&points, first, [0, 4, 1]));
+        assert!(!triangles_meet(&points, first, [0, 6, 1]));
+        // A common corner, with the side opposite through the face or beside it.
+        assert!(triangles_meet(&points, first, [0, 5, 6]));
+        assert!(!triangles_meet(&points, first, [0, 3, 7]));
+        assert!(triangles_meet(&points, [0, 5, 6], first));
+    }
+}

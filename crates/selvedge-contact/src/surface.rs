@@ -1,0 +1,209 @@
+//! All bodies as one surface: the points, faces and edges of the cloth, then those of each
+//! obstacle.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use selvedge_cloth::{Obstacle, Topology};
+
+/// The connectivity of a cloth and its obstacles.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    points: usize,
+    cloth_points: usize,
+    faces: Vec<[u32; 3]>,
+    edges: Vec<SurfaceEdge>,
+    bodies: Vec<Body>,
+    /// Vertices and edges that each face stands for; [`NONE`] where it does not.
+    shares: Vec<Share>,
+}
+
+/// A number that is none.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// Features that a face stands for in the search for pairs. Every vertex and edge of a face has one
+/// face that stands for it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Share {
+    pub(crate) vertices: [u32; 3],
+    pub(crate) edges: [u32; 3],
+}
+
+/// An edge of the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceEdge {
+    /// Both ends.
+    pub ends: [u32; 2],
+    /// Third corners of its first two faces; the second is none at a boundary.
+    pub wings: [Option<u32>; 2],
+}
+
+/// The cloth, or an obstacle, as part of a surface.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Body {
+    /// Its points.
+    pub points: Range<u32>,
+    /// Its faces.
+    pub faces: Range<u32>,
+    /// Its edges.
+    pub edges: Range<u32>,
+}
+
+impl Surface {
+    /// The surface of a cloth and `obstacles`. Body 0 is the cloth.
+    #[must_use]
+    pub fn new(cloth: &Topology, obstacles: &[Obstacle]) -> Self {
+        let mut surface = Self {
+            points: 0,
+            cloth_points: cloth.vertex_count(),
+            faces: Vec::new(),
+            edges: Vec::new(),
+            bodies: Vec::new(),
+            shares: Vec::new(),
+        };
+        surface.push(cloth.vertex_count(), &cloth.face_indices());
+        for obstacle in obstacles {
+            surface.push(obstacle.point_count(), obstacle.faces());
+        }
+        surface
+    }
+
+    fn push(&mut self, points: usize, faces: &[[u32; 3]]) {
+        let (first, first_face) = (self.points as u32, self.faces.len() as u32);
+        let first_edge = self.edges.len() as u32;
+        let moved = faces.iter().map(|face| face.map(|p| p + first));
+        self.faces.extend(moved);
+        self.points += points;
+        let mut numbers = BTreeMap::new();
+        for face in &self.faces[first_face as usize..] {
+            for k in 0..3 {
+                numbers.insert(side(*face, k), NONE);
+            }
+        }
+        for (number, (ends, slot)) in numbers.iter_mut().enumerate() {
+            *slot = first_edge + number as u32;
+            self.edges.push(SurfaceEdge {
+                ends: *ends,
+                wings: [None; 2],
+            });
+        }
+        let mut has_vertex = vec![false; points];
+        let mut has_edge = vec![false; numbers.len()];
+        for face in &self.faces[first_face as usize..] {
+            let mut share = Share {
+                vertices: [NONE; 3],
+                edges: [NONE; 3],
+            };
+            for k in 0..3 {
+                let taken = &mut has_vertex[(face[k] - first) as usize];
+                if !std::mem::replace(taken, true) {
+                    share.vertices[k] = face[k];
+                }
+                let edge = numbers[&side(*face, k)];
+                let taken = &mut has_edge[(edge - first_edge) as usize];
+                if !std::mem::replace(taken, true) {
+                    share.edges[k] = edge;
+                }
+                let wings = &mut self.edges[edge as usize].wings;
+                if let Some(wing) = wings.iter_mut().find(|wing| wing.is_none()) {
+                    *wing = Some(face[(k + 2) % 3]);
+                }
+            }
+            self.shares.push(share);
+        }
+        self.bodies.push(Body {
+            points: first..self.points as u32,
+            faces: first_face..self.faces.len() as u32,
+            edges: first_edge..self.edges.len() as u32,
+        });
+    }
+
+    /// Number of points of all bodies.
+    #[must_use]
+    pub fn point_count(&self) -> usize {
+        self.points
+    }
+
+    /// Number of points of the cloth; they come first.
+    #[must_use]
+    pub fn cloth_points(&self) -> usize {
+        self.cloth_points
+    }
+
+    /// Corners of every face.
+    #[must_use]
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// Every edge, within a body by its ends.
+    #[must_use]
+    pub fn edges(&self) -> &[SurfaceEdge] {
+        &self.edges
+    }
+
+    /// The cloth, then each obstacle.
+    #[must_use]
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// Number of the body to which `point` belongs; 0 is the cloth.
+    #[must_use]
+    pub fn body_of(&self, point: u32) -> usize {
+        self.bodies
+            .partition_point(|body| body.points.end <= point)
+            .min(self.bodies.len() - 1)
+    }
+
+    #[inline]
+    pub(crate) fn share(&self, face: u32) -> &Share {
+        &self.shares[face as usize]
+    }
+}
+
+/// The side of a face from corner `k` on, smaller end first.
+fn side(face: [u32; 3], k: usize) -> [u32; 2] {
+    let (a, b) = (face[k], face[(k + 1) % 3]);
+    [a.min(b), a.max(b)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn every_feature_has_one_face() {
+        let cloth = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Z];
+        let wedge = Obstacle::new("wedge", points, vec![[0, 1, 2]]).unwrap();
+        let surface = Surface::new(&cloth, &[wedge]);
+        assert_eq!((surface.point_count(), surface.cloth_points()), (7, 4));
+        let ends: Vec<_> = surface.edges().iter().map(|edge| edge.ends).collect();
+        assert_eq!(
+            ends,
+            [
+                [0, 1],
+                [0, 2],
+                [0, 3],
+                [1, 2],
+                [2, 3],
+                [4, 5],
+                [4, 6],
+                [5, 6]
+            ]
+        );
+        assert_eq!(surface.edges()[1].wings, [Some(1), Some(3)]);
+        assert_eq!(surface.edges()[0].wings, [Some(2), None]);
+        let mut vertices: Vec<u32> = (0..3).flat_map(|f| surface.share(f).vertices).collect();
+        vertices.retain(|v| *v != NONE);
+        vertices.sort_unstable();
+        assert_eq!(vertices, [0, 1, 2, 3, 4, 5, 6]);
+        let mut edges: Vec<u32> = (0..3).flat_map(|f| surface.share(f).edges).collect();
+        edges.retain(|e| *e != NONE);
+        edges.sort_unstable();
+        assert_eq!(edges, (0..8).collect::<Vec<_>>());
+        assert_eq!([3, 4, 6].map(|p| surface.body_of(p)), [0, 1, 1]);
+    }
+}
