@@ -44,6 +44,7 @@
 //! SI units without suffix (m, kg, s, N); y is up. Positions are `f64` where a scene is described
 //! and solved ([`glam::DVec3`]) and `f32` where a motion is handed on ([`glam::Vec3`]).
 
+pub mod bodies;
 mod cloth;
 pub mod conformance;
 mod contact;
