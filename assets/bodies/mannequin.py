@@ -1,7 +1,7 @@
 """Writes mannequin.glb: a simple closed human form with a skeleton, and what it can do.
 
 The form is a smooth union of capsules, cut into triangles by surface nets, evened out on the
-surface, and bound to fourteen joints. It stands on the ground y = 0 and looks along +z; its left is
+surface, and bound to thirteen joints. It stands on the ground y = 0 and looks along +z; its left is
 +x. The animations `stand`, `turn`, `walk` (on the spot) and `raise-arms` all begin and end in the
 same stance, at rest; `hold-arms-out` stays with the arms at the height of the shoulders. Needs
 nothing but Python 3:
@@ -17,7 +17,7 @@ from math import ceil, cos, pi, radians, sin, sqrt
 
 EDGE = float(sys.argv[1]) if len(sys.argv) > 1 else 0.03
 BLEND = 0.035  # distance over which parts go over into each other, metres
-RATE = 30  # keys per second
+RATE = 60  # keys per second
 BIND_ARMS, STAND_ARMS, HIGH_ARMS = 45.0, 22.0, 120.0  # degrees from straight down
 
 

@@ -22,7 +22,8 @@ pub(crate) struct MovingBody {
     meshes: Vec<MovingMesh>,
 }
 
-/// Reads all meshes in the bytes of a .glb or of a .usda file, with one of its animations.
+/// Reads all meshes in the bytes of a .glb or of a .usda file, with one of its animations; with
+/// none, as they stand, where `is_still`.
 ///
 /// # Errors
 /// [`RigError`] says what cannot be understood; the file is not named.
@@ -30,9 +31,12 @@ pub(crate) fn read_body(
     bytes: &[u8],
     is_glb: bool,
     animation: Option<&str>,
+    is_still: bool,
 ) -> Result<MovingBody, RigError> {
     let (rig, meshes) = match (is_glb, animation) {
-        (true, animation) => glb::parse_bodies(bytes, animation)?,
+        (true, _) if is_still => glb::parse_bodies(bytes, glb::Chosen::None)?,
+        (true, Some(name)) => glb::parse_bodies(bytes, glb::Chosen::Named(name))?,
+        (true, None) => glb::parse_bodies(bytes, glb::Chosen::Only)?,
         (false, None) => usda::parse_bodies(bytes)?,
         (false, Some(name)) => {
             return Err(RigError::NoAnimation {

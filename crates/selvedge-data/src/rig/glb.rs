@@ -16,11 +16,11 @@ use std::collections::HashMap;
 use glam::{DMat4, DQuat, DVec2, DVec3};
 use serde::Deserialize;
 
+pub(super) use self::body::{Chosen, parse_bodies};
 use super::error::RigError;
 use super::node::{Change, Operation, Rig, RigNode};
 use super::node_mesh::NodeMesh;
 use super::track::{Joined, Track, Value};
-pub(super) use self::body::parse_bodies;
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: &[u8; 4] = b"JSON";

@@ -20,7 +20,7 @@ use std::path::Path;
 
 use glam::DMat4;
 
-pub(crate) use self::bodies::{MovingBody, read_body};
+pub(crate) use self::bodies::read_body;
 pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
 pub use self::node::{Rig, RigNode};

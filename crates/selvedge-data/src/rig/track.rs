@@ -42,7 +42,10 @@ impl Value for f64 {
     }
 
     fn combined(parts: [(Self, f64); 4]) -> Self {
-        parts.into_iter().map(|(value, weight)| value * weight).sum()
+        parts
+            .into_iter()
+            .map(|(value, weight)| value * weight)
+            .sum()
     }
 
     fn is_sound(self) -> bool {

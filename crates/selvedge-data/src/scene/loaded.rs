@@ -8,6 +8,9 @@ use super::spec::SceneSpec;
 use super::strained;
 use crate::trajectory::state_file::SavedState;
 
+/// Warning of a scene with contact.
+const NOT_YET: &str = "contact is not computed yet: the cloth passes through its obstacles and through itself, as without `contact`";
+
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedScene {
@@ -35,14 +38,16 @@ impl LoadedScene {
         }
     }
 
-    /// The same, with a warning where the cloth starts far from its material size; `remedy` says
-    /// how its file can be mended.
+    /// The same, with warnings of contact, and where the cloth starts far from its material size;
+    /// `remedy` says how its file can be mended.
     pub(super) fn looked_over(mut self, remedy: &str) -> Self {
         let mesh = &self.scene.mesh;
         let state = self.state.as_ref();
         let start = state.map_or(mesh.positions(), |state| &state.positions);
         self.warnings
             .extend(strained::warnings(mesh, start, remedy));
+        let contact = self.scene.contact.iter();
+        self.warnings.extend(contact.map(|_| NOT_YET.to_owned()));
         self
     }
 }

@@ -13,10 +13,21 @@ use super::{File, Interpolation, Joined, Mesh, part};
 /// Shares of a point's joints that count as none at all.
 const NO_SHARE: f64 = 1e-6;
 
+/// The animation of a file that is taken.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) enum Chosen<'a> {
+    /// None: the nodes stand.
+    None,
+    /// The only one; an error where there are several.
+    Only,
+    /// The one of this name.
+    Named(&'a str),
+}
+
 /// The rig in the bytes of a file, with the animation that is asked for, and its moving meshes.
 pub(in super::super) fn parse_bodies(
     bytes: &[u8],
-    animation: Option<&str>,
+    animation: Chosen<'_>,
 ) -> Result<(Rig, Vec<MovingMesh>), RigError> {
     let mut file = File::open(bytes)?;
     file.choose(animation)?;
@@ -28,28 +39,31 @@ pub(in super::super) fn parse_bodies(
 }
 
 impl File<'_> {
-    /// Leaves only the animation of this name; without a name there may be one at most.
-    fn choose(&mut self, name: Option<&str>) -> Result<(), RigError> {
+    /// Leaves only the animation that is chosen.
+    fn choose(&mut self, chosen: Chosen<'_>) -> Result<(), RigError> {
         let animations = &mut self.document.animations;
         let known = || {
             let names: Vec<&str> = animations.iter().map(|a| a.name.as_str()).collect();
             names.join(", ")
         };
-        match name {
-            None if animations.len() > 1 => Err(RigError::Animations { known: known() }),
-            None => Ok(()),
-            Some(name) => match animations.iter().position(|a| a.name == name) {
-                None => Err(RigError::NoAnimation {
-                    name: name.to_owned(),
-                    known: known(),
-                }),
-                Some(only) => {
-                    animations.swap(0, only);
-                    animations.truncate(1);
-                    Ok(())
-                }
-            },
+        match chosen {
+            Chosen::None => animations.clear(),
+            Chosen::Only if animations.len() > 1 => {
+                return Err(RigError::Animations { known: known() });
+            }
+            Chosen::Only => {}
+            Chosen::Named(name) => {
+                let Some(only) = animations.iter().position(|a| a.name == name) else {
+                    return Err(RigError::NoAnimation {
+                        name: name.to_owned(),
+                        known: known(),
+                    });
+                };
+                animations.swap(0, only);
+                animations.truncate(1);
+            }
         }
+        Ok(())
     }
 
     fn moving(&self, node: usize, number: usize) -> Result<MovingMesh, RigError> {
@@ -57,10 +71,12 @@ impl File<'_> {
         let points = made.positions.len();
         let what = || format!("mesh {number}");
         let mesh = &self.document.meshes[number];
-        let targets = self.targets(node, mesh, points).map_err(|error| match error {
-            Problem::Own(problem) => part(what(), problem),
-            Problem::Other(error) => error,
-        })?;
+        let targets = self
+            .targets(node, mesh, points)
+            .map_err(|error| match error {
+                Problem::Own(problem) => part(what(), problem),
+                Problem::Other(error) => error,
+            })?;
         let skin = match self.document.nodes[node].skin {
             None => None,
             Some(skin) => Some(self.skin(skin, mesh, points)?),
@@ -107,7 +123,12 @@ impl File<'_> {
     }
 
     /// Weights of `count` targets over time: those of the animation, or `still` ones.
-    fn weights(&self, node: usize, count: usize, still: &[f64]) -> Result<Vec<Track<f64>>, Problem> {
+    fn weights(
+        &self,
+        node: usize,
+        count: usize,
+        still: &[f64],
+    ) -> Result<Vec<Track<f64>>, Problem> {
         let constant = |k| Track::constant(still.get(k).copied().unwrap_or(0.0));
         let mut channels = self.document.animations.iter().flat_map(|animation| {
             let channels = animation.channels.iter();
@@ -129,7 +150,9 @@ impl File<'_> {
             Interpolation::Linear | Interpolation::Step => 1,
         };
         if output.len() != times.len() * count * parts {
-            return Err(wrong("has another number of values than keys and targets need"));
+            return Err(wrong(
+                "has another number of values than keys and targets need",
+            ));
         }
         // By key: tangents in of all targets, values of all, tangents out of all.
         let column = |target: usize, part: usize| -> Vec<f64> {
@@ -203,7 +226,8 @@ impl File<'_> {
         }
         let joints: Vec<(usize, DMat4)> = skin.joints.iter().copied().zip(binds).collect();
         for (point, own) in shares.iter_mut().enumerate() {
-            checked_shares(own, count).map_err(|problem| wrong(format!("point {point} {problem}")))?;
+            checked_shares(own, count)
+                .map_err(|problem| wrong(format!("point {point} {problem}")))?;
         }
         Ok(Skin { joints, shares })
     }
