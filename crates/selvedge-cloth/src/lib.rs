@@ -55,6 +55,7 @@ mod gust;
 mod handles;
 mod ids;
 mod isotropic;
+mod loose_panels;
 mod material;
 mod mesh;
 pub mod motion;
@@ -73,6 +74,7 @@ pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::{Isotropic, IsotropicError};
+pub use loose_panels::LoosePanels;
 pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{

@@ -73,13 +73,14 @@ mod integrator;
 pub mod laws;
 mod lists;
 mod rest_pose;
+mod sew;
 mod simulator;
 mod solver;
 mod state;
 mod strain_watch;
 mod threads;
 
-pub use fit::{FitError, FitProgress, Fitted, fit};
+pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{PreviousSubstep, Simulator, SimulatorError};

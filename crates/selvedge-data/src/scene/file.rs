@@ -145,6 +145,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         mesh,
         groups,
         velocities,
+        loose,
         warnings,
     } = setting.resolve(folder, &mut files)?;
     let stand = Stand::of(&setting, &mesh, &groups);
@@ -163,6 +164,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let scene = spec.with_mesh(mesh, folder)?;
     let loaded = LoadedScene {
         state,
+        loose,
         files,
         warnings,
         ..LoadedScene::new(spec, scene)

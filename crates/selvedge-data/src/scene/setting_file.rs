@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use selvedge_cloth::{ContactSettings, DEFAULT_FRAME_RATE, Environment, Mesh, SagSettings};
+use selvedge_cloth::{
+    ContactSettings, DEFAULT_FRAME_RATE, Environment, LoosePanels, Mesh, SagSettings,
+};
 use serde::Deserialize;
 
 use super::handle_selection::{Groups, HandleSelection, Selected};
@@ -85,6 +87,8 @@ pub(crate) struct ResolvedSetting {
     pub(crate) groups: Groups,
     /// Velocities of the vertices, where the mesh's file has them `[m/s]`, `[vertices]`.
     pub(crate) velocities: Option<Vec<DVec3>>,
+    /// The panels before they are sewn, where seams were named.
+    pub(crate) loose: Option<LoosePanels>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -104,6 +108,7 @@ impl SettingFile {
         let BuiltMesh {
             sheet,
             velocities,
+            loose,
             mut warnings,
         } = mesh.read(folder)?;
         let mut fabrics = BTreeMap::new();
@@ -134,6 +139,7 @@ impl SettingFile {
             mesh: sheet.mesh,
             groups,
             velocities,
+            loose,
             warnings,
         })
     }

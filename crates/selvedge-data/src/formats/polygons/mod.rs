@@ -5,6 +5,7 @@
 //! plane of a flat sheet, or from the form that the mesh has in space.
 
 mod assemble;
+mod border;
 mod clean;
 mod error;
 mod fit;

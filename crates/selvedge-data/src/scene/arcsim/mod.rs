@@ -89,6 +89,7 @@ pub(super) fn parse_arcsim(
         sheet,
         velocities,
         warnings: mended,
+        ..
     } = spec
         .setting
         .mesh
