@@ -8,8 +8,8 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, ClothError, LoosePanels, MotionError, Scene, StepError, Stepper};
 use selvedge_data::metrics::{self, MetricError};
 use selvedge_data::{
-    Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, SceneSpecError, StateRun,
-    Trajectory, TrajectoryError, record,
+    Drive, ObstacleTrack, Provenance, Recording, RecordingEnd, SavedState, SceneSpec,
+    SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
 };
 use selvedge_sim::{
     FitError, FitProgress, Fitted, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts,
@@ -320,11 +320,31 @@ pub fn trajectory(
     rest: &[DVec3],
     positions: Vec<Vec3>,
 ) -> Result<Trajectory, RunTrajectoryError> {
+    trajectory_from(0, spec, scene, rest, positions)
+}
+
+/// Makes the trajectory of a run of `spec` that begins with frame `first` of its motion, as
+/// [`trajectory`] does; obstacles stand where they are then.
+///
+/// # Errors
+/// As of [`trajectory`].
+pub fn trajectory_from(
+    first: usize,
+    spec: &SceneSpec,
+    scene: &Scene,
+    rest: &[DVec3],
+    positions: Vec<Vec3>,
+) -> Result<Trajectory, RunTrajectoryError> {
     let cloth = Cloth::of_scene(scene, rounded(rest)).map_err(|source| {
         let scene = scene.name.clone();
         RunTrajectoryError::Cloth { scene, source }
     })?;
-    Trajectory::new(cloth, positions, provenance(spec, scene)?).map_err(|source| {
+    let frames = positions.len() / cloth.vertex_count().max(1);
+    let track = |obstacle| ObstacleTrack::of(obstacle, scene.frame_rate, first, frames);
+    let obstacles = scene.obstacles.iter().map(track).collect();
+    let made = Trajectory::new(cloth, positions, provenance(spec, scene)?);
+    let made = made.and_then(|trajectory| trajectory.with_obstacles(obstacles));
+    made.map_err(|source| {
         let scene = scene.name.clone();
         RunTrajectoryError::Trajectory { scene, source }
     })

@@ -74,7 +74,8 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     let rest_positions = rest
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
-    let trajectory = physics::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
+    let spec = &loaded.spec;
+    let trajectory = physics::trajectory_from(passed, spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
