@@ -10,6 +10,7 @@
 
 use glam::DVec3;
 
+use crate::boxes::Bounds;
 use crate::closest::{Gap, gap};
 use crate::pair::Kind;
 
@@ -40,6 +41,22 @@ impl Path {
     #[inline]
     pub fn at(&self, part: f64) -> [DVec3; 4] {
         std::array::from_fn(|k| self.from[k].lerp(self.to[k], part))
+    }
+
+    /// Returns true if boxes along the axes show that the features of a pair, vertex and face or
+    /// two edges, stay at least `distance` `[m]` apart.
+    #[must_use]
+    #[inline]
+    pub fn boxes_apart(&self, kind: Kind, distance: f64) -> bool {
+        let around = |corners: std::ops::Range<usize>| {
+            let boxes = corners.map(|k| Bounds::of(self.from[k]).around(Bounds::of(self.to[k])));
+            boxes.reduce(Bounds::around)
+        };
+        let split = kind.split();
+        match (around(0..split), around(split..4)) {
+            (Some(first), Some(second)) => !first.widened(distance).meets(&second),
+            _ => false,
+        }
     }
 }
 

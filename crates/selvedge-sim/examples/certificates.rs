@@ -2,6 +2,7 @@
 //! from substep to substep: a flag that is waved, and a sheet that falls from one corner.
 //!
 //! `cargo run --release -p selvedge-sim --example certificates`
+#![allow(clippy::print_stdout, reason = "an example that prints its result")]
 
 use glam::DVec3;
 use selvedge_cloth::generate::{SquareSpec, square};

@@ -158,6 +158,23 @@ impl ActiveHandles {
         }
     }
 
+    /// Returns true if a substep depends on the state before the last one.
+    pub(crate) fn looks_back(&self) -> bool {
+        self.formula.looks_back()
+    }
+
+    /// Returns true if the material has limits.
+    pub(crate) fn has_limits(&self) -> bool {
+        self.limiter.is_some()
+    }
+
+    /// Moves `state` towards the limits of the material, by one sweep over the faces.
+    pub(crate) fn limit_once(&self, dt: f64, state: &mut State) {
+        if let Some(limiter) = &self.limiter {
+            limiter.sweep(dt, state);
+        }
+    }
+
     /// Moves `state` within the limits of the material. Returns true if that was needed.
     pub(crate) fn limit(&self, dt: f64, state: &mut State) -> bool {
         let limiter = self.limiter.as_ref();

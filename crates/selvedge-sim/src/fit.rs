@@ -11,11 +11,10 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, VertexId};
+use selvedge_cloth::{Handles, Mesh, Scene, SceneError, VertexId};
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
-use crate::sew::sew;
 use crate::state::State;
 use crate::strain_watch::WatchedEdges;
 
@@ -37,8 +36,6 @@ const MOST_CHANGE: f64 = 0.1;
 const MOST_HALVINGS: u32 = 8;
 /// Calls of the listener are this many passes apart.
 const BEAT: u32 = 10;
-/// Part of all progress that sewing is.
-const SEWING: f64 = 0.3;
 
 /// A cloth that has relaxed into its pattern.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,8 +46,6 @@ pub struct Fitted {
     pub before: f64,
     /// Largest strain of an edge that is left, by its amount.
     pub after: f64,
-    /// Largest distance over which a seam was closed, where panels were sewn `[m]`.
-    pub gap: Option<f64>,
 }
 
 /// Progress of a fit.
@@ -60,8 +55,6 @@ pub struct FitProgress {
     pub done: f64,
     /// Largest strain of an edge now, by its amount.
     pub strain: f64,
-    /// Largest distance that seams are open, while panels are sewn `[m]`.
-    pub gap: Option<f64>,
 }
 
 /// Reason why a cloth was not fitted.
@@ -77,7 +70,7 @@ pub enum FitError {
 }
 
 /// An edge with what it is brought to.
-pub(crate) struct Spring {
+struct Spring {
     ends: [usize; 2],
     /// Shares of the two ends in a correction; 0 where held.
     shares: [f64; 2],
@@ -85,7 +78,7 @@ pub(crate) struct Spring {
 }
 
 /// A callback that sees the progress and may stop the fit.
-pub(crate) type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
+type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
 
 /// Relaxes the cloth of `scene` into its pattern, its handles where the mesh has them.
 ///
@@ -93,40 +86,8 @@ pub(crate) type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>
 /// A scene that does not validate; [`FitError::Stopped`]; a system that cannot be solved.
 pub fn fit(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
     scene.validate()?;
-    fit_from(scene, scene.mesh.positions().to_vec(), 0.0, progress)
-}
-
-/// Sews the `loose` panels of the scene's mesh, pulled together over a second, and relaxes the
-/// cloth into its pattern from there.
-///
-/// # Errors
-/// As for [`fit`]; panels that are not those of the scene's mesh.
-pub fn sew_and_fit(
-    scene: &Scene,
-    loose: &LoosePanels,
-    progress: Listener<'_>,
-) -> Result<Fitted, FitError> {
-    scene.validate()?;
-    let sewn = sew(scene, loose, SEWING, progress)?;
-    let mut fitted = fit_from(scene, sewn.positions, SEWING, progress)?;
-    fitted.gap = Some(sewn.gap);
-    Ok(fitted)
-}
-
-/// Relaxes the cloth from `positions` `[m]`, `[vertices]`; `passed` is the part of all progress
-/// that was before.
-fn fit_from(
-    scene: &Scene,
-    mut positions: Vec<DVec3>,
-    passed: f64,
-    progress: Listener<'_>,
-) -> Result<Fitted, FitError> {
-    let mut progress = |mut now: FitProgress| {
-        now.done = passed + (1.0 - passed) * now.done;
-        progress(now)
-    };
-    let progress: Listener<'_> = &mut progress;
     let springs = springs(&scene.mesh, &scene.handles);
+    let mut positions = scene.mesh.positions().to_vec();
     let before = largest_strain(&springs, &positions);
     scale(&springs, &scene.handles, &mut positions);
     project(&springs, &mut positions, progress)?;
@@ -136,11 +97,10 @@ fn fit_from(
         positions,
         before,
         after,
-        gap: None,
     })
 }
 
-pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
+fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
     let held = handles.mask(mesh.topology().vertex_count());
     let edges = mesh.topology().edges().iter();
     edges
@@ -158,7 +118,7 @@ pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
         .collect()
 }
 
-pub(crate) fn largest_strain(springs: &[Spring], positions: &[DVec3]) -> f64 {
+fn largest_strain(springs: &[Spring], positions: &[DVec3]) -> f64 {
     let strain = |spring: &Spring| {
         let [a, b] = spring.ends.map(|v| positions[v]);
         (a.distance(b) / spring.length - 1.0).abs()
@@ -240,8 +200,7 @@ fn project(
         if number % BEAT == 0 {
             let strain = largest_strain(springs, positions);
             let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
-            let gap = None;
-            tell(progress, FitProgress { done, strain, gap })?;
+            tell(progress, FitProgress { done, strain })?;
         }
     }
     positions.copy_from_slice(&kept);
@@ -278,8 +237,7 @@ fn relax(
             let strain = largest_strain(springs, positions);
             let all = (STAGES.len() as u32 * SOLVES) as f64;
             let done = 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all;
-            let gap = None;
-            tell(progress, FitProgress { done, strain, gap })?;
+            tell(progress, FitProgress { done, strain })?;
             if (before - strain).abs() < 1e-6 {
                 break;
             }
@@ -288,7 +246,7 @@ fn relax(
     Ok(())
 }
 
-pub(crate) fn failed(cause: impl std::error::Error) -> FitError {
+fn failed(cause: impl std::error::Error) -> FitError {
     FitError::Solve {
         cause: cause.to_string(),
     }
@@ -325,7 +283,7 @@ fn still_step(
     false
 }
 
-pub(crate) fn tell(progress: Listener<'_>, now: FitProgress) -> Result<(), FitError> {
+fn tell(progress: Listener<'_>, now: FitProgress) -> Result<(), FitError> {
     match progress(now) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(FitError::Stopped),

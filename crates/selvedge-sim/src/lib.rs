@@ -65,22 +65,24 @@
 //! Units are SI throughout. The state is f64; [`Stepper::positions`](selvedge_cloth::Stepper) gives
 //! f32 copies. The same scene and targets give the same bytes with any number of threads.
 //!
-//! There is no contact, no remeshing and no plasticity. The crate reads and writes no files.
+//! Where a scene has `contact`, the cloth touches obstacles and itself, and no frame intersects.
+//! There is no remeshing and no plasticity. The crate reads and writes no files.
 
 mod active_handles;
+mod contact;
 mod fit;
 mod integrator;
 pub mod laws;
 mod lists;
 mod rest_pose;
-mod sew;
 mod simulator;
 mod solver;
 mod state;
 mod strain_watch;
 mod threads;
 
-pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
+pub use contact::ContactCounts;
+pub use fit::{FitError, FitProgress, Fitted, fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{PreviousSubstep, Simulator, SimulatorError};

@@ -2,7 +2,7 @@
 //!
 //! The state is f64; [`Stepper::positions`] gives its f32 copies. The result depends only on scene,
 //! start and targets: any number of threads gives the same bytes. The wind of a frame is held over
-//! its step. Handles may let go and take hold again between frames. There is no contact.
+//! its step. Handles may let go and take hold again between frames.
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
@@ -12,14 +12,18 @@ use selvedge_cloth::{
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
+use crate::contact::{Contact, Span, Unseparated};
 use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::strain_watch::{Overstrained, Overstretched, StrainWatch};
 use crate::threads::Threads;
+pub use previous::PreviousSubstep;
 use substep_error::SubstepError;
 
+mod contact;
 mod correctable;
+mod previous;
 mod substep_error;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
@@ -41,6 +45,8 @@ pub struct Simulator {
     watch: StrainWatch,
     /// Positions before the substep, for the watch on strains `[m]`.
     before: Vec<DVec3>,
+    /// Contact, where the scene has it.
+    contact: Option<Box<Contact>>,
 }
 
 /// The parts that undo a step beside the saved state.
@@ -49,17 +55,6 @@ struct Undo {
     active: Option<ActiveHandles>,
     /// Places of the handles on their paths before `[m]`, `[handles]`.
     reached: Vec<DVec3>,
-}
-
-/// The state of a cloth one substep ago.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PreviousSubstep {
-    /// Positions `[m]`, `[vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Length of the substep that led from there `[s]`.
-    pub seconds: f64,
 }
 
 /// Reason why a simulator cannot be made or resumed.
@@ -82,6 +77,14 @@ pub enum SimulatorError {
     },
     #[error("the length of the previous substep must be finite and positive, found {seconds} s")]
     PreviousSubstep { seconds: f64 },
+    #[error(
+        "the cloth starts with {count} intersections ({pairs}): start it where nothing meets, or remove `contact`"
+    )]
+    Intersections { count: usize, pairs: String },
+    #[error(
+        "contact.thickness is {thickness} m, but the shortest edge of the cloth has {edge:.2e} m: use at most a quarter of that, or a coarser mesh"
+    )]
+    Thickness { thickness: f64, edge: f64 },
     #[error("the system of {vertices} vertices cannot be set up ({cause}): use a smaller mesh")]
     Analysis { vertices: usize, cause: String },
 }
@@ -131,10 +134,12 @@ impl Simulator {
             threads: Threads::Pool,
             watch: StrainWatch::new(&scene.physics, &scene.mesh, &scene.handles),
             before: state.positions.clone(),
+            contact: Contact::of(scene, active.system.mass()).map(Box::new),
             scene: scene.clone(),
             active,
             state,
         };
+        simulator.check_contact()?;
         simulator.update_wind();
         Ok(simulator)
     }
@@ -215,44 +220,12 @@ impl Simulator {
         }
         self.active.system.forget_changes();
         self.history.forget();
+        self.forget_touches();
         self.frame = frame;
         self.undo = None;
         self.update_wind();
         self.round();
         Ok(())
-    }
-
-    /// The same cloth with the state one substep ago, which a run of second order needs to go on
-    /// bit for bit; see [`Self::previous`]. A run of first order does not look at it.
-    ///
-    /// # Errors
-    /// As for [`Self::with_state`]; also a length of the substep that is not finite and positive.
-    pub fn with_previous(mut self, previous: &PreviousSubstep) -> Result<Self, SimulatorError> {
-        let vertices = self.rounded.len();
-        let PreviousSubstep {
-            positions,
-            velocities,
-            seconds,
-        } = previous;
-        check_state(
-            "previous positions",
-            "previous position",
-            positions,
-            vertices,
-        )?;
-        check_state(
-            "previous velocities",
-            "previous velocity",
-            velocities,
-            vertices,
-        )?;
-        if !(seconds.is_finite() && *seconds > 0.0) {
-            return Err(SimulatorError::PreviousSubstep { seconds: *seconds });
-        }
-        self.history.before.positions.copy_from_slice(positions);
-        self.history.before.velocities.copy_from_slice(velocities);
-        self.history.set_last_substep(*seconds);
-        Ok(self)
     }
 
     /// Replaces the newest positions `[m]` and velocities `[m/s]`, `[vertices]`. The state one
@@ -283,22 +256,6 @@ impl Simulator {
         }
         self.round();
         Ok(())
-    }
-
-    /// Drops the state one substep ago: the next substep starts anew.
-    pub fn forget_previous(&mut self) {
-        self.history.forget();
-    }
-
-    /// State before the last substep; none with an integrator of first order, before the first
-    /// substep, and where the next one does not look back.
-    #[must_use]
-    pub fn previous(&self) -> Option<PreviousSubstep> {
-        self.history.last_substep().map(|seconds| PreviousSubstep {
-            positions: self.history.before.positions.clone(),
-            velocities: self.history.before.velocities.clone(),
-            seconds,
-        })
     }
 
     /// Sets the threads of the steps that follow. The default is [`Threads::Pool`].
@@ -347,7 +304,7 @@ impl Simulator {
     }
 
     /// Moves the cloth by one substep over `dt` `[s]`, its active handles to `targets` `[m]`,
-    /// `[handles]`. The frame count stays, and with it the wind.
+    /// `[handles]`. The frame count stays, and with it the wind and the obstacles.
     ///
     /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and b = dt
     /// f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v); the row
@@ -369,7 +326,9 @@ impl Simulator {
         self.undo = None;
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
-        if let Err(error) = threads.run(|| self.solve(dt)) {
+        self.enter_frame();
+        let still = Part { from: 0.0, to: 0.0 };
+        if let Err(error) = threads.run(|| self.solve(dt, still)) {
             self.restore();
             return Err(self.step_error(error, 1));
         }
@@ -382,12 +341,18 @@ impl Simulator {
         self.saved.0.copy_from(&self.state);
         self.saved.1.copy_from(&self.history);
         self.active.system.save();
+        if let Some(contact) = &mut self.contact {
+            contact.save();
+        }
     }
 
     fn restore(&mut self) {
         self.state.copy_from(&self.saved.0);
         self.history.copy_from(&self.saved.1);
         self.active.system.restore();
+        if let Some(contact) = &mut self.contact {
+            contact.restore();
+        }
     }
 
     /// Hands the threads of this step to the system.
@@ -428,34 +393,49 @@ impl Simulator {
             let reached = &self.reached;
             let path = |h: usize| targets.at(h, fraction, reached[h]);
             self.active.put_targets(&mut self.targets, path);
-            self.solve(dt)?;
+            let from = f64::from(substep - 1) / f64::from(substeps);
+            self.solve(dt, Part { from, to: fraction })?;
         }
         let began = &self.saved.0.positions;
         Ok(self.watch.check_frame(began, &self.state.positions)?)
     }
 
-    /// Moves the state by a substep over `dt` towards `self.targets`. On an error the state is
-    /// unusable.
-    fn solve(&mut self, dt: f64) -> Result<(), SubstepError> {
+    /// Moves the state by a substep over `dt` towards `self.targets`, in this part of the frame. On
+    /// an error the state is unusable.
+    fn solve(&mut self, dt: f64, part: Part) -> Result<(), SubstepError> {
         if self.watch.is_of_substeps() {
             self.before.copy_from_slice(&self.state.positions);
         }
         let (state, history) = (&mut self.state, &mut self.history);
-        self.active.advance(dt, state, history, &self.targets)?;
+        match &mut self.contact {
+            None => self.active.advance(dt, state, history, &self.targets)?,
+            Some(contact) => {
+                let span = Span {
+                    dt,
+                    from: part.from,
+                    to: part.to,
+                    targets: &self.targets,
+                    threads: self.threads.for_cloth(state.positions.len()),
+                };
+                contact.advance(span, &mut self.active, state, history)?;
+            }
+        }
         Ok(self.watch.check(&self.before, &self.state.positions)?)
     }
 
     /// Moves the state by a frame. Doubles the scene's number of substeps until edges strain little
-    /// enough. Fixed substeps are divided only where the frame ends strained beyond the bound. On
-    /// an error the state is restored.
+    /// enough. Fixed substeps are divided only where the frame ends strained beyond the bound, or
+    /// where pairs cannot be kept apart. On an error the state is restored.
     fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let threads = self.enter();
+        self.enter_frame();
         let most = self.scene.physics.most_substeps();
         let mut substeps = self.scene.physics.substeps;
         while let Err(error) = threads.run(|| self.advance(targets, substeps)) {
             self.restore();
             let is_fixed = !self.watch.is_of_substeps();
-            let is_final = is_fixed && !matches!(error, SubstepError::Stretch(_));
+            let is_divided = matches!(error, SubstepError::Stretch(_) | SubstepError::Contact(_));
+            let is_final = is_fixed && !is_divided;
             if is_final || 2 * substeps > most {
                 return Err(self.step_error(error, substeps));
             }
@@ -474,6 +454,9 @@ impl Simulator {
                 frame,
                 cause: other.to_string(),
             },
+            SubstepError::Contact(Unseparated { pair, gap }) => {
+                StepError::Contact { frame, pair, gap }
+            }
             SubstepError::Strain(Overstrained { vertices, change }) => StepError::Strain {
                 frame,
                 substeps,
@@ -511,6 +494,13 @@ impl Simulator {
         let frame = self.frame + 1;
         Err(StepError::NonFinite { frame, vertex })
     }
+}
+
+/// Part of a frame.
+#[derive(Clone, Copy)]
+struct Part {
+    from: f64,
+    to: f64,
 }
 
 impl Stepper for Simulator {

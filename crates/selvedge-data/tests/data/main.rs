@@ -9,7 +9,6 @@ mod foreign;
 mod garments;
 mod metrics;
 mod obj;
-mod obstacles;
 mod presets;
 mod scene_parts;
 mod scenes;

@@ -98,16 +98,18 @@ impl StrainLimiter {
     /// Moves `state`, the result of a solve over `dt` `[s]`, within the limits. Gives the number of
     /// sweeps.
     pub(crate) fn limit(&self, dt: f64, state: &mut State) -> usize {
-        for sweep in 0..MOST_SWEEPS {
-            let mut moved = false;
-            for face in &self.faces {
-                moved |= face.limit(face.limits, dt, state);
-            }
-            if !moved {
-                return sweep;
-            }
+        (0..MOST_SWEEPS)
+            .find(|_| !self.sweep(dt, state))
+            .unwrap_or(MOST_SWEEPS)
+    }
+
+    /// One sweep over the faces. Returns true if it moved any.
+    pub(crate) fn sweep(&self, dt: f64, state: &mut State) -> bool {
+        let mut moved = false;
+        for face in &self.faces {
+            moved |= face.limit(face.limits, dt, state);
         }
-        MOST_SWEEPS
+        moved
     }
 }
 

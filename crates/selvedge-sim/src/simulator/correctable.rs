@@ -57,6 +57,7 @@ impl Correctable for Simulator {
         }
         self.active.system.forget_changes();
         self.history.forget();
+        self.forget_touches();
         self.frame += 1;
         self.update_wind();
         self.round();

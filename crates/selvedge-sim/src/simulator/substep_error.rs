@@ -1,11 +1,13 @@
 //! Reasons for a failed substep, or for a frame that ends strained beyond its bound.
 
+use crate::contact::{ContactError, Unseparated};
 use crate::solver::SolveError;
 use crate::strain_watch::{Overstrained, Overstretched};
 
 /// Reason for a failed substep.
 pub(super) enum SubstepError {
     Solve(SolveError),
+    Contact(Unseparated),
     Strain(Overstrained),
     Stretch(Overstretched),
 }
@@ -13,6 +15,15 @@ pub(super) enum SubstepError {
 impl From<SolveError> for SubstepError {
     fn from(error: SolveError) -> Self {
         Self::Solve(error)
+    }
+}
+
+impl From<ContactError> for SubstepError {
+    fn from(error: ContactError) -> Self {
+        match error {
+            ContactError::Solve(error) => Self::Solve(error),
+            ContactError::Unseparated(pair) => Self::Contact(pair),
+        }
     }
 }
 

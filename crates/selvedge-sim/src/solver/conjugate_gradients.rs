@@ -10,6 +10,7 @@ use glam::{DVec3, Mat3A, Vec3A};
 use selvedge_cloth::ConjugateGradients as Settings;
 use thiserror::Error;
 
+use crate::contact::Touches;
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
 use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
@@ -58,7 +59,23 @@ pub(crate) struct ConjugateGradients {
     scale: f64,
     vectors: Vectors,
     residual: Vec<DVec3>,
+    /// Product of what touches, beside the diagonal, `[unknowns]`.
+    room: Vec<Vec3A>,
     iterations: u32,
+}
+
+/// Touches that couple vertices.
+#[derive(Clone, Copy)]
+struct Beside<'a> {
+    touches: &'a Touches,
+    pattern: &'a Pattern,
+}
+
+/// Residual's size squared, and the part of the last direction in the first one.
+#[derive(Clone, Copy)]
+struct Start {
+    size: f64,
+    part: f64,
 }
 
 /// Vectors of the iteration in the scaled space, `[unknowns]` each.
@@ -110,6 +127,7 @@ impl ConjugateGradients {
                 product: zeros(),
             },
             residual: vec![DVec3::ZERO; elements.mass.len()],
+            room: Vec::new(),
             iterations: 0,
         }
     }
@@ -127,6 +145,7 @@ impl ConjugateGradients {
         pattern: &Pattern,
         elements: &Elements,
         springs: impl Iterator<Item = (u32, f64)>,
+        touches: &Touches,
     ) {
         self.contributions.gather_single(
             threads,
@@ -138,6 +157,14 @@ impl ConjugateGradients {
         for (vertex, stiffness) in springs {
             let added = Mat3A::from_diagonal(glam::Vec3::splat((stiffness * self.scale) as f32));
             self.blocks[pattern.unknown(vertex) as usize] += added;
+        }
+        for (vertex, block) in touches.diagonal() {
+            let unknown = pattern.unknown(vertex) as usize;
+            if unknown < pattern.unknown_count() {
+                let [x, y, z] = [block.x_axis, block.y_axis, block.z_axis];
+                let single = |column: DVec3| (column * self.scale).as_vec3a();
+                self.blocks[unknown] += Mat3A::from_cols(single(x), single(y), single(z));
+            }
         }
         let taken = part_taken(self.singles.bending());
         self.incomplete.factorise(threads, &self.blocks, taken);
@@ -153,10 +180,12 @@ impl ConjugateGradients {
         &mut self,
         threads: Threads,
         pattern: &Pattern,
+        touches: &Touches,
         changes: &mut [DVec3],
         mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
     ) -> Result<(), IterationError> {
         self.iterations = 0;
+        let beside = touches.couple().then_some(Beside { touches, pattern });
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
@@ -183,7 +212,7 @@ impl ConjugateGradients {
             let truthful = last.filter(|last| size <= TRUSTED * last.end);
             let part = truthful.map_or(0.0, |last| size / last.before_end);
             let cycle_goal = goal.max(size * CYCLE * CYCLE);
-            let cycle = self.cycle(threads, size, part, cycle_goal)?;
+            let cycle = self.cycle(threads, beside, Start { size, part }, cycle_goal)?;
             self.give_solution(threads, pattern, changes);
             if cycle.end <= goal {
                 return Ok(());
@@ -197,17 +226,18 @@ impl ConjugateGradients {
     fn cycle(
         &mut self,
         threads: Threads,
-        size: f64,
-        mut part: f64,
+        beside: Option<Beside<'_>>,
+        start: Start,
         goal: f64,
     ) -> Result<Cycle, IterationError> {
+        let Start { size, mut part } = start;
         self.vectors.solution.fill(Vec3A::ZERO);
         let (mut before, mut now) = (size, size);
         while now > goal && self.iterations < self.settings.max_iterations {
             self.turn(threads, part);
             before = now;
             now = self
-                .iterate(threads, now)
+                .iterate(threads, beside, now)
                 .ok_or(IterationError::Indefinite {
                     iterations: self.iterations,
                 })?;
@@ -260,7 +290,7 @@ impl ConjugateGradients {
 
     /// Does one iteration from a residual of size squared `size`. Gives the next size squared; none
     /// if the matrix is not positive definite or a number is not finite.
-    fn iterate(&mut self, threads: Threads, size: f64) -> Option<f64> {
+    fn iterate(&mut self, threads: Threads, beside: Option<Beside<'_>>, size: f64) -> Option<f64> {
         self.iterations += 1;
         let Vectors {
             solution,
@@ -269,8 +299,17 @@ impl ConjugateGradients {
             solved,
             product,
         } = &mut self.vectors;
+        let beside = beside.map(|beside| {
+            let scaling = self.incomplete.scaling();
+            let unknown = |vertex| beside.pattern.unknown(vertex);
+            let room = &mut self.room;
+            beside
+                .touches
+                .beside_diagonal(self.scale, scaling, unknown, solved, room);
+            &**room
+        });
         self.incomplete
-            .multiply(threads, direction, solved, product);
+            .multiply(threads, direction, solved, beside, product);
         let curvature = dot(direction, product);
         if curvature.is_nan() || curvature <= 0.0 {
             return None;

@@ -161,15 +161,17 @@ impl Incomplete {
 
     /// `product` = (I + L)⁻¹ A (I + L)⁻ᵀ p, given p and `solved` = (I + L)⁻ᵀ p:
     /// solved + (I + L)⁻¹ (p + (D - 2 I + K) solved), K the couplings of tiles. `[eq:eisenstat]`
+    /// `beside` is the product of further couplings, which belong to K.
     pub(crate) fn multiply(
         &mut self,
         threads: Threads,
         p: &[Vec3A],
         solved: &[Vec3A],
+        beside: Option<&[Vec3A]>,
         product: &mut [Vec3A],
     ) {
         threads.each_share(&mut self.tiles, product, self.tile, |tile, product| {
-            tile.multiply(p, solved, product);
+            tile.multiply(p, solved, beside, product);
         });
     }
 }
@@ -265,7 +267,13 @@ impl Tile {
         }
     }
 
-    fn multiply(&self, p: &[Vec3A], solved: &[Vec3A], product: &mut [Vec3A]) {
+    fn multiply(
+        &self,
+        p: &[Vec3A],
+        solved: &[Vec3A],
+        beside: Option<&[Vec3A]>,
+        product: &mut [Vec3A],
+    ) {
         let rows = self.first..self.first + product.len();
         let (p, own) = (&p[rows.clone()], &solved[rows]);
         for row in 0..product.len() {
@@ -278,6 +286,11 @@ impl Tile {
                 sum += *block * solved[entry.column as usize];
             }
             product[row] = sum;
+        }
+        if let Some(beside) = beside {
+            for (product, beside) in product.iter_mut().zip(&beside[self.first..]) {
+                *product += *beside;
+            }
         }
         self.solve_lower(product);
         for (product, own) in product.iter_mut().zip(own) {
@@ -362,7 +375,7 @@ mod tests {
             let mut solved = p.clone();
             incomplete.solve_upper(Threads::One, &mut solved);
             let mut found = vec![Vec3A::ZERO; 23];
-            incomplete.multiply(Threads::One, &p, &solved, &mut found);
+            incomplete.multiply(Threads::One, &p, &solved, None, &mut found);
             // (I + L)⁻¹ C⁻¹ A C⁻ᵀ (I + L)⁻ᵀ p step by step.
             let scaling = incomplete.scaling().to_vec();
             let x: Vec<Vec3A> = solved

@@ -7,6 +7,7 @@
 mod blocks;
 mod cholesky;
 mod conjugate_gradients;
+mod coupled;
 mod elements;
 mod incomplete;
 mod ordering;

@@ -15,10 +15,12 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
+use crate::contact::Touches;
 use crate::laws::external::AirResistance;
 use crate::solver::blocks::Contributions;
 use crate::solver::cholesky::{Cholesky, FactorError};
 use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
+use crate::solver::coupled::{CoupledError, Factor, Springs, Whole, solve_coupled};
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
@@ -70,6 +72,15 @@ pub(crate) enum SolveError {
     },
 }
 
+impl From<CoupledError> for SolveError {
+    fn from(error: CoupledError) -> Self {
+        match error {
+            CoupledError::Factor(error) => Self::Factor(error),
+            CoupledError::Iteration(error) => Self::Iteration(error),
+        }
+    }
+}
+
 /// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
     elements: Elements,
@@ -89,20 +100,14 @@ pub(crate) struct System {
     solved_span: f64,
     saved_changes: (Vec<DVec3>, f64),
     solver: Solver,
+    /// Pairs that push in the solves that follow.
+    pub(crate) touches: Touches,
 }
 
 /// Method for A Δv = b.
 enum Solver {
     Direct(Box<Direct>),
     Iterative(Box<ConjugateGradients>),
-}
-
-/// Springs of handles, on the diagonal of A.
-#[derive(Clone, Copy)]
-struct Springs<'a> {
-    vertices: &'a [VertexId],
-    /// dt² k `[kg]`.
-    stiffness: f64,
 }
 
 struct Direct {
@@ -164,6 +169,7 @@ impl System {
             changes: vec![DVec3::ZERO; vertex_count],
             solved_span: 0.0,
             saved_changes: (vec![DVec3::ZERO; vertex_count], 0.0),
+            touches: Touches::default(),
         })
     }
 
@@ -234,6 +240,11 @@ impl System {
         self.push_springs(dt, targets, |v| {
             state.positions[v] + state.velocities[v] * dt
         });
+        if !self.touches.is_empty() {
+            let driven = &self.driven;
+            let place = |v: usize| state.positions[v] + driven[v] * dt;
+            self.touches.linearise(dt, place, &mut self.impulses);
+        }
     }
 
     /// Assembles b = M (v̄ - v) + γ (f_ext + F + c J v), the residual of the equations of `stage`
@@ -267,6 +278,10 @@ impl System {
             *impulse += (stage.velocities[v] - now.velocities[v]) * self.elements.mass[v];
         }
         self.push_springs(gamma, targets, |v| now.positions[v]);
+        if !self.touches.is_empty() {
+            let place = |v: usize| now.positions[v];
+            self.touches.linearise(gamma, place, &mut self.impulses);
+        }
     }
 
     fn push_springs(&mut self, dt: f64, targets: &[DVec3], predicted: impl Fn(usize) -> DVec3) {
@@ -302,12 +317,7 @@ impl System {
     /// Solves the assembled system; [`Self::velocity_changes`] gives the solution. Its Δv come
     /// about within `span` `[s]`, which scales the last solution to a first guess.
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
-        let is_bad = |v: &&u32| !self.impulses[**v as usize].is_finite();
-        if let Some(&vertex) = self.pattern.vertices().iter().find(is_bad) {
-            return Err(SolveError::NonFinite {
-                vertex: VertexId(vertex),
-            });
-        }
+        self.check_impulses()?;
         let dt = self.elements.time_step();
         let springs = Springs {
             vertices: match self.constraint {
@@ -317,10 +327,22 @@ impl System {
             stiffness: dt * dt * HANDLE_STIFFNESS,
         };
         let (pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
+        let touches = &self.touches;
         match &mut self.solver {
             Solver::Direct(direct) => {
                 direct.gather(self.threads, pattern, &self.elements, springs);
-                direct.solve(pattern, impulses, changes)?;
+                direct.add(pattern, touches);
+                if touches.couple() {
+                    let mut whole = Whole {
+                        threads: self.threads,
+                        elements: &mut self.elements,
+                        springs,
+                        touches,
+                    };
+                    solve_coupled(direct.as_mut(), pattern, &mut whole, impulses, changes)?;
+                } else {
+                    direct.solve(pattern, impulses, changes)?;
+                }
             }
             Solver::Iterative(solver) => {
                 let threads = self.threads;
@@ -332,7 +354,7 @@ impl System {
                 };
                 changes.iter_mut().for_each(|change| *change *= scale);
                 let stiff = springs.vertices.iter().map(|v| (v.0, springs.stiffness));
-                solver.prepare(threads, pattern, &self.elements, stiff);
+                solver.prepare(threads, pattern, &self.elements, stiff, touches);
                 let elements = &mut self.elements;
                 let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
                     elements.multiply(threads, changes, residual);
@@ -342,12 +364,23 @@ impl System {
                     for v in springs.vertices.iter().map(|v| v.index()) {
                         residual[v] -= changes[v] * springs.stiffness;
                     }
+                    touches.multiply(-1.0, changes, residual);
                 };
-                solver.solve(threads, pattern, changes, residual)?;
+                solver.solve(threads, pattern, touches, changes, residual)?;
             }
         }
         self.solved_span = span;
         Ok(())
+    }
+
+    fn check_impulses(&self) -> Result<(), SolveError> {
+        let is_bad = |v: &&u32| !self.impulses[**v as usize].is_finite();
+        match self.pattern.vertices().iter().find(is_bad) {
+            None => Ok(()),
+            Some(&vertex) => Err(SolveError::NonFinite {
+                vertex: VertexId(vertex),
+            }),
+        }
     }
 
     /// Iterations of the last solve; none if the solver does not iterate.
@@ -447,22 +480,57 @@ impl Direct {
         }
     }
 
+    /// Adds the diagonal blocks of what touches.
+    fn add(&mut self, pattern: &Pattern, touches: &Touches) {
+        for (vertex, block) in touches.diagonal() {
+            let unknown = pattern.unknown(vertex) as usize;
+            if unknown < pattern.unknown_count() {
+                self.blocks[unknown] += block;
+            }
+        }
+    }
+
     fn solve(
         &mut self,
         pattern: &Pattern,
         impulses: &[DVec3],
         changes: &mut [DVec3],
     ) -> Result<(), FactorError> {
-        let vertices = pattern.vertices();
-        for (entry, &vertex) in self.solution.chunks_exact_mut(3).zip(vertices) {
-            entry.copy_from_slice(&impulses[vertex as usize].to_array());
-        }
+        self.take(pattern, impulses);
         pattern.expand(&self.blocks, &mut self.values);
         self.cholesky.solve(&self.values, &mut self.solution)?;
-        for (entry, &vertex) in self.solution.chunks_exact(3).zip(vertices) {
+        self.give(pattern, changes);
+        Ok(())
+    }
+
+    fn take(&mut self, pattern: &Pattern, impulses: &[DVec3]) {
+        let entries = self.solution.chunks_exact_mut(3);
+        for (entry, &vertex) in entries.zip(pattern.vertices()) {
+            entry.copy_from_slice(&impulses[vertex as usize].to_array());
+        }
+    }
+
+    fn give(&self, pattern: &Pattern, changes: &mut [DVec3]) {
+        for (entry, &vertex) in self.solution.chunks_exact(3).zip(pattern.vertices()) {
             changes[vertex as usize] = DVec3::from_slice(entry);
         }
-        Ok(())
+    }
+}
+
+impl Factor for Direct {
+    fn solve(
+        &mut self,
+        pattern: &Pattern,
+        impulses: &[DVec3],
+        changes: &mut [DVec3],
+    ) -> Result<(), FactorError> {
+        self.solve(pattern, impulses, changes)
+    }
+
+    fn solve_again(&mut self, pattern: &Pattern, impulses: &[DVec3], changes: &mut [DVec3]) {
+        self.take(pattern, impulses);
+        self.cholesky.solve_again(&mut self.solution);
+        self.give(pattern, changes);
     }
 }
 

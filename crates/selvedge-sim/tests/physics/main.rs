@@ -3,6 +3,7 @@
 
 mod allocation;
 mod conformance;
+mod contact;
 mod corrections;
 mod dynamics;
 mod fit;

@@ -4,7 +4,6 @@
 pub(crate) mod backdrop;
 pub(crate) mod camera;
 pub(crate) mod marks;
-mod props;
 pub(crate) mod renderer;
 pub(crate) mod samples;
 pub(crate) mod settings;

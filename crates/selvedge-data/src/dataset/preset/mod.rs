@@ -82,8 +82,6 @@ pub struct DatasetPreset {
     /// Meshes of the configuration's cloths, in their order.
     meshes: Vec<Mesh>,
     forecast: Forecast,
-    /// The folder that files of obstacles are relative to.
-    folder: PathBuf,
 }
 
 /// The file's own words.
@@ -221,7 +219,6 @@ impl DatasetPreset {
             config,
             mesh,
             meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
-            folder: folder.to_owned(),
             forecast: Forecast {
                 runs: Vec::new(),
                 sections: Vec::new(),
@@ -295,7 +292,7 @@ impl DatasetPreset {
             motion: motion.motion.clone(),
             start: StartSpec::Rest,
         };
-        let scene = spec.with_mesh(mesh.clone(), &self.folder)?;
+        let scene = spec.with_mesh(mesh.clone())?;
         Ok(LoadedScene::new(spec, scene))
     }
 

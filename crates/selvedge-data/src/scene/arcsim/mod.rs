@@ -72,8 +72,6 @@ pub(super) fn parse_arcsim(
         },
         sag: SagSettings::default(),
         frame_rate: 1.0 / times.frame_time,
-        contact: None,
-        obstacles: Vec::new(),
     };
     Parts::finish(&mut scene, &mut warnings)?;
     scene.finish(&mut warnings);
@@ -89,7 +87,6 @@ pub(super) fn parse_arcsim(
         sheet,
         velocities,
         warnings: mended,
-        ..
     } = spec
         .setting
         .mesh
@@ -98,7 +95,7 @@ pub(super) fn parse_arcsim(
     warnings.extend(mended);
     spec.setting.fabrics = cloth.fabrics(&sheet.mesh.fabrics().names, &mut warnings);
     let state = moving_mesh(&spec.start, &sheet.mesh, velocities);
-    let scene = spec.with_mesh(sheet.mesh, folder)?;
+    let scene = spec.with_mesh(sheet.mesh)?;
     let loaded = LoadedScene {
         state,
         warnings,

@@ -1,0 +1,160 @@
+//! The push of a gap that is too small: a cubic barrier with a stiffness tied to mass over time
+//! squared, so that it stays in proportion to the rest of the system.
+
+/// Least gap to which a pair that meets at speed is let, as a part of the thickness.
+pub(super) const LEAST: f64 = 0.25;
+
+/// The barrier of one pair in one stage.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Barrier {
+    /// ĝ, the gap at which the push begins `[m]`.
+    pub(super) thickness: f64,
+    /// κ: mean mass of the pair's corners, by the squares of their weights, over γ² `[N/m]`.
+    pub(super) base: f64,
+    /// Mass of the pair's relative motion over γ² `[N/m]`.
+    pub(super) inertia: f64,
+}
+
+/// A force that falls linearly with the gap.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Tangent {
+    /// Gap of the linearisation `[m]`.
+    pub(super) gap: f64,
+    /// Force there `[N]`.
+    pub(super) force: f64,
+    /// Force per gap, not negative `[N/m]`.
+    pub(super) stiffness: f64,
+}
+
+impl Tangent {
+    /// The force at `gap` `[N]`; negative where the tangent pulls.
+    #[inline]
+    pub(super) fn force_at(&self, gap: f64) -> f64 {
+        self.force + self.stiffness * (self.gap - gap)
+    }
+}
+
+impl Barrier {
+    /// Energy of a gap `[J]`; `[eq:contact-barrier]`.
+    #[cfg(test)]
+    fn energy(&self, gap: f64) -> f64 {
+        let (whole, base) = (self.thickness, self.base);
+        let depth = (whole - gap).max(0.0);
+        if gap >= 0.5 * whole {
+            return 2.0 * base / (3.0 * whole) * depth * depth * depth;
+        }
+        let steep = |g: f64| 0.5 * base * whole * (-whole * whole / g - 2.0 * whole * g.ln() + g);
+        base * whole * whole / 12.0 + steep(0.5 * whole) - steep(gap)
+    }
+
+    /// The tangent of the barrier's force at `gap`: 2κ(ĝ - g)²/ĝ, for gaps below ĝ/2 times
+    /// (ĝ/2g)², so that nothing is too heavy. `[eq:contact-barrier]`
+    fn tangent(&self, gap: f64) -> Tangent {
+        let part = (1.0 - gap / self.thickness).max(0.0);
+        if gap >= 0.5 * self.thickness {
+            return Tangent {
+                gap,
+                force: 2.0 * self.base * part * part * self.thickness,
+                stiffness: 4.0 * self.base * part,
+            };
+        }
+        let ratio = self.thickness / gap;
+        Tangent {
+            gap,
+            force: 0.5 * self.base * self.thickness * (ratio - 1.0) * (ratio - 1.0),
+            stiffness: self.base * ratio * ratio * (ratio - 1.0),
+        }
+    }
+
+    /// The gap at which the pair alone would end with this force, if it ended at `expected`
+    /// without `[m]`.
+    fn alone(&self, tangent: &Tangent, expected: f64) -> f64 {
+        (self.inertia * expected + tangent.force_at(0.0)) / (self.inertia + tangent.stiffness)
+    }
+
+    /// The tangent for a stage that starts at gap `start` and is expected to end at `expected`
+    /// without a push `[m]`: at the start, or where the pair parts, at the expected gap. Where that
+    /// would let the pair alone below [`LEAST`], it is the tangent there, which does not.
+    /// `[eq:contact-impact]`
+    pub(super) fn linearise(&self, start: f64, expected: f64) -> Tangent {
+        let usual = self.tangent(start.max(expected).min(self.thickness));
+        let least = (LEAST * self.thickness).min(start);
+        if self.alone(&usual, expected) >= least {
+            usual
+        } else {
+            self.tangent(least)
+        }
+    }
+
+    /// The tangent at `gap`, whatever is expected.
+    pub(super) fn at(&self, gap: f64) -> Tangent {
+        self.tangent(gap.min(self.thickness))
+    }
+
+    /// The force that a pair on its way to `expected` is expected to bear `[N]`.
+    pub(super) fn bears(&self, tangent: &Tangent, expected: f64) -> f64 {
+        let end = self.alone(tangent, expected).min(expected.max(tangent.gap));
+        tangent.force_at(end).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BARRIER: Barrier = Barrier {
+        thickness: 1e-3,
+        base: 11.5,
+        inertia: 9.0,
+    };
+
+    #[test]
+    fn force_and_stiffness_are_derivatives_of_the_energy() {
+        for gap in [5e-5, 1e-4, 3e-4, 6e-4, 9e-4] {
+            let at = BARRIER.tangent(gap);
+            let step = 1e-5 * gap;
+            let force = -(BARRIER.energy(gap + step) - BARRIER.energy(gap - step)) / (2.0 * step);
+            assert!((force / at.force - 1.0).abs() < 1e-6, "{gap}");
+            let force = |gap| BARRIER.tangent(gap).force;
+            let slope = -(force(gap + step) - force(gap - step)) / (2.0 * step);
+            assert!((slope / at.stiffness - 1.0).abs() < 1e-6, "{gap}");
+        }
+        assert_eq!(BARRIER.tangent(2e-3).force, 0.0);
+        let half = 5e-4;
+        assert!(
+            (BARRIER.tangent(half).force / BARRIER.tangent(half - 1e-12).force - 1.0).abs() < 1e-8
+        );
+        assert!((BARRIER.energy(half) / BARRIER.energy(half - 1e-12) - 1.0).abs() < 1e-8);
+    }
+
+    #[test]
+    fn the_cubic_is_that_of_arcsim() {
+        // E = k v³/(6h), v = h - g; -dE/dc = k v²/(2h), d²E/dc² = k v/h, with k = 4κ.
+        let (k, h) = (4.0 * 11.5, 1e-3);
+        for gap in [5e-4, 8e-4] {
+            let v = h - gap;
+            let found = BARRIER.tangent(gap);
+            assert!((found.force - k * v * v / (2.0 * h)).abs() < 1e-14);
+            assert!((found.stiffness - k * v / h).abs() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn a_pair_alone_does_not_meet() {
+        for speed in [0.02, 0.004, 1e-4] {
+            for start in [5e-3, 9e-4, 3e-4, 5e-5] {
+                let tangent = BARRIER.linearise(start, start - speed);
+                let end = BARRIER.alone(&tangent, start - speed);
+                assert!(end > 0.0, "{start} {speed}: {end}");
+            }
+        }
+    }
+
+    #[test]
+    fn parting_is_not_held_back() {
+        let gone = BARRIER.linearise(7e-4, 4e-3);
+        assert_eq!((gone.force, gone.stiffness), (0.0, 0.0));
+        assert_eq!(BARRIER.linearise(7e-4, 8e-4).gap, 8e-4);
+        assert_eq!(BARRIER.linearise(7e-4, 6.9e-4).gap, 7e-4);
+    }
+}

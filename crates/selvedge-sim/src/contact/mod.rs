@@ -1,0 +1,415 @@
+//! Contact of the cloth with obstacles and with itself: push implicitly, certify, project, else
+//! shorten the substep. No state that leaves this module intersects, if none came in that did.
+//!
+//! Pairs that are near, or would meet within the substep, push in its linear solve
+//! ([`touches`], [`barrier`], [`friction`]). Then every pair that could come near is certified to
+//! stay apart on the way from the start to the end ([`separation`]). Pairs that are not are pushed
+//! apart, by mass; if that does not end, vertices are held back, or the substep is divided.
+
+mod barrier;
+mod find;
+mod friction;
+mod separation;
+mod touches;
+
+use glam::DVec3;
+use selvedge_cloth::{ContactSettings, Obstacle, Scene, VertexId};
+use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, intersections};
+
+use crate::active_handles::ActiveHandles;
+use crate::integrator::History;
+use crate::solver::SolveError;
+use crate::state::State;
+use crate::threads::Threads;
+pub(crate) use touches::Touches;
+
+/// Solves that are repeated with pairs that met unexpectedly, at most.
+const REPEATS: usize = 3;
+
+/// Work that contact has taken since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactCounts {
+    /// Solves with contact, each one part of a substep.
+    pub solves: u64,
+    /// Pairs that one direction certified after a solve, at first.
+    pub certified: u64,
+    /// Pairs that more than one direction certified.
+    pub halved: u64,
+    /// Solves that were repeated with pairs that had not been expected to meet.
+    pub repeated: u64,
+    /// Pairs that had no certificate after a solve.
+    pub uncertified: u64,
+    /// Pushes of a pair in a projection.
+    pub projected: u64,
+    /// Rounds in which vertices were held back.
+    pub held_back: u64,
+    /// Substeps that were divided, each division once.
+    pub divisions: u64,
+    /// Solves by backward Euler in place of a second-order formula, because what touches changed.
+    pub fell_back: u64,
+    /// Pairs that push now.
+    pub touching: u64,
+    /// Pairs of which nothing can move, and which are let pass: handles and obstacles.
+    pub prescribed: u64,
+}
+
+/// Pairs that cannot be kept apart.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Unseparated {
+    /// The pair in words.
+    pub(crate) pair: String,
+    /// Gap at its last safe place `[m]`.
+    pub(crate) gap: f64,
+}
+
+/// Reason for a failed substep with contact.
+pub(crate) enum ContactError {
+    Solve(SolveError),
+    Unseparated(Unseparated),
+}
+
+impl From<SolveError> for ContactError {
+    fn from(error: SolveError) -> Self {
+        Self::Solve(error)
+    }
+}
+
+/// A substep to be taken.
+#[derive(Clone, Copy)]
+pub(crate) struct Span<'a> {
+    /// Length `[s]`.
+    pub(crate) dt: f64,
+    /// Start of the substep as a part of the frame.
+    pub(crate) from: f64,
+    /// End of the substep as a part of the frame.
+    pub(crate) to: f64,
+    /// Targets of the active handles at the end `[m]`.
+    pub(crate) targets: &'a [DVec3],
+    pub(crate) threads: Threads,
+}
+
+/// Friction that a vertex has left from the substep before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Anchor {
+    vertex: u32,
+    /// Number of the other body.
+    body: u32,
+    normal: DVec3,
+    /// Force along the surface `[N]`.
+    pull: DVec3,
+}
+
+/// State that one substep leaves for the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Memory {
+    anchors: Vec<Anchor>,
+    /// Pairs that pushed, in ascending order.
+    set: Vec<Key>,
+    /// Those of them that a solve had missed: they push on, whatever else is near, in ascending
+    /// order.
+    caught: Vec<Key>,
+}
+
+/// Kind and numbers of a pair.
+type Key = (Kind, u32, u32);
+
+fn key(pair: &Pair) -> Key {
+    (pair.kind, pair.first, pair.second)
+}
+
+/// Contact in a scene.
+pub(crate) struct Contact {
+    settings: ContactSettings,
+    obstacles: Vec<Obstacle>,
+    surface: Surface,
+    candidates: Candidates,
+    /// ĝ of each body with the cloth `[m]`.
+    thickness: Vec<f64>,
+    /// Coefficient of friction of each body with the cloth.
+    friction: Vec<f64>,
+    /// Pairs that are too near in the flat cloth to push.
+    neighbours: find::Neighbours,
+    mass: Vec<f64>,
+    /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
+    inverse: Vec<f64>,
+    /// Points of obstacles at the start and the end of the frame `[m]`.
+    frame: [Vec<DVec3>; 2],
+    /// All points at the start and the end of a solve `[m]`.
+    start: Vec<DVec3>,
+    end: Vec<DVec3>,
+    /// State at the start of a solve.
+    before: State,
+    memory: Memory,
+    saved: Memory,
+    pub(crate) counts: ContactCounts,
+    room: separation::Room,
+}
+
+impl Contact {
+    /// Contact of a validated scene; none if it has none. Vertex `mass` in kg, `[vertices]`.
+    pub(crate) fn of(scene: &Scene, mass: &[f64]) -> Option<Self> {
+        let settings = scene.contact?;
+        let topology = scene.mesh.topology();
+        let surface = Surface::new(topology, &scene.obstacles);
+        let mut points = scene.mesh.positions().to_vec();
+        for obstacle in &scene.obstacles {
+            points.extend(obstacle.positions_at(0.0));
+        }
+        let obstacles = || scene.obstacles.iter();
+        let own = |obstacle: &Obstacle| obstacle.thickness().unwrap_or(settings.thickness);
+        let thickness = std::iter::once(settings.thickness).chain(obstacles().map(own));
+        let rough = |obstacle: &Obstacle| obstacle.friction().min(settings.friction);
+        let friction = std::iter::once(settings.friction).chain(obstacles().map(rough));
+        let count = points.len();
+        let obstacle_points = points[mass.len()..].to_vec();
+        Some(Self {
+            candidates: Candidates::new(&surface, &points, settings.self_contact),
+            thickness: thickness.collect(),
+            friction: friction.collect(),
+            neighbours: find::Neighbours::new(scene),
+            mass: mass.to_vec(),
+            inverse: vec![0.0; count],
+            frame: [obstacle_points.clone(), obstacle_points],
+            start: points.clone(),
+            end: points,
+            before: State::at_origin(mass.len()),
+            memory: Memory::default(),
+            saved: Memory::default(),
+            counts: ContactCounts::default(),
+            room: separation::Room::default(),
+            obstacles: scene.obstacles.clone(),
+            settings,
+            surface,
+        })
+    }
+
+    /// Faces of the cloth at `positions` `[m]` that meet themselves or an obstacle at frame
+    /// `frame`, at `rate` frames per second.
+    pub(crate) fn intersections(
+        &self,
+        positions: &[DVec3],
+        frame: usize,
+        rate: f64,
+    ) -> Vec<Intersection> {
+        let mut points = positions.to_vec();
+        for obstacle in &self.obstacles {
+            points.extend(obstacle.positions_at(frame as f64 / rate));
+        }
+        let mut found = intersections(&self.surface, &points);
+        if !self.settings.self_contact {
+            let cloth = self.surface.bodies()[0].faces.end;
+            found.retain(|pair| pair.faces[1] >= cloth);
+        }
+        found
+    }
+
+    /// Largest ĝ `[m]`.
+    pub(crate) fn largest_thickness(&self) -> f64 {
+        self.thickness.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// A face in words.
+    pub(crate) fn face_name(&self, face: u32) -> String {
+        let bodies = self.surface.bodies();
+        let body = bodies.partition_point(|body| body.faces.end <= face);
+        let number = face - bodies[body].faces.start;
+        match body.checked_sub(1) {
+            None => format!("face {number} of the cloth"),
+            Some(k) => format!("face {number} of obstacle {:?}", self.obstacles[k].name()),
+        }
+    }
+
+    /// Takes the places of obstacles for the step from `frame` on, at `rate` frames per second.
+    pub(crate) fn enter_frame(&mut self, frame: usize, rate: f64) {
+        for (k, points) in self.frame.iter_mut().enumerate() {
+            points.clear();
+            for obstacle in &self.obstacles {
+                points.extend(obstacle.positions_at((frame + k) as f64 / rate));
+            }
+        }
+    }
+
+    /// Saves what the next substep needs of the last.
+    pub(crate) fn save(&mut self) {
+        self.saved.clone_from(&self.memory);
+    }
+
+    /// Restores what [`Self::save`] saved.
+    pub(crate) fn restore(&mut self) {
+        self.memory.clone_from(&self.saved);
+    }
+
+    /// Drops what the last substep left: friction takes hold anew.
+    pub(crate) fn forget(&mut self) {
+        self.memory = Memory::default();
+    }
+
+    /// Moves `state` by a substep. On an error the state is unusable.
+    pub(crate) fn advance(
+        &mut self,
+        span: Span<'_>,
+        active: &mut ActiveHandles,
+        state: &mut State,
+        history: &mut History,
+    ) -> Result<(), ContactError> {
+        self.update_inverse(active);
+        let mut done = 0.0;
+        for _ in 0..self.settings.max_divisions {
+            let left = span.dt * (1.0 - done);
+            let now = span.from + (span.to - span.from) * done;
+            self.put_start(state, now, span.to);
+            self.solve(left, span, active, state, history)?;
+            for _ in 0..REPEATS {
+                if self.certify_solve(span.threads, state)
+                    || !self.catch(&mut active.system.touches)
+                {
+                    break;
+                }
+                self.counts.repeated += 1;
+                history.forget();
+                state.copy_from(&self.before);
+                active.advance_first_order(left, state, span.targets)?;
+            }
+            self.certify_solve(span.threads, state);
+            match self.separate(left, span.threads, active, state)? {
+                separation::Outcome::Settled { moved } => {
+                    if moved {
+                        history.forget();
+                        active.system.forget_changes();
+                    }
+                    self.remember(1.0, active);
+                    return Ok(());
+                }
+                separation::Outcome::Safe { part } => {
+                    self.counts.divisions += 1;
+                    history.forget();
+                    active.system.forget_changes();
+                    for (place, before) in state.positions.iter_mut().zip(&self.before.positions) {
+                        *place = before.lerp(*place, part);
+                    }
+                    done += (1.0 - done) * part;
+                    self.end[..state.positions.len()].copy_from_slice(&state.positions);
+                    self.remember(part, active);
+                }
+            }
+        }
+        let pair = self.room.worst.as_ref();
+        Err(ContactError::Unseparated(Unseparated {
+            pair: pair.map_or_else(String::new, |worst| self.name(&worst.pair)),
+            gap: pair.map_or(0.0, |worst| worst.gap),
+        }))
+    }
+
+    /// One linear solve over `left` `[s]`, with what touches in it.
+    fn solve(
+        &mut self,
+        left: f64,
+        span: Span<'_>,
+        active: &mut ActiveHandles,
+        state: &mut State,
+        history: &mut History,
+    ) -> Result<(), SolveError> {
+        self.find_candidates(left, state);
+        let (touches, set) = self.find_touches();
+        self.counts.solves += 1;
+        self.counts.touching = touches.list.len() as u64;
+        let changed = set != self.memory.set;
+        self.memory
+            .caught
+            .retain(|pair| set.binary_search(pair).is_ok());
+        self.memory.set = set;
+        active.system.touches = touches;
+        self.before.copy_from(state);
+        if active.system.touches.is_empty() && !changed {
+            active.advance(left, state, history, span.targets)?;
+        } else {
+            let looks_back = active.looks_back();
+            if looks_back && !changed && history.fits(left) {
+                active.advance(left, state, history, span.targets)?;
+            } else {
+                if looks_back {
+                    self.counts.fell_back += 1;
+                    history.counts.all += 1;
+                    history.counts.fell_back += 1;
+                }
+                active.advance_first_order(left, state, span.targets)?;
+                if changed || !looks_back {
+                    history.forget();
+                } else {
+                    history.keep(&self.before, left);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
+    fn put_start(&mut self, state: &State, now: f64, end: f64) {
+        let cloth = state.positions.len();
+        self.start[..cloth].copy_from_slice(&state.positions);
+        let [from, to] = &self.frame;
+        for (k, (from, to)) in from.iter().zip(to).enumerate() {
+            self.start[cloth + k] = from.lerp(*to, now);
+            self.end[cloth + k] = from.lerp(*to, end);
+        }
+    }
+
+    fn update_inverse(&mut self, active: &ActiveHandles) {
+        self.inverse.fill(0.0);
+        for &v in active.system.unknown_vertices() {
+            self.inverse[v as usize] = 1.0 / self.mass[v as usize];
+        }
+    }
+
+    /// Makes sure that the candidates hold for the way on which the cloth is.
+    fn find_candidates(&mut self, left: f64, state: &State) {
+        for (v, velocity) in state.velocities.iter().enumerate() {
+            self.end[v] = self.start[v] + *velocity * left;
+        }
+        if !self.candidates.cover(&self.start, &self.end) {
+            let reach = self.reach();
+            self.candidates
+                .find(&self.surface, &self.start, &self.end, reach);
+        }
+    }
+
+    fn reach(&self) -> Reach {
+        let most = self.largest_thickness();
+        Reach {
+            gap: most,
+            slack: most,
+        }
+    }
+
+    /// Number of the body that is not the cloth, or 0.
+    fn other_body(&self, pair: &Pair) -> usize {
+        let first = self.surface.body_of(pair.corners[0]);
+        first.max(self.surface.body_of(pair.corners[3]))
+    }
+
+    /// A pair in words.
+    fn name(&self, pair: &Pair) -> String {
+        let body = |point: u32| match self.surface.body_of(point).checked_sub(1) {
+            None => String::new(),
+            Some(k) => format!(" of obstacle {:?}", self.obstacles[k].name()),
+        };
+        let own = |point: u32| {
+            let body = &self.surface.bodies()[self.surface.body_of(point)];
+            VertexId(point - body.points.start)
+        };
+        let [a, b, c, d] = pair.corners;
+        match pair.kind {
+            Kind::VertexFace => {
+                let (vertex, first) = (own(a), body(a));
+                let corners = [b, c, d].map(own);
+                let [b, c, e] = corners;
+                format!("vertex {vertex}{first} and face {b}-{c}-{e}{}", body(d))
+            }
+            Kind::EdgeEdge => {
+                let (first, second) = (body(a), body(c));
+                let [a, b, c, d] = [a, b, c, d].map(own);
+                format!("edge {a}-{b}{first} and edge {c}-{d}{second}")
+            }
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! Rounds after a solve, in which pairs without a certificate are pushed apart: by mass, with
+//! friction, together with the limits of strain. Pairs that this does not settle are held back
+//! towards their start, or the substep is divided.
+
+use glam::DVec3;
+use selvedge_contact::{Approach, Kind, Pair, Path, certify, certify_straight, gap, push};
+
+use super::friction::along_surface;
+use super::{Contact, ContactCounts, ContactError, Unseparated};
+use crate::active_handles::ActiveHandles;
+use crate::solver::SolveError;
+use crate::state::State;
+use crate::threads::Threads;
+
+/// Part of the thickness to which a pair is pushed, at most.
+const PARKED: f64 = 0.7;
+/// Part of the floor to which a pair is pushed, at least.
+const ABOVE_FLOOR: f64 = 1.5;
+/// Rounding of a gap that may get lost where a pair starts below the floor.
+const KEPT: f64 = 1.0 - 1e-6;
+/// Rounds in which vertices are held back, by half of their way each, and then all of it.
+const HOLDING: u32 = 24;
+const HALVES: u32 = 10;
+/// Shortest safe part of a solve after which a substep is divided before vertices are held back,
+/// and after that.
+const WELCOME: f64 = 0.125;
+const SHORTEST: f64 = 1.0 / 64.0;
+
+/// End of a solve after all rounds.
+pub(super) enum Outcome {
+    /// All pairs are certified for the whole way.
+    Settled {
+        /// True if vertices are not where the solve had them.
+        moved: bool,
+    },
+    /// All pairs are certified for this part of the way.
+    Safe {
+        /// Part, above 0 and below 1.
+        part: f64,
+    },
+}
+
+/// Certificate of a pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Verdict {
+    #[default]
+    Safe,
+    /// As safe, but one direction did not show it.
+    Halved,
+    /// Nothing of it can move.
+    Prescribed,
+    Failed {
+        approach: Approach,
+        /// Gap that it must keep `[m]`.
+        floor: f64,
+    },
+}
+
+/// The pair that was safe for the shortest part.
+#[derive(Clone, Debug)]
+pub(super) struct Worst {
+    pub(super) pair: Pair,
+    pub(super) gap: f64,
+    part: f64,
+}
+
+/// Lists that are kept from round to round and from substep to substep.
+#[derive(Default)]
+pub(super) struct Room {
+    verdicts: Vec<Verdict>,
+    /// Points that moved since the last certificates.
+    stirred: Vec<bool>,
+    failed: Vec<(Pair, Approach, f64)>,
+    pub(super) worst: Option<Worst>,
+}
+
+impl Room {
+    /// Lists the pairs that failed, and the one that was safe for the shortest part.
+    fn list_failed(&mut self, pairs: &[Pair]) {
+        self.failed.clear();
+        self.worst = None;
+        for (pair, verdict) in pairs.iter().zip(&self.verdicts) {
+            let Verdict::Failed { approach, floor } = *verdict else {
+                continue;
+            };
+            self.failed.push((*pair, approach, floor));
+            let worst = self.worst.as_ref();
+            if worst.is_none_or(|worst| approach.safe < worst.part) {
+                self.worst = Some(Worst {
+                    pair: *pair,
+                    gap: approach.gap.distance,
+                    part: approach.safe,
+                });
+            }
+        }
+    }
+}
+
+impl ContactCounts {
+    /// Counts the first certificates after a solve.
+    fn count(&mut self, verdicts: &[Verdict]) {
+        for verdict in verdicts {
+            let count = match verdict {
+                Verdict::Safe => &mut self.certified,
+                Verdict::Halved => &mut self.halved,
+                Verdict::Prescribed => &mut self.prescribed,
+                Verdict::Failed { .. } => &mut self.uncertified,
+            };
+            *count += 1;
+        }
+    }
+}
+
+impl Contact {
+    /// Brings `state`, the end of a solve over `left` `[s]`, to where all pairs are certified on
+    /// their way from the start.
+    pub(super) fn separate(
+        &mut self,
+        left: f64,
+        threads: Threads,
+        active: &ActiveHandles,
+        state: &mut State,
+    ) -> Result<Outcome, ContactError> {
+        let rounds = self.settings.rounds;
+        for round in 0..=rounds + HOLDING {
+            if round > 0 {
+                self.certify(threads, false);
+            }
+            if self.room.failed.is_empty() {
+                let moved = round > 0;
+                if moved {
+                    self.take(left, state)?;
+                }
+                return Ok(Outcome::Settled { moved });
+            }
+            let most = match round {
+                _ if round == rounds => WELCOME,
+                _ if round == rounds + HOLDING => SHORTEST,
+                _ => 1.0,
+            };
+            let part = self.room.worst.as_ref().map_or(0.0, |worst| worst.part);
+            if part >= most {
+                self.take(left, state)?;
+                return Ok(Outcome::Safe { part });
+            }
+            if round > rounds {
+                self.counts.held_back += 1;
+                self.hold_back(round - rounds > HALVES);
+            }
+            if round - rounds.min(round) <= HALVES {
+                self.project(round);
+                self.limit(left, active, state);
+            }
+        }
+        let worst = self.room.worst.as_ref();
+        Err(ContactError::Unseparated(Unseparated {
+            pair: worst.map_or_else(String::new, |worst| self.name(&worst.pair)),
+            gap: worst.map_or(0.0, |worst| worst.gap),
+        }))
+    }
+
+    /// Certifies all candidates on their way to `state`, the end of a solve. Returns true if none
+    /// fails.
+    pub(super) fn certify_solve(&mut self, threads: Threads, state: &State) -> bool {
+        self.end[..state.positions.len()].copy_from_slice(&state.positions);
+        self.room.stirred.clear();
+        self.room.stirred.resize(self.end.len(), true);
+        self.certify(threads, true);
+        self.room.failed.is_empty()
+    }
+
+    /// Pairs that failed the last time.
+    pub(super) fn failed(&self) -> impl Iterator<Item = (&Pair, &Approach)> {
+        self.room
+            .failed
+            .iter()
+            .map(|(pair, approach, _)| (pair, approach))
+    }
+
+    /// Certifies all candidates, of which some point moved, and lists those that fail.
+    fn certify(&mut self, threads: Threads, first: bool) {
+        if !self.candidates.cover(&self.start, &self.end) {
+            let reach = self.reach();
+            self.candidates
+                .find(&self.surface, &self.start, &self.end, reach);
+            self.room.stirred.fill(true);
+        }
+        let mut room = std::mem::take(&mut self.room);
+        let pairs = self.candidates.pairs();
+        room.verdicts.resize(pairs.len(), Verdict::Safe);
+        let (start, end, stirred) = (&self.start, &self.end, &room.stirred);
+        let floor = self.settings.floor;
+        let inverse = &self.inverse;
+        threads.each(&mut room.verdicts, |k, verdict| {
+            let pair = &pairs[k];
+            if pair.corners.iter().any(|p| stirred[*p as usize]) {
+                let path = Path {
+                    from: pair.places(start),
+                    to: pair.places(end),
+                };
+                let is_free = || pair.corners.iter().any(|p| inverse[*p as usize] > 0.0);
+                *verdict = judge(pair.kind, path, floor, is_free);
+            }
+        });
+        room.list_failed(pairs);
+        if first {
+            self.counts.count(&room.verdicts);
+        }
+        room.stirred.fill(false);
+        for (pair, ..) in &room.failed {
+            for p in pair.corners {
+                room.stirred[p as usize] = true;
+            }
+        }
+        self.room = room;
+    }
+
+    /// Pushes every pair that failed to a gap, one after the other. In `round` 0 friction acts.
+    fn project(&mut self, round: u32) {
+        let failed = std::mem::take(&mut self.room.failed);
+        for (pair, approach, floor) in &failed {
+            let body = self.other_body(pair);
+            let inverse = pair.corners.map(|p| self.inverse[p as usize]);
+            let gap = &approach.gap;
+            let from = pair.places(&self.start);
+            let extent: f64 = (0..4)
+                .map(|k| gap.weights[k] * gap.normal.dot(from[k]))
+                .sum();
+            let goal = (PARKED * self.thickness[body]).min(extent);
+            let goal = goal.max(ABOVE_FLOOR * floor);
+            let Some(push) = push(gap, pair.places(&self.end), inverse, goal) else {
+                continue;
+            };
+            self.counts.projected += 1;
+            for (p, shift) in pair.corners.iter().zip(push.moves) {
+                self.end[*p as usize] += shift;
+            }
+            if round == 0 {
+                self.rub(
+                    pair,
+                    gap.normal,
+                    gap.weights,
+                    self.friction[body] * push.size,
+                );
+            }
+        }
+        self.room.failed = failed;
+    }
+
+    /// Friction of a push of which the surface bears `most` `[kg m]`: it takes from the slip of the
+    /// pair since the start.
+    fn rub(&mut self, pair: &Pair, normal: DVec3, weights: [f64; 4], most: f64) {
+        let (mut slip, mut mobility) = (DVec3::ZERO, 0.0);
+        for (corner, weight) in pair.corners.iter().zip(weights) {
+            let p = *corner as usize;
+            slip += (self.end[p] - self.start[p]) * weight;
+            mobility += weight * weight * self.inverse[p];
+        }
+        let slip = along_surface(normal, slip);
+        let length = slip.length();
+        if length <= 0.0 || mobility <= 0.0 {
+            return;
+        }
+        let size = most.min(length / mobility);
+        for (corner, weight) in pair.corners.iter().zip(weights) {
+            let p = *corner as usize;
+            self.end[p] -= slip * (weight * self.inverse[p] * size / length);
+        }
+    }
+
+    /// Takes half of their way from the vertices of pairs that failed, or `all` of it.
+    fn hold_back(&mut self, all: bool) {
+        let mut is_held = vec![false; self.mass.len()];
+        for (pair, ..) in &self.room.failed {
+            for p in pair.corners.map(|p| p as usize) {
+                if self.inverse[p] > 0.0 && !std::mem::replace(&mut is_held[p], true) {
+                    let (start, end) = (self.start[p], &mut self.end[p]);
+                    *end = if all { start } else { start.midpoint(*end) };
+                }
+            }
+        }
+    }
+
+    /// Brings the faces that were stirred within the limits of strain, in one sweep.
+    fn limit(&mut self, left: f64, active: &ActiveHandles, state: &mut State) {
+        if !active.has_limits() {
+            return;
+        }
+        let cloth = state.positions.len();
+        let kept = state.clone();
+        state.positions.copy_from_slice(&self.end[..cloth]);
+        active.limit_once(left, state);
+        for (p, (place, end)) in state.positions.iter().zip(&mut self.end).enumerate() {
+            if *place != *end {
+                *end = *place;
+                self.room.stirred[p] = true;
+            }
+        }
+        state.copy_from(&kept);
+    }
+
+    /// Moves `state` to the end that is certified; velocities follow the moves.
+    fn take(&mut self, left: f64, state: &mut State) -> Result<(), SolveError> {
+        let places = state.positions.iter_mut().zip(&mut state.velocities);
+        for ((place, velocity), end) in places.zip(&self.end) {
+            *velocity += (*end - *place) / left;
+            *place = *end;
+        }
+        state.check_finite()
+    }
+}
+
+/// Certificate of a pair that keeps at least `floor` `[m]`, or its gap at the start.
+#[inline]
+fn judge(kind: Kind, path: Path, floor: f64, is_free: impl Fn() -> bool) -> Verdict {
+    if path.boxes_apart(kind, floor) || certify_straight(kind, path, floor) {
+        return Verdict::Safe;
+    }
+    if !is_free() {
+        return Verdict::Prescribed;
+    }
+    let floor = floor.min(gap(kind, path.from).distance * KEPT);
+    match certify(kind, path, floor) {
+        Ok(()) => Verdict::Halved,
+        Err(approach) => Verdict::Failed { approach, floor },
+    }
+}
