@@ -6,6 +6,7 @@ but Python 3:
 
     python3 garments.py FOLDER             # every garment, each with a scene that hangs and swings it
     python3 garments.py FOLDER --broken    # the same files spoilt in ways that happen
+    python3 garments.py FOLDER --flat      # a vest as flat panels with seams, which is sewn at the start
 
 """
 
@@ -318,9 +319,71 @@ def broken(folder):
     save("loose-vertices", text + ["v 5 5 5"] * 3)
 
 
+VEST = """# A vest of two flat panels, sewn at the shoulders and sides, that is hung up and swung.
+name = "vest"
+material = "gray-interlock"
+handles = { label = "back-right-shoulder" }
+start = "fit"
+mesh = { file = "vest.obj", panels = [
+    { panel = "front", translation = [0, 0, 0.15] },
+    { panel = "back", angle_deg = 180, translation = [1.5, 0, -0.15] },   # to face away from the front
+] }
+seams = [
+    { a = "front-left-side", b = "back-left-side", resample = true },
+    { a = "front-right-side", b = "back-right-side", resample = true },
+    { a = "front-left-shoulder", b = "back-left-shoulder" },
+    { a = "front-right-shoulder", b = "back-right-shoulder" },
+]
+motion = { inline = { kind = "keyframes", duration = 12.0, groups = [{ handles = [HANDLES], keyframes = [
+    { time = 2.0 }, { time = 2.75, translation = [0.25, 0, 0.15] }, { time = 3.5 } ] }] } }
+"""
+
+
+def vest(folder):
+    """Front and back lie side by side in a plane; the back has more rows, as another hand cut it."""
+    lines, faces, borders = ["# Made by garments.py (Selvedge). Metres; a flat pattern."], [], []
+    total = 0
+    for panel, shift, rows in (("front", 0.0, 30), ("back", 1.5, 36)):
+        columns, width, height = 24, 0.5, 0.6
+        first = total
+        lines.append(f"g {panel}")
+        for j in range(rows + 1):
+            for i in range(columns + 1):
+                x, y = (i / columns - 0.5) * width, j / rows * height
+                # The neck is cut deep in the front and shallow in the back.
+                depth = 0.12 if panel == "front" else 0.03
+                y -= depth * max(0.0, 1 - (x / 0.12) ** 2) * (j / rows) ** 2
+                lines.append("v %.6f %.6f 0" % (x + shift, y))
+                total += 1
+        number = lambda i, j: first + j * (columns + 1) + i + 1
+        faces.append(f"g {panel}")
+        for j in range(rows):
+            for i in range(columns):
+                corners = (number(i, j), number(i + 1, j), number(i + 1, j + 1), number(i, j + 1))
+                faces.append("f %d %d %d %d" % corners)
+        # The arm's opening is the upper third of a side; the neck is the middle of the top.
+        side, neck = rows * 2 // 3, round(0.12 / width * columns)
+        turn = -1 if panel == "back" else 1
+        for name, i in (("left", columns if turn > 0 else 0), ("right", 0 if turn > 0 else columns)):
+            borders.append((f"{panel}-{name}-side", [number(i, j) for j in range(side + 1)]))
+            to_neck = range(0, columns // 2 - neck + 1) if i == 0 else range(columns // 2 + neck, columns + 1)
+            borders.append((f"{panel}-{name}-shoulder", [number(k, rows) for k in to_neck]))
+    for name, vertices in borders:
+        faces += [f"g {name}", "l " + " ".join(map(str, vertices))]
+    (folder / "vest.obj").write_text("\n".join(lines + faces) + "\n")
+    count = len(dict(borders)["back-right-shoulder"])
+    handles = ", ".join(str(k) for k in range(count))
+    (folder / "vest.toml").write_text(VEST.replace("HANDLES", handles))
+
+
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     target = Path(sys.argv[1])
     target.mkdir(parents=True, exist_ok=True)
-    broken(target) if "--broken" in sys.argv else everything(target)
+    if "--broken" in sys.argv:
+        broken(target)
+    elif "--flat" in sys.argv:
+        vest(target)
+    else:
+        everything(target)

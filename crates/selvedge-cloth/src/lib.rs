@@ -44,6 +44,7 @@
 //! SI units without suffix (m, kg, s, N); y is up. Positions are `f64` where a scene is described
 //! and solved ([`glam::DVec3`]) and `f32` where a motion is handed on ([`glam::Vec3`]).
 
+pub mod bodies;
 mod cloth;
 pub mod conformance;
 mod contact;
@@ -54,6 +55,7 @@ mod gust;
 mod handles;
 mod ids;
 mod isotropic;
+mod loose_panels;
 mod material;
 mod mesh;
 pub mod motion;
@@ -72,6 +74,7 @@ pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::{Isotropic, IsotropicError};
+pub use loose_panels::LoosePanels;
 pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{

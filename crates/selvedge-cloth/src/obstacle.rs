@@ -229,6 +229,16 @@ impl Obstacle {
         (0..self.points.len()).map(move |k| place.of(k))
     }
 
+    /// Rotation and translation `[m]` of a rigid body at `time` `[s]`, against its own points; none
+    /// of either for one that moves otherwise.
+    #[must_use]
+    pub fn rigid_place(&self, time: f64) -> (DQuat, DVec3) {
+        match &self.path {
+            ObstaclePath::Rigid(keys) => rigid_at(keys, time),
+            ObstaclePath::Still | ObstaclePath::Points { .. } => (DQuat::IDENTITY, DVec3::ZERO),
+        }
+    }
+
     fn setting(
         &self,
         field: &'static str,

@@ -53,6 +53,7 @@ pub mod export;
 pub mod foreign;
 mod formats;
 pub mod metrics;
+mod obstacle;
 mod rest_poses;
 mod rig;
 mod scene;
@@ -78,6 +79,10 @@ pub use formats::polygons::{
 pub use formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
+pub use obstacle::{
+    BodySpec, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, ObstacleSpec,
+    ObstacleSpecError, Placement,
+};
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{Rig, RigError, RigNode};
 pub use scene::{
@@ -89,6 +94,7 @@ pub use scene::{
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::{Frames, FramesError};
+pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::playback::Playback;
 pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{

@@ -5,14 +5,15 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, ClothError, MotionError, Scene, StepError, Stepper};
+use selvedge_cloth::{Cloth, ClothError, LoosePanels, MotionError, Scene, StepError, Stepper};
 use selvedge_data::metrics::{self, MetricError};
 use selvedge_data::{
-    Drive, Provenance, Recording, RecordingEnd, SavedState, SceneSpec, SceneSpecError, StateRun,
-    Trajectory, TrajectoryError, record,
+    Drive, ObstacleTrack, Provenance, Recording, RecordingEnd, SavedState, SceneSpec,
+    SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
 };
 use selvedge_sim::{
-    FitError, Fitted, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads,
+    FitError, FitProgress, Fitted, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts,
+    Threads,
 };
 use thiserror::Error;
 
@@ -111,25 +112,38 @@ pub(crate) fn find_rest_pose(
     Ok(rest)
 }
 
-/// Relaxes the cloth of a scene into its pattern.
+/// Relaxes the cloth of a scene into its pattern; where its panels are `loose`, they are sewn
+/// first.
 ///
 /// # Errors
 /// A cloth whose system cannot be solved, or a listener that asks to stop.
-pub fn fit(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<Fitted, FitError> {
-    fit_within(scene, &Reporter::new(on_event))
+pub fn fit(
+    scene: &Scene,
+    loose: Option<&LoosePanels>,
+    on_event: &mut OnEvent<'_>,
+) -> Result<Fitted, FitError> {
+    fit_within(scene, loose, &Reporter::new(on_event))
 }
 
 /// As [`fit`], within a longer operation.
-pub(crate) fn fit_within(scene: &Scene, reporter: &Reporter<'_>) -> Result<Fitted, FitError> {
+pub(crate) fn fit_within(
+    scene: &Scene,
+    loose: Option<&LoosePanels>,
+    reporter: &Reporter<'_>,
+) -> Result<Fitted, FitError> {
     const STEPS: f64 = 100.0;
-    let task = reporter.begin(
-        "fitting into the pattern",
-        Goal::Count(STEPS as u64),
-        "steps",
-    );
+    let what = match loose {
+        Some(_) => "sewing and fitting into the pattern",
+        None => "fitting into the pattern",
+    };
+    let task = reporter.begin(what, Goal::Count(STEPS as u64), "steps");
     let mut done = 0.0;
-    selvedge_sim::fit(scene, &mut |now| {
-        task.note(&format!("largest strain {:.1} %", 100.0 * now.strain));
+    let mut progress = |now: FitProgress| {
+        let open = match now.gap {
+            Some(gap) => format!("seams open by {:.1} cm, ", 100.0 * gap),
+            None => String::new(),
+        };
+        task.note(&format!("{open}largest strain {:.1} %", 100.0 * now.strain));
         while done < STEPS * now.done {
             done += 1.0;
             task.advance()?;
@@ -138,7 +152,11 @@ pub(crate) fn fit_within(scene: &Scene, reporter: &Reporter<'_>) -> Result<Fitte
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         }
-    })
+    };
+    match loose {
+        Some(loose) => selvedge_sim::sew_and_fit(scene, loose, &mut progress),
+        None => selvedge_sim::fit(scene, &mut progress),
+    }
 }
 
 /// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`.
@@ -302,11 +320,31 @@ pub fn trajectory(
     rest: &[DVec3],
     positions: Vec<Vec3>,
 ) -> Result<Trajectory, RunTrajectoryError> {
+    trajectory_from(0, spec, scene, rest, positions)
+}
+
+/// Makes the trajectory of a run of `spec` that begins with frame `first` of its motion, as
+/// [`trajectory`] does; obstacles stand where they are then.
+///
+/// # Errors
+/// As of [`trajectory`].
+pub fn trajectory_from(
+    first: usize,
+    spec: &SceneSpec,
+    scene: &Scene,
+    rest: &[DVec3],
+    positions: Vec<Vec3>,
+) -> Result<Trajectory, RunTrajectoryError> {
     let cloth = Cloth::of_scene(scene, rounded(rest)).map_err(|source| {
         let scene = scene.name.clone();
         RunTrajectoryError::Cloth { scene, source }
     })?;
-    Trajectory::new(cloth, positions, provenance(spec, scene)?).map_err(|source| {
+    let frames = positions.len() / cloth.vertex_count().max(1);
+    let track = |obstacle| ObstacleTrack::of(obstacle, scene.frame_rate, first, frames);
+    let obstacles = scene.obstacles.iter().map(track).collect();
+    let made = Trajectory::new(cloth, positions, provenance(spec, scene)?);
+    let made = made.and_then(|trajectory| trajectory.with_obstacles(obstacles));
+    made.map_err(|source| {
         let scene = scene.name.clone();
         RunTrajectoryError::Trajectory { scene, source }
     })

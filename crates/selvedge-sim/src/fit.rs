@@ -11,10 +11,11 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use selvedge_cloth::{Handles, Mesh, Scene, SceneError, VertexId};
+use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, VertexId};
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
+use crate::sew::sew;
 use crate::state::State;
 use crate::strain_watch::WatchedEdges;
 
@@ -36,6 +37,8 @@ const MOST_CHANGE: f64 = 0.1;
 const MOST_HALVINGS: u32 = 8;
 /// Calls of the listener are this many passes apart.
 const BEAT: u32 = 10;
+/// Part of all progress that sewing is.
+const SEWING: f64 = 0.3;
 
 /// A cloth that has relaxed into its pattern.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +49,8 @@ pub struct Fitted {
     pub before: f64,
     /// Largest strain of an edge that is left, by its amount.
     pub after: f64,
+    /// Largest distance over which a seam was closed, where panels were sewn `[m]`.
+    pub gap: Option<f64>,
 }
 
 /// Progress of a fit.
@@ -55,6 +60,8 @@ pub struct FitProgress {
     pub done: f64,
     /// Largest strain of an edge now, by its amount.
     pub strain: f64,
+    /// Largest distance that seams are open, while panels are sewn `[m]`.
+    pub gap: Option<f64>,
 }
 
 /// Reason why a cloth was not fitted.
@@ -70,7 +77,7 @@ pub enum FitError {
 }
 
 /// An edge with what it is brought to.
-struct Spring {
+pub(crate) struct Spring {
     ends: [usize; 2],
     /// Shares of the two ends in a correction; 0 where held.
     shares: [f64; 2],
@@ -78,7 +85,7 @@ struct Spring {
 }
 
 /// A callback that sees the progress and may stop the fit.
-type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
+pub(crate) type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
 
 /// Relaxes the cloth of `scene` into its pattern, its handles where the mesh has them.
 ///
@@ -86,8 +93,40 @@ type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
 /// A scene that does not validate; [`FitError::Stopped`]; a system that cannot be solved.
 pub fn fit(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
     scene.validate()?;
+    fit_from(scene, scene.mesh.positions().to_vec(), 0.0, progress)
+}
+
+/// Sews the `loose` panels of the scene's mesh, pulled together over a second, and relaxes the
+/// cloth into its pattern from there.
+///
+/// # Errors
+/// As for [`fit`]; panels that are not those of the scene's mesh.
+pub fn sew_and_fit(
+    scene: &Scene,
+    loose: &LoosePanels,
+    progress: Listener<'_>,
+) -> Result<Fitted, FitError> {
+    scene.validate()?;
+    let sewn = sew(scene, loose, SEWING, progress)?;
+    let mut fitted = fit_from(scene, sewn.positions, SEWING, progress)?;
+    fitted.gap = Some(sewn.gap);
+    Ok(fitted)
+}
+
+/// Relaxes the cloth from `positions` `[m]`, `[vertices]`; `passed` is the part of all progress
+/// that was before.
+fn fit_from(
+    scene: &Scene,
+    mut positions: Vec<DVec3>,
+    passed: f64,
+    progress: Listener<'_>,
+) -> Result<Fitted, FitError> {
+    let mut progress = |mut now: FitProgress| {
+        now.done = passed + (1.0 - passed) * now.done;
+        progress(now)
+    };
+    let progress: Listener<'_> = &mut progress;
     let springs = springs(&scene.mesh, &scene.handles);
-    let mut positions = scene.mesh.positions().to_vec();
     let before = largest_strain(&springs, &positions);
     scale(&springs, &scene.handles, &mut positions);
     project(&springs, &mut positions, progress)?;
@@ -97,10 +136,11 @@ pub fn fit(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
         positions,
         before,
         after,
+        gap: None,
     })
 }
 
-fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
+pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
     let held = handles.mask(mesh.topology().vertex_count());
     let edges = mesh.topology().edges().iter();
     edges
@@ -118,7 +158,7 @@ fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
         .collect()
 }
 
-fn largest_strain(springs: &[Spring], positions: &[DVec3]) -> f64 {
+pub(crate) fn largest_strain(springs: &[Spring], positions: &[DVec3]) -> f64 {
     let strain = |spring: &Spring| {
         let [a, b] = spring.ends.map(|v| positions[v]);
         (a.distance(b) / spring.length - 1.0).abs()
@@ -200,7 +240,8 @@ fn project(
         if number % BEAT == 0 {
             let strain = largest_strain(springs, positions);
             let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
-            tell(progress, FitProgress { done, strain })?;
+            let gap = None;
+            tell(progress, FitProgress { done, strain, gap })?;
         }
     }
     positions.copy_from_slice(&kept);
@@ -237,7 +278,8 @@ fn relax(
             let strain = largest_strain(springs, positions);
             let all = (STAGES.len() as u32 * SOLVES) as f64;
             let done = 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all;
-            tell(progress, FitProgress { done, strain })?;
+            let gap = None;
+            tell(progress, FitProgress { done, strain, gap })?;
             if (before - strain).abs() < 1e-6 {
                 break;
             }
@@ -246,7 +288,7 @@ fn relax(
     Ok(())
 }
 
-fn failed(cause: impl std::error::Error) -> FitError {
+pub(crate) fn failed(cause: impl std::error::Error) -> FitError {
     FitError::Solve {
         cause: cause.to_string(),
     }
@@ -283,7 +325,7 @@ fn still_step(
     false
 }
 
-fn tell(progress: Listener<'_>, now: FitProgress) -> Result<(), FitError> {
+pub(crate) fn tell(progress: Listener<'_>, now: FitProgress) -> Result<(), FitError> {
     match progress(now) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(FitError::Stopped),

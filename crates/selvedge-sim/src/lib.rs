@@ -75,6 +75,7 @@ mod integrator;
 pub mod laws;
 mod lists;
 mod rest_pose;
+mod sew;
 mod simulator;
 mod solver;
 mod state;
@@ -82,7 +83,7 @@ mod strain_watch;
 mod threads;
 
 pub use contact::ContactCounts;
-pub use fit::{FitError, FitProgress, Fitted, fit};
+pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{PreviousSubstep, Simulator, SimulatorError};

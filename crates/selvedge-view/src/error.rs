@@ -47,6 +47,8 @@ pub enum ViewError {
         height: u32,
         most: u64,
     },
+    #[error("a body beside the cloth: {problem}")]
+    Body { problem: String },
     #[error("{field} must be {expected}, found {found}")]
     Setting {
         field: &'static str,

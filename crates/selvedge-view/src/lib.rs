@@ -43,6 +43,7 @@ mod text;
 pub use error::ViewError;
 pub use image::Image;
 pub use image::colour::{ColourMap, Rgb};
+pub use motion::body::Body;
 pub use motion::field::ScalarField;
 pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;

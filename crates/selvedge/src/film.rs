@@ -19,6 +19,7 @@ use selvedge_view::{
 
 use crate::interrupt;
 use crate::output::End;
+use crate::pictures::run_of_frames;
 use crate::progress::Progress;
 
 /// Width and height of a picture in pixels; even, as films want it.
@@ -85,13 +86,7 @@ impl<'a> Film<'a> {
         // One frame has no rate; any two have that of the first two.
         let step = frames.windows(2).map(|pair| pair[1] - pair[0]).next();
         let rate = trajectory.frame_rate() / step.unwrap_or(1) as f64;
-        let run = Run::new(
-            trajectory.topology(),
-            frames.iter().map(|&frame| trajectory.frame(frame)),
-            trajectory.handles().vertices(),
-            rate,
-        )
-        .context("a run to draw")?;
+        let run = run_of_frames(trajectory, frames, rate)?;
         let name = trajectory.provenance().scene["name"].as_str();
         Ok(Self {
             run,

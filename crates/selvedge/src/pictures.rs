@@ -7,7 +7,7 @@ use anyhow::Context;
 use glam::Vec3;
 use selvedge_data::{Trajectory, metrics, write_atomically};
 use selvedge_view::{
-    ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, contact_sheet,
+    Body, ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, contact_sheet,
     write_clip,
 };
 
@@ -142,11 +142,35 @@ fn panels<'a>(
 }
 
 fn run_of(trajectory: &Trajectory) -> anyhow::Result<Run<'_>> {
-    Run::new(
+    let frames: Vec<usize> = (0..trajectory.frame_count()).collect();
+    run_of_frames(trajectory, &frames, trajectory.frame_rate())
+}
+
+/// These frames of a trajectory, `frame_rate` per second, with the obstacles beside the cloth.
+///
+/// # Errors
+/// A run that cannot be drawn.
+pub(crate) fn run_of_frames<'a>(
+    trajectory: &'a Trajectory,
+    frames: &[usize],
+    frame_rate: f64,
+) -> anyhow::Result<Run<'a>> {
+    let run = Run::new(
         trajectory.topology(),
-        trajectory.frames().iter(),
+        frames.iter().map(|&frame| trajectory.frame(frame)),
         trajectory.handles().vertices(),
-        trajectory.frame_rate(),
-    )
-    .context("a run to draw")
+        frame_rate,
+    );
+    let bodies = trajectory.obstacles().iter().map(|obstacle| {
+        let taken = if obstacle.is_still() {
+            &frames[..1]
+        } else {
+            frames
+        };
+        let points = taken.iter().map(|&frame| obstacle.frame(frame));
+        Body::new(obstacle.faces(), points)
+    });
+    let bodies: Result<Vec<Body<'a>>, _> = bodies.collect();
+    run.and_then(|run| run.with_bodies(bodies?))
+        .context("a run to draw")
 }

@@ -260,6 +260,34 @@ pub(crate) fn handle_positions(
     })
 }
 
+/// Points of a body over time, and their rate where the archive says it.
+pub(crate) struct BodyPoints {
+    /// `[frames, points]` `[m]`
+    pub(crate) frames: Vec<Vec<DVec3>>,
+    /// Frames per second.
+    pub(crate) frame_rate: Option<f64>,
+}
+
+/// The points of a body in an archive: `positions` or `points`, `[frames, points, 3]` `[m]`, and
+/// `fps` `[1]` where there is one.
+pub(crate) fn body_points(bytes: &[u8]) -> Result<BodyPoints, NpzTrajectoryError> {
+    let archive = Arrays(Npz::open(bytes)?);
+    let has_points = archive.has("points") && !archive.has("positions");
+    let name = if has_points { "points" } else { "positions" };
+    let (values, shape) = archive.points(name)?;
+    let up = archive.up()?;
+    let frame_rate = match archive.has("fps") {
+        true => Some(archive.floats("fps", &[Some(1)])?[0]),
+        false => None,
+    };
+    let all: Vec<DVec3> = points(&values).map(|p| up.to_ours(p)).collect();
+    let frames = all.chunks_exact(shape[1].max(1)).map(<[_]>::to_vec);
+    Ok(BodyPoints {
+        frames: frames.collect(),
+        frame_rate,
+    })
+}
+
 fn triples(values: &[u32]) -> Vec<[u32; 3]> {
     let (triples, _) = values.as_chunks::<3>();
     triples.to_vec()

@@ -34,6 +34,10 @@ pub enum RigError {
     Ambiguous { name: String, count: usize },
     #[error("node {name:?}: {problem}")]
     Node { name: String, problem: String },
+    #[error("has several animations: choose one by `animation`, of [{known}]")]
+    Animations { known: String },
+    #[error("has no animation called {name:?}; there are [{known}]")]
+    NoAnimation { name: String, known: String },
     #[error("has no mesh")]
     NoMesh,
     #[error("none of the nodes [{names}] is animated")]

@@ -9,11 +9,14 @@
 //! Format: Khronos Group, glTF 2.0 specification, sections 3.5 (nodes), 3.6 (accessors), 3.11
 //! (animations).
 
+mod body;
+
 use std::collections::HashMap;
 
 use glam::{DMat4, DQuat, DVec2, DVec3};
 use serde::Deserialize;
 
+pub(super) use self::body::{Chosen, parse_bodies};
 use super::error::RigError;
 use super::node::{Change, Operation, Rig, RigNode};
 use super::node_mesh::NodeMesh;
@@ -30,6 +33,7 @@ struct Document {
     nodes: Vec<Node>,
     animations: Vec<Animation>,
     meshes: Vec<Mesh>,
+    skins: Vec<Skin>,
     materials: Vec<Material>,
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
@@ -46,11 +50,22 @@ struct Node {
     scale: Option<[f64; 3]>,
     matrix: Option<[f64; 16]>,
     mesh: Option<usize>,
+    skin: Option<usize>,
+    weights: Option<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
 struct Mesh {
     primitives: Vec<Primitive>,
+    #[serde(default)]
+    weights: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Skin {
+    joints: Vec<usize>,
+    inverse_bind_matrices: Option<usize>,
 }
 
 #[derive(Deserialize)]
@@ -60,6 +75,8 @@ struct Primitive {
     material: Option<usize>,
     /// 4 is triangles.
     mode: Option<u32>,
+    #[serde(default)]
+    targets: Vec<HashMap<String, usize>>,
 }
 
 #[derive(Deserialize)]
@@ -448,7 +465,13 @@ impl File<'_> {
         let document = &self.document;
         let found = document.accessors.get(accessor);
         let found = found.ok_or_else(|| wrong("there is none of this number"))?;
-        let expected = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][width];
+        let expected = match width {
+            1 => "SCALAR",
+            2 => "VEC2",
+            3 => "VEC3",
+            4 => "VEC4",
+            _ => "MAT4",
+        };
         if found.form != expected {
             return Err(wrong(&format!("expected {expected}, found {}", found.form)));
         }

@@ -57,6 +57,7 @@ fn add(polygons: &mut Polygons, rig: &Rig, mesh: NodeMesh) -> Result<(), RigErro
                 polygons.texture.push(uv[k]);
                 polygons.texture.len() - 1
             }),
+            loose: None,
         });
         let corners = corners.collect();
         let fabric = mesh.fabrics.get(number).and_then(Option::as_deref);

@@ -5,10 +5,12 @@
 //! metres, y up, seconds. What else is in the file (materials, lights) is passed over; [`mesh`]
 //! reads its meshes, where a scene asks for one.
 
+mod bodies;
 mod drive;
 mod error;
 mod glb;
 pub(crate) mod mesh;
+mod moving_mesh;
 mod node;
 mod node_mesh;
 mod track;
@@ -18,6 +20,7 @@ use std::path::Path;
 
 use glam::DMat4;
 
+pub(crate) use self::bodies::read_body;
 pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
 pub use self::node::{Rig, RigNode};

@@ -36,6 +36,23 @@ pub(super) trait Value: Copy {
     fn is_sound(self) -> bool;
 }
 
+impl Value for f64 {
+    fn between(self, to: Self, fraction: f64) -> Self {
+        self + (to - self) * fraction
+    }
+
+    fn combined(parts: [(Self, f64); 4]) -> Self {
+        parts
+            .into_iter()
+            .map(|(value, weight)| value * weight)
+            .sum()
+    }
+
+    fn is_sound(self) -> bool {
+        self.is_finite()
+    }
+}
+
 impl Value for DVec3 {
     fn between(self, to: Self, fraction: f64) -> Self {
         self.lerp(to, fraction)

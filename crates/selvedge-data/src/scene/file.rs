@@ -9,7 +9,8 @@
 //! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv", groups
 //! ```
 //!
-//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. A mesh may be `{
+//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. `contact` and
+//! `[[obstacles]]` say what the cloth touches. A mesh may be `{
 //! obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
 //! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of
 //! ARCSim.
@@ -28,9 +29,10 @@ use super::start::StartSpec;
 use super::start_file::StartFile;
 use super::text::{parse_toml, read_text};
 use crate::formats::polygons::SeamPair;
+use crate::obstacle::ObstacleFile;
 use crate::trajectory::state_file::SavedState;
 use glam::DVec3;
-use selvedge_cloth::{Environment, Mesh, SagSettings};
+use selvedge_cloth::{ContactSettings, Environment, Mesh, SagSettings};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -58,6 +60,9 @@ struct SceneFile {
     start: StartFile,
     #[serde(default)]
     frame_rate: FrameRate,
+    contact: Option<ContactSettings>,
+    #[serde(default)]
+    obstacles: Vec<ObstacleFile>,
 }
 
 /// Remedy for a mesh that starts far from its material size.
@@ -131,6 +136,8 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         physics: file.physics,
         sag: file.sag,
         frame_rate: file.frame_rate,
+        contact: file.contact,
+        obstacles: file.obstacles,
     };
     let mut files = Vec::new();
     let ResolvedSetting {
@@ -138,6 +145,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         mesh,
         groups,
         velocities,
+        loose,
         warnings,
     } = setting.resolve(folder, &mut files)?;
     let stand = Stand::of(&setting, &mesh, &groups);
@@ -153,9 +161,10 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         start,
     };
     files.extend(spec.files(folder));
-    let scene = spec.with_mesh(mesh)?;
+    let scene = spec.with_mesh(mesh, folder)?;
     let loaded = LoadedScene {
         state,
+        loose,
         files,
         warnings,
         ..LoadedScene::new(spec, scene)

@@ -2,11 +2,15 @@
 
 use std::path::PathBuf;
 
-use selvedge_cloth::Scene;
+use selvedge_cloth::{LoosePanels, Scene};
 
 use super::spec::SceneSpec;
+use super::start::StartSpec;
 use super::strained;
 use crate::trajectory::state_file::SavedState;
+
+/// Warning of a scene with contact.
+const NOT_YET: &str = "contact is not computed yet: the cloth passes through its obstacles and through itself, as without `contact`";
 
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +21,8 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// The state in which a run starts, if it starts in a saved one.
     pub state: Option<SavedState>,
+    /// The panels before they are sewn, where the scene names seams.
+    pub loose: Option<LoosePanels>,
     /// Warnings of requests that cannot be met or are hardly meant.
     pub warnings: Vec<String>,
     /// The files that it was read from: its own, and all that it names.
@@ -30,19 +36,25 @@ impl LoadedScene {
             spec,
             scene,
             state: None,
+            loose: None,
             warnings: Vec::new(),
             files: Vec::new(),
         }
     }
 
-    /// The same, with a warning where the cloth starts far from its material size; `remedy` says
-    /// how its file can be mended.
+    /// The same, with warnings of contact, and where the cloth starts far from its material size;
+    /// `remedy` says how its file can be mended. A start that fits the cloth says itself what it
+    /// cannot mend.
     pub(super) fn looked_over(mut self, remedy: &str) -> Self {
         let mesh = &self.scene.mesh;
         let state = self.state.as_ref();
         let start = state.map_or(mesh.positions(), |state| &state.positions);
-        self.warnings
-            .extend(strained::warnings(mesh, start, remedy));
+        if self.spec.start != StartSpec::Fit {
+            self.warnings
+                .extend(strained::warnings(mesh, start, remedy));
+        }
+        let contact = self.scene.contact.iter();
+        self.warnings.extend(contact.map(|_| NOT_YET.to_owned()));
         self
     }
 }

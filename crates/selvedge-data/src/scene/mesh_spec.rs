@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::generate::{GenerateError, Shape, Sheet, SheetSpec, sheet};
-use selvedge_cloth::{Mesh, MeshError};
+use selvedge_cloth::{LoosePanels, Mesh, MeshError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -42,6 +42,8 @@ pub struct BuiltMesh {
     pub sheet: Sheet,
     /// Velocities of the vertices, where its file has them `[m/s]`, `[vertices]`.
     pub velocities: Option<Vec<DVec3>>,
+    /// The panels before they are sewn, where seams were named.
+    pub loose: Option<LoosePanels>,
     /// Warnings of what was mended or passed over in its file.
     pub warnings: Vec<String>,
 }
@@ -271,6 +273,9 @@ impl MeshSpec {
         Ok(BuiltMesh {
             sheet,
             velocities,
+            loose: read
+                .loose
+                .map(|loose| loose.moved(|p| self.transform.place(p))),
             warnings: read.warnings,
         })
     }
@@ -311,6 +316,7 @@ impl MeshSource {
         Ok(ReadMesh {
             sheet,
             velocities: None,
+            loose: None,
             is_own_shape: false,
             warnings: Vec::new(),
         })
@@ -323,14 +329,17 @@ impl Transform {
         if *self == Self::default() {
             return Ok(sheet);
         }
-        let turn = self.turn();
-        let place = |p: &DVec3| turn * (self.scale * *p) + self.translation;
-        let positions = sheet.mesh.positions().iter().map(place).collect();
+        let positions = sheet.mesh.positions().iter();
+        let positions = positions.map(|p| self.place(*p)).collect();
         let mesh = sheet.mesh.with_positions(positions)?;
         Ok(Sheet {
             mesh: mesh.with_pattern_scaled(self.scale * self.material_scale)?,
             labels: sheet.labels,
         })
+    }
+
+    fn place(&self, position: DVec3) -> DVec3 {
+        self.turn() * (self.scale * position) + self.translation
     }
 
     fn turn(&self) -> DQuat {

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use selvedge_cloth::{DEFAULT_FRAME_RATE, Environment, Mesh, SagSettings};
+use selvedge_cloth::{
+    ContactSettings, DEFAULT_FRAME_RATE, Environment, LoosePanels, Mesh, SagSettings,
+};
 use serde::Deserialize;
 
 use super::handle_selection::{Groups, HandleSelection, Selected};
@@ -13,10 +15,11 @@ use super::material_source::MaterialSource;
 use super::mesh_spec::{BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, Transform};
 use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
-use super::spec::Setting;
+use super::spec::{SceneSpecError, Setting};
 use crate::formats::polygons::{
     MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
+use crate::obstacle::{ObstacleFile, ObstacleSpec};
 
 /// A scene without name, motion and start, as a data set's preset has it.
 ///
@@ -40,6 +43,9 @@ pub(crate) struct SettingFile {
     pub(super) sag: SagSettings,
     #[serde(default)]
     pub(super) frame_rate: FrameRate,
+    pub(super) contact: Option<ContactSettings>,
+    #[serde(default)]
+    pub(super) obstacles: Vec<ObstacleFile>,
 }
 
 /// Frames per second.
@@ -81,6 +87,8 @@ pub(crate) struct ResolvedSetting {
     pub(crate) groups: Groups,
     /// Velocities of the vertices, where the mesh's file has them `[m/s]`, `[vertices]`.
     pub(crate) velocities: Option<Vec<DVec3>>,
+    /// The panels before they are sewn, where seams were named.
+    pub(crate) loose: Option<LoosePanels>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -100,6 +108,7 @@ impl SettingFile {
         let BuiltMesh {
             sheet,
             velocities,
+            loose,
             mut warnings,
         } = mesh.read(folder)?;
         let mut fabrics = BTreeMap::new();
@@ -121,6 +130,8 @@ impl SettingFile {
             physics: self.physics.0,
             sag: self.sag,
             frame_rate: self.frame_rate.0,
+            contact: self.contact,
+            obstacles: resolved_obstacles(self.obstacles, folder)?,
         };
         warnings.extend(damping_warning(&setting));
         Ok(ResolvedSetting {
@@ -128,9 +139,27 @@ impl SettingFile {
             mesh: sheet.mesh,
             groups,
             velocities,
+            loose,
             warnings,
         })
     }
+}
+
+/// Obstacles with names of their own.
+fn resolved_obstacles(
+    files: Vec<ObstacleFile>,
+    folder: &Path,
+) -> Result<Vec<ObstacleSpec>, SceneProblem> {
+    let mut made: Vec<ObstacleSpec> = Vec::with_capacity(files.len());
+    for file in files {
+        let spec = file.resolve(folder).map_err(SceneSpecError::from)?;
+        if made.iter().any(|other| other.name == spec.name) {
+            let problem = format!("two are called {:?}: rename one", spec.name);
+            return Err(field("obstacles.name", problem));
+        }
+        made.push(spec);
+    }
+    Ok(made)
 }
 
 /// A warning of fabrics whose damping is not that of the cloth, of which there is one for all.

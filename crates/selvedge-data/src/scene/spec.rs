@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{
-    Environment, HandleError, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings,
-    SagSettings, Scene, SceneError,
+    ContactSettings, Environment, HandleError, HandleSchedule, Handles, Material, Mesh, Motion,
+    PhysicsSettings, SagSettings, Scene, SceneError,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -15,6 +15,7 @@ use thiserror::Error;
 
 use super::mesh_spec::{MeshSource, MeshSpec, MeshSpecError};
 use super::start::StartSpec;
+use crate::obstacle::{ObstacleSpec, ObstacleSpecError};
 
 /// A resolved scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,6 +56,12 @@ pub struct Setting {
     pub sag: SagSettings,
     /// Frames per second.
     pub frame_rate: f64,
+    /// Contact with obstacles and of the cloth with itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactSettings>,
+    /// The bodies that the cloth touches.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleSpec>,
 }
 
 /// A spec that makes no scene.
@@ -67,6 +74,8 @@ pub enum SceneSpecError {
     Mesh(#[from] MeshSpecError),
     #[error("handles: {0}")]
     Handles(#[from] HandleError),
+    #[error(transparent)]
+    Obstacle(#[from] ObstacleSpecError),
     #[error(transparent)]
     Scene(#[from] SceneError),
 }
@@ -101,7 +110,11 @@ impl SceneSpec {
             StartSpec::Rest | StartSpec::Mesh | StartSpec::Fit => None,
         };
         let files = mesh.into_iter().chain(state);
-        files.map(|file| folder.join(file)).collect()
+        let files = files.map(|file| folder.join(file));
+        let obstacles = self.setting.obstacles.iter();
+        files
+            .chain(obstacles.flat_map(|obstacle| obstacle.files(folder)))
+            .collect()
     }
 
     /// Makes the scene; a mesh file is relative to `folder`.
@@ -109,12 +122,17 @@ impl SceneSpec {
     /// # Errors
     /// [`SceneSpecError`] names the part that cannot be used.
     pub fn build(&self, folder: &Path) -> Result<Scene, SceneSpecError> {
-        self.with_mesh(self.setting.mesh.build(folder)?.mesh)
+        self.with_mesh(self.setting.mesh.build(folder)?.mesh, folder)
     }
 
-    /// Makes the scene with a mesh that has been built already.
-    pub(crate) fn with_mesh(&self, mesh: Mesh) -> Result<Scene, SceneSpecError> {
+    /// Makes the scene with a mesh that has been built already; files of obstacles are relative to
+    /// `folder`.
+    pub(crate) fn with_mesh(&self, mesh: Mesh, folder: &Path) -> Result<Scene, SceneSpecError> {
         let setting = &self.setting;
+        let obstacles = setting.obstacles.iter();
+        let obstacles: Result<_, _> = obstacles
+            .map(|obstacle| obstacle.build(folder, setting.frame_rate))
+            .collect();
         let scene = Scene {
             name: self.name.clone(),
             handles: Handles::new(&setting.handles, mesh.topology().vertex_count())?,
@@ -127,8 +145,8 @@ impl SceneSpec {
             physics: setting.physics,
             sag: setting.sag,
             frame_rate: setting.frame_rate,
-            contact: None,
-            obstacles: Vec::new(),
+            contact: setting.contact,
+            obstacles: obstacles?,
         };
         scene.validate()?;
         Ok(scene)

@@ -5,7 +5,8 @@
 //!
 //! Version 1 is a cloth without seams, with one point per vertex. Version 2 is a sewn one: its
 //! `pattern_faces` u32 `[faces, 3]` are the points of the faces' corners, point v is one of vertex
-//! v's, and every point has one vertex. A reader of version 1 refuses version 2 by its number.
+//! v's, and every point has one vertex. Version 3 has obstacles (`trajectory/obstacle_file.rs`),
+//! and may have `pattern_faces`. A reader of one version refuses the next by its number.
 //!
 //! Equal trajectories make equal bytes. Reading takes the whole file into memory (a run of the
 //! paper is 15 MB) and checks all of it; tensors that are not listed here are an error, because
@@ -24,12 +25,14 @@ use thiserror::Error;
 
 use crate::formats::atomic::WriteError;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::trajectory::obstacle_file::{self, ObstacleTensors};
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";
-/// Version of a cloth without seams, and of a sewn one.
+/// Version of a cloth without seams, of a sewn one, and of a cloth with obstacles.
 const VERSION: &str = "1";
 const SEWN_VERSION: &str = "2";
+const OBSTACLE_VERSION: &str = "3";
 /// The tensor that only a sewn cloth has.
 const PATTERN_FACES: &str = "pattern_faces";
 const METADATA: [&str; 5] = ["format", "version", "fps", "scene", "made_by"];
@@ -82,6 +85,12 @@ pub enum TrajectoryFileError {
         expected: String,
         found: String,
     },
+    #[error("tensor {name}: expected {expected}, found {found}")]
+    ObstacleTensor {
+        name: String,
+        expected: String,
+        found: String,
+    },
     #[error(transparent)]
     Topology(#[from] TopologyError),
     #[error(transparent)]
@@ -114,9 +123,23 @@ impl Trajectory {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
         let (_, header) =
             SafeTensors::read_metadata(bytes).map_err(TrajectoryFileError::Container)?;
-        let (provenance, is_sewn) = read_provenance(&header)?;
+        let (provenance, version) = read_provenance(&header)?;
         let file = SafeTensors::deserialize(bytes).map_err(TrajectoryFileError::Container)?;
-        let is_known = |name: &&str| TENSORS.contains(name) || is_sewn && *name == PATTERN_FACES;
+        let names = obstacle_file::names_in(&header)?;
+        if names.is_empty() == (version == Version::Obstacles) {
+            return Err(TrajectoryFileError::Metadata {
+                name: "version".to_owned(),
+                expected: "3 for a file with obstacles, and for no other",
+                found: format!("{} obstacles", names.len()),
+            });
+        }
+        let has_pattern = file.names().contains(&PATTERN_FACES);
+        let is_sewn = version == Version::Sewn || version == Version::Obstacles && has_pattern;
+        let is_known = |name: &&str| {
+            TENSORS.contains(name)
+                || is_sewn && *name == PATTERN_FACES
+                || obstacle_file::is_tensor(name, names.len())
+        };
         if let Some(unknown) = file.names().iter().find(|name| !is_known(name)) {
             return Err(TrajectoryFileError::UnknownTensor {
                 name: (*unknown).to_owned(),
@@ -125,7 +148,8 @@ impl Trajectory {
         let (positions, frame_shape) = read_tensor(&file, "positions", &[None, None, Some(3)])?;
         let vertices = frame_shape[1];
         let cloth = read_cloth(&file, vertices, is_sewn)?;
-        Ok(Self::new(cloth, vec3s(&floats(positions)), provenance)?)
+        let read = Self::new(cloth, vec3s(&floats(positions)), provenance)?;
+        Ok(read.with_obstacles(obstacle_file::read(&file, &names)?)?)
     }
 
     /// Writes the trajectory file, all or nothing.
@@ -181,11 +205,16 @@ impl Trajectory {
                 values: TensorValues::U32(corners.as_flattened()),
             });
         }
-        let version = match pattern.is_sewn() {
-            true => SEWN_VERSION,
-            false => VERSION,
+        let obstacles = ObstacleTensors::of(self.obstacles());
+        tensors.extend(obstacles.tensors());
+        let version = match (self.obstacles().is_empty(), pattern.is_sewn()) {
+            (false, _) => OBSTACLE_VERSION,
+            (true, true) => SEWN_VERSION,
+            (true, false) => VERSION,
         };
-        write_tensors(path, &tensors, &metadata(self.provenance(), version))
+        let mut metadata = metadata(self.provenance(), version);
+        metadata.extend(obstacles.metadata());
+        write_tensors(path, &tensors, &metadata)
     }
 }
 
@@ -199,8 +228,16 @@ fn metadata(provenance: &Provenance, version: &str) -> BTreeMap<&'static str, St
     ])
 }
 
-/// The provenance, and true for a sewn cloth.
-fn read_provenance(header: &Metadata) -> Result<(Provenance, bool), TrajectoryFileError> {
+/// Versions of the file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Version {
+    Plain,
+    Sewn,
+    Obstacles,
+}
+
+/// The provenance, and the version of the file.
+fn read_provenance(header: &Metadata) -> Result<(Provenance, Version), TrajectoryFileError> {
     let empty = HashMap::new();
     let metadata = header.metadata().as_ref().unwrap_or(&empty);
     let entry = |name| {
@@ -218,12 +255,15 @@ fn read_provenance(header: &Metadata) -> Result<(Provenance, bool), TrajectoryFi
         return Err(wrong("format", FORMAT, format));
     }
     let version = entry("version")?;
-    if version != VERSION && version != SEWN_VERSION {
-        return Err(wrong("version", "1 or 2", version));
-    }
+    let version = match version.as_str() {
+        VERSION => Version::Plain,
+        SEWN_VERSION => Version::Sewn,
+        OBSTACLE_VERSION => Version::Obstacles,
+        other => return Err(wrong("version", "1, 2 or 3", other)),
+    };
     if let Some((name, value)) = metadata
         .iter()
-        .find(|(n, _)| !METADATA.contains(&n.as_str()))
+        .find(|(n, _)| !METADATA.contains(&n.as_str()) && *n != obstacle_file::METADATA)
     {
         return Err(wrong(name, "no entry of this name", value));
     }
@@ -236,7 +276,7 @@ fn read_provenance(header: &Metadata) -> Result<(Provenance, bool), TrajectoryFi
         scene: serde_json::from_str(scene).map_err(|_| wrong("scene", "JSON", scene))?,
         made_by: entry("made_by")?.clone(),
     };
-    Ok((provenance, version == SEWN_VERSION))
+    Ok((provenance, version))
 }
 
 fn read_cloth(

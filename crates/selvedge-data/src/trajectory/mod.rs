@@ -10,6 +10,8 @@
 
 pub(crate) mod file;
 pub(crate) mod frames;
+mod obstacle_file;
+pub(crate) mod obstacles;
 pub(crate) mod playback;
 pub(crate) mod record;
 pub(crate) mod state_file;
@@ -20,6 +22,7 @@ use serde_json::Value;
 use thiserror::Error;
 
 use crate::trajectory::frames::Frames;
+use crate::trajectory::obstacles::ObstacleTrack;
 
 /// Origin of a trajectory.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +43,7 @@ pub struct Trajectory {
     cloth: Cloth,
     positions: Vec<Vec3>,
     provenance: Provenance,
+    obstacles: Vec<ObstacleTrack>,
 }
 
 /// Arrays that do not make a trajectory.
@@ -58,6 +62,8 @@ pub enum TrajectoryError {
     },
     #[error("the frame rate must be finite and positive, found {found}")]
     FrameRate { found: f64 },
+    #[error("obstacle {name:?}: {problem}")]
+    Obstacle { name: String, problem: String },
 }
 
 impl Trajectory {
@@ -92,7 +98,29 @@ impl Trajectory {
             cloth,
             positions,
             provenance,
+            obstacles: Vec::new(),
         })
+    }
+
+    /// Returns the same trajectory with these obstacles beside the cloth.
+    ///
+    /// # Errors
+    /// [`TrajectoryError::Obstacle`] names one that does not fit.
+    pub fn with_obstacles(
+        mut self,
+        obstacles: Vec<ObstacleTrack>,
+    ) -> Result<Self, TrajectoryError> {
+        for obstacle in &obstacles {
+            obstacle.check(self.frame_count())?;
+        }
+        self.obstacles = obstacles;
+        Ok(self)
+    }
+
+    /// The obstacles beside the cloth.
+    #[must_use]
+    pub fn obstacles(&self) -> &[ObstacleTrack] {
+        &self.obstacles
     }
 
     /// Returns the image of the trajectory in a mirror at z = 0: the motion of a cloth that bends
@@ -104,6 +132,7 @@ impl Trajectory {
             cloth: self.cloth.mirrored(),
             positions: self.positions.iter().map(mirrored).collect(),
             provenance: self.provenance.clone(),
+            obstacles: self.obstacles.iter().map(ObstacleTrack::mirrored).collect(),
         }
     }
 

@@ -9,6 +9,7 @@ mod foreign;
 mod garments;
 mod metrics;
 mod obj;
+mod obstacles;
 mod presets;
 mod scene_parts;
 mod scenes;

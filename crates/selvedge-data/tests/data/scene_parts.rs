@@ -295,3 +295,59 @@ fn a_data_set_has_no_handles_that_let_go() {
         "{error}"
     );
 }
+
+const BALL: &str = "contact = { thickness = 0.002, self = false }\n[[obstacles]]\nname = \"ball\"\n\
+    sphere = { radius = 0.2 }\nmotion = { keyframes = [{ time = 1, translation = [1, 0, 0] }] }\n";
+
+#[test]
+fn obstacles_and_contact_are_read_and_written_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let step = "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 3 2\n";
+    std::fs::write(folder.path().join("step.obj"), step).unwrap();
+    let floor = "[[obstacles]]\nname = \"step\"\nmesh = \"step.obj\"\nfriction = 0.1\n";
+    let loaded = parse_in(folder.path(), &[GRAY, CORNERS, STILL, BALL, floor]).unwrap();
+    let contact = loaded.scene.contact.unwrap();
+    assert_eq!((contact.thickness, contact.self_contact), (0.002, false));
+    let names: Vec<&str> = loaded.scene.obstacles.iter().map(|o| o.name()).collect();
+    assert_eq!(names, ["ball", "step"]);
+    assert!(loaded.files.contains(&folder.path().join("step.obj")));
+    assert!(
+        loaded
+            .warnings
+            .iter()
+            .any(|w| w.contains("contact is not computed yet"))
+    );
+    // The spec makes the very scene, and so does what is kept with a run.
+    let json = loaded.spec.to_json().unwrap();
+    let spec = SceneSpec::from_json(&json).unwrap();
+    assert_eq!(spec, loaded.spec);
+    assert_eq!(spec.build(folder.path()).unwrap(), loaded.scene);
+    // Without them nothing is written.
+    let bare = parse(&[GRAY, CORNERS, STILL])
+        .unwrap()
+        .spec
+        .to_json()
+        .unwrap();
+    assert!(bare["setting"].get("contact").is_none() && bare["setting"].get("obstacles").is_none());
+}
+
+#[test]
+fn wrong_obstacles_and_contact_are_named() {
+    let make = |text: &str| parse(&[GRAY, CORNERS, STILL, text]);
+    let alone = BALL.split_once('\n').unwrap().1;
+    let twice = format!("{BALL}{alone}");
+    refuses(
+        make,
+        &[
+            (alone, "obstacles but no `contact`: add `contact = {}`"),
+            (&twice, "obstacles.name: two are called \"ball\""),
+            ("contact = { thickness = -1 }", "contact.thickness must be"),
+            ("contact = { thickest = 1 }", "thickest"),
+            (
+                &BALL.replace("radius = 0.2", "radius = -1"),
+                "obstacles[\"ball\"].sphere.radius",
+            ),
+            (&BALL.replace("sphere", "spere"), "unknown field `spere`"),
+        ],
+    );
+}

@@ -99,8 +99,8 @@ fn errors_name_the_file_and_what_is_wrong() {
             "found \"something-else\"",
         ),
         (
-            swap("\"version\":\"1\"", "\"version\":\"3\""),
-            "expected 1 or 2, found \"3\"",
+            swap("\"version\":\"1\"", "\"version\":\"4\""),
+            "expected 1, 2 or 3, found \"4\"",
         ),
         (
             swap("\"version\":\"1\"", "\"version\":\"2\""),

@@ -103,7 +103,8 @@ impl Case {
                 Ok(SavedState::at_rest(rest.positions))
             }
             (None, StartSpec::Fit) => {
-                let fitted = physics::fit_within(self.scene(), reporter)?;
+                let fitted =
+                    physics::fit_within(self.scene(), self.loaded.loose.as_ref(), reporter)?;
                 Ok(SavedState::at_rest(fitted.positions))
             }
             (None, _) => Ok(SavedState::at_rest(self.scene().mesh.positions().to_vec())),

@@ -3,6 +3,7 @@
 use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};
 
+use super::body::Body;
 use crate::ViewError;
 
 /// The motion of one cloth. Every frame has the mesh's vertices, and all of them are finite.
@@ -12,6 +13,7 @@ pub struct Run<'a> {
     frames: Vec<&'a [Vec3]>,
     handles: &'a [VertexId],
     frame_rate: f64,
+    bodies: Vec<Body<'a>>,
 }
 
 impl<'a> Run<'a> {
@@ -49,7 +51,48 @@ impl<'a> Run<'a> {
             frames,
             handles,
             frame_rate,
+            bodies: Vec::new(),
         })
+    }
+
+    /// The same run with bodies beside the cloth, still or with as many frames.
+    ///
+    /// # Errors
+    /// [`ViewError::Body`] for a body of another number of frames.
+    pub fn with_bodies(mut self, bodies: Vec<Body<'a>>) -> Result<Self, ViewError> {
+        let frames = self.frames.len();
+        let counts = bodies.iter().map(Body::frame_count);
+        if let Some(found) = counts.into_iter().find(|&n| n != 1 && n != frames) {
+            return Err(ViewError::Body {
+                problem: format!("has {found} frames, the cloth has {frames}"),
+            });
+        }
+        self.bodies = bodies;
+        Ok(self)
+    }
+
+    /// Height of the lowest floor among the bodies: one that is still, level and much larger than
+    /// the cloth `[m]`. The backdrop shows it.
+    pub(crate) fn floor(&self) -> Option<f32> {
+        let large = self.bodies.iter().filter(|body| self.is_large(body));
+        large.filter_map(Body::level).reduce(f32::min)
+    }
+
+    /// The bodies that are drawn: all but floors.
+    pub(crate) fn props(&self) -> impl Iterator<Item = &Body<'a>> {
+        let is_floor = |body: &Body<'_>| self.is_large(body) && body.level().is_some();
+        self.bodies.iter().filter(move |body| !is_floor(body))
+    }
+
+    /// Points of the bodies in a frame that pictures hold whole: of all but large ones.
+    pub(crate) fn body_points(&self, frame: usize) -> impl Iterator<Item = Vec3> {
+        let small = self.bodies.iter().filter(|body| !self.is_large(body));
+        small.flat_map(move |body| body.points(frame).iter().copied())
+    }
+
+    /// Returns true for a body that is much larger than the cloth.
+    fn is_large(&self, body: &Body<'_>) -> bool {
+        longest_side(body.points(0)) > 4.0 * longest_side(self.frames[0])
     }
 
     /// The connectivity.
@@ -94,6 +137,16 @@ impl<'a> Run<'a> {
         let [expected, found] = [self, other].map(|run| run.topology.vertex_count());
         differ("vertices", expected, found)
     }
+}
+
+/// Longest side of the box around `points` `[m]`.
+fn longest_side(points: &[Vec3]) -> f32 {
+    let (low, high) = points
+        .iter()
+        .fold((Vec3::MAX, Vec3::MIN), |(low, high), p| {
+            (low.min(*p), high.max(*p))
+        });
+    (high - low).max_element()
 }
 
 /// The first difference of two runs.

@@ -54,9 +54,16 @@ impl Backdrop {
         }
     }
 
-    /// Casts the shadow of a frame.
-    pub(crate) fn cast_shadow(&mut self, topology: &Topology, positions: &[Vec3]) {
-        self.shadow.update(topology, positions);
+    /// Casts the shadow of a frame, and of the faces of bodies in it.
+    pub(crate) fn cast_shadow(
+        &mut self,
+        topology: &Topology,
+        positions: &[Vec3],
+        bodies: &[[Vec3; 3]],
+    ) {
+        let cloth = topology.faces().iter();
+        let cloth = cloth.map(|face| face.map(|vertex| positions[vertex.index()]));
+        self.shadow.update(cloth.chain(bodies.iter().copied()));
     }
 
     /// The colour of a pixel, in linear light.
@@ -136,11 +143,11 @@ impl ShadowMap {
         if inside { place } else { Vec2::NAN }
     }
 
-    fn update(&mut self, topology: &Topology, positions: &[Vec3]) {
+    fn update(&mut self, faces: impl Iterator<Item = [Vec3; 3]>) {
         self.dark.fill(0.0);
-        for face in topology.faces() {
-            let corners = face.map(|vertex| {
-                let place = cast(positions[vertex.index()], self.light, self.floor);
+        for face in faces {
+            let corners = face.map(|corner| {
+                let place = cast(corner, self.light, self.floor);
                 (place - self.origin) / self.cell
             });
             self.fill_triangle(corners);
@@ -248,7 +255,7 @@ mod tests {
         let run = Run::new(&topology, [&corners[..]], &[], 60.0).unwrap();
         let stage = Stage::of_runs(&[&run], &Orbit::default(), 1.0).unwrap();
         let mut shadow = ShadowMap::new(&stage);
-        shadow.update(&topology, &corners);
+        shadow.update(std::iter::once(corners));
         let place = |point| (cast(point, shadow.light, shadow.floor) - shadow.origin) / shadow.cell;
         let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
         // The blurs reach 12 cells; the centre lies farther inside, a place 0.9 m aside outside.

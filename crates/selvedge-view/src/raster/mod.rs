@@ -4,6 +4,7 @@
 pub(crate) mod backdrop;
 pub(crate) mod camera;
 pub(crate) mod marks;
+mod props;
 pub(crate) mod renderer;
 pub(crate) mod samples;
 pub(crate) mod settings;

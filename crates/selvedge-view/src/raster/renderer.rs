@@ -12,6 +12,7 @@ use selvedge_cloth::Topology;
 use super::backdrop::Backdrop;
 use super::camera::Camera;
 use super::marks::Marker;
+use super::props::Props;
 use super::samples::Samples;
 use super::settings::{EdgeLines, Supersampling};
 use super::shade::{Shader, ValueColours};
@@ -34,6 +35,9 @@ pub struct Renderer {
     factor: u32,
     surface: Surface,
     sun: Sun,
+    props: Props,
+    /// Distance from the camera to the middle of what it sees on the floor `[m]`.
+    distance: f32,
     vertices: Vec<ScreenVertex>,
     samples: Samples,
 }
@@ -66,6 +70,8 @@ impl Renderer {
             surface: Surface::default(),
             sun: Sun::new(shader.towards_sun()),
             shader,
+            props: Props::default(),
+            distance: distance_to(stage),
             vertices: Vec::new(),
             samples: Samples::new(size, factor),
         })
@@ -90,9 +96,14 @@ impl Renderer {
         let colours = field.map(|field| ValueColours::new(field.map(), field.range()));
 
         self.surface.update(topology, positions);
-        self.sun.update(topology, positions);
+        self.props
+            .update(panel.run.props(), frame, self.longest_face());
+        self.sun.update(topology, positions, &self.props.faces);
         self.place_vertices(positions, values);
-        self.backdrop.cast_shadow(topology, positions);
+        self.props
+            .place(&self.camera, &self.sun, self.samples.extent());
+        self.backdrop
+            .cast_shadow(topology, positions, &self.props.faces);
         let marker = Marker {
             scale: self.line_scale(),
         };
@@ -102,6 +113,11 @@ impl Renderer {
             marker.draw_trail(&mut self.samples, &self.camera, trail);
         }
         self.fill_faces(topology, colours.as_ref());
+        let pen = Pen {
+            lines: EdgeLines::None,
+            ..self.pen()
+        };
+        self.props.fill(&mut self.samples, &self.shader, pen);
         if self.lines != EdgeLines::None {
             let tint = match field {
                 None => self.shader.border,
@@ -123,7 +139,8 @@ impl Renderer {
         let seen = trails.iter().flatten().map(|&point| camera.project(point));
         let ahead = seen.filter(|seen| seen.depth > 1e-6);
         let trails = ahead.map(|seen| Vec2::new(seen.x * width, seen.y * height));
-        self.samples.clear(vertices.chain(trails), reach);
+        let places = vertices.chain(trails).chain(self.props.places());
+        self.samples.clear(places, reach);
     }
 
     fn place_vertices(&mut self, positions: &[Vec3], values: Option<&[f32]>) {
@@ -144,11 +161,7 @@ impl Renderer {
     }
 
     fn fill_faces(&mut self, topology: &Topology, colours: Option<&ValueColours>) {
-        let pen = Pen {
-            lines: self.lines,
-            scale: self.line_scale(),
-            factor: self.factor as f32,
-        };
+        let pen = self.pen();
         let shader = &self.shader;
         for face in topology.faces() {
             let corners = face.map(|vertex| self.vertices[vertex.index()]);
@@ -174,11 +187,31 @@ impl Renderer {
         }
     }
 
+    fn pen(&self) -> Pen {
+        Pen {
+            lines: self.lines,
+            scale: self.line_scale(),
+            factor: self.factor as f32,
+        }
+    }
+
+    /// Longest edge of a body's face `[m]`: a part of how far away the camera is.
+    fn longest_face(&self) -> f32 {
+        0.2 * self.distance
+    }
+
     /// Samples per pixel of line width.
     fn line_scale(&self) -> f32 {
         let shorter = self.size[0].min(self.size[1]) as f32;
         (shorter / 480.0).clamp(0.6, 4.0) * self.factor as f32
     }
+}
+
+/// Distance from the camera to the middle of the shadows on the floor `[m]`.
+fn distance_to(stage: &Stage) -> f32 {
+    let middle = 0.5 * (stage.shadow_low + stage.shadow_high);
+    let place = Vec3::new(middle.x, stage.floor, middle.y);
+    stage.camera.position().distance(place).max(1e-3)
 }
 
 /// The way of each handle over the last [`TRAIL_SECONDS`], oldest place first `[m]`.

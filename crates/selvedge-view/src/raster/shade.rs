@@ -17,6 +17,8 @@ const FRONT: Rgb = [58, 96, 158];
 const BACK: Rgb = [214, 194, 160];
 const EDGE_FRONT: Rgb = [20, 38, 80];
 const EDGE_BACK: Rgb = [128, 98, 62];
+/// Bodies beside the cloth.
+const BODY: Rgb = [150, 150, 154];
 /// The border of the cloth.
 const BORDER: Rgb = [190, 50, 44];
 /// The border of a cloth that is coloured by numbers: no hue that could be read as one.
@@ -60,6 +62,7 @@ pub(crate) struct Shader {
     cosines: Mat4,
     pub(crate) front: Side,
     pub(crate) back: Side,
+    body: Vec3A,
     pub(crate) border: Vec3A,
     pub(crate) value_border: Vec3A,
 }
@@ -84,6 +87,7 @@ impl Shader {
                 cloth: to_linear(BACK).into(),
                 edge: to_linear(EDGE_BACK).into(),
             },
+            body: to_linear(BODY).into(),
             border: to_linear(BORDER).into(),
             value_border: to_linear(VALUE_BORDER).into(),
         }
@@ -124,6 +128,17 @@ impl Shader {
         let sheen = 0.12 * grazing * grazing * grazing;
         let satin = 0.09 * power16(half) * key;
         tint * light + Vec3A::splat(sheen * (0.25 + key) + satin)
+    }
+
+    /// Light that a body beside the cloth sends to the viewer, matte.
+    #[inline]
+    pub(crate) fn body(&self, normal: Vec3A, sun: f32) -> Vec3A {
+        let [x, y, z] = normal.to_array();
+        let cosines: Vec4 =
+            self.cosines.x_axis * x + self.cosines.y_axis * y + self.cosines.z_axis * z;
+        let [key, fill, _, _] = cosines.max(Vec4::ZERO).to_array();
+        let sky = 0.25 + 0.3 * (0.5 + 0.5 * y);
+        self.body * (KEY_LIGHT * (key * sun) + FILL_LIGHT * fill + SKY_LIGHT * sky)
     }
 
     /// Light of a colour that stands for a number: shaded only so far that folds still show.

@@ -27,10 +27,10 @@ impl Stage {
     pub fn of_runs(runs: &[&Run<'_>], orbit: &Orbit, aspect: f32) -> Result<Self, ViewError> {
         check(runs, orbit)?;
         let points = || {
-            let frames = runs.iter().flat_map(|run| run.frames());
-            frames.flat_map(|frame| frame.iter().copied())
+            let runs = runs.iter();
+            runs.flat_map(|run| (0..run.frames().len()).flat_map(|frame| seen(run, frame)))
         };
-        let floor = floor_under(points());
+        let floor = floor_of(runs, points());
         let camera = orbit.fit(points().flat_map(|p| [p, grounded(p, floor)]), aspect);
         Ok(Self::around(camera, floor, points()))
     }
@@ -59,9 +59,9 @@ impl Stage {
         }
         let of_frame = |frame: usize| {
             let runs = runs.iter();
-            runs.flat_map(move |run| run.frames()[frame].iter().copied())
+            runs.flat_map(move |run| seen(run, frame))
         };
-        let floor = floor_under(frames.iter().flat_map(|&frame| of_frame(frame)));
+        let floor = floor_of(runs, frames.iter().flat_map(|&frame| of_frame(frame)));
         let places: Vec<Vec3> = frames.iter().map(|&f| middle(of_frame(f))).collect();
         let moved = frames.iter().zip(&places).flat_map(|(&frame, &place)| {
             of_frame(frame).flat_map(move |p| [p - place, grounded(p, floor) - place])
@@ -107,12 +107,21 @@ fn check(runs: &[&Run<'_>], orbit: &Orbit) -> Result<(), ViewError> {
     orbit.validate()
 }
 
-/// The height of a floor a little below all `points` `[m]`.
-fn floor_under(points: impl Iterator<Item = Vec3>) -> f32 {
+/// The points of a frame that a picture holds: the cloth, and the bodies beside it.
+fn seen(run: &Run<'_>, frame: usize) -> impl Iterator<Item = Vec3> {
+    let cloth = run.frames()[frame].iter().copied();
+    cloth.chain(run.body_points(frame))
+}
+
+/// The height of the floor `[m]`: of a body that is one, where nothing is below it, else a little
+/// below all `points`.
+fn floor_of(runs: &[&Run<'_>], points: impl Iterator<Item = Vec3>) -> f32 {
     let (lowest, highest) = points.fold((f32::MAX, f32::MIN), |(low, high), point| {
         (low.min(point.y), high.max(point.y))
     });
-    lowest - (0.06 * (highest - lowest)).max(0.01)
+    let own = runs.iter().filter_map(|run| run.floor()).reduce(f32::min);
+    let under = lowest - (0.06 * (highest - lowest)).max(0.01);
+    own.filter(|floor| *floor <= lowest + 1e-2).unwrap_or(under)
 }
 
 /// The place on the floor under `point` `[m]`.

@@ -38,9 +38,12 @@ impl Sun {
         }
     }
 
-    /// Computes the light on `positions` `[m]`, `[vertices]`.
-    pub(crate) fn update(&mut self, topology: &Topology, positions: &[Vec3]) {
-        self.map.draw(topology, positions, self.towards);
+    /// Computes the light on `positions` `[m]`, `[vertices]`, beside the faces of `bodies`.
+    pub(crate) fn update(&mut self, topology: &Topology, positions: &[Vec3], bodies: &[[Vec3; 3]]) {
+        let cloth = topology.faces().iter();
+        let cloth = cloth.map(|face| face.map(|vertex| positions[vertex.index()]));
+        let faces = cloth.chain(bodies.iter().copied());
+        self.map.draw(faces, self.towards);
         self.reach.clear();
         self.reach
             .extend(positions.iter().map(|&p| self.map.open(p)));
@@ -48,6 +51,13 @@ impl Sun {
             smooth(topology, &self.reach, &mut self.scratch);
             std::mem::swap(&mut self.reach, &mut self.scratch);
         }
+    }
+}
+
+impl Sun {
+    /// The part of the light that reaches a point of a body, in [0, 1].
+    pub(crate) fn open(&self, point: Vec3) -> f32 {
+        self.map.open(point)
     }
 }
 
@@ -63,13 +73,14 @@ struct HeightMap {
 }
 
 impl HeightMap {
-    fn draw(&mut self, topology: &Topology, positions: &[Vec3], direction: Vec3) {
+    fn draw(&mut self, faces: impl Iterator<Item = [Vec3; 3]> + Clone, direction: Vec3) {
         self.direction = direction;
         (self.across, self.down) = direction.any_orthonormal_pair();
         let flat = |p: Vec3| Vec2::new(p.dot(self.across), p.dot(self.down));
-        let (low, high) = positions
-            .iter()
-            .fold((Vec2::MAX, Vec2::MIN), |(low, high), &p| {
+        let (low, high) = faces
+            .clone()
+            .flatten()
+            .fold((Vec2::MAX, Vec2::MIN), |(low, high), p| {
                 (low.min(flat(p)), high.max(flat(p)))
             });
         // A cell is left free at each side, for the look-ups around a vertex.
@@ -78,8 +89,8 @@ impl HeightMap {
         self.origin = low - Vec2::splat(2.0 / self.per_metre);
         self.heights.clear();
         self.heights.resize(CELLS * CELLS, f32::NEG_INFINITY);
-        for face in topology.faces() {
-            self.fill(face.map(|vertex| positions[vertex.index()]));
+        for face in faces {
+            self.fill(face);
         }
     }
 
@@ -159,13 +170,13 @@ mod tests {
         }
         let topology = Topology::new(positions.len(), &faces).unwrap();
         let mut sun = Sun::new(Vec3::Y);
-        sun.update(&topology, &positions);
+        sun.update(&topology, &positions, &[]);
         let middle = SIDE / 2;
         assert_eq!(sun.reach[at(0, middle, middle) as usize], 0.0);
         assert_eq!(sun.reach[at(1, middle, middle) as usize], 1.0);
         // From below it is the other way round.
         let mut sun = Sun::new(-Vec3::Y);
-        sun.update(&topology, &positions);
+        sun.update(&topology, &positions, &[]);
         assert_eq!(sun.reach[at(0, middle, middle) as usize], 1.0);
         assert_eq!(sun.reach[at(1, middle, middle) as usize], 0.0);
     }

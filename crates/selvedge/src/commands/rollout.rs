@@ -208,6 +208,11 @@ fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
         loaded.spec.start = StartSpec::Rest;
         loaded.state = None;
     }
+    if loaded.scene.contact.is_some() {
+        let warning = "contact: a learned model does not see obstacles, nor where the cloth touches itself: its cloth passes through both";
+        tracing::warn!("{scene}: {warning}");
+        loaded.warnings.push(warning.to_owned());
+    }
     Ok(loaded)
 }
 

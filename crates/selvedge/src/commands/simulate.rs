@@ -74,7 +74,8 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     let rest_positions = rest
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
-    let trajectory = physics::trajectory(&loaded.spec, scene, rest_positions, run.positions)?;
+    let spec = &loaded.spec;
+    let trajectory = physics::trajectory_from(passed, spec, scene, rest_positions, run.positions)?;
     trajectory.write(&args.out)?;
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
@@ -221,7 +222,7 @@ fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, S
     let scene = &loaded.scene;
     let start = match (&loaded.state, &loaded.spec.start) {
         (Some(state), _) => state.clone(),
-        (None, StartSpec::Fit) => fitted(scene)?,
+        (None, StartSpec::Fit) => fitted(loaded)?,
         (None, StartSpec::Rest) => return from_rest(scene),
         (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
     };
@@ -246,8 +247,12 @@ fn from_rest(scene: &Scene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> 
 }
 
 /// The cloth relaxed into its pattern. Says what is left of its strain.
-fn fitted(scene: &Scene) -> anyhow::Result<SavedState> {
-    let fitted = physics::fit(scene, &mut progress::listener())?;
+fn fitted(loaded: &LoadedScene) -> anyhow::Result<SavedState> {
+    let scene = &loaded.scene;
+    let fitted = physics::fit(scene, loaded.loose.as_ref(), &mut progress::listener())?;
+    if let Some(gap) = fitted.gap {
+        tracing::info!("sewn: the seams were up to {gap:.3} m open");
+    }
     let [before, after] = [fitted.before, fitted.after].map(percent);
     tracing::info!("fitted into the pattern: the largest strain went from {before} to {after}");
     if fitted.after > LEFT {

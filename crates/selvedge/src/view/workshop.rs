@@ -18,7 +18,7 @@ use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, physics, rest_pose};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
-use selvedge_sim::{SagError, fit};
+use selvedge_sim::{FitProgress, SagError, fit, sew_and_fit};
 
 use super::movers::ModelOnMachine;
 use super::scene_cloth::SceneCloth;
@@ -114,8 +114,8 @@ impl ViewWorkshop {
     }
 
     /// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest
-    /// pose: its mesh takes the place, also of a rest pose that is not needed for the start and not
-    /// found.
+    /// pose: its mesh takes the place, also of a rest pose that is not needed for the start, which
+    /// nobody waits for.
     fn rest_and_start(
         &mut self,
         loaded: &LoadedScene,
@@ -123,15 +123,17 @@ impl ViewWorkshop {
         remarks: &mut Vec<String>,
     ) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
         let scene = &loaded.scene;
-        let rest = if loaded.spec.start == StartSpec::Fit {
-            scene.mesh.positions().to_vec()
-        } else if scene.handles.is_empty() {
+        let is_held = !scene.handles.is_empty();
+        if !is_held {
             remarks.push("nothing holds this cloth: it falls".to_owned());
+        }
+        let starts_in_it = loaded.spec.start == StartSpec::Rest && loaded.state.is_none();
+        let rest = if !is_held || !starts_in_it {
             scene.mesh.positions().to_vec()
         } else {
             match self.rest(loaded, progress) {
                 Ok(rest) => rest,
-                Err(error) if is_needed(loaded, &error) => return Err(error),
+                Err(error) if !is_without_rest(&error) => return Err(error),
                 Err(error) => {
                     let problem = crate::failure::chain(&error);
                     remarks.push(format!("{problem}: its mesh takes the place"));
@@ -141,7 +143,7 @@ impl ViewWorkshop {
         };
         let start = match (&loaded.state, &loaded.spec.start) {
             (Some(state), _) => state.clone(),
-            (None, StartSpec::Fit) => fitted(scene, progress, remarks)?,
+            (None, StartSpec::Fit) => fitted(loaded, progress, remarks)?,
             (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
             (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
         };
@@ -211,16 +213,24 @@ impl Workshop for ViewWorkshop {
 
 /// The cloth relaxed into its pattern, with a remark on what is left of its strain.
 fn fitted(
-    scene: &Scene,
+    loaded: &LoadedScene,
     progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     remarks: &mut Vec<String>,
 ) -> anyhow::Result<SavedState> {
-    let fitted = fit(scene, &mut |now| {
+    let mut listener = |now: FitProgress| {
         let [done, strain] = [now.done, now.strain].map(|share| 100.0 * share);
+        let what = match now.gap {
+            Some(gap) => format!("sewing, seams open by {:.1} cm", 100.0 * gap),
+            None => "fitting into the pattern".to_owned(),
+        };
         progress(format!(
-            "fitting into the pattern: {done:.0} % done, largest strain {strain:.1} %"
+            "{what}: {done:.0} % done, largest strain {strain:.1} %"
         ))
-    })?;
+    };
+    let fitted = match &loaded.loose {
+        Some(loose) => sew_and_fit(&loaded.scene, loose, &mut listener)?,
+        None => fit(&loaded.scene, &mut listener)?,
+    };
     let [before, after] = [fitted.before, fitted.after].map(percent);
     remarks.push(format!(
         "fitted into the pattern: the largest strain went from {before} to {after}"
@@ -228,15 +238,10 @@ fn fitted(
     Ok(SavedState::at_rest(fitted.positions))
 }
 
-/// Returns `true` where a cloth cannot be shown without the rest pose that was not found: the scene
-/// starts in it, or nobody waits for it any more. A cloth whose handles have all let go has no rest
-/// pose.
-fn is_needed(loaded: &LoadedScene, error: &anyhow::Error) -> bool {
-    match error.downcast_ref::<SagError>() {
-        Some(SagError::Stopped { .. }) => true,
-        Some(SagError::NoHandles) => false,
-        _ => loaded.spec.start == StartSpec::Rest,
-    }
+/// Returns `true` where there is no rest pose to find: of a cloth whose handles have all let go.
+fn is_without_rest(error: &anyhow::Error) -> bool {
+    let error = error.downcast_ref::<SagError>();
+    matches!(error, Some(SagError::NoHandles))
 }
 
 /// Puts the mesh and the material that are ordered into the scene.

@@ -82,6 +82,8 @@ pub struct DatasetPreset {
     /// Meshes of the configuration's cloths, in their order.
     meshes: Vec<Mesh>,
     forecast: Forecast,
+    /// The folder that files of obstacles are relative to.
+    folder: PathBuf,
 }
 
 /// The file's own words.
@@ -219,6 +221,7 @@ impl DatasetPreset {
             config,
             mesh,
             meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
+            folder: folder.to_owned(),
             forecast: Forecast {
                 runs: Vec::new(),
                 sections: Vec::new(),
@@ -292,7 +295,7 @@ impl DatasetPreset {
             motion: motion.motion.clone(),
             start: StartSpec::Rest,
         };
-        let scene = spec.with_mesh(mesh.clone())?;
+        let scene = spec.with_mesh(mesh.clone(), &self.folder)?;
         Ok(LoadedScene::new(spec, scene))
     }
 

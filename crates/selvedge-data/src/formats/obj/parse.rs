@@ -174,7 +174,11 @@ fn corner(word: &str, polygons: &Polygons) -> Result<Corner, String> {
         Some(text) => Some(index(text, polygons.texture.len(), "texture coordinate")?),
     };
     let vertex = u32::try_from(vertex).map_err(|_| "there are too many vertices".to_owned())?;
-    Ok(Corner { vertex, texture })
+    Ok(Corner {
+        vertex,
+        texture,
+        loose: None,
+    })
 }
 
 /// An index from 0: a number from 1, or one counted back from the last so far.

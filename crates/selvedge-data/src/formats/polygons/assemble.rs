@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::generate::Sheet;
-use selvedge_cloth::{FaceFabrics, FaceId, Mesh, MeshError, TopologyError, VertexId};
+use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, TopologyError, VertexId};
 
 use super::clean::{check_corners, drop_unused};
 use super::error::MeshFileError;
@@ -54,6 +54,8 @@ struct Triangles {
     shapes: Vec<[DVec2; 3]>,
     fabrics: Vec<Option<u32>>,
     places: Vec<Place>,
+    /// Corners' places before the panels were sewn; of no face where they were not.
+    loose: Vec<[u32; 3]>,
 }
 
 /// Material coordinates of each polygon's corners `[m]`, `[polygons][corners]`; none where the rest
@@ -190,6 +192,7 @@ fn split(
         shapes: Vec::new(),
         fabrics: Vec::new(),
         places: Vec::new(),
+        loose: Vec::new(),
     };
     for (number, polygon) in polygons.polygons.iter().enumerate() {
         let corners = polygon.corners.len();
@@ -200,6 +203,9 @@ fn split(
             made.shapes.push(shape(number, triangle));
             made.fabrics.push(polygon.fabric);
             made.places.push(place);
+            if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].loose) {
+                made.loose.push([a, b, c]);
+            }
         }
     }
     Ok(made)
@@ -224,6 +230,9 @@ fn finish(
         .into_iter()
         .map(|(name, vertices)| (name, vertices.into_iter().collect()))
         .collect();
+    let loose = (!triangles.loose.is_empty())
+        .then(|| LoosePanels::new(&triangles.loose, &polygons.loose))
+        .flatten();
     let vertices = 0..mesh.positions().len() as u32;
     let given = &polygons.velocities;
     let velocity = |v: u32| given.get(&v).copied().unwrap_or_default();
@@ -231,6 +240,7 @@ fn finish(
     Ok(ReadMesh {
         sheet: Sheet { mesh, labels },
         velocities,
+        loose,
         is_own_shape,
         warnings: polygons.warnings,
     })

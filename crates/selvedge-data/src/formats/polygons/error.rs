@@ -82,7 +82,7 @@ pub enum MeshFileError {
     )]
     Place { panel: String },
     #[error(
-        "seams: the vertices of {name:?} are not one line along the border of a panel, from one end to another: a group of edges that is a whole border, or has gaps, cannot be sewn"
+        "seams: the vertices of {name:?} are not one line along the border of a panel, from one end to another: name the vertices of one line without gaps (l statements of a group); a border that is closed is two lines"
     )]
     Border { name: String },
     #[error("seams need a pattern: texture coordinates, or panels that lie flat in one plane")]

@@ -5,6 +5,7 @@
 //! plane of a flat sheet, or from the form that the mesh has in space.
 
 mod assemble;
+mod border;
 mod clean;
 mod error;
 mod fit;
@@ -24,6 +25,8 @@ pub(crate) use self::sew::sew;
 pub use self::sew::{PanelPlace, SeamPair, Sewing};
 pub(crate) use self::soup::{Corner, Polygon, Polygons};
 pub use self::soup::{Place, ReadMesh};
+pub(crate) use self::triangulate::triangles_in_space;
+pub(crate) use self::weld::owners;
 
 #[cfg(test)]
 mod tests;

@@ -1,13 +1,15 @@
 //! Sewing from flat: panels are placed in space, and pairs of their borders become one.
 //!
 //! The material coordinates are those of the flat pattern, taken before a panel is placed. The two
-//! vertices of each pair meet half way; what that strains a fit relaxes.
+//! vertices of each pair meet half way. The panels as they were placed are kept: a fit begins with
+//! them and pulls the seams together.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::border::Border;
 use super::error::MeshFileError;
 use super::flat::planar_coordinates;
 use super::soup::Polygons;
@@ -19,9 +21,16 @@ use super::weld::merge;
 pub struct SeamPair {
     /// One border.
     pub a: String,
-    /// The other border, of as many vertices.
+    /// The other border.
     pub b: String,
+    /// Of two borders with different numbers of vertices, the coarser one is cut as the finer one
+    /// is; they are refused otherwise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub resample: bool,
 }
+
+/// Ratio of a seam's two lengths from which it is warned of: garments are eased by a tenth.
+const EASED: f64 = 1.1;
 
 /// Placement of a panel, by the name of its object or group: turned about the origin, then moved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,6 +84,13 @@ pub(crate) fn sew(polygons: &mut Polygons, sewing: &Sewing) -> Result<(), MeshFi
     for seam in &sewing.seams {
         pairs.extend(pairs_of(polygons, seam)?);
     }
+    if pairs.is_empty() {
+        return Ok(());
+    }
+    polygons.loose.clone_from(&polygons.positions);
+    for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
+        corner.loose = Some(corner.vertex);
+    }
     // What is sewn twice, as where three seams meet, becomes one vertex.
     let mut owners: Vec<u32> = (0..polygons.positions.len() as u32).collect();
     for [a, b] in pairs {
@@ -115,22 +131,6 @@ fn keep_flat(polygons: &mut Polygons) -> Result<(), MeshFileError> {
     Ok(())
 }
 
-fn vertices<'a>(
-    polygons: &'a Polygons,
-    name: &str,
-    key: &'static str,
-) -> Result<&'a BTreeSet<u32>, MeshFileError> {
-    polygons.labels.get(name).ok_or_else(|| {
-        let known: Vec<&str> = polygons.labels.keys().map(String::as_str).collect();
-        MeshFileError::Content {
-            problem: format!(
-                "{key} names {name:?}, but the mesh has no object or group of that name; it has [{}]",
-                known.join(", ")
-            ),
-        }
-    })
-}
-
 fn put(polygons: &mut Polygons, place: &PanelPlace) -> Result<(), MeshFileError> {
     let axis = place.axis.try_normalize();
     let axis = axis.filter(|_| place.angle_deg.is_finite() && place.translation.is_finite());
@@ -138,7 +138,7 @@ fn put(polygons: &mut Polygons, place: &PanelPlace) -> Result<(), MeshFileError>
         panel: place.panel.clone(),
     })?;
     let turn = DQuat::from_axis_angle(axis, place.angle_deg.to_radians());
-    for vertex in vertices(polygons, &place.panel, "mesh.panels")?.clone() {
+    for vertex in polygons.label(&place.panel, "mesh.panels")?.clone() {
         let position = &mut polygons.positions[vertex as usize];
         *position = turn * *position + place.translation;
     }
@@ -146,70 +146,73 @@ fn put(polygons: &mut Polygons, place: &PanelPlace) -> Result<(), MeshFileError>
 }
 
 /// The pairs of a seam: its borders run along each other in the sense in which they are nearer.
-fn pairs_of(polygons: &Polygons, seam: &SeamPair) -> Result<Vec<[u32; 2]>, MeshFileError> {
-    let [a, b] = [&seam.a, &seam.b].map(|name| border(polygons, name));
-    let (a, mut b) = (a?, b?);
-    if a.len() != b.len() {
-        let (one, other) = (a.len(), b.len());
-        return Err(MeshFileError::Content {
-            problem: format!(
-                "seams: {:?} has {one} vertices and {:?} has {other}: give both borders as many",
-                seam.a, seam.b
-            ),
-        });
+fn pairs_of(polygons: &mut Polygons, seam: &SeamPair) -> Result<Vec<[u32; 2]>, MeshFileError> {
+    let (a, b) = (&seam.a, &seam.b);
+    let content = |problem| Err(MeshFileError::Content { problem });
+    if a == b {
+        let problem = format!("seams: {a:?} is to be sewn to itself: name two borders");
+        return content(problem);
     }
-    let distance = |b: &[u32]| -> f64 {
-        let places = a
-            .iter()
-            .zip(b)
-            .map(|(&a, &b)| [a, b].map(|v| polygons.positions[v as usize]));
-        places.map(|[p, q]| p.distance_squared(q)).sum()
+    let one = Border::named(polygons, a)?;
+    let mut two = Border::named(polygons, b)?;
+    if distance(polygons, &one, &two, true) < distance(polygons, &one, &two, false) {
+        two.reverse();
+    }
+    warn_of_length(polygons, seam, [one.length, two.length]);
+    let (first, second) = (one.line.len(), two.line.len());
+    if first == second {
+        return Ok(pairs(&one.line, &two.line));
+    }
+    if !seam.resample {
+        return content(format!(
+            "seams: {a:?} has {first} vertices and {b:?} has {second}: give both borders as many, or let the coarser one be cut as the finer one is with resample = true beside a and b"
+        ));
+    }
+    let refined = match first < second {
+        true => one
+            .refined(&two, polygons)
+            .map(|one| pairs(&one, &two.line)),
+        false => two
+            .refined(&one, polygons)
+            .map(|two| pairs(&one.line, &two)),
     };
-    let forward = distance(&b);
-    b.reverse();
-    if forward <= distance(&b) {
-        b.reverse();
+    match refined {
+        Some(pairs) => Ok(pairs),
+        None => content(format!(
+            "seams: {a:?} has {first} vertices and {b:?} has {second}: one is too much finer than the other to be resampled; mesh the panels alike"
+        )),
     }
-    Ok(a.into_iter().zip(b).map(|(a, b)| [a, b]).collect())
 }
 
-/// The vertices of a label along the border of its panel, end to end.
-fn border(polygons: &Polygons, name: &str) -> Result<Vec<u32>, MeshFileError> {
-    let label = vertices(polygons, name, "seams")?;
-    let mut counts: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-    for polygon in &polygons.polygons {
-        for k in 0..polygon.corners.len() {
-            let next = (k + 1) % polygon.corners.len();
-            let [a, b] = [k, next].map(|k| polygon.corners[k].vertex);
-            *counts.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
-    let mut next: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for ([a, b], _) in counts.into_iter().filter(|(_, count)| *count == 1) {
-        if label.contains(&a) && label.contains(&b) {
-            next.entry(a).or_default().push(b);
-            next.entry(b).or_default().push(a);
-        }
-    }
-    let wrong = || MeshFileError::Border {
-        name: name.to_owned(),
+fn pairs(one: &[u32], two: &[u32]) -> Vec<[u32; 2]> {
+    let pairs = one.iter().zip(two);
+    pairs.map(|(&a, &b)| [a, b]).collect()
+}
+
+/// Sum of the squared distances between points of two borders, of the second the other way round
+/// where `is_reversed` `[m²]`.
+fn distance(polygons: &Polygons, one: &Border, two: &Border, is_reversed: bool) -> f64 {
+    let samples = one.line.len().max(two.line.len());
+    let at = |border: &Border, k: usize| {
+        let last = border.line.len() - 1;
+        let vertex = border.line[(k * last + (samples - 1) / 2) / (samples - 1)];
+        polygons.positions[vertex as usize]
     };
-    let end = next.iter().find(|(_, to)| to.len() == 1);
-    let (&start, _) = end.ok_or_else(wrong)?;
-    let mut line = vec![start];
-    let mut before = None;
-    let mut at = start;
-    while let Some(&to) = next[&at].iter().find(|to| Some(**to) != before) {
-        if line.len() > label.len() || next[&to].len() > 2 {
-            return Err(wrong());
-        }
-        line.push(to);
-        before = Some(at);
-        at = to;
-    }
-    if line.len() == label.len() {
-        Ok(line)
-    } else {
-        Err(wrong())
+    let pair = |k: usize| {
+        let other = if is_reversed { samples - 1 - k } else { k };
+        at(one, k).distance_squared(at(two, other))
+    };
+    (0..samples).map(pair).sum()
+}
+
+/// Warns of a seam whose two sides are so unlike in length that the cloth puckers or strains.
+fn warn_of_length(polygons: &mut Polygons, seam: &SeamPair, lengths: [f64; 2]) {
+    let [a, b] = lengths;
+    let longer = a.max(b) / a.min(b);
+    if longer > EASED {
+        polygons.warnings.push(format!(
+            "seams: {:?} is {a:.3} m long in the pattern and {:?} {b:.3} m: the longer one is gathered",
+            seam.a, seam.b
+        ));
     }
 }

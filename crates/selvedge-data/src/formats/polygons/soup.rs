@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
+use super::error::MeshFileError;
 use glam::{DVec2, DVec3};
+use selvedge_cloth::LoosePanels;
 use selvedge_cloth::generate::Sheet;
 
 /// Polygons of a file with indices resolved and nothing interpreted.
@@ -20,6 +22,8 @@ pub(crate) struct Polygons {
     pub(crate) fabrics: Vec<String>,
     /// Velocities of vertices, where the file has them `[m/s]`.
     pub(crate) velocities: BTreeMap<u32, DVec3>,
+    /// Places before the panels were sewn, by which corners refer to them; empty where nothing was.
+    pub(crate) loose: Vec<DVec3>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -36,6 +40,8 @@ pub(crate) struct Polygon {
 pub(crate) struct Corner {
     pub(crate) vertex: u32,
     pub(crate) texture: Option<usize>,
+    /// Its place before the panels were sewn, where they were.
+    pub(crate) loose: Option<u32>,
 }
 
 /// Place of a face in its file.
@@ -63,6 +69,8 @@ pub struct ReadMesh {
     pub sheet: Sheet,
     /// Velocities of the vertices, where the file has them `[m/s]`, `[vertices]`.
     pub velocities: Option<Vec<DVec3>>,
+    /// The panels before they were sewn, where seams were named.
+    pub loose: Option<LoosePanels>,
     /// True where each face's rest shape is its own form in space: there is no pattern.
     pub is_own_shape: bool,
     /// Warnings of what was mended or passed over.
@@ -78,6 +86,23 @@ impl Polygons {
             self.fabrics.len() - 1
         });
         number as u32
+    }
+
+    /// The vertices of the object or group that `key` of a scene names.
+    pub(super) fn label(
+        &self,
+        name: &str,
+        key: &'static str,
+    ) -> Result<&BTreeSet<u32>, MeshFileError> {
+        self.labels.get(name).ok_or_else(|| {
+            let known: Vec<&str> = self.labels.keys().map(String::as_str).collect();
+            MeshFileError::Content {
+                problem: format!(
+                    "{key} names {name:?}, but the mesh has no object or group of that name; it has [{}]",
+                    known.join(", ")
+                ),
+            }
+        })
     }
 
     /// The number of a vertex in the file.

@@ -254,10 +254,20 @@ const FLAT: &str = "g front\nv 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 
     g short\nl 12 15\n";
 
 fn sewn(panels: &[PanelPlace], seams: &[[&str; 2]]) -> Result<ReadMesh, MeshFileError> {
-    let mut polygons = crate::formats::obj::parse_obj_polygons(FLAT.as_bytes())?;
+    sewn_as(FLAT, panels, seams, false)
+}
+
+fn sewn_as(
+    text: &str,
+    panels: &[PanelPlace],
+    seams: &[[&str; 2]],
+    resample: bool,
+) -> Result<ReadMesh, MeshFileError> {
+    let mut polygons = crate::formats::obj::parse_obj_polygons(text.as_bytes())?;
     let seams = seams.iter().map(|[a, b]| SeamPair {
         a: (*a).to_owned(),
         b: (*b).to_owned(),
+        resample,
     });
     let sewing = Sewing {
         panels: panels.to_vec(),
@@ -309,6 +319,67 @@ fn flat_panels_are_placed_and_sewn_to_a_tube() {
             .all(|a| (a - 0.5).abs() < 1e-12)
     );
     assert_eq!(made.sheet.labels["back"].len(), 9);
+    // The panels as they were placed: each with its nine vertices.
+    let loose = made.loose.unwrap();
+    assert_eq!(loose.positions().len(), 18);
+    let apart = loose.mesh(mesh).unwrap();
+    assert_eq!(apart.topology().sheets().iter().max(), Some(&1));
+    assert!(
+        loose
+            .positions()
+            .iter()
+            .all(|p| p.z == 0.0 || (p.z + 0.2).abs() < 1e-12)
+    );
+    assert!(sewn(&[], &[]).unwrap().loose.is_none());
+}
+
+/// A panel of one quad beside one whose border has four uneven edges, all along x = 1.
+const UNEVEN: &str = "g left\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n\
+    g right\nv 1 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 0.7 0\nv 1 0.5 0\nv 1 0.1 0\n\
+    f 5 6 7 8 9 10 11\ng one\nl 2 3\ng two\nl 5 11 10 9 8\ng hem\nl 1 4\n";
+
+#[test]
+fn a_coarser_border_is_cut_as_the_finer_one_is() {
+    for seam in [["one", "two"], ["two", "one"]] {
+        let made = sewn_as(UNEVEN, &[], &[seam], true).unwrap();
+        let mesh = &made.sheet.mesh;
+        assert!(made.warnings.is_empty(), "{:?}", made.warnings);
+        // Nothing moves, as the new vertices lie beside those of the other border.
+        let places = mesh.positions();
+        assert!(places.len() == 9, "{places:?}");
+        let mut heights: Vec<f64> = mesh
+            .positions()
+            .iter()
+            .filter(|p| (p.x - 1.0).abs() < 1e-12)
+            .map(|p| p.y)
+            .collect();
+        heights.sort_by(f64::total_cmp);
+        let expected = [0.0, 0.1, 0.5, 0.7, 1.0];
+        assert!(
+            heights
+                .iter()
+                .zip(expected)
+                .all(|(a, b)| (a - b).abs() < 1e-12),
+            "{heights:?}"
+        );
+        assert_eq!(mesh.topology().faces().len(), 5 + 5);
+        let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+        assert!((area - 2.0).abs() < 1e-12, "{area}");
+        assert_eq!(made.sheet.labels["one"].len(), 5);
+        assert_eq!(mesh.topology().sheets().iter().max(), Some(&0));
+    }
+}
+
+#[test]
+fn sides_of_a_seam_that_are_unlike_in_length_are_warned_of() {
+    let short = UNEVEN.replace("v 2 0 0\nv 2 1 0", "v 2 0 0\nv 2 0.5 0");
+    let short = short.replace("g hem\nl 1 4\n", "g side\nl 6 7\n");
+    let made = sewn_as(&short, &[], &[["side", "one"]], false).unwrap();
+    let text = &made.warnings[0];
+    assert!(
+        text.contains("\"side\" is 0.500 m long") && text.contains("\"one\" 1.000 m"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -319,6 +390,9 @@ fn seams_that_cannot_be_sewn_are_named() {
         text.contains("\"front-left\" has 3 vertices and \"short\" has 2"),
         "{text}"
     );
+    assert!(text.contains("resample = true"), "{text}");
+    let text = problem(["short", "short"]);
+    assert!(text.contains("is to be sewn to itself"), "{text}");
     let text = problem(["front-left", "hem"]);
     assert!(
         text.contains("seams names \"hem\"") && text.contains("back-left"),
@@ -334,4 +408,33 @@ fn seams_that_cannot_be_sewn_are_named() {
     };
     let text = sewn(&[lost], &[]).unwrap_err().to_string();
     assert!(text.contains("the place of \"back\""), "{text}");
+}
+
+#[test]
+fn a_resampled_border_has_its_vertices_at_the_same_parts_of_its_length() {
+    // Three edges of a third each against five of a fifth each, a fifth longer.
+    let text = "g low\nv 0 0 0\nv 3 0 0\nv 3 1 0\nv 2 1 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4 5 6\n\
+        g high\nv 0 2 0\nv 0.72 2 0\nv 1.44 2 0\nv 2.16 2 0\nv 2.88 2 0\nv 3.6 2 0\nv 0 3 0\n\
+        f 7 8 9 10 11 12 13\ng one\nl 3 4 5 6\ng two\nl 7 8 9 10 11 12\n";
+    let made = sewn_as(text, &[], &[["one", "two"]], true).unwrap();
+    assert!(made.warnings[0].contains("the longer one is gathered"));
+    let mesh = &made.sheet.mesh;
+    let seams = mesh.topology().edges().iter();
+    let sides: Vec<[f64; 2]> = seams
+        .filter(|edge| mesh.pattern().is_seam(edge))
+        .map(|edge| {
+            let (left, right) = mesh.pattern().sides(edge);
+            [left.length(), right.unwrap().length()]
+        })
+        .collect();
+    assert_eq!(sides.len(), 5);
+    for lengths in sides {
+        let [short, long] = [lengths[0].min(lengths[1]), lengths[0].max(lengths[1])];
+        assert!(
+            (short - 0.6).abs() < 1e-12 && (long - 0.72).abs() < 1e-12,
+            "{lengths:?}"
+        );
+    }
+    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+    assert!((area - 4.8).abs() < 1e-12, "{area}");
 }

@@ -1,7 +1,19 @@
 //! Cutting polygons into triangles.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::signed_area_2d;
+
+use super::shape::in_own_plane;
+
+/// Triangles of a polygon in space, cut in the plane of its mean normal; none if it has less than
+/// three corners, crosses itself or has no area.
+pub(crate) fn triangles_in_space(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
+    match corners.len() {
+        0..3 => None,
+        3 => Some(vec![[0, 1, 2]]),
+        _ => triangulate(&in_own_plane(corners)),
+    }
+}
 
 /// Triangles of a polygon with these `corners`, which run either way round, as numbers of its
 /// corners; none if it crosses itself or has no area.

@@ -41,7 +41,7 @@ pub(super) fn merge(polygons: &mut Polygons, owners: &[u32]) {
 }
 
 /// The first vertex within `tolerance` of each one, by cells of a grid.
-fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
+pub(crate) fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
     let size = if tolerance > 0.0 { tolerance } else { 1e-12 };
     let cell = |p: DVec3| (p / size).floor().to_array().map(|x| x as i64);
     let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();

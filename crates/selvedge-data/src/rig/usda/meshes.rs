@@ -9,10 +9,11 @@
 use glam::{DVec2, DVec3};
 
 use super::super::error::RigError;
+use super::super::moving_mesh::MovingMesh;
 use super::super::node_mesh::NodeMesh;
 use super::Prim;
 
-const POINTS: &str = "points";
+pub(super) const POINTS: &str = "points";
 const COUNTS: &str = "faceVertexCounts";
 const INDICES: &str = "faceVertexIndices";
 const SUBSET: &str = "indices";
@@ -57,6 +58,35 @@ pub(super) fn meshes(prims: &mut [Prim]) -> Result<Vec<NodeMesh>, RigError> {
         made.push(mesh);
     }
     Ok(made)
+}
+
+/// A mesh whose points are these `samples` by time codes, of which there are `rate` per second.
+pub(super) fn moving(
+    mesh: NodeMesh,
+    samples: Vec<(f64, Vec<f64>)>,
+    rate: f64,
+    name: &str,
+) -> Result<MovingMesh, RigError> {
+    let wrong = |problem: String| RigError::Node {
+        name: name.to_owned(),
+        problem,
+    };
+    let expected = mesh.positions.len();
+    let mut frames = Vec::with_capacity(samples.len());
+    let mut times = Vec::with_capacity(samples.len());
+    for (code, numbers) in samples {
+        if numbers.len() != 3 * expected {
+            let problem = format!(
+                "it has {} points at time code {code} and {expected} at the first: their number must not change",
+                numbers.len() / 3
+            );
+            return Err(wrong(problem));
+        }
+        times.push(code / rate);
+        frames.push(numbers.chunks_exact(3).map(DVec3::from_slice).collect());
+    }
+    MovingMesh::sampled(mesh, times, frames)
+        .map_err(|problem| wrong(format!("the samples of its points {problem}")))
 }
 
 fn mesh(prim: &Prim, node: usize) -> Result<NodeMesh, RigError> {

@@ -22,6 +22,7 @@ use glam::DMat4;
 use self::operations::{Attribute, Samples, operations_of};
 use self::tokens::{Token, Tokens};
 use super::error::RigError;
+use super::moving_mesh::MovingMesh;
 use super::node::{Rig, RigNode};
 use super::node_mesh::NodeMesh;
 
@@ -40,6 +41,14 @@ struct Stage {
     is_z_up: bool,
 }
 
+impl Stage {
+    /// Time codes per second.
+    fn rate(&self) -> f64 {
+        let codes = self.codes_per_second.or(self.frames_per_second);
+        codes.unwrap_or(CODES_PER_SECOND)
+    }
+}
+
 /// A prim under way.
 #[derive(Default)]
 struct Prim {
@@ -52,12 +61,32 @@ struct Prim {
     kind: String,
     /// Arrays that make a mesh, by name.
     arrays: BTreeMap<String, Vec<f64>>,
+    /// Points over time, by time codes.
+    point_samples: Vec<(f64, Vec<f64>)>,
 }
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
     let (prims, stage) = read(bytes, false)?;
     rig(prims, &stage)
+}
+
+/// The rig in the bytes of a file, and its meshes as they move.
+pub(super) fn parse_bodies(bytes: &[u8]) -> Result<(Rig, Vec<MovingMesh>), RigError> {
+    let (mut prims, stage) = read(bytes, true)?;
+    let rate = stage.rate();
+    let mut samples: Vec<_> = prims
+        .iter_mut()
+        .map(|prim| std::mem::take(&mut prim.point_samples))
+        .collect();
+    let mut made = Vec::new();
+    for mesh in meshes::meshes(&mut prims)? {
+        let node = mesh.node;
+        let name = &prims[node].name;
+        let timed = std::mem::take(&mut samples[node]);
+        made.push(meshes::moving(mesh, timed, rate, name)?);
+    }
+    Ok((rig(prims, &stage)?, made))
 }
 
 /// The rig in the bytes of a file, and the meshes of its prims.
@@ -68,8 +97,7 @@ pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigErro
 }
 
 fn rig(prims: Vec<Prim>, stage: &Stage) -> Result<Rig, RigError> {
-    let codes = stage.codes_per_second.or(stage.frames_per_second);
-    let rate = codes.unwrap_or(CODES_PER_SECOND);
+    let rate = stage.rate();
     let nodes = prims.into_iter().map(|prim| node(prim, rate));
     Ok(Rig {
         nodes: nodes.collect::<Result<_, _>>()?,
@@ -351,16 +379,41 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The numbers within the brackets of an array, of time samples those of the first.
+    /// The numbers within the brackets of an array. Of time samples they are those of the first;
+    /// those of points are kept all.
     fn array(&mut self, number: usize, array: String, name: &str) -> Result<(), RigError> {
-        let is_timed = name.ends_with(".timeSamples");
-        if is_timed {
-            self.tokens.expect("{")?;
-            self.tokens.number()?;
-            self.tokens.expect(":")?;
+        if !name.ends_with(".timeSamples") {
+            if let Some(numbers) = self.bracketed()? {
+                // Samples count where there is a constant too.
+                self.prims[number].arrays.entry(array).or_insert(numbers);
+            }
+            return Ok(());
         }
+        self.tokens.expect("{")?;
+        let mut first = None;
+        while !self.tokens.skip_if("}")? {
+            let code = self.tokens.number()?;
+            self.tokens.expect(":")?;
+            if let Some(numbers) = self.bracketed()? {
+                if array == meshes::POINTS {
+                    let samples = &mut self.prims[number].point_samples;
+                    samples.push((code, numbers.clone()));
+                }
+                first.get_or_insert(numbers);
+            }
+            self.tokens.skip_if(",")?;
+        }
+        if let Some(numbers) = first {
+            self.prims[number].arrays.insert(array, numbers);
+        }
+        Ok(())
+    }
+
+    /// `[(0, 0, 0), …]`; none for another value, which is passed over.
+    fn bracketed(&mut self) -> Result<Option<Vec<f64>>, RigError> {
         if !self.tokens.skip_if("[")? {
-            return self.skip_value();
+            self.skip_value()?;
+            return Ok(None);
         }
         let mut numbers = Vec::new();
         while !self.tokens.skip_if("]")? {
@@ -371,11 +424,7 @@ impl<'a> Reader<'a> {
                 numbers.push(self.tokens.number()?);
             }
         }
-        self.prims[number].arrays.insert(array, numbers);
-        if is_timed {
-            self.skip_to("}", 0)?;
-        }
-        Ok(())
+        Ok(Some(numbers))
     }
 
     /// `{ code: value, … }`.

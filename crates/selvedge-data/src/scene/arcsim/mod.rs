@@ -72,6 +72,8 @@ pub(super) fn parse_arcsim(
         },
         sag: SagSettings::default(),
         frame_rate: 1.0 / times.frame_time,
+        contact: None,
+        obstacles: Vec::new(),
     };
     Parts::finish(&mut scene, &mut warnings)?;
     scene.finish(&mut warnings);
@@ -87,6 +89,7 @@ pub(super) fn parse_arcsim(
         sheet,
         velocities,
         warnings: mended,
+        ..
     } = spec
         .setting
         .mesh
@@ -95,7 +98,7 @@ pub(super) fn parse_arcsim(
     warnings.extend(mended);
     spec.setting.fabrics = cloth.fabrics(&sheet.mesh.fabrics().names, &mut warnings);
     let state = moving_mesh(&spec.start, &sheet.mesh, velocities);
-    let scene = spec.with_mesh(sheet.mesh)?;
+    let scene = spec.with_mesh(sheet.mesh, folder)?;
     let loaded = LoadedScene {
         state,
         warnings,

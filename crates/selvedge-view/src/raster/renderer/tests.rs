@@ -316,3 +316,63 @@ fn a_run_that_has_blown_up_is_drawn_without_a_panic() {
         }
     }
 }
+
+/// The picture of a small triangle before or behind a body that is a larger one, or beside a floor.
+fn beside(body: &[Vec3], faces: &[[u32; 3]]) -> (Image, Stage) {
+    let cloth = [
+        Vec3::new(0.0, 0.0, 0.0),
+        Vec3::new(0.0, 1.0, -0.5),
+        Vec3::new(0.0, 1.0, 0.5),
+    ];
+    let (topology, positions) = scene(&[cloth]);
+    let body = crate::Body::new(faces, [std::borrow::Cow::Borrowed(body)]).unwrap();
+    let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
+    let run = run.with_bodies(vec![body]).unwrap();
+    let stage = Stage::of_runs(&[&run], &LEVEL, 1.0).unwrap();
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    let lines = EdgeLines::None;
+    let mut renderer = Renderer::new(&stage, [64; 2], Supersampling::One, lines).unwrap();
+    (renderer.render(&panel, 0).unwrap(), stage)
+}
+
+#[test]
+fn a_body_hides_the_cloth_behind_it_and_is_hidden_before_it() {
+    let wall = |x: f32| {
+        [
+            Vec3::new(x, -1.0, -1.0),
+            Vec3::new(x, 2.0, -1.0),
+            Vec3::new(x, 2.0, 1.0),
+            Vec3::new(x, -1.0, 1.0),
+        ]
+    };
+    let faces = [[0, 1, 2], [0, 2, 3]];
+    for (x, is_seen) in [(-0.4, true), (0.4, false)] {
+        let (image, stage) = beside(&wall(x), &faces);
+        let seen = stage.camera().project(Vec3::new(0.0, 0.7, 0.0));
+        let at = (seen.y * 64.0) as usize * 64 + (seen.x * 64.0) as usize;
+        let pixel = image.pixels()[at];
+        let [red, green, blue] = pixel.map(i32::from);
+        // The wall is grey; the cloth, seen from its back, is ecru.
+        let is_grey = (red - green).abs() < 30 && (green - blue).abs() < 30;
+        assert_eq!(is_grey, !is_seen, "{x}: {pixel:?}");
+    }
+}
+
+#[test]
+fn a_large_level_body_is_the_floor_of_the_picture() {
+    let ground = [
+        Vec3::new(-9.0, -0.2, -9.0),
+        Vec3::new(-9.0, -0.2, 9.0),
+        Vec3::new(9.0, -0.2, 0.0),
+    ];
+    let (_, stage) = beside(&ground, &[[0, 1, 2]]);
+    assert_eq!(stage.floor, -0.2);
+    // One that is small is drawn, and the floor is below it.
+    let plate = ground.map(|p| p * Vec3::new(0.05, 1.0, 0.05));
+    let (_, stage) = beside(&plate, &[[0, 1, 2]]);
+    assert!(stage.floor < -0.2);
+}

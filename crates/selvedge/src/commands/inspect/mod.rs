@@ -10,12 +10,14 @@
 mod exported;
 mod folders;
 mod mesh;
+mod obstacles;
 mod picture;
 
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use glam::Vec3;
+use selvedge_cloth::Handles;
 use selvedge_data::{
     LoadedScene, MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics,
     read_mesh, shipped_scenes,
@@ -204,12 +206,7 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
     let edge = metrics::mean_edge_length(frames, trajectory.topology())?;
     let strain = physics::largest_strain(trajectory)?;
     let (low, high) = box_of(trajectory.positions());
-    let handles: Vec<u32> = trajectory
-        .handles()
-        .vertices()
-        .iter()
-        .map(|v| v.0)
-        .collect();
+    let handles = numbers_of(trajectory.handles());
     let duration = (trajectory.frame_count() - 1) as f64 / provenance.frame_rate;
     let scene = provenance.scene["name"].as_str().unwrap_or("none");
     let mut facts = Facts::new();
@@ -237,6 +234,7 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
     );
     facts.add("mean edge", length(edge));
     facts.add("largest strain", percent(strain));
+    let obstacles = obstacles::run_facts(&mut facts, trajectory.obstacles());
     let report = json!({
         "kind": "trajectory",
         "file": path,
@@ -253,6 +251,7 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
         "max_speed": speeds.max,
         "mean_edge_length": edge,
         "largest_strain": strain,
+        "obstacles": obstacles,
         "scene": provenance.scene,
     });
     Answer::new(facts, &report)
@@ -293,7 +292,7 @@ fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
 fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
     let scene = &loaded.scene;
     let frames = scene.frame_count()?;
-    let handles: Vec<u32> = scene.handles.vertices().iter().map(|v| v.0).collect();
+    let handles = numbers_of(&scene.handles);
     let topology = scene.mesh.topology();
     let mut facts = Facts::new();
     facts.add("kind", "scene");
@@ -319,6 +318,8 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
         "physics",
         format!("{} substeps per frame", scene.physics.substeps),
     );
+    let contact = scene.contact.as_ref();
+    let obstacles = obstacles::scene_facts(&mut facts, contact, &scene.obstacles);
     let report = json!({
         "kind": "scene",
         "file": name,
@@ -326,10 +327,16 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
         "faces": topology.faces().len(),
         "frames": frames,
         "pattern": seen,
+        "obstacles": obstacles,
         "warnings": loaded.warnings,
         "scene": loaded.spec.to_json()?,
     });
     Answer::new(facts, &report)
+}
+
+/// Numbers of the held vertices.
+fn numbers_of(handles: &Handles) -> Vec<u32> {
+    handles.vertices().iter().map(|vertex| vertex.0).collect()
 }
 
 /// The smallest box with sides along the axes that holds `positions`.

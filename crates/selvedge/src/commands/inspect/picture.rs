@@ -1,11 +1,12 @@
 //! Pictures of files: a cloth as a still or a contact sheet, a training as curves, a model as a
 //! histogram of its weights.
 
+use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use selvedge_cloth::{Mesh, VertexId};
+use selvedge_cloth::{Mesh, Obstacle, VertexId};
 use selvedge_data::{
     MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, read_mesh,
     write_atomically,
@@ -15,7 +16,7 @@ use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_model::{MODEL_FORMAT, Model};
 use selvedge_train::files;
 use selvedge_view::plot::{Axis, HistogramPlot, Line, LineChart, Role, Scale, histogram_page};
-use selvedge_view::{Colouring, Image, Panel, Run, StillSettings, still};
+use selvedge_view::{Body, Colouring, Image, Panel, Run, StillSettings, still};
 
 use super::exported::read_npz;
 use super::folders::{self, FolderKind};
@@ -49,13 +50,14 @@ pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
         Some("npz") => draw_run(&read_npz(path)?, path, to),
         Some("obj" | "glb" | "usda") => {
             let read = read_mesh(path, MeshOptions::default())?;
-            draw_mesh(&read.sheet.mesh, &[], to)
+            draw_mesh(&read.sheet.mesh, &[], &[], to)
         }
         Some("toml" | "json") | None => {
             let loaded = scenes::open(&name).with_context(|| {
                 format!("{name}: only scenes, and no other configurations, can be drawn")
             })?;
-            draw_mesh(&loaded.scene.mesh, loaded.scene.handles.vertices(), to)
+            let scene = &loaded.scene;
+            draw_mesh(&scene.mesh, scene.handles.vertices(), &scene.obstacles, to)
         }
         _ => bail!("{name}: there is nothing to draw of such a file"),
     }
@@ -91,10 +93,20 @@ fn draw_run(trajectory: &Trajectory, path: &Path, to: &Path) -> anyhow::Result<(
     pictures::write_strain_sheet(to, name.unwrap_or(&stem), trajectory)
 }
 
-fn draw_mesh(mesh: &Mesh, handles: &[VertexId], to: &Path) -> anyhow::Result<()> {
+fn draw_mesh(
+    mesh: &Mesh,
+    handles: &[VertexId],
+    obstacles: &[Obstacle],
+    to: &Path,
+) -> anyhow::Result<()> {
     only_png(to)?;
     let positions = physics::rounded(mesh.positions());
     let run = Run::new(mesh.topology(), [positions.as_slice()], handles, 1.0)?;
+    let bodies = obstacles.iter().map(|obstacle| {
+        let points = obstacle.positions_at(0.0).map(|p| p.as_vec3()).collect();
+        Body::new(obstacle.faces(), [Cow::Owned(points)])
+    });
+    let run = run.with_bodies(bodies.collect::<Result<_, _>>()?)?;
     let panel = Panel {
         label: "",
         run: &run,

@@ -1,0 +1,153 @@
+//! The body of an obstacle: numbers of a simple one, a shipped one, or a file with its hash.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+use selvedge_cloth::bodies::{self, Body};
+use serde::{Deserialize, Serialize};
+
+use super::error::Problem;
+use super::read;
+
+/// Extent of simple bodies `[m]`.
+const SIZES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
+
+/// Edges of round bodies in units of their radius, where nothing else is said.
+const SPHERE_EDGE: f64 = 0.15;
+const CAPSULE_EDGE: f64 = 0.25;
+
+/// A body before it is placed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum BodySpec {
+    /// A square of a plane.
+    Plane {
+        /// Direction across it; need not have length one.
+        #[serde(default = "up")]
+        normal: DVec3,
+        /// Distance of the plane from the origin along the normal `[m]`.
+        #[serde(default)]
+        height: f64,
+        /// Side of the square about the point nearest to the origin `[m]`.
+        #[serde(default = "far")]
+        size: f64,
+    },
+    /// A sphere about the origin.
+    Sphere {
+        /// Radius `[m]`.
+        radius: f64,
+        /// Longest edge of its mesh `[m]`; 0.15 of the radius where none is given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        edge: Option<f64>,
+    },
+    /// A capsule along y about the origin.
+    Capsule {
+        /// Radius `[m]`.
+        radius: f64,
+        /// Length of its axis, without the round ends `[m]`.
+        length: f64,
+        /// Edges of its mesh `[m]`; 0.25 of the radius where none are given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        edge: Option<f64>,
+    },
+    /// A box about the origin.
+    Box {
+        /// Its sides along x, y and z `[m]`.
+        size: DVec3,
+    },
+    /// A mesh, closed or open.
+    Mesh {
+        /// Path of the file relative to the scene's folder, or the name of a shipped body.
+        path: String,
+        /// BLAKE3 hash of its bytes, in hexadecimal.
+        blake3: String,
+    },
+}
+
+fn up() -> DVec3 {
+    DVec3::Y
+}
+
+fn far() -> f64 {
+    10.0
+}
+
+impl BodySpec {
+    /// The file of a mesh, if it is one.
+    pub(super) fn file(&self) -> Option<&str> {
+        match self {
+            Self::Mesh { path, .. } if read::shipped(path).is_none() => Some(path),
+            _ => None,
+        }
+    }
+
+    /// Returns true where the file's format splits points along seams.
+    pub(super) fn is_split(&self) -> bool {
+        matches!(self, Self::Mesh { path, .. } if !path.ends_with(".obj"))
+    }
+
+    /// Makes the body.
+    pub(super) fn build(&self, folder: &Path) -> Result<Body, Problem> {
+        match self {
+            &Self::Plane {
+                normal,
+                height,
+                size,
+            } => {
+                let Some(normal) = normal.try_normalize() else {
+                    return Err(wrong("plane.normal", "a direction", &normal));
+                };
+                check("plane.size", size)?;
+                if !height.is_finite() {
+                    return Err(wrong("plane.height", "finite", &height));
+                }
+                let turn = DQuat::from_rotation_arc(DVec3::Y, normal);
+                let mut body = bodies::plane(size);
+                for point in &mut body.points {
+                    *point = turn * *point + height * normal;
+                }
+                Ok(body)
+            }
+            &Self::Sphere { radius, edge } => {
+                check("sphere.radius", radius)?;
+                let edge = edge.unwrap_or(SPHERE_EDGE * radius);
+                check("sphere.edge", edge)?;
+                Ok(bodies::sphere(radius, edge))
+            }
+            &Self::Capsule {
+                radius,
+                length,
+                edge,
+            } => {
+                check("capsule.radius", radius)?;
+                if length != 0.0 {
+                    check("capsule.length", length)?;
+                }
+                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
+                check("capsule.edge", edge)?;
+                Ok(bodies::capsule(radius, length, edge))
+            }
+            Self::Box { size } => {
+                for side in size.to_array() {
+                    check("box.size", side)?;
+                }
+                Ok(bodies::cuboid(*size))
+            }
+            Self::Mesh { path, blake3 } => {
+                let bytes = read::unchanged("mesh", path, blake3, folder)?;
+                read::mesh(path, &bytes)
+            }
+        }
+    }
+}
+
+fn check(field: &'static str, value: f64) -> Result<(), Problem> {
+    if SIZES.contains(&value) {
+        return Ok(());
+    }
+    Err(wrong(field, "between 0.0001 and 100000 m", &value))
+}
+
+fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> Problem {
+    Problem::Field(field, format!("must be {expected}, found {found}"))
+}

@@ -1,0 +1,372 @@
+//! Motion of an obstacle: keyframes, a node of a rig, or its points as a file has them.
+
+use std::path::Path;
+
+use glam::{DMat3, DQuat, DVec3};
+use selvedge_cloth::{
+    HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, ObstaclePath,
+    PoseKeyframe, RigidKey, SplineGroup, SplineMotion,
+};
+use serde::{Deserialize, Serialize};
+
+use super::body::BodySpec;
+use super::error::Problem;
+use super::read::{self, Frames, Kind, Moving, Sequence};
+use crate::rig::{Followers, Rig};
+
+/// Longest motion by keyframes `[s]`, as of handles.
+const LONGEST: f64 = 86_400.0;
+
+/// Motion of an obstacle, resolved. Before it begins and after it ends the obstacle rests.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ObstacleMotion {
+    /// No motion.
+    #[default]
+    Still,
+    /// Rigid motion from keyframe to keyframe.
+    Keyframes(ObstacleKeyframes),
+    /// Transforms of the world along splines, as ARCSim moves its obstacles.
+    Splines(Vec<PoseKeyframe>),
+    /// Rigid motion with a node of a file.
+    Node(NodeFile),
+    /// Every point as a file says.
+    Points(FramesFile),
+}
+
+/// Keyframes of an obstacle: smooth (level at each) between them, relative to where it is placed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObstacleKeyframes {
+    /// Direction of the axis of its turns; need not have length one.
+    #[serde(default = "up")]
+    pub axis: DVec3,
+    /// A point of that axis `[m]`; the mean of the obstacle's points where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre: Option<DVec3>,
+    /// Places over time.
+    pub keyframes: Vec<Keyframe>,
+}
+
+/// A node that an obstacle follows from where it is placed, from the node's first key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NodeFile {
+    /// Path of the .glb or .usda file, relative to the scene's folder.
+    pub path: String,
+    /// BLAKE3 hash of its bytes, in hexadecimal.
+    pub blake3: String,
+    /// Name of the node.
+    pub node: String,
+}
+
+/// A file with the points of an obstacle over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FramesFile {
+    /// Path of the file, or pattern of the files, relative to the scene's folder.
+    pub path: String,
+    /// BLAKE3 hash of its bytes in hexadecimal; of the hashes of all files of a sequence.
+    pub blake3: String,
+    /// Frames per second of a file that does not say it; the scene's where none are given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
+    /// Number of the first file of a sequence; 0 or 1 where none is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<usize>,
+    /// Name of the animation in a .glb that has several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub animation: Option<String>,
+    /// Seconds of the motion that are left out at its beginning.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub from: f64,
+}
+
+fn up() -> DVec3 {
+    DVec3::Y
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+impl ObstacleMotion {
+    pub(super) fn is_still(&self) -> bool {
+        *self == Self::Still
+    }
+
+    /// The file that moves it, if there is one that is not shipped.
+    pub(super) fn file(&self) -> Option<&str> {
+        match self {
+            Self::Node(file) => Some(&file.path),
+            Self::Points(file) if read::shipped(&file.path).is_none() => Some(&file.path),
+            _ => None,
+        }
+    }
+
+    /// The points in every frame, before the obstacle is placed, if a file has them.
+    pub(super) fn frames(
+        &self,
+        body: &BodySpec,
+        folder: &Path,
+        frame_rate: f64,
+    ) -> Result<Option<Frames>, Problem> {
+        let Self::Points(file) = self else {
+            return Ok(None);
+        };
+        if !matches!(body, BodySpec::Mesh { .. }) {
+            let problem = "points of a file move a mesh from a file: give mesh, or keyframes";
+            return Err(Problem::Field("motion", problem.to_owned()));
+        }
+        file.frames(folder, frame_rate).map(Some)
+    }
+
+    /// The path of an obstacle that no points of a file move.
+    pub(super) fn path(
+        &self,
+        points: &[DVec3],
+        folder: &Path,
+        frame_rate: f64,
+    ) -> Result<ObstaclePath, Problem> {
+        match self {
+            Self::Still | Self::Points(_) => Ok(ObstaclePath::Still),
+            Self::Keyframes(keyframes) => keyframes.path(points, frame_rate),
+            Self::Splines(keyframes) => splines(keyframes, points, frame_rate),
+            Self::Node(node) => node.path(folder, frame_rate),
+        }
+    }
+}
+
+impl FramesFile {
+    /// The file at `path` as it is now.
+    pub(super) fn now(path: String, first: Option<usize>, folder: &Path) -> Result<Self, Problem> {
+        let blake3 = match Sequence::of(&path)? {
+            Some(sequence) => sequence.read(first, folder)?.blake3,
+            None => crate::formats::hash::hash(&read::bytes_of("motion", &path, folder)?),
+        };
+        Ok(Self {
+            path,
+            blake3,
+            rate: None,
+            first,
+            animation: None,
+            from: 0.0,
+        })
+    }
+
+    fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, Problem> {
+        let wrong = |problem: String| Err(Problem::Field("motion", problem));
+        if let Some(rate) = self.rate.filter(|rate| !(1e-3..=1e5).contains(rate)) {
+            return wrong(format!(
+                "rate must be between 0.001 and 100000, found {rate}"
+            ));
+        }
+        if !(self.from.is_finite() && self.from >= 0.0) {
+            return wrong(format!("from must not be negative, found {}", self.from));
+        }
+        if let Some(sequence) = Sequence::of(&self.path)? {
+            return self.sequence(&sequence, folder, frame_rate);
+        }
+        let has_times = matches!(Kind::of(&self.path), Some(Kind::Glb | Kind::Usda));
+        if has_times && self.rate.is_some() {
+            return wrong(format!("{}: it has times, leave rate out", self.path));
+        }
+        if self.first.is_some() {
+            return wrong(format!("{}: first is for a sequence of files", self.path));
+        }
+        let bytes = read::unchanged("motion", &self.path, &self.blake3, folder)?;
+        let moving = Moving {
+            path: &self.path,
+            bytes: &bytes,
+            animation: self.animation.as_deref(),
+            from: self.from,
+            rate: self.rate.unwrap_or(frame_rate),
+        };
+        moving.frames()
+    }
+
+    fn sequence(
+        &self,
+        sequence: &Sequence<'_>,
+        folder: &Path,
+        frame_rate: f64,
+    ) -> Result<Frames, Problem> {
+        let read = sequence.read(self.first, folder)?;
+        if read.blake3 != self.blake3 {
+            return Err(Problem::Changed {
+                field: "motion",
+                path: self.path.clone(),
+                expected: self.blake3.clone(),
+                found: read.blake3,
+            });
+        }
+        let rate = self.rate.unwrap_or(frame_rate);
+        let skipped = (self.from * rate).round() as usize;
+        let mut frames = read.frames;
+        if skipped >= frames.len() {
+            let problem = format!("{}: from is after its last frame", self.path);
+            return Err(Problem::Field("motion", problem));
+        }
+        frames.drain(..skipped);
+        Ok((rate, frames))
+    }
+}
+
+impl ObstacleKeyframes {
+    fn path(&self, points: &[DVec3], frame_rate: f64) -> Result<ObstaclePath, Problem> {
+        let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        let centre = self.centre.unwrap_or(mean);
+        let last = self.keyframes.last().map_or(0.0, |keyframe| keyframe.time);
+        let reference = Reference::about(centre);
+        let motion = Motion::Keyframes(KeyframeMotion {
+            // A whole number of frames of 1/60 s, as motions of handles have it.
+            duration: ((last * 60.0).ceil().max(1.0)) / 60.0,
+            groups: vec![KeyframeGroup {
+                handles: (0..reference.0.len()).collect(),
+                axis: self.axis,
+                keyframes: self.keyframes.clone(),
+            }],
+        });
+        let path = bound(&motion, &reference, frame_rate)?;
+        let places = |time| Reference(path.at(time));
+        Ok(ObstaclePath::Rigid(
+            reference.keys(&places, last, frame_rate),
+        ))
+    }
+}
+
+impl NodeFile {
+    fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, Problem> {
+        read::unchanged("motion", &self.path, &self.blake3, folder)?;
+        let reference = Reference::about(DVec3::ZERO);
+        let nodes = vec![self.node.clone(); reference.0.len()];
+        let followers = Followers {
+            nodes: &nodes,
+            start: &reference.0,
+            frame_rate,
+        };
+        let motion = Rig::read_motion(&folder.join(&self.path), &followers)
+            .map_err(|error| Problem::Field("motion", error.to_string()))?;
+        let frames = motion.positions.len();
+        let places = |time: f64| {
+            let frame = ((time * frame_rate).round() as usize).min(frames - 1);
+            Reference(motion.positions[frame].clone())
+        };
+        let last = (frames - 1) as f64 / frame_rate;
+        if (0..frames).any(|frame| {
+            let scale = places(frame as f64 / frame_rate).scale();
+            (scale - 1.0).abs() > 1e-3
+        }) {
+            let problem = format!(
+                "{}: node {:?} is scaled: obstacles that follow a node are rigid, bake the points instead",
+                self.path, self.node
+            );
+            return Err(Problem::Field("motion", problem));
+        }
+        Ok(ObstaclePath::Rigid(
+            reference.keys(&places, last, frame_rate),
+        ))
+    }
+}
+
+/// The path of transforms of the world: rigid where nothing is scaled, else point by point.
+fn splines(
+    keyframes: &[PoseKeyframe],
+    points: &[DVec3],
+    frame_rate: f64,
+) -> Result<ObstaclePath, Problem> {
+    let (Some(first), Some(last)) = (keyframes.first(), keyframes.last()) else {
+        let problem = "needs at least one keyframe".to_owned();
+        return Err(Problem::Field("motion", problem));
+    };
+    let reference = Reference::about(DVec3::ZERO);
+    // A motion of handles is relative to the transform when they are taken; here it is not.
+    let turn = DQuat::from_axis_angle(
+        first.axis.normalize_or(DVec3::Y),
+        first.angle_deg.to_radians(),
+    );
+    let taken = |p: &DVec3| first.translation + turn * *p * first.scale;
+    let start = Reference(reference.0.iter().map(taken).collect());
+    let motion = Motion::Splines(SplineMotion {
+        duration: last.time.clamp(1.0 / frame_rate, LONGEST),
+        taken: first.time,
+        groups: vec![SplineGroup {
+            handles: (0..start.0.len()).collect(),
+            keyframes: keyframes.to_vec(),
+        }],
+    });
+    let path = bound(&motion, &start, frame_rate)?;
+    let places = |time| Reference(path.at(time));
+    let is_rigid = keyframes.iter().all(|k| k.scale == 1.0);
+    if is_rigid {
+        let keys = reference.keys(&places, last.time, frame_rate);
+        return Ok(ObstaclePath::Rigid(keys));
+    }
+    let frame = |number: usize| {
+        let place = places(number as f64 / frame_rate);
+        let (turn, scale) = (place.rotation(), place.scale());
+        let at = |p: &DVec3| place.centre() + turn * (scale * *p);
+        points.iter().map(at).collect()
+    };
+    Ok(ObstaclePath::Points {
+        frame_rate,
+        frames: (0..=steps(last.time, frame_rate)).map(frame).collect(),
+    })
+}
+
+fn bound(motion: &Motion, reference: &Reference, frame_rate: f64) -> Result<HandlePath, Problem> {
+    let path = motion.bind(&reference.0, frame_rate);
+    path.map_err(|error: MotionError| Problem::Field("motion", error.to_string()))
+}
+
+/// Frames until `last` `[s]`.
+fn steps(last: f64, frame_rate: f64) -> usize {
+    (last.clamp(0.0, LONGEST) * frame_rate - 1e-9).ceil() as usize
+}
+
+/// Points that tell the place of a rigid body: two on each axis, a metre from a centre.
+struct Reference(Vec<DVec3>);
+
+impl Reference {
+    fn about(centre: DVec3) -> Self {
+        let of = |axis: &DVec3| [centre + *axis, centre - *axis];
+        Self(DVec3::AXES.iter().flat_map(of).collect())
+    }
+
+    fn centre(&self) -> DVec3 {
+        self.0.iter().sum::<DVec3>() / self.0.len() as f64
+    }
+
+    fn axes(&self) -> DMat3 {
+        let axis = |k: usize| 0.5 * (self.0[2 * k] - self.0[2 * k + 1]);
+        DMat3::from_cols(axis(0), axis(1), axis(2))
+    }
+
+    fn scale(&self) -> f64 {
+        self.axes().determinant().cbrt()
+    }
+
+    fn rotation(&self) -> DQuat {
+        let axes = self.axes();
+        let [x, y] = [axes.x_axis, axes.y_axis].map(|axis| axis.normalize_or(DVec3::X));
+        let z = x.cross(y).normalize_or(DVec3::Z);
+        DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()
+    }
+
+    /// The motion from here to `places` over time, in every frame until `last` `[s]`.
+    fn keys(&self, places: &dyn Fn(f64) -> Self, last: f64, frame_rate: f64) -> Vec<RigidKey> {
+        let centre = self.centre();
+        let key = |frame: usize| {
+            let time = frame as f64 / frame_rate;
+            let place = places(time);
+            let rotation = place.rotation();
+            RigidKey {
+                time,
+                rotation,
+                translation: place.centre() - rotation * centre,
+            }
+        };
+        (0..=steps(last, frame_rate)).map(key).collect()
+    }
+}

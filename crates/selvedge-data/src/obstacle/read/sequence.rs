@@ -1,0 +1,161 @@
+//! A sequence of .obj files, one per frame, named by a pattern: `body-{frame}.obj`, or
+//! `body-{frame:04}.obj` where numbers have leading zeros.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::super::error::Problem;
+use super::bytes_of;
+use crate::formats::hash::hash;
+use crate::formats::obj::parse_obj_polygons;
+
+/// Frames at most.
+const MOST_FRAMES: usize = 100_000;
+
+/// Names of the files of a sequence.
+#[derive(Debug, PartialEq)]
+pub(in super::super) struct Sequence<'a> {
+    before: &'a str,
+    width: usize,
+    after: &'a str,
+}
+
+/// The points of a sequence, and the hash of the hashes of its files.
+#[derive(Debug)]
+pub(in super::super) struct SequencePoints {
+    pub(in super::super) frames: Vec<Vec<DVec3>>,
+    pub(in super::super) blake3: String,
+}
+
+impl<'a> Sequence<'a> {
+    /// The pattern, if `path` is one.
+    pub(in super::super) fn of(path: &'a str) -> Result<Option<Self>, Problem> {
+        let Some((before, rest)) = path.split_once("{frame") else {
+            return Ok(None);
+        };
+        let wrong = || {
+            let problem =
+                format!("{path}: write {{frame}}, or {{frame:04}} for numbers of four digits");
+            Problem::Field("motion", problem)
+        };
+        let (form, after) = rest.split_once('}').ok_or_else(wrong)?;
+        let width = match form.strip_prefix(":0") {
+            None if form.is_empty() => 0,
+            None => return Err(wrong()),
+            Some(digits) => digits.parse().ok().filter(|w| *w <= 20).ok_or_else(wrong)?,
+        };
+        if !after.to_ascii_lowercase().ends_with(".obj") || after.contains('{') {
+            let problem = format!("{path}: a sequence of files must be of .obj");
+            return Err(Problem::Field("motion", problem));
+        }
+        Ok(Some(Self {
+            before,
+            width,
+            after,
+        }))
+    }
+
+    fn name(&self, frame: usize) -> String {
+        let Self {
+            before,
+            width,
+            after,
+        } = self;
+        format!("{before}{frame:0width$}{after}")
+    }
+
+    /// The points in every frame: files from number `first`, or from 0 or 1 where none is given, to
+    /// the last one without a gap.
+    pub(in super::super) fn read(
+        &self,
+        first: Option<usize>,
+        folder: &Path,
+    ) -> Result<SequencePoints, Problem> {
+        let is_there = |frame: usize| folder.join(self.name(frame)).is_file();
+        let first = first.unwrap_or(usize::from(!is_there(0)));
+        let mut frames: Vec<Vec<DVec3>> = Vec::new();
+        let mut hashes = String::new();
+        for frame in first.. {
+            // The first file must be there: its absence is told by reading it.
+            if frame > first && !is_there(frame) {
+                break;
+            }
+            let name = self.name(frame);
+            if frames.len() == MOST_FRAMES {
+                let problem = format!("{name}: more than {MOST_FRAMES} frames");
+                return Err(Problem::Field("motion", problem));
+            }
+            let bytes = bytes_of("motion", &name, folder)?;
+            hashes.push_str(&hash(&bytes));
+            let read = parse_obj_polygons(&bytes);
+            let read = read
+                .map_err(|error| Problem::Field("motion", format!("{name}: {error}")))?
+                .positions;
+            if let Some(before) = frames.first()
+                && before.len() != read.len()
+            {
+                let problem = format!(
+                    "{name} has {} points, but {} has {}: their number must not change",
+                    read.len(),
+                    self.name(first),
+                    before.len()
+                );
+                return Err(Problem::Field("motion", problem));
+            }
+            frames.push(read);
+        }
+        Ok(SequencePoints {
+            frames,
+            blake3: hash(hashes.as_bytes()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_number_their_files() {
+        let of = |path| Sequence::of(path).ok().flatten().map(|s| s.name(7));
+        assert_eq!(of("a/b-{frame:04}.obj").unwrap(), "a/b-0007.obj");
+        assert_eq!(of("{frame}.obj").unwrap(), "7.obj");
+        assert_eq!(of("body.obj"), None);
+        for wrong in [
+            "{frame:4}.obj",
+            "{frame.obj",
+            "{frame}.ply",
+            "{frame}{frame}.obj",
+        ] {
+            assert!(Sequence::of(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn files_are_taken_without_a_gap_and_have_the_same_points() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |number: usize, points: &[&str]| {
+            let text: String = points.iter().map(|p| format!("v {p}\n")).collect();
+            std::fs::write(folder.path().join(format!("b{number}.obj")), text).unwrap();
+        };
+        for number in [1, 2, 4] {
+            write(number, &["0 0 0", &format!("{number} 0 0")]);
+        }
+        let sequence = Sequence::of("b{frame}.obj").unwrap().unwrap();
+        let read = sequence.read(None, folder.path()).unwrap();
+        assert_eq!(read.frames.len(), 2);
+        assert_eq!(read.frames[1][1], DVec3::X * 2.0);
+        let late = sequence.read(Some(4), folder.path()).unwrap();
+        assert_ne!(late.blake3, read.blake3);
+        assert!(sequence.read(Some(9), folder.path()).is_err());
+        write(2, &["0 0 0"]);
+        let Err(Problem::Field(_, problem)) = sequence.read(None, folder.path()) else {
+            panic!("a point is missing");
+        };
+        assert!(
+            problem.contains("b2.obj has 1 points, but b1.obj has 2"),
+            "{problem}"
+        );
+    }
+}

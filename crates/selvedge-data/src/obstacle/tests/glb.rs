@@ -1,0 +1,286 @@
+//! Bodies of .glb: morph targets, skins, points split along seams, and damage.
+
+use std::f64::consts::FRAC_PI_2;
+
+use glam::{DQuat, DVec3};
+use serde_json::{Value, json};
+
+use super::{Desk, assert_near, at, frames};
+
+/// A .glb under way: every array is an accessor.
+#[derive(Default)]
+struct Glb {
+    binary: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+impl Glb {
+    fn store(&mut self, form: &str, component: u32, count: usize, bytes: &[u8]) -> usize {
+        let start = self.binary.len();
+        self.binary.extend(bytes);
+        self.binary.resize(self.binary.len().next_multiple_of(4), 0);
+        self.views
+            .push(json!({ "buffer": 0, "byteOffset": start, "byteLength": bytes.len() }));
+        self.accessors.push(json!({
+            "bufferView": self.views.len() - 1,
+            "componentType": component,
+            "count": count,
+            "type": form,
+        }));
+        self.accessors.len() - 1
+    }
+
+    fn floats(&mut self, form: &str, width: usize, values: &[f32]) -> usize {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.store(form, 5126, values.len() / width, &bytes)
+    }
+
+    fn finish(self, mut json: Value) -> Vec<u8> {
+        json["asset"] = json!({ "version": "2.0" });
+        json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
+        json["bufferViews"] = Value::Array(self.views);
+        json["accessors"] = Value::Array(self.accessors);
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut bytes = b"glTF\x02\0\0\0".to_vec();
+        bytes.extend((28 + text.len() as u32 + self.binary.len() as u32).to_le_bytes());
+        for (kind, part) in [(b"JSON", text), (b"BIN\0", self.binary)] {
+            bytes.extend((part.len() as u32).to_le_bytes());
+            bytes.extend(kind);
+            bytes.extend(part);
+        }
+        bytes
+    }
+}
+
+/// A triangle whose third point rises by two targets, under a node at x = 5.
+fn morphed(interpolation: &str, weights: &[f32], edit: impl Fn(&mut Value)) -> Vec<u8> {
+    let mut glb = Glb::default();
+    let points = glb.floats("VEC3", 3, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    let up = glb.floats("VEC3", 3, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    let aside = glb.floats("VEC3", 3, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0]);
+    let times = glb.floats("SCALAR", 1, &[1.0, 2.0]);
+    let output = glb.floats("SCALAR", 1, weights);
+    let mut json = json!({
+        "nodes": [{ "name": "leaf", "mesh": 0, "translation": [5, 0, 0], "weights": [0.5, 0.25] }],
+        "meshes": [{ "primitives": [{
+            "attributes": { "POSITION": points },
+            "targets": [{ "POSITION": up }, { "POSITION": aside }],
+        }] }],
+        "animations": [{
+            "name": "rise",
+            "samplers": [{ "input": times, "output": output, "interpolation": interpolation }],
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
+        }],
+    });
+    edit(&mut json);
+    glb.finish(json)
+}
+
+const MOVING: &str = "name = \"leaf\"\nmesh = \"leaf.glb\"\nmotion = \"leaf.glb\"";
+
+#[test]
+fn morph_targets_add_up_by_their_weights() {
+    let desk = Desk::new();
+    desk.write("leaf.glb", morphed("LINEAR", &[0.0, 0.0, 1.0, 0.5], |_| {}));
+    let leaf = desk.read(MOVING).unwrap();
+    let (rate, moved) = frames(&leaf);
+    // The first key is the start.
+    assert_eq!((rate, moved.len()), (60.0, 61));
+    for (time, share) in [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (3.0, 1.0)] {
+        let third = DVec3::new(5.0 + 2.0 * share, 1.0, share);
+        let expected = [DVec3::X * 5.0, DVec3::X * 6.0, third];
+        assert_near(&at(&leaf, time), &expected, 1e-12);
+    }
+    // Standing, it has the weights of its node.
+    let still = desk.read("name = \"leaf\"\nmesh = \"leaf.glb\"").unwrap();
+    assert_near(&at(&still, 0.0)[2..], &[DVec3::new(6.0, 1.0, 0.5)], 1e-12);
+    let named =
+        "name = \"leaf\"\nmesh = \"leaf.glb\"\nmotion = { animation = \"rise\", from = 0.5 }";
+    assert_near(
+        &at(&desk.read(named).unwrap(), 0.0)[2..],
+        &[DVec3::new(6.0, 1.0, 0.5)],
+        1e-12,
+    );
+    // Level tangents: the cubic is halfway at half the time and at 5/32 at a quarter.
+    let splines = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0];
+    desk.write("leaf.glb", morphed("CUBICSPLINE", &splines, |_| {}));
+    let leaf = desk.read(MOVING).unwrap();
+    assert!((at(&leaf, 0.25)[2].z - 0.15625).abs() < 1e-12);
+    desk.write("leaf.glb", morphed("STEP", &[0.0, 0.0, 1.0, 0.5], |_| {}));
+    assert_eq!(at(&desk.read(MOVING).unwrap(), 0.9)[2].z, 0.0);
+}
+
+/// A strip of two quads along x, split along its middle as a seam splits it, bound to an upper and
+/// a lower joint; the second turns by 90° about z, through x = 1.
+fn skinned(edit: impl Fn(&mut Value)) -> Vec<u8> {
+    let mut glb = Glb::default();
+    let xs = [0.0_f32, 1.0, 1.0, 2.0];
+    let places: Vec<f32> = xs
+        .iter()
+        .flat_map(|&x| [x, 0.0, 0.0, x, 0.0, 1.0])
+        .collect();
+    let points = glb.floats("VEC3", 3, &places);
+    let faces: Vec<u8> = vec![0, 1, 2, 2, 1, 3, 4, 5, 6, 6, 5, 7];
+    let indices = glb.store("SCALAR", 5121, 12, &faces);
+    let joints: Vec<u8> = (0..8).flat_map(|_| [0, 1, 0, 0]).collect();
+    let joints = glb.store("VEC4", 5121, 8, &joints);
+    // Left points go with the first, right ones with the second, the middle with both.
+    let shares = [[1.0_f32, 0.0], [0.5, 0.5], [0.5, 0.5], [0.0, 1.0]];
+    let weights: Vec<f32> = shares
+        .iter()
+        .flat_map(|[a, b]| [*a, *b, 0.0, 0.0, *a, *b, 0.0, 0.0])
+        .collect();
+    let weights = glb.floats("VEC4", 4, &weights);
+    // The bind: the first joint at the origin, the second at x = 1.
+    let mut binds = [0.0_f32; 32];
+    for k in [0, 5, 10, 15] {
+        binds[k] = 1.0;
+        binds[16 + k] = 1.0;
+    }
+    binds[28] = -1.0;
+    let binds = glb.floats("MAT4", 16, &binds);
+    let times = glb.floats("SCALAR", 1, &[0.0, 1.0]);
+    let half = 0.5_f32.sqrt();
+    let turns = glb.floats("VEC4", 4, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half]);
+    let mut json = json!({
+        "nodes": [
+            // The place of a node with a skin does not count.
+            { "name": "strip", "mesh": 0, "skin": 0, "translation": [7, 7, 7] },
+            { "name": "upper", "children": [2], "translation": [0, 3, 0] },
+            { "name": "lower", "translation": [1, 0, 0] },
+        ],
+        "meshes": [{ "primitives": [{
+            "attributes": { "POSITION": points, "JOINTS_0": joints, "WEIGHTS_0": weights },
+            "indices": indices,
+        }] }],
+        "skins": [{ "joints": [1, 2], "inverseBindMatrices": binds }],
+        "animations": [{
+            "name": "bend",
+            "samplers": [{ "input": times, "output": turns }],
+            "channels": [{ "sampler": 0, "target": { "node": 2, "path": "rotation" } }],
+        }],
+    });
+    edit(&mut json);
+    glb.finish(json)
+}
+
+#[test]
+fn skins_go_with_their_joints_and_seams_are_closed() {
+    let desk = Desk::new();
+    desk.write("leaf.glb", skinned(|_| {}));
+    let strip = desk.read(MOVING).unwrap();
+    assert_eq!((strip.point_count(), strip.faces().len()), (6, 4));
+    for (time, share) in [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0)] {
+        let turn = DQuat::from_rotation_z(share * FRAC_PI_2);
+        let second = |p: DVec3| DVec3::X + turn * (p - DVec3::X);
+        let place = |x: f64, z: f64| {
+            let p = DVec3::new(x, 0.0, z);
+            let moved = match x {
+                0.0 => p,
+                1.0 => 0.5 * p + 0.5 * second(p),
+                _ => second(p),
+            };
+            moved + DVec3::Y * 3.0
+        };
+        let expected: Vec<DVec3> = [0.0, 1.0, 2.0]
+            .iter()
+            .flat_map(|&x| [place(x, 0.0), place(x, 1.0)])
+            .collect();
+        assert_near(&at(&strip, time), &expected, 1e-6);
+    }
+}
+
+#[test]
+fn points_that_part_are_not_welded() {
+    let desk = Desk::new();
+    let mut glb = Glb::default();
+    // Two triangles that share a side at the start; the second rises.
+    let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let both: Vec<f32> = corners.iter().chain(&corners).flatten().copied().collect();
+    let mut both = both;
+    both[17] = 1.0;
+    let points = glb.floats("VEC3", 3, &both);
+    let mut rise = [0.0_f32; 18];
+    rise[11] = 2.0;
+    rise[14] = 2.0;
+    rise[17] = 2.0;
+    let rise = glb.floats("VEC3", 3, &rise);
+    let times = glb.floats("SCALAR", 1, &[0.0, 1.0]);
+    let output = glb.floats("SCALAR", 1, &[0.0, 1.0]);
+    let json = json!({
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{
+            "attributes": { "POSITION": points }, "targets": [{ "POSITION": rise }],
+        }] }],
+        "animations": [{
+            "samplers": [{ "input": times, "output": output }],
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
+        }],
+    });
+    desk.write("leaf.glb", glb.finish(json));
+    assert_eq!(desk.read(MOVING).unwrap().point_count(), 6);
+    let still = desk.read("name = \"leaf\"\nmesh = \"leaf.glb\"").unwrap();
+    assert_eq!(still.point_count(), 4);
+}
+
+#[test]
+fn what_is_damaged_is_named() {
+    let desk = Desk::new();
+    let two = |json: &mut Value| {
+        let first = json["animations"][0].clone();
+        json["animations"].as_array_mut().unwrap().push(first);
+    };
+    let none = |json: &mut Value| json["animations"] = json!([]);
+    let cases: [(Vec<u8>, &str); 9] = [
+        (
+            skinned(two),
+            "several animations: choose one by `animation`, of [bend, bend]",
+        ),
+        (skinned(none), "nothing in it moves"),
+        (
+            skinned(|json| json["skins"][0]["joints"] = json!([1])),
+            "skin 0: has 2 matrices for 1 joints",
+        ),
+        (
+            skinned(|json| json["skins"][0]["joints"] = json!([1, 9])),
+            "skin 0: its joint is node 9, of 3",
+        ),
+        (
+            skinned(|json| json["nodes"][0]["skin"] = json!(4)),
+            "skin 4: there is none",
+        ),
+        (
+            skinned(|json| {
+                json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(9);
+            }),
+            "accessor 9",
+        ),
+        (
+            skinned(|json| {
+                let attributes = &mut json["meshes"][0]["primitives"][0]["attributes"];
+                attributes.as_object_mut().unwrap().remove("WEIGHTS_0");
+            }),
+            "joints and weights for 0 points of 8",
+        ),
+        (
+            morphed("LINEAR", &[0.0, 1.0, 0.0], |_| {}),
+            "mesh 0: the animation of its weights has another number of values",
+        ),
+        (
+            morphed("LINEAR", &[0.0; 4], |json| {
+                let targets = &mut json["meshes"][0]["primitives"][0]["targets"];
+                targets[0]["POSITION"] = json!(3);
+            }),
+            "accessor 3: expected VEC3",
+        ),
+    ];
+    for (bytes, named) in cases {
+        desk.write("leaf.glb", bytes);
+        let problem = desk.problem(MOVING);
+        assert!(problem.starts_with("obstacles[\"leaf\"]"), "{problem}");
+        assert!(problem.contains("leaf.glb"), "{problem}");
+        assert!(problem.contains(named), "{named}: {problem}");
+    }
+}

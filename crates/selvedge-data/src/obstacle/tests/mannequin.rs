@@ -1,0 +1,140 @@
+//! The shipped mannequin: closed, clear of itself, and on the ground in all that it does.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use selvedge_cloth::Obstacle;
+
+use super::{Desk, at};
+
+const ANIMATIONS: [&str; 5] = ["stand", "turn", "walk", "raise-arms", "hold-arms-out"];
+
+fn doing(animation: &str) -> Obstacle {
+    let text =
+        format!("name = \"m\"\nmesh = \"mannequin\"\nmotion = {{ animation = \"{animation}\" }}");
+    Desk::new().read(&text).unwrap()
+}
+
+/// Pairs of an edge and a face without a common point that cross.
+fn crossings(points: &[DVec3], faces: &[[u32; 3]]) -> usize {
+    const CELL: f64 = 0.06;
+    let cell = |p: DVec3| (p / CELL).floor().to_array().map(|x| x as i32);
+    let mut cells: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+    for (number, face) in faces.iter().enumerate() {
+        let corners = face.map(|p| points[p as usize]);
+        let low = cell(corners[0].min(corners[1]).min(corners[2]));
+        let high = cell(corners[0].max(corners[1]).max(corners[2]));
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                for z in low[2]..=high[2] {
+                    cells.entry([x, y, z]).or_default().push(number);
+                }
+            }
+        }
+    }
+    let mut found = std::collections::BTreeSet::new();
+    for near in cells.values() {
+        for &one in near {
+            for &other in near {
+                let [one_face, other_face] = [faces[one], faces[other]];
+                if one_face.iter().any(|p| other_face.contains(p)) {
+                    continue;
+                }
+                let corners = other_face.map(|p| points[p as usize]);
+                for k in 0..3 {
+                    let ends = [one_face[k], one_face[(k + 1) % 3]].map(|p| points[p as usize]);
+                    if crosses(ends, corners) {
+                        found.insert((one, other));
+                    }
+                }
+            }
+        }
+    }
+    found.len()
+}
+
+/// Returns true if the segment passes through the triangle: its ends are on both sides of the
+/// plane, and the triangle's sides all turn the same way around it.
+fn crosses([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
+    let side = |x: DVec3, y: DVec3, z: DVec3, w: DVec3| (y - x).cross(z - x).dot(w - x);
+    if side(a, b, c, p) * side(a, b, c, q) >= 0.0 {
+        return false;
+    }
+    let turns = [side(p, q, a, b), side(p, q, b, c), side(p, q, c, a)];
+    turns.iter().all(|t| *t > 0.0) || turns.iter().all(|t| *t < 0.0)
+}
+
+#[test]
+fn it_is_closed_and_as_large_as_a_person() {
+    let still = Desk::new()
+        .read("name = \"m\"\nmesh = \"mannequin\"")
+        .unwrap();
+    let mut sides = BTreeMap::new();
+    for face in still.faces() {
+        for k in 0..3 {
+            *sides.entry([face[k], face[(k + 1) % 3]]).or_insert(0) += 1;
+        }
+    }
+    assert!(
+        sides
+            .iter()
+            .all(|([a, b], n)| *n == 1 && sides.contains_key(&[*b, *a]))
+    );
+    // One piece without a hole.
+    assert_eq!(
+        still.point_count() + still.faces().len(),
+        sides.len() / 2 + 2
+    );
+    let points = at(&still, 0.0);
+    let of = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|p| points[p as usize]);
+        a.dot(b.cross(c)) / 6.0
+    };
+    let volume: f64 = still.faces().iter().map(of).sum();
+    assert!((0.04..0.09).contains(&volume), "{volume} m³");
+    let tallest = points.iter().map(|p| p.y).fold(0.0, f64::max);
+    assert!((1.65..1.80).contains(&tallest), "{tallest}");
+}
+
+#[test]
+fn it_stands_on_the_ground_and_is_clear_of_itself_in_all_that_it_does() {
+    for animation in ANIMATIONS {
+        let moving = doing(animation);
+        for k in 0..=20 {
+            let time = 16.0 * f64::from(k) / 60.0;
+            let points = at(&moving, time);
+            let lowest = points.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+            // Single precision, once in the key and once in each point.
+            assert!(lowest.abs() < 1e-6, "{animation} at {time}: {lowest}");
+            let found = crossings(&points, moving.faces());
+            assert_eq!(found, 0, "{animation} at {time} s");
+        }
+    }
+}
+
+#[test]
+fn it_begins_and_ends_in_one_stance_and_moves_between() {
+    let stance = at(&doing("stand"), 0.0);
+    for (animation, farthest) in [("turn", 0.5), ("walk", 0.1), ("raise-arms", 0.5)] {
+        let moving = doing(animation);
+        for time in [0.0, 9.0] {
+            let points = at(&moving, time);
+            let apart = points.iter().zip(&stance).map(|(a, b)| a.distance(*b));
+            assert!(apart.fold(0.0, f64::max) < 1e-5, "{animation} at {time}");
+        }
+        let apart = at(&moving, 2.25);
+        let most = apart.iter().zip(&stance).map(|(a, b)| a.distance(*b));
+        assert!(most.fold(0.0, f64::max) > farthest, "{animation}");
+    }
+    let problem =
+        Desk::new().problem("name = \"m\"\nmesh = \"mannequin\"\nmotion = { animation = \"fly\" }");
+    assert!(
+        problem.contains("no animation called \"fly\"; there are [stand"),
+        "{problem}"
+    );
+    let problem = Desk::new().problem("name = \"m\"\nmesh = \"mannequin\"\nmotion = \"mannequin\"");
+    assert!(
+        problem.contains("several animations: choose one by `animation`"),
+        "{problem}"
+    );
+}

@@ -1,0 +1,188 @@
+//! Tests of obstacles in files: words, bodies, motions and the shipped mannequin.
+
+mod glb;
+mod mannequin;
+mod motions;
+
+use std::path::Path;
+
+use glam::DVec3;
+use selvedge_cloth::{Obstacle, ObstaclePath};
+use tempfile::TempDir;
+
+use super::*;
+
+/// A folder with files, in which obstacles are read.
+struct Desk(TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        std::fs::write(self.0.path().join(name), bytes).unwrap();
+    }
+
+    fn spec(&self, text: &str) -> Result<ObstacleSpec, String> {
+        let file: ObstacleFile = toml::from_str(text).map_err(|error| error.to_string())?;
+        let spec = file.resolve(self.0.path());
+        spec.map_err(|error| error.to_string())
+    }
+
+    /// The obstacle that a text makes, which is the same from its spec as JSON.
+    fn read(&self, text: &str) -> Result<Obstacle, String> {
+        let spec = self.spec(text)?;
+        let json = serde_json::to_string(&spec).unwrap();
+        assert_eq!(serde_json::from_str::<ObstacleSpec>(&json).unwrap(), spec);
+        let made = spec.build(self.0.path(), 60.0);
+        made.map_err(|error| error.to_string())
+    }
+
+    fn problem(&self, text: &str) -> String {
+        self.read(text).unwrap_err()
+    }
+}
+
+fn at(obstacle: &Obstacle, time: f64) -> Vec<DVec3> {
+    obstacle.positions_at(time).collect()
+}
+
+fn assert_near(found: &[DVec3], expected: &[DVec3], bound: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(expected) {
+        assert!(found.distance(*expected) <= bound, "{found} {expected}");
+    }
+}
+
+#[test]
+fn simple_bodies_are_placed() {
+    let desk = Desk::new();
+    let ball = desk
+        .read(
+            "name = \"ball\"\nsphere = { radius = 0.3 }\nfriction = 0.2\nthickness = 0.002\n\
+            transform = { scale = 2, translation = [1, 2, 3] }",
+        )
+        .unwrap();
+    let centre = DVec3::new(1.0, 2.0, 3.0);
+    let is_on = |p: DVec3| (p.distance(centre) - 0.6).abs() < 1e-14;
+    assert!(ball.positions_at(0.0).all(is_on));
+    assert_eq!((ball.friction(), ball.thickness()), (0.2, Some(0.002)));
+    assert!(ball.is_still());
+
+    let wall = desk.read("name = \"w\"\nplane = { normal = [2, 0, 0], height = 0.5, size = 3 }");
+    let wall = wall.unwrap();
+    assert!(wall.positions_at(0.0).all(|p| (p.x - 0.5).abs() < 1e-15));
+    assert!((at(&wall, 0.0)[0].distance(at(&wall, 0.0)[1]) - 3.0).abs() < 1e-15);
+    assert_eq!(wall.friction(), f64::INFINITY);
+
+    let cube = desk
+        .read("name = \"b\"\nbox = { size = [1, 2, 3] }")
+        .unwrap();
+    assert_eq!((cube.point_count(), cube.faces().len()), (8, 12));
+    let capsule = "name = \"c\"\ncapsule = { radius = 0.1, length = 0.4 }";
+    let capsule = desk.read(capsule).unwrap();
+    let tallest = capsule.positions_at(0.0).map(|p| p.y).fold(0.0, f64::max);
+    assert!((tallest - 0.3).abs() < 1e-15);
+}
+
+#[test]
+fn meshes_are_cut_into_triangles_and_keep_their_numbers() {
+    let desk = Desk::new();
+    // A point without a face stays, so that motions by number fit.
+    desk.write(
+        "step.obj",
+        "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 2 3 4 5\n",
+    );
+    let step = desk.read("name = \"s\"\nmesh = \"step.obj\"").unwrap();
+    assert_eq!((step.point_count(), step.faces().len()), (5, 2));
+    assert!(step.faces().as_flattened().iter().all(|&p| p > 0));
+    let spec = desk.spec("name = \"s\"\nmesh = \"step.obj\"").unwrap();
+    assert_eq!(spec.files(Path::new("a")), [Path::new("a/step.obj")]);
+}
+
+#[test]
+fn what_is_wrong_is_named_with_the_obstacle() {
+    let desk = Desk::new();
+    desk.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+    desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
+    desk.write("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    desk.write("empty.obj", "v 0 0 0\n");
+    for (text, named) in [
+        ("name = \"\"\nsphere = { radius = 1 }", "name: is empty"),
+        (
+            "name = \"a\"",
+            "obstacles[\"a\"].body: must be one of plane",
+        ),
+        (
+            "name = \"a\"\nsphere = { radius = 1 }\nbox = { size = [1, 1, 1] }",
+            "must be one of",
+        ),
+        (
+            "name = \"a\"\nsphere = { radius = 0 }",
+            "sphere.radius: must be between",
+        ),
+        ("name = \"a\"\nsphere = { radios = 1 }", "radios"),
+        (
+            "name = \"a\"\nplane = { normal = [0, 0, 0] }",
+            "plane.normal",
+        ),
+        (
+            "name = \"a\"\ncapsule = { radius = 1, length = -1 }",
+            "capsule.length",
+        ),
+        (
+            "name = \"a\"\nmesh = \"gone.obj\"",
+            "gone.obj could not be read",
+        ),
+        (
+            "name = \"a\"\nmesh = \"mannekin\"",
+            "neither a shipped body (mannequin)",
+        ),
+        ("name = \"a\"\nmesh = \"flat.obj\"", "face 0 has no area"),
+        (
+            "name = \"a\"\nmesh = \"far.obj\"",
+            "obstacles[\"a\"].mesh: far.obj",
+        ),
+        (
+            "name = \"a\"\nmesh = \"nan.obj\"",
+            "obstacles[\"a\"].mesh: nan.obj",
+        ),
+        ("name = \"a\"\nmesh = \"empty.obj\"", "has no faces"),
+        (
+            "name = \"a\"\nsphere = { radius = 1 }\nfriction = -1",
+            "friction must be not negative",
+        ),
+        (
+            "name = \"a\"\nsphere = { radius = 1 }\nthickness = 2",
+            "thickness must be between",
+        ),
+        (
+            "name = \"a\"\nsphere = { radius = 1 }\ntransform = { scale = 0 }",
+            "transform: scale must be",
+        ),
+        (
+            "name = \"a\"\nsphere = { radius = 1 }\nmotion = { rate = 3 }",
+            "motion: needs keyframes",
+        ),
+        (
+            "name = \"a\"\nsphere = { radius = 1 }\nmotion = { file = \"empty.obj\" }",
+            "motion: points of a file move a mesh",
+        ),
+    ] {
+        let problem = desk.problem(text);
+        assert!(problem.contains(named), "{named}: {problem}");
+    }
+    let spec = desk.spec("name = \"a\"\nmesh = \"far.obj\"").unwrap();
+    desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let problem = spec.build(desk.0.path(), 60.0).unwrap_err().to_string();
+    assert!(problem.contains("far.obj has changed since"), "{problem}");
+}
+
+/// The frames of a path by points.
+fn frames(obstacle: &Obstacle) -> (f64, &[Vec<DVec3>]) {
+    match obstacle.path() {
+        ObstaclePath::Points { frame_rate, frames } => (*frame_rate, frames),
+        other => panic!("{other:?}"),
+    }
+}

@@ -1,0 +1,225 @@
+//! Motions of obstacles: keyframes, nodes, and points of files.
+
+use glam::{DQuat, DVec3};
+use selvedge_cloth::ObstaclePath;
+
+use super::{Desk, assert_near, at, frames};
+use crate::formats::npz::tests::{archive, floats};
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// The triangle `height` higher.
+fn raised(height: f64) -> Vec<DVec3> {
+    [DVec3::ZERO, DVec3::X, DVec3::Y]
+        .map(|p| p + DVec3::Z * height)
+        .to_vec()
+}
+
+fn numbers(frames: &[Vec<DVec3>]) -> Vec<f64> {
+    frames.iter().flatten().flat_map(|p| p.to_array()).collect()
+}
+
+#[test]
+fn keyframes_move_a_body_smoothly_and_then_it_rests() {
+    let desk = Desk::new();
+    let text = "name = \"b\"\nbox = { size = [1, 1, 1] }\ntransform = { translation = [0, 1, 0] }\n\
+        motion = { keyframes = [{ time = 1.0, translation = [2, 0, 0], rotation_deg = 90 }] }";
+    let cube = desk.read(text).unwrap();
+    let start = at(&cube, 0.0);
+    // Halfway in time is halfway; at a quarter the cubic is at 5/32.
+    for (time, share) in [(0.5, 0.5), (0.25, 0.15625), (1.0, 1.0), (7.0, 1.0)] {
+        let centre = DVec3::Y;
+        let turn = DQuat::from_rotation_y(share * std::f64::consts::FRAC_PI_2);
+        let place = |p: &DVec3| centre + turn * (*p - centre) + DVec3::X * 2.0 * share;
+        let expected: Vec<DVec3> = start.iter().map(place).collect();
+        assert_near(&at(&cube, time), &expected, 1e-12);
+    }
+    let text = text.replace(
+        "keyframes =",
+        "axis = [0, 0, 2], centre = [0, 0, 0], keyframes =",
+    );
+    let about = desk.read(&text).unwrap();
+    let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
+    let expected: Vec<DVec3> = start.iter().map(|p| turn * *p + DVec3::X * 2.0).collect();
+    assert_near(&at(&about, 1.0), &expected, 1e-12);
+    for (from, to, named) in [
+        ("time = 1.0", "time = -1.0", "time must be"),
+        (
+            "translation = [2",
+            "translation = [2e9",
+            "translation must be",
+        ),
+        ("}] }", "}], file = \"a.pc2\" }", "keep one"),
+    ] {
+        let problem = desk.problem(&text.replace(from, to));
+        assert!(problem.contains(named), "{named}: {problem}");
+    }
+}
+
+#[test]
+fn a_sequence_a_cache_and_an_archive_move_points_alike() {
+    let desk = Desk::new();
+    desk.write("t.obj", TRIANGLE);
+    let expected = [raised(0.0), raised(0.5), raised(2.0)];
+    let mut cache = b"POINTCACHE2\0".to_vec();
+    cache.extend([1_i32, 3].iter().flat_map(|n| n.to_le_bytes()));
+    cache.extend([0_f32, 1.0].iter().flat_map(|n| n.to_le_bytes()));
+    cache.extend(3_i32.to_le_bytes());
+    cache.extend(
+        numbers(&expected)
+            .iter()
+            .flat_map(|n| (*n as f32).to_le_bytes()),
+    );
+    desk.write("t.pc2", &cache);
+    let points = floats("(3, 3, 3)", &numbers(&expected));
+    desk.write("t.npz", archive(&[("points", points.clone())]));
+    let rate = floats("(1,)", &[24.0]);
+    desk.write(
+        "rated.npz",
+        archive(&[("positions", points), ("fps", rate)]),
+    );
+    for (number, frame) in expected.iter().enumerate() {
+        let text: String = frame
+            .iter()
+            .map(|p| format!("v {} {} {}\n", p.x, p.y, p.z))
+            .collect();
+        desk.write(&format!("t-{number:03}.obj"), text);
+    }
+    for (motion, rate) in [
+        ("\"t-{frame:03}.obj\"", 60.0),
+        ("\"t.pc2\"", 60.0),
+        ("\"t.npz\"", 60.0),
+        ("\"rated.npz\"", 24.0),
+        ("{ file = \"t.pc2\", rate = 30 }", 30.0),
+        (
+            "{ file = \"t-{frame:03}.obj\", rate = 12, first = 0 }",
+            12.0,
+        ),
+    ] {
+        let text = format!("name = \"t\"\nmesh = \"t.obj\"\nmotion = {motion}");
+        let moving = desk.read(&text).unwrap();
+        assert_eq!(frames(&moving), (rate, &expected[..]), "{motion}");
+        assert_near(&at(&moving, 1.5 / rate), &raised(1.25), 1e-15);
+    }
+    let late =
+        "name = \"t\"\nmesh = \"t.obj\"\nmotion = { file = \"t.npz\", rate = 10, from = 0.1 }";
+    assert_eq!(frames(&desk.read(late).unwrap()).1, &expected[1..]);
+    let placed = "name = \"t\"\nmesh = \"t.obj\"\nmotion = \"t.npz\"\ntransform = { scale = 2 }";
+    assert_near(
+        &at(&desk.read(placed).unwrap(), 9.0),
+        &raised(2.0).iter().map(|p| *p * 2.0).collect::<Vec<_>>(),
+        0.0,
+    );
+}
+
+#[test]
+fn motions_that_do_not_fit_are_named() {
+    let desk = Desk::new();
+    desk.write("t.obj", TRIANGLE);
+    desk.write("t0.obj", TRIANGLE);
+    desk.write("t1.obj", "v 0 0 0\nv 1 0 0\n");
+    desk.write(
+        "quad.npz",
+        archive(&[("positions", floats("(1, 4, 3)", &[0.5; 12]))]),
+    );
+    let mut wild = numbers(&[raised(0.0)]);
+    wild[4] = f64::INFINITY;
+    desk.write(
+        "wild.npz",
+        archive(&[("positions", floats("(1, 3, 3)", &wild))]),
+    );
+    desk.write(
+        "flat.npz",
+        archive(&[("positions", floats("(1, 3, 3)", &[0.5; 9]))]),
+    );
+    desk.write("short.pc2", b"POINTCACHE2\0");
+    desk.write("x.abc", b"");
+    for (motion, named) in [
+        (
+            "\"t{frame}.obj\"",
+            "motion: t1.obj has 2 points, but t0.obj has 3",
+        ),
+        ("\"u{frame}.obj\"", "u1.obj could not be read"),
+        ("\"t{frame:4}.obj\"", "write {frame}"),
+        ("\"quad.npz\"", "frame 0 has 4 points, but the mesh has 3"),
+        ("\"wild.npz\"", "point 1 of frame 0 is not finite"),
+        ("\"flat.npz\"", "face 0 has no area"),
+        ("\"short.pc2\"", "short.pc2: ends at byte 12"),
+        ("\"x.abc\"", "must end in .obj"),
+        ("\"t.obj\"", "must end in .obj (with {frame}"),
+        ("{ file = \"quad.npz\", rate = 0 }", "rate must be"),
+        ("{ file = \"quad.npz\", from = -1.0 }", "from must not"),
+        (
+            "{ file = \"quad.npz\", from = 9.0 }",
+            "from is after its end",
+        ),
+        (
+            "{ file = \"quad.npz\", first = 2 }",
+            "first is for a sequence",
+        ),
+        (
+            "{ file = \"quad.npz\", animation = \"w\" }",
+            "only a .glb has",
+        ),
+        ("{ node = \"a\" }", "names a node but no file"),
+        (
+            "{ file = \"quad.npz\", axis = [0, 1, 0] }",
+            "axis and centre are for",
+        ),
+    ] {
+        let problem = desk.problem(&format!(
+            "name = \"t\"\nmesh = \"t.obj\"\nmotion = {motion}"
+        ));
+        assert!(problem.starts_with("obstacle"), "{problem}");
+        assert!(problem.contains(named), "{named}: {problem}");
+    }
+}
+
+const STAGE: &str = "#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = \"Y\"\n    \
+    timeCodesPerSecond = 24\n)\ndef Xform \"root\"\n{\n    \
+    double3 xformOp:translate.timeSamples = {\n        0: (0, 0, 0),\n        24: (1, 0, 0),\n    }\n    \
+    uniform token[] xformOpOrder = [\"xformOp:translate\"]\n    \
+    def Mesh \"leaf\"\n    {\n        int[] faceVertexCounts = [3]\n        \
+    int[] faceVertexIndices = [0, 1, 2]\n        \
+    point3f[] points.timeSamples = {\n            0: [(0, 0, 0), (1, 0, 0), (0, 1, 0)],\n            \
+    12: [(0, 0, 2), (1, 0, 2), (0, 1, 2)],\n        }\n    }\n}\n";
+
+#[test]
+fn samples_of_a_stage_move_points_with_their_prims() {
+    let desk = Desk::new();
+    desk.write("leaf.usda", STAGE);
+    let text = "name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"";
+    let leaf = desk.read(text).unwrap();
+    let (rate, moved) = frames(&leaf);
+    assert_eq!((rate, moved.len()), (60.0, 61));
+    for (time, height) in [(0.0, 0.0), (0.25, 1.0), (0.5, 2.0), (1.0, 2.0)] {
+        let expected: Vec<DVec3> = raised(height)
+            .iter()
+            .map(|p| *p + DVec3::X * time)
+            .collect();
+        assert_near(&at(&leaf, time), &expected, 1e-12);
+    }
+    let still = desk.read("name = \"leaf\"\nmesh = \"leaf.usda\"").unwrap();
+    assert!(still.is_still());
+    desk.write("leaf.usda", STAGE.replace("(1, 0, 2), ", ""));
+    let problem = desk.problem(text);
+    assert!(
+        problem.contains("2 points at time code 12 and 3 at the first"),
+        "{problem}"
+    );
+    desk.write("leaf.usda", STAGE.replace("12: [", "0: ["));
+    assert!(desk.problem(text).contains("times that do not ascend"));
+}
+
+#[test]
+fn a_body_follows_a_node_rigidly() {
+    let desk = Desk::new();
+    desk.write("leaf.usda", STAGE);
+    let text = "name = \"b\"\nsphere = { radius = 0.2 }\nmotion = { file = \"leaf.usda\", node = \"root\" }";
+    let ball = desk.read(text).unwrap();
+    assert!(matches!(ball.path(), ObstaclePath::Rigid(keys) if keys.len() == 61));
+    let expected: Vec<DVec3> = at(&ball, 0.0).iter().map(|p| *p + DVec3::X * 0.5).collect();
+    assert_near(&at(&ball, 0.5), &expected, 1e-12);
+    let problem = desk.problem(&text.replace("\"root\"", "\"roof\""));
+    assert!(problem.contains("no node called \"roof\""), "{problem}");
+}

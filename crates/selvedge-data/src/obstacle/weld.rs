@@ -1,0 +1,60 @@
+//! Welding of bodies: points that formats split along seams become one, where they stay together in
+//! every frame.
+
+use glam::DVec3;
+use selvedge_cloth::bodies::Body;
+
+use crate::formats::polygons::owners;
+
+/// Part of a body's extent up to which points coincide: single precision at some ten roundings.
+const COINCIDENT: f64 = 1e-6;
+
+/// Welds points that coincide in the mesh and in every one of `frames`. Faces that lose a corner by
+/// it are left out; so are points without a face.
+pub(super) fn weld(body: &mut Body, frames: &mut [Vec<DVec3>]) {
+    let tolerance = COINCIDENT * extent(&body.points);
+    let mut owners = owners(&body.points, tolerance);
+    for frame in frames.iter() {
+        for point in 0..owners.len() {
+            let owner = owners[point] as usize;
+            // Ten times: a motion rounds once more.
+            if frame[point].distance(frame[owner]) > 10.0 * tolerance {
+                owners[point] = point as u32;
+            }
+        }
+    }
+    for corner in body.faces.as_flattened_mut() {
+        *corner = owners[*corner as usize];
+    }
+    body.faces.retain(|[a, b, c]| a != b && b != c && c != a);
+    let mut is_used = vec![false; body.points.len()];
+    for &corner in body.faces.as_flattened() {
+        is_used[corner as usize] = true;
+    }
+    let mut numbers = Vec::with_capacity(is_used.len());
+    let mut next = 0;
+    for &used in &is_used {
+        numbers.push(next);
+        next += u32::from(used);
+    }
+    for corner in body.faces.as_flattened_mut() {
+        *corner = numbers[*corner as usize];
+    }
+    keep(&mut body.points, &is_used);
+    for frame in frames {
+        keep(frame, &is_used);
+    }
+}
+
+fn keep(points: &mut Vec<DVec3>, is_used: &[bool]) {
+    let mut used = is_used.iter();
+    points.retain(|_| used.next().copied().unwrap_or_default());
+}
+
+/// Longest side of the box around `points`.
+fn extent(points: &[DVec3]) -> f64 {
+    let first = points.first().copied().unwrap_or_default();
+    let low = points.iter().fold(first, |low, p| low.min(*p));
+    let high = points.iter().fold(first, |high, p| high.max(*p));
+    (high - low).max_element()
+}

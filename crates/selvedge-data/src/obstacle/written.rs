@@ -1,0 +1,219 @@
+//! Obstacles as people write them.
+//!
+//! ```toml
+//! [[obstacles]]
+//! name = "ball"
+//! sphere = { radius = 0.3 }
+//! transform = { translation = [0, 1, 0] }
+//! motion = { keyframes = [{ time = 2.0, translation = [0, 0, 1], rotation_deg = 90 }] }
+//! friction = 0.4
+//! ```
+
+use std::path::Path;
+
+use glam::DVec3;
+use selvedge_cloth::Keyframe;
+use serde::Deserialize;
+
+use super::body::BodySpec;
+use super::error::{ObstacleSpecError, Problem};
+use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
+use super::read;
+use super::spec::{ObstacleSpec, Placement};
+use crate::formats::hash::hash;
+
+/// An obstacle in the file's own words.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ObstacleFile {
+    pub(super) name: String,
+    plane: Option<PlaneFile>,
+    sphere: Option<SphereFile>,
+    capsule: Option<CapsuleFile>,
+    #[serde(rename = "box")]
+    cuboid: Option<BoxFile>,
+    mesh: Option<String>,
+    #[serde(default)]
+    transform: Placement,
+    motion: Option<MotionFile>,
+    friction: Option<f64>,
+    thickness: Option<f64>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlaneFile {
+    #[serde(default = "up")]
+    normal: DVec3,
+    #[serde(default)]
+    height: f64,
+    #[serde(default = "far")]
+    size: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SphereFile {
+    radius: f64,
+    edge: Option<f64>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CapsuleFile {
+    radius: f64,
+    length: f64,
+    edge: Option<f64>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoxFile {
+    size: DVec3,
+}
+
+/// A file of points, or a table.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a file, or a table with keyframes, file, animation or node"
+)]
+enum MotionFile {
+    Path(String),
+    Table(Box<MotionTable>),
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MotionTable {
+    keyframes: Option<Vec<Keyframe>>,
+    axis: Option<DVec3>,
+    centre: Option<DVec3>,
+    file: Option<String>,
+    node: Option<String>,
+    animation: Option<String>,
+    rate: Option<f64>,
+    first: Option<usize>,
+    #[serde(default)]
+    from: f64,
+}
+
+fn up() -> DVec3 {
+    DVec3::Y
+}
+
+fn far() -> f64 {
+    10.0
+}
+
+fn wrong(field: &'static str, problem: impl Into<String>) -> Problem {
+    Problem::Field(field, problem.into())
+}
+
+impl ObstacleFile {
+    /// Looks for files from `folder`.
+    pub(crate) fn resolve(self, folder: &Path) -> Result<ObstacleSpec, ObstacleSpecError> {
+        let name = self.name.clone();
+        self.resolved(folder).map_err(|problem| problem.of(&name))
+    }
+
+    fn resolved(self, folder: &Path) -> Result<ObstacleSpec, Problem> {
+        if self.name.is_empty() {
+            return Err(wrong("name", "is empty: give the obstacle a name"));
+        }
+        let plane = self.plane.map(|plane| BodySpec::Plane {
+            normal: plane.normal,
+            height: plane.height,
+            size: plane.size,
+        });
+        let sphere = self.sphere.map(|sphere| BodySpec::Sphere {
+            radius: sphere.radius,
+            edge: sphere.edge,
+        });
+        let capsule = self.capsule.map(|capsule| BodySpec::Capsule {
+            radius: capsule.radius,
+            length: capsule.length,
+            edge: capsule.edge,
+        });
+        let cuboid = self
+            .cuboid
+            .map(|cuboid| BodySpec::Box { size: cuboid.size });
+        let mesh = match self.mesh {
+            Some(path) => {
+                let blake3 = hash(&read::bytes_of("mesh", &path, folder)?);
+                Some(BodySpec::Mesh { path, blake3 })
+            }
+            None => None,
+        };
+        let bodies = [plane, sphere, capsule, cuboid, mesh];
+        let mut bodies = bodies.into_iter().flatten();
+        let (Some(body), None) = (bodies.next(), bodies.next()) else {
+            let problem = "must be one of plane, sphere, capsule, box and mesh";
+            return Err(wrong("body", problem));
+        };
+        let motion = match self.motion {
+            None => ObstacleMotion::Still,
+            Some(MotionFile::Path(path)) => {
+                ObstacleMotion::Points(FramesFile::now(path, None, folder)?)
+            }
+            Some(MotionFile::Table(table)) => table.resolve(&body, folder)?,
+        };
+        Ok(ObstacleSpec {
+            name: self.name,
+            body,
+            transform: self.transform,
+            motion,
+            friction: self.friction,
+            thickness: self.thickness,
+        })
+    }
+}
+
+impl MotionTable {
+    fn resolve(self, body: &BodySpec, folder: &Path) -> Result<ObstacleMotion, Problem> {
+        let of_points = self.rate.is_some()
+            || self.first.is_some()
+            || self.from != 0.0
+            || self.animation.is_some();
+        if let Some(keyframes) = self.keyframes {
+            if of_points || self.file.is_some() || self.node.is_some() {
+                return Err(wrong("motion", "has keyframes and a file: keep one"));
+            }
+            return Ok(ObstacleMotion::Keyframes(ObstacleKeyframes {
+                axis: self.axis.unwrap_or(DVec3::Y),
+                centre: self.centre,
+                keyframes,
+            }));
+        }
+        if self.axis.is_some() || self.centre.is_some() {
+            return Err(wrong("motion", "axis and centre are for keyframes"));
+        }
+        if let Some(node) = self.node {
+            let Some(path) = self.file else {
+                return Err(wrong("motion", "names a node but no file that has it"));
+            };
+            if of_points {
+                let problem = "follows a node: rate, first, from and animation are for points";
+                return Err(wrong("motion", problem));
+            }
+            let blake3 = hash(&read::bytes_of("motion", &path, folder)?);
+            return Ok(ObstacleMotion::Node(NodeFile { path, blake3, node }));
+        }
+        // An animation without a file is one of the mesh's own.
+        let own = match (body, &self.animation) {
+            (BodySpec::Mesh { path, .. }, Some(_)) => Some(path.clone()),
+            _ => None,
+        };
+        let Some(path) = self.file.or(own) else {
+            let problem = "needs keyframes, a file, or an animation of the mesh's own file";
+            return Err(wrong("motion", problem));
+        };
+        let file = FramesFile::now(path, self.first, folder)?;
+        Ok(ObstacleMotion::Points(FramesFile {
+            rate: self.rate,
+            animation: self.animation,
+            from: self.from,
+            ..file
+        }))
+    }
+}

@@ -1,0 +1,118 @@
+//! Bodies in the files of rigs (.glb, .usda): all meshes together as they move, baked frame by
+//! frame into our world.
+
+use glam::DVec3;
+
+use super::error::RigError;
+use super::moving_mesh::MovingMesh;
+use super::node::Rig;
+use super::{glb, usda};
+
+/// Frames at most that a body may move.
+const MOST_FRAMES: usize = 100_000;
+
+/// A key that is so near to a frame is taken to be at it [frames]: glTF has times in single
+/// precision.
+const SLACK: f64 = 1e-2;
+
+/// The meshes of a file as one body.
+#[derive(Debug)]
+pub(crate) struct MovingBody {
+    rig: Rig,
+    meshes: Vec<MovingMesh>,
+}
+
+/// Reads all meshes in the bytes of a .glb or of a .usda file, with one of its animations; with
+/// none, as they stand, where `is_still`.
+///
+/// # Errors
+/// [`RigError`] says what cannot be understood; the file is not named.
+pub(crate) fn read_body(
+    bytes: &[u8],
+    is_glb: bool,
+    animation: Option<&str>,
+    is_still: bool,
+) -> Result<MovingBody, RigError> {
+    let (rig, meshes) = match (is_glb, animation) {
+        (true, _) if is_still => glb::parse_bodies(bytes, glb::Chosen::None)?,
+        (true, Some(name)) => glb::parse_bodies(bytes, glb::Chosen::Named(name))?,
+        (true, None) => glb::parse_bodies(bytes, glb::Chosen::Only)?,
+        (false, None) => usda::parse_bodies(bytes)?,
+        (false, Some(name)) => {
+            return Err(RigError::NoAnimation {
+                name: name.to_owned(),
+                known: "a .usda file has one without a name".to_owned(),
+            });
+        }
+    };
+    if meshes.is_empty() {
+        return Err(RigError::NoMesh);
+    }
+    for node in meshes.iter().flat_map(MovingMesh::nodes) {
+        rig.check_chain(node)?;
+    }
+    Ok(MovingBody { rig, meshes })
+}
+
+impl MovingBody {
+    /// Faces by their points, with the points of all meshes in order.
+    ///
+    /// # Errors
+    /// [`RigError::Node`] for a face that names a point which is not there.
+    pub(crate) fn faces(&self) -> Result<Vec<Vec<u32>>, RigError> {
+        let mut faces = Vec::new();
+        let mut first = 0;
+        for moving in &self.meshes {
+            let mesh = &moving.mesh;
+            let count = mesh.positions.len() as u32;
+            for (number, face) in mesh.faces.iter().enumerate() {
+                if let Some(beyond) = face.iter().find(|&&point| point >= count) {
+                    return Err(RigError::Node {
+                        name: self.rig.nodes[mesh.node].name.clone(),
+                        problem: format!(
+                            "face {number} of its mesh names point {beyond} of {count}"
+                        ),
+                    });
+                }
+                faces.push(face.iter().map(|point| first + point).collect());
+            }
+            first += count;
+        }
+        Ok(faces)
+    }
+
+    /// Times of the first and the last key that move it `[s]`; none if nothing does.
+    pub(crate) fn span(&self) -> Option<[f64; 2]> {
+        let spans = self.meshes.iter().filter_map(|mesh| mesh.span(&self.rig));
+        spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+
+    /// Positions of all points at `time` `[s]`, in metres.
+    pub(crate) fn positions(&self, time: f64) -> Vec<DVec3> {
+        let meshes = self.meshes.iter();
+        meshes
+            .flat_map(|mesh| mesh.positions(&self.rig, time))
+            .collect()
+    }
+
+    /// Positions in every frame from `from` `[s]` after the first key to the last, `frame_rate` a
+    /// second.
+    ///
+    /// # Errors
+    /// [`RigError::Long`] for more than 100000 frames.
+    pub(crate) fn frames(&self, frame_rate: f64, from: f64) -> Result<Vec<Vec<DVec3>>, RigError> {
+        let [first, last] = self.span().unwrap_or_default();
+        let start = first + from;
+        let steps = ((last - start) * frame_rate + SLACK).floor().max(0.0);
+        if steps >= MOST_FRAMES as f64 {
+            return Err(RigError::Long {
+                frames: steps,
+                most: MOST_FRAMES,
+            });
+        }
+        let time = |frame: usize| start + frame as f64 / frame_rate;
+        Ok((0..=steps as usize)
+            .map(|frame| self.positions(time(frame)))
+            .collect())
+    }
+}

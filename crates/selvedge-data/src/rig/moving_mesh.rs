@@ -1,0 +1,142 @@
+//! A mesh of a node as it moves: by morph targets, by samples of its points, by a skin, or with its
+//! node.
+//!
+//! A point is its position plus every target times its weight. In a mesh with a skin it then goes
+//! with its joints: Σ w M(t) B p, M from the joint's space to the world and B its inverse bind
+//! matrix; the node's own transform does not count. `[eq:skin]` Without a skin it goes with its
+//! node.
+
+use glam::{DMat4, DVec3};
+
+use super::node::Rig;
+use super::node_mesh::NodeMesh;
+use super::track::{Joined, Track};
+
+/// A mesh of a node, and what moves its points.
+#[derive(Debug)]
+pub(crate) struct MovingMesh {
+    /// Positions in the space of the node or, with a skin, of the bind, and faces.
+    pub(super) mesh: NodeMesh,
+    /// Morph targets of every point.
+    pub(super) targets: Vec<Target>,
+    /// Samples of the points, in place of the positions of the mesh.
+    samples: Option<Samples>,
+    pub(super) skin: Option<Skin>,
+}
+
+/// A morph target.
+#[derive(Debug)]
+pub(super) struct Target {
+    /// Displacements of every point.
+    pub(super) offsets: Vec<DVec3>,
+    /// Share of them over time.
+    pub(super) weight: Track<f64>,
+}
+
+/// Points over time.
+#[derive(Debug)]
+struct Samples {
+    /// The place in `frames`, in frames.
+    place: Track<f64>,
+    frames: Vec<Vec<DVec3>>,
+}
+
+/// Joints and what follows them.
+#[derive(Debug)]
+pub(super) struct Skin {
+    /// Nodes, and the matrices from the bind to their spaces.
+    pub(super) joints: Vec<(usize, DMat4)>,
+    /// Joints of every point with their shares, which sum to 1.
+    pub(super) shares: Vec<Vec<(usize, f64)>>,
+}
+
+impl MovingMesh {
+    /// A mesh with morph targets and perhaps a skin.
+    pub(super) fn new(mesh: NodeMesh, targets: Vec<Target>, skin: Option<Skin>) -> Self {
+        Self {
+            mesh,
+            targets,
+            samples: None,
+            skin,
+        }
+    }
+
+    /// A mesh whose points are `frames` at `times` `[s]`, and linear in between; its own where
+    /// there are none.
+    ///
+    /// # Errors
+    /// The defect, as the end of a sentence.
+    pub(super) fn sampled(
+        mesh: NodeMesh,
+        times: Vec<f64>,
+        frames: Vec<Vec<DVec3>>,
+    ) -> Result<Self, &'static str> {
+        let mut made = Self::new(mesh, Vec::new(), None);
+        if !frames.is_empty() {
+            let places = (0..frames.len()).map(|frame| frame as f64).collect();
+            let place = Track::new(times, places, Joined::Linearly)?;
+            made.samples = Some(Samples { place, frames });
+        }
+        Ok(made)
+    }
+
+    /// Positions at `time` `[s]` in our world `[m]`, `[points]`. `[eq:skin]`
+    pub(super) fn positions(&self, rig: &Rig, time: f64) -> Vec<DVec3> {
+        let mut points = match &self.samples {
+            Some(samples) => samples.at(time),
+            None => self.mesh.positions.clone(),
+        };
+        for target in &self.targets {
+            let weight = target.weight.at(time);
+            for (point, offset) in points.iter_mut().zip(&target.offsets) {
+                *point += weight * *offset;
+            }
+        }
+        let Some(skin) = &self.skin else {
+            let placement = rig.placement(self.mesh.node, time);
+            let placed = points.iter().map(|p| placement.transform_point3(*p));
+            return placed.collect();
+        };
+        let joints = skin.joints.iter();
+        let joints: Vec<DMat4> = joints
+            .map(|&(node, bind)| rig.placement(node, time) * bind)
+            .collect();
+        let place = |(point, shares): (&DVec3, &Vec<(usize, f64)>)| {
+            let moved = shares
+                .iter()
+                .map(|&(joint, share)| share * joints[joint].transform_point3(*point));
+            moved.sum()
+        };
+        points.iter().zip(&skin.shares).map(place).collect()
+    }
+
+    /// Times of the first and the last key that move it `[s]`; none if nothing does.
+    pub(super) fn span(&self, rig: &Rig) -> Option<[f64; 2]> {
+        let of_nodes = self.nodes().into_iter().filter_map(|node| rig.span(node));
+        let of_targets = self.targets.iter().filter_map(|t| t.weight.span());
+        let of_samples = self.samples.iter().filter_map(|s| s.place.span());
+        of_nodes
+            .chain(of_targets)
+            .chain(of_samples)
+            .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+
+    /// The nodes whose places must be known.
+    pub(super) fn nodes(&self) -> Vec<usize> {
+        match &self.skin {
+            Some(skin) => skin.joints.iter().map(|joint| joint.0).collect(),
+            None => vec![self.mesh.node],
+        }
+    }
+}
+
+impl Samples {
+    fn at(&self, time: f64) -> Vec<DVec3> {
+        let place = self.place.at(time);
+        let from = (place.floor() as usize).min(self.frames.len() - 1);
+        let to = (from + 1).min(self.frames.len() - 1);
+        let part = place - from as f64;
+        let pairs = self.frames[from].iter().zip(&self.frames[to]);
+        pairs.map(|(a, b)| a.lerp(*b, part)).collect()
+    }
+}

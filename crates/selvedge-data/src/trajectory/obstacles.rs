@@ -1,0 +1,211 @@
+//! Obstacles of a trajectory: bodies beside the cloth, in every frame of it.
+
+use std::borrow::Cow;
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+use selvedge_cloth::{Obstacle, ObstaclePath};
+
+use super::TrajectoryError;
+
+/// A body over the frames of a trajectory. Positions are in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObstacleTrack {
+    pub(super) name: String,
+    pub(super) faces: Vec<[u32; 3]>,
+    pub(super) points: usize,
+    pub(super) motion: TrackMotion,
+}
+
+/// Places of a body's points.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum TrackMotion {
+    /// The same points in every frame.
+    Still(Vec<Vec3>),
+    /// The same points, placed in every frame.
+    Rigid(Vec<Vec3>, Vec<Pose>),
+    /// Points by the frame.
+    Points(Vec<Vec<Vec3>>),
+}
+
+/// A place of a rigid body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pose {
+    pub(super) rotation: Quat,
+    pub(super) translation: Vec3,
+}
+
+impl Pose {
+    fn apply(&self, point: Vec3) -> Vec3 {
+        // In double precision: the rounding of a frame must not depend on where a body is kept.
+        let rotation = DQuat::from_xyzw(
+            self.rotation.x.into(),
+            self.rotation.y.into(),
+            self.rotation.z.into(),
+            self.rotation.w.into(),
+        );
+        let turned = rotation.normalize() * point.as_dvec3();
+        (turned + self.translation.as_dvec3()).as_vec3()
+    }
+}
+
+impl ObstacleTrack {
+    /// The track of `obstacle` over `frames` frames at `frame_rate` `[1/s]`, the first at the time
+    /// of frame `first`.
+    #[must_use]
+    pub fn of(obstacle: &Obstacle, frame_rate: f64, first: usize, frames: usize) -> Self {
+        let time = |frame: usize| (first + frame) as f64 / frame_rate;
+        let at = |time: f64| rounded(obstacle.positions_at(time));
+        let motion = match obstacle.path() {
+            _ if obstacle.is_still() => TrackMotion::Still(at(0.0)),
+            ObstaclePath::Rigid(_) => Self::rigid(obstacle, &time, frames),
+            _ => TrackMotion::Points((0..frames).map(|frame| at(time(frame))).collect()),
+        };
+        Self {
+            name: obstacle.name().to_owned(),
+            faces: obstacle.faces().to_vec(),
+            points: obstacle.point_count(),
+            motion,
+        }
+    }
+
+    /// Poses of a rigid body against its own points, which are those of its path.
+    fn rigid(obstacle: &Obstacle, time: &dyn Fn(usize) -> f64, frames: usize) -> TrackMotion {
+        let ObstaclePath::Rigid(keys) = obstacle.path() else {
+            return TrackMotion::Still(rounded(obstacle.positions_at(0.0)));
+        };
+        // Where the first key holds, its inverse brings the points back to the body's own.
+        let start = &keys[0];
+        let own = |p: DVec3| start.rotation.inverse() * (p - start.translation);
+        let points = rounded(obstacle.positions_at(start.time).map(own));
+        let pose = |frame: usize| {
+            let (rotation, translation) = obstacle.rigid_place(time(frame));
+            Pose {
+                rotation: rotation.as_quat(),
+                translation: translation.as_vec3(),
+            }
+        };
+        TrackMotion::Rigid(points, (0..frames).map(pose).collect())
+    }
+
+    /// Name of the obstacle.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Corners of every face, `[faces, 3]`.
+    #[must_use]
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// Number of points.
+    #[must_use]
+    pub fn point_count(&self) -> usize {
+        self.points
+    }
+
+    /// Returns true if it never moves.
+    #[must_use]
+    pub fn is_still(&self) -> bool {
+        matches!(self.motion, TrackMotion::Still(_))
+    }
+
+    /// Positions in frame `index` `[m]`, `[points]`; in the last one it has where there is none of
+    /// this number.
+    #[must_use]
+    pub fn frame(&self, index: usize) -> Cow<'_, [Vec3]> {
+        match &self.motion {
+            TrackMotion::Still(points) => Cow::Borrowed(points),
+            TrackMotion::Rigid(points, poses) => {
+                let pose = poses[index.min(poses.len() - 1)];
+                Cow::Owned(points.iter().map(|p| pose.apply(*p)).collect())
+            }
+            TrackMotion::Points(frames) => Cow::Borrowed(&frames[index.min(frames.len() - 1)]),
+        }
+    }
+
+    /// Number of frames, where it moves.
+    fn frame_count(&self) -> Option<usize> {
+        match &self.motion {
+            TrackMotion::Still(_) => None,
+            TrackMotion::Rigid(_, poses) => Some(poses.len()),
+            TrackMotion::Points(frames) => Some(frames.len()),
+        }
+    }
+
+    /// Returns the image in a mirror at z = 0.
+    pub(super) fn mirrored(&self) -> Self {
+        let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
+        let all = |points: &Vec<Vec3>| points.iter().map(mirrored).collect();
+        let motion = match &self.motion {
+            TrackMotion::Still(points) => TrackMotion::Still(all(points)),
+            TrackMotion::Rigid(points, poses) => {
+                let pose = |pose: &Pose| Pose {
+                    // A turn about x and y goes the other way round in the mirror.
+                    rotation: Quat::from_xyzw(
+                        -pose.rotation.x,
+                        -pose.rotation.y,
+                        pose.rotation.z,
+                        pose.rotation.w,
+                    ),
+                    translation: mirrored(&pose.translation),
+                };
+                TrackMotion::Rigid(all(points), poses.iter().map(pose).collect())
+            }
+            TrackMotion::Points(frames) => TrackMotion::Points(frames.iter().map(all).collect()),
+        };
+        Self {
+            faces: self.faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
+            motion,
+            ..self.clone()
+        }
+    }
+
+    /// Checks that it has `frames` frames, finite, of the same points, which the faces name.
+    pub(super) fn check(&self, frames: usize) -> Result<(), TrajectoryError> {
+        let wrong = |problem: String| TrajectoryError::Obstacle {
+            name: self.name.clone(),
+            problem,
+        };
+        if let Some(found) = self.frame_count().filter(|found| *found != frames) {
+            return Err(wrong(format!("has {found} frames, the cloth has {frames}")));
+        }
+        let corners = self.faces.as_flattened().iter();
+        if let Some(beyond) = corners.copied().find(|&p| p as usize >= self.points) {
+            let points = self.points;
+            return Err(wrong(format!("a face names point {beyond} of {points}")));
+        }
+        let counts = match &self.motion {
+            TrackMotion::Still(points) | TrackMotion::Rigid(points, _) => vec![points.len()],
+            TrackMotion::Points(frames) => frames.iter().map(Vec::len).collect(),
+        };
+        if let Some(found) = counts.into_iter().find(|&found| found != self.points) {
+            let points = self.points;
+            return Err(wrong(format!(
+                "has {found} points in a frame, and {points} in all"
+            )));
+        }
+        let is_finite = match &self.motion {
+            TrackMotion::Still(points) => points.iter().all(|p| p.is_finite()),
+            TrackMotion::Rigid(points, poses) => {
+                let is_sound = |pose: &Pose| {
+                    let length = pose.rotation.length();
+                    pose.translation.is_finite() && (length - 1.0).abs() < 1e-3
+                };
+                points.iter().all(|p| p.is_finite()) && poses.iter().all(is_sound)
+            }
+            TrackMotion::Points(frames) => frames.iter().flatten().all(|p| p.is_finite()),
+        };
+        match is_finite {
+            true => Ok(()),
+            false => Err(wrong(
+                "has a place that is not finite, or no rotation".to_owned(),
+            )),
+        }
+    }
+}
+
+fn rounded(points: impl Iterator<Item = DVec3>) -> Vec<Vec3> {
+    points.map(|p| p.as_vec3()).collect()
+}

@@ -1,0 +1,160 @@
+//! Obstacles of trajectories: baked beside the cloth, written and read back, and damage named.
+
+use glam::{DQuat, DVec3, Vec2, Vec3};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Obstacle, ObstaclePath, RigidKey, Topology};
+use selvedge_data::{ObstacleTrack, Provenance, Trajectory};
+use serde_json::Value;
+
+fn trajectory(frames: usize) -> Trajectory {
+    let arrays = ClothArrays {
+        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
+        vertex_mass: vec![0.1; 3],
+        face_area: vec![0.5],
+    };
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
+    let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].repeat(frames);
+    let provenance = Provenance {
+        frame_rate: 10.0,
+        scene: Value::Null,
+        made_by: "tests".to_owned(),
+    };
+    Trajectory::new(cloth, positions, provenance).unwrap()
+}
+
+fn triangle(name: &str) -> Obstacle {
+    let points = vec![DVec3::ZERO, DVec3::X, DVec3::Z];
+    Obstacle::new(name, points, vec![[0, 2, 1]]).unwrap()
+}
+
+/// One that stands, one that turns as it rises, one that bends.
+fn obstacles() -> Vec<Obstacle> {
+    let key = |time: f64| RigidKey {
+        time,
+        rotation: DQuat::from_rotation_y(time),
+        translation: DVec3::new(1.0, time, 0.0),
+    };
+    let turning = ObstaclePath::Rigid(vec![key(0.1), key(0.5)]);
+    let frame = |y: f64| vec![DVec3::Y * y, DVec3::X, DVec3::Z];
+    let bending = ObstaclePath::Points {
+        frame_rate: 5.0,
+        frames: vec![frame(0.0), frame(1.0), frame(4.0)],
+    };
+    vec![
+        triangle("still"),
+        triangle("turning").moving(turning).unwrap(),
+        triangle("bending").moving(bending).unwrap(),
+    ]
+}
+
+fn with_obstacles(first: usize) -> Trajectory {
+    let tracks = obstacles();
+    let tracks = tracks.iter().map(|o| ObstacleTrack::of(o, 10.0, first, 4));
+    trajectory(4).with_obstacles(tracks.collect()).unwrap()
+}
+
+fn written(trajectory: &Trajectory) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.safetensors");
+    trajectory.write(&path).unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+#[test]
+fn tracks_are_where_the_obstacles_are_in_every_frame() {
+    for first in [0, 2] {
+        let trajectory = with_obstacles(first);
+        for (track, obstacle) in trajectory.obstacles().iter().zip(obstacles()) {
+            assert_eq!(track.name(), obstacle.name());
+            assert_eq!(track.faces(), obstacle.faces());
+            for frame in 0..4 {
+                let time = (first + frame) as f64 / 10.0;
+                let expected: Vec<DVec3> = obstacle.positions_at(time).collect();
+                for (found, expected) in track.frame(frame).iter().zip(expected) {
+                    // Single precision: pose and point are rounded once each, below 2 m.
+                    assert!(found.as_dvec3().distance(expected) < 1e-6, "{time}");
+                }
+            }
+        }
+        assert!(trajectory.obstacles()[0].is_still());
+    }
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let trajectory = with_obstacles(0);
+    let bytes = written(&trajectory);
+    let read = Trajectory::from_bytes(&bytes).unwrap();
+    assert_eq!(read, trajectory);
+    assert_eq!(written(&read), bytes);
+    // Without obstacles the file is that of a version before.
+    let bare = written(&self::trajectory(4));
+    let header = String::from_utf8_lossy(&bare[8..500]).into_owned();
+    assert!(
+        header.contains("\"version\":\"1\"") && !header.contains("obstacle"),
+        "{header}"
+    );
+}
+
+#[test]
+fn the_mirror_image_of_a_rigid_body_moves_as_its_points_do() {
+    let trajectory = with_obstacles(0);
+    let mirrored = trajectory.mirrored();
+    for (image, track) in mirrored.obstacles().iter().zip(trajectory.obstacles()) {
+        for frame in 0..4 {
+            for (found, p) in image.frame(frame).iter().zip(track.frame(frame).iter()) {
+                assert!(found.distance(Vec3::new(p.x, p.y, -p.z)) < 1e-6);
+            }
+        }
+    }
+    assert_eq!(mirrored.mirrored(), trajectory);
+}
+
+#[test]
+fn what_does_not_fit_or_is_damaged_is_named() {
+    let track = |frames| ObstacleTrack::of(&obstacles()[1], 10.0, 0, frames);
+    let error = trajectory(4).with_obstacles(vec![track(3)]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "obstacle \"turning\": has 3 frames, the cloth has 4"
+    );
+    let bytes = written(&with_obstacles(0));
+    let problem = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        let header = String::from_utf8_lossy(&bytes[8..8 + length]).into_owned();
+        assert!(header.contains(from), "{from}: {header}");
+        let mut edited = bytes[..8].to_vec();
+        edited.extend(header.replacen(from, to, 1).as_bytes());
+        edited.extend(&bytes[8 + length..]);
+        Trajectory::from_bytes(&edited).unwrap_err().to_string()
+    };
+    for (from, to, named) in [
+        (
+            "\"version\":\"3\"",
+            "\"version\":\"1\"",
+            "expected 3 for a file with obstacles",
+        ),
+        (
+            "\"version\":\"3\"",
+            "\"version\":\"9\"",
+            "expected 1, 2 or 3",
+        ),
+        ("\"obstacles\"", "\"obstickle\"", "metadata obstickle"),
+        ("[\\\"still\\\"", " \\\"still\\\"", "a JSON list of names"),
+        (
+            "\"obstacle_1.poses\"",
+            "\"obstacle_1.prose\"",
+            "obstacle_1.prose, which this version",
+        ),
+        (
+            "\"obstacle_2.faces\"",
+            "\"obstacle_9.faces\"",
+            "obstacle_9.faces, which this version",
+        ),
+    ] {
+        let found = problem(from, to);
+        assert!(found.contains(named), "{from}: {found}");
+    }
+}
