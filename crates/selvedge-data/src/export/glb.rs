@@ -1,7 +1,8 @@
 //! glTF 2.0 in one binary file (.glb): the first frame as the mesh, a morph target per further
 //! frame, and an animation that gives exactly one of them the weight 1 at the time of its frame.
 //! Between two frames weights go linearly, and so do the vertices. A node per handle moves as it
-//! does.
+//! does. An obstacle is a node with a mesh: rigid ones are turned and moved by the node, others go
+//! by morph targets with the weights of the cloth.
 //!
 //! A target holds differences from the first frame, in single precision: vertices come back to
 //! within one rounding of their size, 1.2e-7 of it. Every key has a weight for every target, as the
@@ -19,6 +20,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::glb_json::{self, Layout};
+use super::obstacles::TakenObstacle;
 use super::outcome::{ExportError, Pulse, check_size};
 use super::take::Take;
 use super::take::extent;
@@ -122,6 +124,38 @@ fn write_binary(take: &Take<'_>, out: &mut impl Write, pulse: &mut Pulse<'_>) ->
         for number in 0..take.len() {
             write_floats(out, &take.handle_positions(number)[handle].to_array())?;
         }
+    }
+    for obstacle in take.obstacles() {
+        write_obstacle(take, &obstacle, out)?;
+    }
+    Ok(())
+}
+
+/// Faces and points of an obstacle; of a rigid one then its turns and places, of another that moves
+/// what its points differ from the first frame by.
+fn write_obstacle(
+    take: &Take<'_>,
+    obstacle: &TakenObstacle<'_>,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    for corner in obstacle.faces().as_flattened() {
+        out.write_all(&corner.to_le_bytes())?;
+    }
+    let Some(points) = obstacle.rigid_points() else {
+        let first = obstacle.positions(take, 0);
+        for number in 0..obstacle.frame_count(take) {
+            let points = obstacle.positions(take, number);
+            write_points(out, &difference(points, &first, number))?;
+        }
+        return Ok(());
+    };
+    write_points(out, points)?;
+    let poses = || (0..take.len()).filter_map(|number| obstacle.pose(take, number));
+    for (turn, _) in poses() {
+        write_floats(out, &turn.to_array())?;
+    }
+    for (_, place) in poses() {
+        write_floats(out, &place.to_array())?;
     }
     Ok(())
 }

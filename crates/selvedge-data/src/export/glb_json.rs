@@ -4,6 +4,7 @@
 use glam::Vec3;
 use serde_json::{Value, json};
 
+use super::glb_bodies::Bodies;
 use super::take::Take;
 
 const FLOAT: u32 = 5126;
@@ -15,6 +16,9 @@ const INDICES: u32 = 34963;
 /// The front of our pictures, in linear light.
 const COLOUR: [f32; 4] = [0.08, 0.13, 0.4, 1.0];
 
+/// Obstacles.
+const GREY: [f32; 4] = [0.3, 0.3, 0.3, 1.0];
+
 /// Layout of the binary part `[bytes]`: views one after another.
 pub(super) struct Layout {
     views: Vec<View>,
@@ -22,7 +26,7 @@ pub(super) struct Layout {
 
 /// Content of a view of the binary part.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
+pub(super) enum Part {
     Indices,
     Positions,
     Normals,
@@ -33,6 +37,11 @@ enum Part {
     Times,
     Weights,
     HandlePaths,
+    /// Of the obstacle of this number: corners of faces, points, rotations and translations.
+    BodyIndices(usize),
+    BodyPoints(usize),
+    BodyTurns(usize),
+    BodyPlaces(usize),
 }
 
 struct View {
@@ -56,7 +65,24 @@ impl Layout {
         let is_sewn = cloth.pattern().is_sewn();
         let mut views = Vec::new();
         let mut start = 0;
-        for (part, length) in [
+        let obstacles = take.obstacles();
+        let obstacles = obstacles.iter().enumerate().flat_map(|(k, obstacle)| {
+            let points = 12 * obstacle.point_count() as u64;
+            let is_rigid = obstacle.rigid_points().is_some();
+            let moving = if is_rigid {
+                1
+            } else {
+                obstacle.frame_count(take)
+            };
+            let poses = if is_rigid { frames } else { 0 };
+            [
+                (Part::BodyIndices(k), 12 * obstacle.faces().len() as u64),
+                (Part::BodyPoints(k), points * moving as u64),
+                (Part::BodyTurns(k), 16 * poses),
+                (Part::BodyPlaces(k), 12 * poses),
+            ]
+        });
+        let own = [
             (Part::Indices, 12 * faces),
             (Part::Positions, 12 * vertices * frames),
             (Part::Normals, 12 * vertices * normals),
@@ -66,7 +92,8 @@ impl Layout {
             (Part::Times, 4 * frames),
             (Part::Weights, 4 * frames * (frames - 1)),
             (Part::HandlePaths, 12 * frames * handles),
-        ] {
+        ];
+        for (part, length) in own.into_iter().chain(obstacles) {
             if length > 0 {
                 views.push(View {
                     part,
@@ -96,11 +123,15 @@ impl Layout {
                 "byteLength": view.length,
             });
             let (stride, target) = match view.part {
-                Part::Indices => (None, Some(INDICES)),
-                Part::Positions | Part::Normals => (Some(12), Some(VERTICES)),
+                Part::Indices | Part::BodyIndices(_) => (None, Some(INDICES)),
+                Part::Positions | Part::Normals | Part::BodyPoints(_) => (Some(12), Some(VERTICES)),
                 Part::Texture => (Some(8), Some(VERTICES)),
                 Part::HandleNumbers | Part::Vertices => (Some(4), Some(VERTICES)),
-                Part::Times | Part::Weights | Part::HandlePaths => (None, None),
+                Part::Times
+                | Part::Weights
+                | Part::HandlePaths
+                | Part::BodyTurns(_)
+                | Part::BodyPlaces(_) => (None, None),
             };
             if let Some(stride) = stride {
                 json["byteStride"] = json!(stride);
@@ -115,17 +146,22 @@ impl Layout {
 }
 
 /// Accessors as they are asked for.
-struct Accessors<'a> {
+pub(super) struct Accessors<'a> {
     layout: &'a Layout,
     all: Vec<Value>,
 }
 
 impl Accessors<'_> {
     /// One over `count` elements of `part` from its byte `offset`; its number.
-    fn add(&mut self, part: Part, offset: usize, count: usize) -> usize {
+    pub(super) fn add(&mut self, part: Part, offset: usize, count: usize) -> usize {
         let (component, form) = match part {
-            Part::Indices => (UNSIGNED_INT, "SCALAR"),
-            Part::Positions | Part::Normals | Part::HandlePaths => (FLOAT, "VEC3"),
+            Part::Indices | Part::BodyIndices(_) => (UNSIGNED_INT, "SCALAR"),
+            Part::Positions
+            | Part::Normals
+            | Part::HandlePaths
+            | Part::BodyPoints(_)
+            | Part::BodyPlaces(_) => (FLOAT, "VEC3"),
+            Part::BodyTurns(_) => (FLOAT, "VEC4"),
             Part::Texture => (FLOAT, "VEC2"),
             Part::HandleNumbers | Part::Vertices | Part::Times | Part::Weights => (FLOAT, "SCALAR"),
         };
@@ -139,7 +175,7 @@ impl Accessors<'_> {
         self.all.len() - 1
     }
 
-    fn bound(&mut self, accessor: usize, low: &[f32], high: &[f32]) {
+    pub(super) fn bound(&mut self, accessor: usize, low: &[f32], high: &[f32]) {
         self.all[accessor]["min"] = json!(low);
         self.all[accessor]["max"] = json!(high);
     }
@@ -156,31 +192,34 @@ pub(super) fn document(
         all: Vec::new(),
     };
     let primitive = primitive(take, &mut accessors, extents);
-    let animation = (take.len() > 1).then(|| animation(take, &mut accessors));
+    let handles = take.handle_positions(0);
+    let mut animation = (take.len() > 1).then(|| animation(take, &mut accessors));
+    // The nodes before those of obstacles are the sheet and the handles.
+    let bodies = Bodies::of(take, 1 + handles.len(), &mut accessors, animation.as_mut());
     let names: Vec<String> = (1..take.len()).map(|k| format!("frame {k}")).collect();
     let mut mesh = json!({ "name": "sheet", "primitives": [primitive] });
     if !names.is_empty() {
         mesh["weights"] = json!(vec![0; names.len()]);
         mesh["extras"] = json!({ "targetNames": names });
     }
-    let handles = take.handle_positions(0);
     let mut nodes = vec![json!({ "name": "sheet", "mesh": 0 })];
     nodes.extend(handles.iter().enumerate().map(|(number, position)| {
         json!({ "name": format!("handle_{number}"), "translation": position.to_array() })
     }));
+    let mut materials = vec![material("cloth", COLOUR)];
+    if !bodies.meshes.is_empty() {
+        materials.push(material("obstacle", GREY));
+    }
+    nodes.extend(bodies.nodes);
+    let mut meshes = vec![mesh];
+    meshes.extend(bodies.meshes);
     let mut document = json!({
         "asset": { "version": "2.0", "generator": take.trajectory().provenance().made_by },
         "scene": 0,
         "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
         "nodes": nodes,
-        "meshes": [mesh],
-        "materials": [{
-            "name": "cloth",
-            "doubleSided": true,
-            "pbrMetallicRoughness": {
-                "baseColorFactor": COLOUR, "metallicFactor": 0, "roughnessFactor": 0.9,
-            },
-        }],
+        "meshes": meshes,
+        "materials": materials,
         "accessors": accessors.all,
         "bufferViews": layout.to_json(),
         "buffers": [{ "byteLength": layout.bytes() }],
@@ -240,10 +279,21 @@ fn animation(take: &Take<'_>, accessors: &mut Accessors<'_>) -> Value {
     json!({ "name": "cloth", "samplers": samplers, "channels": channels })
 }
 
+/// A matte material that is seen from both sides.
+fn material(name: &str, colour: [f32; 4]) -> Value {
+    json!({
+        "name": name,
+        "doubleSided": true,
+        "pbrMetallicRoughness": {
+            "baseColorFactor": colour, "metallicFactor": 0, "roughnessFactor": 0.9,
+        },
+    })
+}
+
 fn sampler(input: usize, output: usize) -> Value {
     json!({ "input": input, "output": output, "interpolation": "LINEAR" })
 }
 
-fn channel(sampler: usize, node: usize, path: &str) -> Value {
+pub(super) fn channel(sampler: usize, node: usize, path: &str) -> Value {
     json!({ "sampler": sampler, "target": { "node": node, "path": path } })
 }

@@ -5,13 +5,16 @@
 //! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
 //! beside their place and renamed, folders as a whole. Positions are those of the trajectory, in
 //! metres; the first exported frame is at time 0. Vertices keep their numbers, material coordinates
-//! become texture coordinates.
+//! become texture coordinates. Obstacles stand beside the cloth: in the same file where it has
+//! meshes with names (.usda, .glb) or arrays (.npz), else in files of their own.
 
 mod frame_span;
 mod glb;
+mod glb_bodies;
 mod glb_json;
 mod npz;
 mod obj;
+mod obstacles;
 mod options;
 mod outcome;
 mod pc2;

@@ -12,6 +12,8 @@
 //! | `handles` | i4 `[handles]` | |
 //! | `fps` | f8 `[1]` | of these frames |
 //! | `up_axis` | i4 `[1]` | 1: y, 2: z |
+//! | `obstacle_NAME` | f4 `[frames, points, 3]` | m; of one frame where it is still |
+//! | `obstacle_NAME_faces` | i4 `[faces, 3]` | |
 //!
 //! The archive has no 64-bit extension: at most 4 GiB.
 
@@ -25,6 +27,7 @@ use selvedge_cloth::{
 use serde_json::Value;
 use thiserror::Error;
 
+use super::obstacles::TakenObstacle;
 use super::outcome::{ExportError, Pulse, check_size};
 use super::take::Take;
 use crate::UpAxis;
@@ -71,7 +74,8 @@ pub(super) fn write(
     path: &Path,
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
-    let entries = entries(take);
+    let obstacles: Vec<_> = take.obstacles().into_iter().map(titled).collect();
+    let entries = entries(take, &obstacles);
     check_size(".npz", archive_bytes(&entries), take.every())?;
     Ok(write_archive_of(&entries, path, pulse)?)
 }
@@ -90,7 +94,7 @@ fn write_archive_of(
     })
 }
 
-fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
+fn entries<'a>(take: &'a Take<'_>, obstacles: &'a [TitledObstacle<'_>]) -> Vec<EntryOut<'a>> {
     let by_frame = |name, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
         name,
         kind: "<f4",
@@ -105,7 +109,47 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
         entries.push(by_frame("normals", Box::new(normals)));
     }
     entries.extend(unchanging(take));
+    for obstacle in obstacles {
+        let frames = obstacle.frame_count(take);
+        entries.push(EntryOut {
+            name: &obstacle.title,
+            kind: "<f4",
+            shape: vec![frames, obstacle.point_count(), 3],
+            chunks: frames,
+            chunk: Box::new(move |k| floats3(&obstacle.positions(take, k))),
+        });
+        entries.push(EntryOut {
+            name: &obstacle.faces_title,
+            kind: "<i4",
+            shape: vec![obstacle.faces().len(), 3],
+            chunks: 1,
+            chunk: Box::new(move |_| integers(obstacle.faces().as_flattened())),
+        });
+    }
     entries
+}
+
+/// An obstacle with the names of its arrays.
+struct TitledObstacle<'a> {
+    own: TakenObstacle<'a>,
+    title: String,
+    faces_title: String,
+}
+
+impl<'a> std::ops::Deref for TitledObstacle<'a> {
+    type Target = TakenObstacle<'a>;
+
+    fn deref(&self) -> &TakenObstacle<'a> {
+        &self.own
+    }
+}
+
+fn titled(own: TakenObstacle<'_>) -> TitledObstacle<'_> {
+    TitledObstacle {
+        title: format!("obstacle_{}", own.name),
+        faces_title: format!("obstacle_{}_faces", own.name),
+        own,
+    }
 }
 
 /// Arrays that do not change over time.

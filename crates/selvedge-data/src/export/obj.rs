@@ -1,13 +1,17 @@
 //! Frames as Wavefront OBJ: one, or all of them in a folder of their own as `cloth_0000.obj`,
 //! `cloth_0001.obj` and so on, numbered without gaps whatever frames were taken.
+//!
+//! An obstacle is in files of its own: beside `x.obj` in `x.NAME.obj`; in a folder in `NAME.obj`,
+//! or `NAME_0000.obj` and so on where it moves.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use super::obstacles::TakenObstacle;
 use super::outcome::{ExportError, Pulse};
 use super::take::Take;
-use crate::formats::atomic::{WriteError, write_folder_atomically};
+use crate::formats::atomic::{WriteError, write_atomically, write_folder_atomically};
 use crate::formats::obj::{ObjFrame, write_obj_frame};
 
 /// Writes the only frame.
@@ -17,6 +21,7 @@ pub(super) fn write_one(
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
     write_frame(take, 0, path)?;
+    write_obstacles(take, path)?;
     // The file is whole: an end that was asked for comes too late.
     let _ = pulse.beat();
     Ok(())
@@ -43,6 +48,44 @@ pub(super) fn write_all(
                 action: "write into it",
                 source,
             })?;
+        }
+        for obstacle in take.obstacles() {
+            for number in 0..obstacle.frame_count(take) {
+                let name = match obstacle.is_still() {
+                    true => format!("{}.obj", obstacle.name),
+                    false => format!("{}_{number:0width$}.obj", obstacle.name),
+                };
+                write_body(&obstacle, take, number, &folder.join(name))?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Writes every obstacle as it is in the first frame beside `path`, as `x.NAME.obj`.
+pub(super) fn write_obstacles(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+    for obstacle in take.obstacles() {
+        let beside = path.with_extension(format!("{}.obj", obstacle.name));
+        write_body(&obstacle, take, 0, &beside)?;
+    }
+    Ok(())
+}
+
+/// Writes an obstacle in the frame taken as `number`.
+fn write_body(
+    obstacle: &TakenObstacle<'_>,
+    take: &Take<'_>,
+    number: usize,
+    path: &Path,
+) -> Result<(), WriteError> {
+    write_atomically(path, |out| {
+        writeln!(out, "o {}", obstacle.name)?;
+        for p in obstacle.positions(take, number) {
+            writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
+        }
+        for face in obstacle.faces() {
+            let [a, b, c] = face.map(|point| point + 1);
+            writeln!(out, "f {a} {b} {c}")?;
         }
         Ok(())
     })

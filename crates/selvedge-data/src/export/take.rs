@@ -103,7 +103,13 @@ impl<'a> Take<'a> {
         numbers
     }
 
-    fn turned(&self, positions: &[Vec3]) -> Vec<Vec3> {
+    /// The frame of the trajectory taken as `number`.
+    pub(super) fn frame(&self, number: usize) -> usize {
+        self.frames[number]
+    }
+
+    /// Positions in the axes of the file.
+    pub(super) fn turned(&self, positions: &[Vec3]) -> Vec<Vec3> {
         positions.iter().map(|&p| self.up.to_theirs(p)).collect()
     }
 

@@ -1,5 +1,5 @@
 //! USD as text (.usda, version 1.0): one `Mesh` with `points` at time codes, and an `Xform` per
-//! handle that moves as it does.
+//! handle that moves as it does. Obstacles are meshes below `/obstacles`.
 //!
 //! A time code is a frame of the trajectory, counted from the first exported one; with every nth
 //! frame only every nth code has a sample, and readers go linearly from one to the next. Numbers
@@ -23,6 +23,9 @@ use crate::formats::atomic::write_atomically;
 /// The colour of the cloth in viewers that show no materials: the front of our pictures.
 const COLOUR: &str = "(0.08, 0.13, 0.4)";
 
+/// The colour of obstacles.
+const GREY: &str = "(0.3, 0.3, 0.3)";
+
 /// Writes the stage.
 pub(super) fn write(
     take: &Take<'_>,
@@ -45,7 +48,8 @@ pub(super) fn write(
         for handle in 0..take.trajectory().handles().vertices().len() {
             write_handle(take, out, handle)?;
         }
-        writeln!(out, "}}")
+        writeln!(out, "}}")?;
+        write_obstacles(take, out)
     })?)
 }
 
@@ -164,6 +168,44 @@ fn write_handle(take: &Take<'_>, out: &mut impl Write, handle: usize) -> io::Res
         out,
         "        uniform token[] xformOpOrder = [\"xformOp:translate\"]\n    }}"
     )
+}
+
+fn write_obstacles(take: &Take<'_>, out: &mut impl Write) -> io::Result<()> {
+    let obstacles = take.obstacles();
+    if obstacles.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "\ndef Xform \"obstacles\"\n{{")?;
+    for obstacle in obstacles {
+        writeln!(out, "    def Mesh \"{}\"\n    {{", obstacle.name)?;
+        writeln!(out, "        uniform bool doubleSided = 1")?;
+        writeln!(out, "        uniform token subdivisionScheme = \"none\"")?;
+        let faces = obstacle.faces();
+        write!(out, "        int[] faceVertexCounts = ")?;
+        write_list(out, faces.iter(), |out, _| write!(out, "3"))?;
+        write!(out, "\n        int[] faceVertexIndices = ")?;
+        write_list(out, faces.as_flattened().iter(), |out, c| {
+            write!(out, "{c}")
+        })?;
+        writeln!(
+            out,
+            "\n        color3f[] primvars:displayColor = [{GREY}] (\n            interpolation = \"constant\"\n        )"
+        )?;
+        if obstacle.is_still() {
+            write!(out, "        point3f[] points = ")?;
+            write_list(out, obstacle.positions(take, 0).iter(), write_point)?;
+            writeln!(out)?;
+        } else {
+            writeln!(out, "        point3f[] points.timeSamples = {{")?;
+            for number in 0..take.len() {
+                write!(out, "            {}: ", take.frames_since_first(number))?;
+                write_points_of(out, &obstacle.positions(take, number))?;
+            }
+            writeln!(out, "        }}")?;
+        }
+        writeln!(out, "    }}")?;
+    }
+    writeln!(out, "}}")
 }
 
 fn write_points_of(out: &mut impl Write, points: &[Vec3]) -> io::Result<()> {

@@ -125,6 +125,25 @@ impl ObstacleTrack {
         }
     }
 
+    /// Points of a rigid body that moves, before it is placed `[m]`.
+    pub(crate) fn rigid_points(&self) -> Option<&[Vec3]> {
+        match &self.motion {
+            TrackMotion::Rigid(points, _) => Some(points),
+            TrackMotion::Still(_) | TrackMotion::Points(_) => None,
+        }
+    }
+
+    /// Rotation and translation `[m]` of a rigid body that moves, in frame `index`.
+    pub(crate) fn pose(&self, index: usize) -> Option<(Quat, Vec3)> {
+        match &self.motion {
+            TrackMotion::Rigid(_, poses) => {
+                let pose = poses[index.min(poses.len() - 1)];
+                Some((pose.rotation.normalize(), pose.translation))
+            }
+            TrackMotion::Still(_) | TrackMotion::Points(_) => None,
+        }
+    }
+
     /// Number of frames, where it moves.
     fn frame_count(&self) -> Option<usize> {
         match &self.motion {

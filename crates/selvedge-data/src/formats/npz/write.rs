@@ -11,9 +11,9 @@ use super::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
 /// An array to be written.
 pub(crate) struct EntryOut<'a> {
     /// Name of the entry, without `.npy`.
-    pub(crate) name: &'static str,
+    pub(crate) name: &'a str,
     /// NumPy's name of its type.
-    pub(crate) kind: &'static str,
+    pub(crate) kind: &'a str,
     /// Dimensions, slowest first.
     pub(crate) shape: Vec<usize>,
     /// Number of pieces in which the bytes come.

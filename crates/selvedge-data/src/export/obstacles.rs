@@ -1,0 +1,75 @@
+//! Obstacles of the frames that are taken: their names in files, and their points.
+
+use glam::{Quat, Vec3};
+
+use super::take::Take;
+use crate::trajectory::obstacles::ObstacleTrack;
+
+/// An obstacle, as a file has it.
+pub(super) struct TakenObstacle<'a> {
+    /// Name of letters, digits and underscores, that no other has.
+    pub(super) name: String,
+    track: &'a ObstacleTrack,
+}
+
+impl<'a> Take<'a> {
+    /// The obstacles beside the cloth.
+    pub(super) fn obstacles(&self) -> Vec<TakenObstacle<'a>> {
+        let mut taken: Vec<TakenObstacle<'a>> = Vec::new();
+        for track in self.trajectory().obstacles() {
+            let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+            let mut name: String = track.name().chars().map(plain).collect();
+            // USD's names begin with a letter; "sheet" and "handle_0" are the cloth's.
+            if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
+                name.insert_str(0, "obstacle_");
+            }
+            let is_taken = |name: &str| {
+                let own = name == "sheet" || name == "cloth" || name.starts_with("handle_");
+                own || taken.iter().any(|other| other.name == name)
+            };
+            if is_taken(&name) {
+                let numbered = (1..).map(|k| format!("obstacle_{name}_{k}"));
+                name = numbered.clone().find(|n| !is_taken(n)).unwrap_or(name);
+            }
+            taken.push(TakenObstacle { name, track });
+        }
+        taken
+    }
+}
+
+impl TakenObstacle<'_> {
+    pub(super) fn faces(&self) -> &[[u32; 3]] {
+        self.track.faces()
+    }
+
+    pub(super) fn point_count(&self) -> usize {
+        self.track.point_count()
+    }
+
+    pub(super) fn is_still(&self) -> bool {
+        self.track.is_still()
+    }
+
+    /// Frames of `take` in which its points differ: one of a still obstacle.
+    pub(super) fn frame_count(&self, take: &Take<'_>) -> usize {
+        if self.is_still() { 1 } else { take.len() }
+    }
+
+    /// Points in the frame taken as `number` `[m]`, `[points]`.
+    pub(super) fn positions(&self, take: &Take<'_>, number: usize) -> Vec<Vec3> {
+        take.turned(&self.track.frame(take.frame(number)))
+    }
+
+    /// Points of a rigid obstacle before it is placed `[m]`, y up.
+    pub(super) fn rigid_points(&self) -> Option<&[Vec3]> {
+        self.track.rigid_points()
+    }
+
+    /// Place of a rigid obstacle in the frame taken as `number`, y up.
+    pub(super) fn pose(&self, take: &Take<'_>, number: usize) -> Option<(Quat, Vec3)> {
+        self.track.pose(take.frame(number))
+    }
+}
+
+#[cfg(test)]
+mod tests;

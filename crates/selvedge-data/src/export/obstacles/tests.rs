@@ -1,0 +1,194 @@
+//! Obstacles that were exported come back as obstacles of a scene, frame by frame.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use glam::{DQuat, DVec3, Vec2, Vec3};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Obstacle, ObstaclePath, RigidKey, Topology};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::UpAxis;
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use crate::formats::npz::Npz;
+use crate::obstacle::ObstacleFile;
+use crate::trajectory::obstacles::ObstacleTrack;
+use crate::trajectory::{Provenance, Trajectory};
+
+const FRAMES: usize = 5;
+const RATE: f64 = 30.0;
+
+fn triangle(name: &str, at: f64) -> Obstacle {
+    let points = [DVec3::ZERO, DVec3::X, DVec3::Z].map(|p| p + DVec3::X * at);
+    Obstacle::new(name, points.to_vec(), vec![[0, 2, 1]]).unwrap()
+}
+
+/// A cloth that moves beside one that stands, one that turns as it rises, and one that bends.
+fn trajectory() -> Trajectory {
+    let key = |time: f64| RigidKey {
+        time,
+        rotation: DQuat::from_rotation_y(3.0 * time),
+        translation: DVec3::new(1.0, time, 0.0),
+    };
+    let turning = ObstaclePath::Rigid(vec![key(0.0), key(0.1)]);
+    let frame = |y: f64| {
+        [DVec3::Y * y, DVec3::X, DVec3::Z]
+            .map(|p| p - DVec3::Y * 3.0)
+            .to_vec()
+    };
+    let bending = ObstaclePath::Points {
+        frame_rate: RATE,
+        frames: vec![frame(0.0), frame(1.0), frame(0.5), frame(2.0), frame(4.0)],
+    };
+    let obstacles = [
+        triangle("a still-one", 5.0),
+        triangle("sheet", 7.0).moving(turning).unwrap(),
+        triangle("bending", 9.0).moving(bending).unwrap(),
+    ];
+    let arrays = ClothArrays {
+        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
+        vertex_mass: vec![0.1; 3],
+        face_area: vec![0.5],
+    };
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
+    let at = |frame: usize| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * frame as f32);
+    let positions = (0..FRAMES).flat_map(at).collect();
+    let provenance = Provenance {
+        frame_rate: RATE,
+        scene: Value::Null,
+        made_by: "tests".to_owned(),
+    };
+    let made = Trajectory::new(cloth, positions, provenance).unwrap();
+    let tracks = obstacles
+        .iter()
+        .map(|o| ObstacleTrack::of(o, RATE, 0, FRAMES));
+    made.with_obstacles(tracks.collect()).unwrap()
+}
+
+fn written(format: ExportFormat, name: &str, up: UpAxis) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = match format {
+        ExportFormat::Obj => "2".parse().unwrap(),
+        _ => FrameSpan::default(),
+    };
+    let options = ExportOptions {
+        format,
+        frames,
+        up,
+        normals: Normals::LeftOut,
+    };
+    let path = folder.path().join(name);
+    let mut observe = || ControlFlow::Continue(());
+    export(&trajectory(), &path, &options, &mut observe).unwrap();
+    folder
+}
+
+fn read(folder: &Path, text: &str) -> Obstacle {
+    let file: ObstacleFile = toml::from_str(&format!("name = \"o\"\n{text}")).unwrap();
+    file.resolve(folder).unwrap().build(folder, RATE).unwrap()
+}
+
+/// Checks that the points of every obstacle are among those that were read, in every frame.
+fn assert_among(found: &Obstacle) {
+    let trajectory = trajectory();
+    for obstacle in trajectory.obstacles() {
+        for frame in 0..FRAMES {
+            let points: Vec<DVec3> = found.positions_at(frame as f64 / RATE).collect();
+            for expected in obstacle.frame(frame).iter() {
+                let nearest = points.iter().map(|p| p.distance(expected.as_dvec3()));
+                let nearest = nearest.fold(f64::INFINITY, f64::min);
+                // Below 16 m, rounded to single precision some times.
+                assert!(nearest < 1e-5, "{} {frame}: {nearest}", obstacle.name());
+            }
+        }
+    }
+}
+
+fn assert_is(found: &Obstacle, number: usize, frames: std::ops::Range<usize>) {
+    let trajectory = trajectory();
+    for frame in frames.clone() {
+        let expected = trajectory.obstacles()[number].frame(frame);
+        let time = (frame - frames.start) as f64 / RATE;
+        let points = found.positions_at(time).zip(expected.iter());
+        for (found, expected) in points {
+            assert!(found.distance(expected.as_dvec3()) < 1e-6, "{frame}");
+        }
+    }
+}
+
+#[test]
+fn scenes_of_other_programs_have_them_in_the_same_file() {
+    for (format, name) in [(ExportFormat::Glb, "x.glb"), (ExportFormat::Usda, "x.usda")] {
+        let folder = written(format, name, UpAxis::Y);
+        let text = format!("mesh = \"{name}\"\nmotion = \"{name}\"");
+        let found = read(folder.path(), &text);
+        assert_eq!(found.point_count(), 12, "{name}");
+        assert_among(&found);
+    }
+    // Turned by the writer and back by the reader.
+    let folder = written(ExportFormat::Usda, "z.usda", UpAxis::Z);
+    assert_among(&read(
+        folder.path(),
+        "mesh = \"z.usda\"\nmotion = \"z.usda\"",
+    ));
+    let text = std::fs::read_to_string(folder.path().join("z.usda")).unwrap();
+    for name in ["\"a_still_one\"", "\"obstacle_sheet_1\"", "\"bending\""] {
+        assert!(text.contains(name), "{name}");
+    }
+}
+
+#[test]
+fn other_formats_have_them_in_files_of_their_own() {
+    let folder = written(ExportFormat::Pc2, "x.pc2", UpAxis::Y);
+    let of = |text: &str| read(folder.path(), text);
+    assert_is(&of("mesh = \"x.a_still_one.obj\""), 0, 0..FRAMES);
+    let turning = "mesh = \"x.obstacle_sheet_1.obj\"\nmotion = \"x.obstacle_sheet_1.pc2\"";
+    assert_is(&of(turning), 1, 0..FRAMES);
+    assert_is(
+        &of("mesh = \"x.bending.obj\"\nmotion = \"x.bending.pc2\""),
+        2,
+        0..FRAMES,
+    );
+    assert!(!folder.path().join("x.a_still_one.pc2").exists());
+
+    let folder = written(ExportFormat::ObjSequence, "all", UpAxis::Y);
+    let of = |text: &str| read(folder.path(), text);
+    assert_is(&of("mesh = \"all/a_still_one.obj\""), 0, 0..FRAMES);
+    let bending = "mesh = \"all/bending_0000.obj\"\nmotion = \"all/bending_{frame:04}.obj\"";
+    assert_is(&of(bending), 2, 0..FRAMES);
+
+    let folder = written(ExportFormat::Obj, "x.obj", UpAxis::Y);
+    assert_is(&read(folder.path(), "mesh = \"x.bending.obj\""), 2, 2..3);
+}
+
+#[test]
+fn an_archive_has_them_as_arrays() {
+    let folder = written(ExportFormat::Npz, "x.npz", UpAxis::Y);
+    let bytes = std::fs::read(folder.path().join("x.npz")).unwrap();
+    let archive = Npz::open(&bytes).unwrap();
+    let trajectory = trajectory();
+    for (number, (name, frames)) in [
+        ("a_still_one", 1),
+        ("obstacle_sheet_1", FRAMES),
+        ("bending", FRAMES),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let array = archive.array(&format!("obstacle_{name}")).unwrap().unwrap();
+        assert_eq!(array.shape, [frames, 3, 3]);
+        let track = &trajectory.obstacles()[number];
+        let expected: Vec<f64> = (0..frames)
+            .flat_map(|frame| track.frame(frame).into_owned())
+            .flat_map(|p| p.as_dvec3().to_array())
+            .collect();
+        assert_eq!(array.floats().unwrap(), expected);
+        let faces = archive
+            .array(&format!("obstacle_{name}_faces"))
+            .unwrap()
+            .unwrap();
+        assert_eq!(faces.integers().unwrap(), [0, 2, 1]);
+    }
+}
