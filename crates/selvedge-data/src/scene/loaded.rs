@@ -9,9 +9,6 @@ use super::start::StartSpec;
 use super::strained;
 use crate::trajectory::state_file::SavedState;
 
-/// Warning of a scene with contact.
-const NOT_YET: &str = "contact is not computed yet: the cloth passes through its obstacles and through itself, as without `contact`";
-
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedScene {
@@ -42,8 +39,8 @@ impl LoadedScene {
         }
     }
 
-    /// The same, with warnings of contact, and where the cloth starts far from its material size;
-    /// `remedy` says how its file can be mended. A start that fits the cloth says itself what it
+    /// The same, with a warning where the cloth starts far from its material size; `remedy` says
+    /// how its file can be mended. A start that fits the cloth says itself what it
     /// cannot mend.
     pub(super) fn looked_over(mut self, remedy: &str) -> Self {
         let mesh = &self.scene.mesh;
@@ -53,8 +50,6 @@ impl LoadedScene {
             self.warnings
                 .extend(strained::warnings(mesh, start, remedy));
         }
-        let contact = self.scene.contact.iter();
-        self.warnings.extend(contact.map(|_| NOT_YET.to_owned()));
         self
     }
 }
