@@ -125,6 +125,9 @@ pub enum Integrator {
     SecondOrder,
     /// BDF2 by Newton's method from the predicted state.
     SecondOrderNewton(Newton),
+    /// The generalised-α method by one linear solve at a predicted state: second order, for the
+    /// same price with a smaller error, because it damps less.
+    GeneralisedAlpha(GeneralisedAlpha),
 }
 
 impl Integrator {
@@ -133,7 +136,7 @@ impl Integrator {
     pub fn order(self) -> u32 {
         match self {
             Self::Linearised | Self::Newton(_) => 1,
-            Self::SecondOrder | Self::SecondOrderNewton(_) => 2,
+            Self::SecondOrder | Self::SecondOrderNewton(_) | Self::GeneralisedAlpha(_) => 2,
         }
     }
 
@@ -152,10 +155,19 @@ impl Integrator {
     #[must_use]
     pub fn newton(self) -> Option<Newton> {
         match self {
-            Self::Linearised | Self::SecondOrder => None,
+            Self::Linearised | Self::SecondOrder | Self::GeneralisedAlpha(_) => None,
             Self::Newton(newton) | Self::SecondOrderNewton(newton) => Some(newton),
         }
     }
+}
+
+/// Settings of the generalised-α method.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GeneralisedAlpha {
+    /// Part of the fastest vibrations that a substep leaves, from 0 to 0.9. With 0 the method is
+    /// BDF2.
+    pub spectral_radius: f64,
 }
 
 /// When Newton's method ends.
@@ -274,6 +286,14 @@ impl Default for PhysicsSettings {
     }
 }
 
+impl Default for GeneralisedAlpha {
+    fn default() -> Self {
+        Self {
+            spectral_radius: 0.4,
+        }
+    }
+}
+
 impl Default for Newton {
     fn default() -> Self {
         Self {
@@ -368,6 +388,15 @@ impl PhysicsSettings {
                 "physics.integrator.newton.max_iterations",
                 newton.max_iterations,
             )?;
+        }
+        if let Integrator::GeneralisedAlpha(settings) = self.integrator
+            && !(0.0..=0.9).contains(&settings.spectral_radius)
+        {
+            return Err(PhysicsError {
+                field: "physics.integrator.generalised-alpha.spectral_radius",
+                expected: "between 0 and 0.9",
+                found: settings.spectral_radius.to_string(),
+            });
         }
         if let Some(least) = self.least_damping
             && !(least.is_finite() && least >= 0.0)

@@ -7,7 +7,8 @@ use crate::state::State;
 /// 1/(rate · substeps).
 const SAME_LENGTH: f64 = 1e-9;
 
-/// The state before the last substep.
+/// The state before the last substep, as far as the formula has it: y' = y - Δt ẏ, with ẏ the rate
+/// of y that the next substep goes on from. With BDF2 that is the state itself.
 #[derive(Clone, Debug)]
 pub(crate) struct History {
     /// The state, if `dt` is not 0.

@@ -1,9 +1,11 @@
 //! Formulas of a substep: backward Euler ([`System::advance`], or [`newton`] for its full
-//! equations), and the [`second_order`] with the [`history`] that it needs.
+//! equations), and the [`second_order`] with its coefficients ([`two_step`]) and the [`history`]
+//! that it needs.
 
 mod history;
 mod newton;
 mod second_order;
+mod two_step;
 
 use glam::DVec3;
 use selvedge_cloth::{Integrator, Scene};
@@ -15,6 +17,7 @@ pub(crate) use history::History;
 pub use history::SubstepCounts;
 pub(crate) use newton::Newton;
 use second_order::{SecondOrder, Substep};
+use two_step::TwoStep;
 
 /// The formula that a scene asks for, with its workspaces.
 pub(crate) struct Formula {
@@ -32,7 +35,10 @@ impl Formula {
             second_order: match integrator {
                 Integrator::Linearised | Integrator::Newton(_) => None,
                 Integrator::SecondOrder | Integrator::SecondOrderNewton(_) => {
-                    Some(SecondOrder::new(scene))
+                    Some(SecondOrder::new(scene, TwoStep::BDF2))
+                }
+                Integrator::GeneralisedAlpha(settings) => {
+                    Some(SecondOrder::new(scene, TwoStep::of(settings)))
                 }
             },
         }

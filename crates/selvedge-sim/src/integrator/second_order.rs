@@ -1,4 +1,5 @@
-//! BDF2 linearised at a predicted state: second order for one solve per substep.
+//! BDF2, or the generalised-α method, linearised at a predicted state: second order for one solve
+//! per substep.
 //!
 //! The error of one linear solve is quadratic in the distance from where it is linearised, and the
 //! Jacobian that the solve has is not exact. Linearised at the start of the substep, that leaves an
@@ -13,6 +14,7 @@ use selvedge_cloth::{HandleConstraint, Scene, VertexId};
 
 use super::history::History;
 use super::newton::Newton;
+use super::two_step::TwoStep;
 use crate::solver::{SolveError, Stage, StageAir, System};
 use crate::state::State;
 use crate::strain_watch::WatchedEdges;
@@ -25,6 +27,7 @@ const START: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
 /// The formula's workspaces.
 pub(super) struct SecondOrder {
+    formula: TwoStep,
     edges: WatchedEdges,
     /// Exact handles, in the order of their targets.
     held: Vec<VertexId>,
@@ -34,7 +37,7 @@ pub(super) struct SecondOrder {
     predicted: State,
     /// The estimate of the end: the prediction first, then the solution.
     estimate: State,
-    /// Targets of the first of two stages `[m]`, `[handles]`.
+    /// Targets of a stage within the substep `[m]`, `[handles]`.
     targets: Vec<DVec3>,
 }
 
@@ -64,9 +67,10 @@ struct Factors {
 
 impl SecondOrder {
     /// The formula for the cloth and the handles of a validated scene.
-    pub(super) fn new(scene: &Scene) -> Self {
+    pub(super) fn new(scene: &Scene, formula: TwoStep) -> Self {
         let vertices = scene.mesh.topology().vertex_count();
         Self {
+            formula,
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             held: match scene.physics.handles {
                 HandleConstraint::Exact => scene.handles.vertices().to_vec(),
@@ -98,10 +102,13 @@ impl SecondOrder {
         };
         history.counts.all += 1;
         history.counts.started += u64::from(!looks_back);
-        history.keep(state, dt);
         match outcome {
-            Outcome::Solved => state.copy_from(&self.estimate),
+            Outcome::Solved => {
+                self.keep(state, history, dt, (!looks_back).then_some(gamma));
+                state.copy_from(&self.estimate);
+            }
             Outcome::FirstOrder => {
+                history.keep(state, dt);
                 history.counts.fell_back += 1;
                 gamma = dt;
                 match newton {
@@ -113,8 +120,42 @@ impl SecondOrder {
         Ok(gamma)
     }
 
-    /// BDF2 from x', v' one substep before: x̄ = x + (x - x')/3, v̄ the same, γ = 2 dt/3.
-    /// `[eq:bdf2]`
+    /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`; `started`
+    /// is γ `[s]` of the last stage where that did not look back.
+    fn keep(&self, state: &State, history: &mut History, dt: f64, started: Option<f64>) {
+        if self.formula.ends_at_its_point() {
+            history.keep(state, dt);
+            return;
+        }
+        let (end, base) = (&self.estimate, &self.base);
+        let before = &mut history.before;
+        for (before, start, end, base) in [
+            (
+                &mut before.positions,
+                &state.positions,
+                &end.positions,
+                &base.positions,
+            ),
+            (
+                &mut before.velocities,
+                &state.velocities,
+                &end.velocities,
+                &base.velocities,
+            ),
+        ] {
+            for (v, before) in before.iter_mut().enumerate() {
+                *before = match started {
+                    None => self.formula.before(start[v], *before, end[v]),
+                    // The rate at the end of the stage is (y - ȳ)/γ.
+                    Some(gamma) => end[v] - (end[v] - base[v]) * (dt / gamma),
+                };
+            }
+        }
+        history.set_last_substep(dt);
+    }
+
+    /// A formula that looks back to x', v': x̄ = x + w (x - x'), v̄ the same. Those of BDF2 are the
+    /// state one substep before. `[eq:bdf2]` `[eq:generalised-alpha]`
     fn looking_back(
         &mut self,
         substep: &mut Substep<'_>,
@@ -122,8 +163,9 @@ impl SecondOrder {
         state: &State,
         history: &History,
     ) -> Result<(Outcome, f64), SolveError> {
-        let weight = 1.0 / 3.0;
-        let gamma = substep.dt * 2.0 / 3.0;
+        let formula = self.formula;
+        let weight = formula.weight;
+        let gamma = formula.gamma(substep.dt);
         extrapolate(
             &mut self.base.positions,
             &state.positions,
@@ -141,9 +183,34 @@ impl SecondOrder {
             gamma,
             span: substep.dt,
         };
-        let targets = substep.targets;
-        let outcome = self.stage(substep.system, newton, factors, state, targets)?;
-        Ok((outcome, gamma))
+        if formula.ends_at_its_point() {
+            let outcome = self.stage(substep.system, newton, factors, state, substep.targets)?;
+            return Ok((outcome, gamma));
+        }
+        self.find_targets(substep, state, formula.point);
+        let targets = std::mem::take(&mut self.targets);
+        let outcome = self.stage(substep.system, newton, factors, state, &targets);
+        self.targets = targets;
+        let estimate = &mut self.estimate;
+        for (estimate, start) in [
+            (&mut estimate.positions, &state.positions),
+            (&mut estimate.velocities, &state.velocities),
+        ] {
+            for (end, start) in estimate.iter_mut().zip(start) {
+                *end = formula.end(*start, *end);
+            }
+        }
+        Ok((outcome?, gamma))
+    }
+
+    /// Sets the targets of a stage at `point` of the way through `substep`.
+    fn find_targets(&mut self, substep: &Substep<'_>, state: &State, point: f64) {
+        let now = substep.system.handle_positions(state);
+        let places = now
+            .zip(substep.targets)
+            .map(|(now, end)| now.lerp(*end, point));
+        self.targets.clear();
+        self.targets.extend(places);
     }
 
     /// Two stages with γ = α dt, α = 1 - 1/√2: the first is backward Euler over γ, the second has
@@ -156,12 +223,7 @@ impl SecondOrder {
     ) -> Result<(Outcome, f64), SolveError> {
         let dt = substep.dt;
         let gamma = START * dt;
-        let now = substep.system.handle_positions(state);
-        self.targets.clear();
-        self.targets.extend(
-            now.zip(substep.targets)
-                .map(|(now, target)| now.lerp(*target, START)),
-        );
+        self.find_targets(substep, state, START);
         self.base.copy_from(state);
         self.estimate.velocities.copy_from_slice(&state.velocities);
         let targets = std::mem::take(&mut self.targets);

@@ -238,6 +238,11 @@ fn angular_momentum_is_kept_to_the_order_of_the_integrator() {
     let cases = [
         (Integrator::Linearised, [100_u32, 200, 400], 0.02),
         (Integrator::SecondOrder, [200, 400, 800], 2e-4),
+        (
+            Integrator::GeneralisedAlpha(Default::default()),
+            [200, 400, 800],
+            2e-4,
+        ),
     ];
     for (integrator, counts, most) in cases {
         scene.physics.integrator = integrator;
@@ -370,6 +375,7 @@ fn the_first_order_is_first_order() {
 fn the_second_order_is_second_order() {
     for integrator in [
         Integrator::SecondOrder,
+        Integrator::GeneralisedAlpha(Default::default()),
         Integrator::SecondOrderNewton(selvedge_cloth::Newton {
             tolerance: 1e-10,
             max_iterations: 100,

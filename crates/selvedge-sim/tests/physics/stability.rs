@@ -73,7 +73,7 @@ fn run(scene: &Scene, drag: &Drag, frames: usize) -> Result<Strained, StepError>
     })
 }
 
-fn pair(mut scene: Scene, drag: &Drag, frames: usize) -> Pair {
+fn pair(mut scene: Scene, drag: &Drag, frames: usize, integrator: Integrator) -> Pair {
     let physics = &mut scene.physics;
     physics.substeps = [1, 2, 4, 8, 16][physics.substeps as usize % 5];
     physics.air = AirLaw::Implicit;
@@ -87,7 +87,7 @@ fn pair(mut scene: Scene, drag: &Drag, frames: usize) -> Pair {
         run(&scene, drag, frames).unwrap_or_else(|error| panic!("{integrator:?}: {error}"))
     };
     let substeps = scene.physics.substeps;
-    let second = run(Integrator::SecondOrder, substeps);
+    let second = run(integrator, substeps);
     Pair {
         substeps,
         air: scene.environment.wind.length() * scene.environment.air_density,
@@ -101,7 +101,7 @@ fn pair(mut scene: Scene, drag: &Drag, frames: usize) -> Pair {
 }
 
 /// `count` random scenes by both orders.
-fn pairs(count: u32, frames: usize) -> Vec<Pair> {
+fn pairs(count: u32, frames: usize, integrator: Integrator) -> Vec<Pair> {
     let config = ProptestConfig {
         cases: count,
         failure_persistence: None,
@@ -112,7 +112,8 @@ fn pairs(count: u32, frames: usize) -> Vec<Pair> {
     let all = RefCell::new(Vec::new());
     let outcome =
         TestRunner::new_with_rng(config, rng).run(&(scenes(), drags()), |(scene, drag)| {
-            all.borrow_mut().push(pair(scene, &drag, frames));
+            all.borrow_mut()
+                .push(pair(scene, &drag, frames, integrator));
             Ok(())
         });
     outcome.unwrap();
@@ -149,8 +150,8 @@ fn print_distribution(name: &str, pairs: &[&Pair]) {
 /// substeps, counts too. On a linear spring BDF2 never swings further than the motion. A fabric
 /// stiffens within its table by up to an order of magnitude, and a solve linearised before that
 /// overshoots: a free mass by the root of the ratio of stiffnesses at most, 3.
-fn strains_are_bounded(count: u32, frames: usize) {
-    let all = pairs(count, frames);
+fn strains_are_bounded(count: u32, frames: usize, integrator: Integrator) {
+    let all = pairs(count, frames, integrator);
     let class = |name: &str, of: &dyn Fn(&Pair) -> bool| {
         print_distribution(
             name,
@@ -178,7 +179,13 @@ fn strains_are_bounded(count: u32, frames: usize) {
 
 #[test]
 fn random_scenes_strain_no_more_in_second_order() {
-    strains_are_bounded(16, 8);
+    strains_are_bounded(16, 8, Integrator::SecondOrder);
+}
+
+#[test]
+fn random_scenes_strain_no_more_by_generalised_alpha() {
+    let integrator = Integrator::GeneralisedAlpha(Default::default());
+    strains_are_bounded(16, 8, integrator);
 }
 
 /// Largest strain of second order in a scene, over that of first order and over the larger of those
@@ -203,7 +210,14 @@ fn random_scenes_strain_no_more_in_second_order() {
 #[test]
 #[ignore = "minutes"]
 fn many_random_scenes_strain_no_more_in_second_order() {
-    strains_are_bounded(256, 40);
+    strains_are_bounded(256, 40, Integrator::SecondOrder);
+}
+
+#[test]
+#[ignore = "minutes"]
+fn many_random_scenes_strain_no_more_by_generalised_alpha() {
+    let integrator = Integrator::GeneralisedAlpha(Default::default());
+    strains_are_bounded(256, 40, integrator);
 }
 
 /// Means and extremes of a tenth of a long run.
