@@ -289,7 +289,7 @@ impl Default for PhysicsSettings {
 impl Default for GeneralisedAlpha {
     fn default() -> Self {
         Self {
-            spectral_radius: 0.4,
+            spectral_radius: 0.3,
         }
     }
 }

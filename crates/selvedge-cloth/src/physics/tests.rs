@@ -6,7 +6,7 @@ type SpoilPhysics = fn(&mut PhysicsSettings);
 
 #[test]
 fn wrong_solver_settings_are_named() {
-    let wrong: [(&str, SpoilPhysics); 8] = [
+    let wrong: [(&str, SpoilPhysics); 10] = [
         ("physics.max_strain", |s| s.max_strain = 0.0),
         ("physics.max_strain", |s| s.max_strain = f64::INFINITY),
         ("physics.air must be \"implicit\"", |s| {
@@ -17,6 +17,19 @@ fn wrong_solver_settings_are_named() {
             s.integrator = Integrator::Newton(Newton {
                 tolerance: -1.0,
                 ..Newton::default()
+            });
+        }),
+        (
+            "physics.integrator.generalised-alpha.spectral_radius must be between 0 and 0.9",
+            |s| {
+                s.integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
+                    spectral_radius: 1.0,
+                });
+            },
+        ),
+        ("physics.integrator.generalised-alpha", |s| {
+            s.integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
+                spectral_radius: f64::NAN,
             });
         }),
         ("physics.substepping.adaptive.max_change", |s| {
@@ -47,6 +60,32 @@ fn wrong_solver_settings_are_named() {
         let text = settings.validate().unwrap_err().to_string();
         assert!(text.starts_with(field), "{text}");
     }
+}
+
+#[test]
+fn an_integrator_is_a_word_or_a_table() {
+    #[derive(Deserialize)]
+    struct File {
+        integrator: Integrator,
+    }
+    let read = |text: &str| toml::from_str::<File>(text).map(|file| file.integrator);
+    assert_eq!(
+        read("integrator = { generalised-alpha = {} }"),
+        Ok(Integrator::GeneralisedAlpha(GeneralisedAlpha::default()))
+    );
+    let settings = GeneralisedAlpha {
+        spectral_radius: 0.5,
+    };
+    assert_eq!(
+        read("integrator = { generalised-alpha = { spectral_radius = 0.5 } }"),
+        Ok(Integrator::GeneralisedAlpha(settings))
+    );
+    assert_eq!(
+        read("integrator = \"second-order\""),
+        Ok(Integrator::SecondOrder)
+    );
+    let unknown = read("integrator = { generalised-alpha = { radius = 0.5 } }");
+    assert!(unknown.unwrap_err().to_string().contains("spectral_radius"));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! t + α Δt within the substep, and the rate that they give is blended with that at its start. The
 //! spectral radius ρ of the fastest vibrations is chosen; with ρ = 0 the method is BDF2. Its error
 //! grows with how much it damps: a slow vibration of ω lags by (ω Δt)³ times 1/3 per substep with
-//! BDF2, 0.13 at ρ = 0.4, and 1/12 at ρ = 1, where nothing is damped.
+//! BDF2, 0.16 at ρ = 0.3, and 1/12 at ρ = 1, where nothing is damped.
 
 use glam::DVec3;
 use selvedge_cloth::GeneralisedAlpha;
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn a_vibration_lags_by_what_the_documentation_says() {
         // y' = i ω y as two real equations, whose stage is solved by hand.
-        for (radius, expected) in [(0.0, 1.0 / 3.0), (0.4, 0.129), (0.9, 0.084)] {
+        for (radius, expected) in [(0.0, 1.0 / 3.0), (0.3, 0.155), (0.9, 0.084)] {
             let formula = with_radius(radius);
             let (h, steps) = (0.02, 50);
             let (mut y, mut before) = (DVec3::X, DVec3::new(1.0, -h, 0.0));
