@@ -81,7 +81,7 @@ mod spec;
 mod test_cloth;
 
 pub use features::correction::{
-    CorrectionColumns, HalfTurns, MotionState, PredictedFrame, Stiffness, correction_groups,
+    CorrectionColumns, HalfTurns, MotionState, Neighbours, PredictedFrame, Stiffness,
 };
 pub use features::{
     Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,

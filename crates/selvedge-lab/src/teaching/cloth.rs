@@ -145,6 +145,7 @@ impl Run {
                 graph,
                 stiffness(&scene.material),
                 1.0 / scene.frame_rate,
+                cfg.model.neighbours(),
             ),
             corrector: None,
             base,

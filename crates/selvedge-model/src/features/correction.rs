@@ -6,6 +6,10 @@
 //! written in it, so that a turned cloth has the same columns, and the same corrections turned.
 //! Differences along an arc are divided by its length in the material, so that columns of a smooth
 //! motion do not depend on the fineness of the mesh.
+//!
+//! A network with blocks sees every arc. One without sees sums over the arcs of a vertex, weighted
+//! by circular functions of their directions in the material: gradients and second derivatives of
+//! the motion, for a fraction of the price ([`Neighbours`]).
 
 use glam::{DVec3, Mat3, Vec3};
 
@@ -15,18 +19,62 @@ use crate::graph::ClothGraph;
 pub(crate) const NODE_COLUMNS: usize = 20;
 /// Columns of an arc.
 pub(crate) const ARC_COLUMNS: usize = 24;
+/// Vectors of an arc that are summed: those of [`ARC_COLUMNS`] that begin a row, 3 columns each.
+const SUMMED_VECTORS: usize = 4;
+/// Scalars of an arc that are summed: strains and angles.
+const SUMMED_SCALARS: usize = 4;
+/// Weights of a sum of vectors: of the direction φ of an arc cos φ, sin φ, 1, cos 2φ and sin 2φ.
+const VECTOR_WEIGHTS: usize = 5;
+/// Weights of a sum of scalars: 1, cos 2φ and sin 2φ.
+const SCALAR_WEIGHTS: usize = 3;
+/// Columns of the sums over the arcs of a vertex: vectors, scalars, and the mean logarithms of
+/// length and stiffnesses.
+const SUM_COLUMNS: usize =
+    3 * SUMMED_VECTORS * VECTOR_WEIGHTS + SUMMED_SCALARS * SCALAR_WEIGHTS + 3;
 /// Columns of an arc that do not change: see [`StillColumns`].
 const STILL_COLUMNS: usize = 5;
 
-/// Widths of the groups of columns that share a unit and a scale, as the normaliser wants them: of
-/// vertices, of arcs and of corrections.
-#[must_use]
-pub fn correction_groups() -> [Vec<usize>; 3] {
-    [
-        vec![3, 3, 3, 3, 3, 3, 1, 1],
-        vec![3, 3, 3, 3, 3, 2, 2, 2, 1, 1, 1],
-        vec![3, 3],
-    ]
+/// The columns by which a vertex knows its neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Neighbours {
+    /// Those of every arc.
+    Arcs,
+    /// Sums over the arcs that arrive at the vertex, among its own columns. `[eq:arc-sums]`
+    Sums,
+}
+
+impl Neighbours {
+    /// Columns of a vertex.
+    pub(crate) const fn node_columns(self) -> usize {
+        match self {
+            Self::Arcs => NODE_COLUMNS,
+            Self::Sums => NODE_COLUMNS + SUM_COLUMNS,
+        }
+    }
+
+    /// Columns of an arc.
+    pub(crate) const fn arc_columns(self) -> usize {
+        match self {
+            Self::Arcs => ARC_COLUMNS,
+            Self::Sums => 0,
+        }
+    }
+
+    /// Widths of the groups of columns that share a unit and a scale, as the normaliser wants them:
+    /// of vertices, of arcs and of corrections.
+    #[must_use]
+    pub fn groups(self) -> [Vec<usize>; 3] {
+        let mut nodes = vec![3, 3, 3, 3, 3, 3, 1, 1];
+        let arcs = match self {
+            Self::Arcs => vec![3, 3, 3, 3, 3, 2, 2, 2, 1, 1, 1],
+            Self::Sums => {
+                nodes.extend([3 * VECTOR_WEIGHTS; SUMMED_VECTORS]);
+                nodes.extend([2 * SCALAR_WEIGHTS, 2 * SCALAR_WEIGHTS, 1, 1, 1]);
+                Vec::new()
+            }
+        };
+        [nodes, arcs, vec![3, 3]]
+    }
 }
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
@@ -83,9 +131,13 @@ pub struct CorrectionColumns {
     /// Bending angle of each edge now and as predicted `[rad]`, `[edges]`.
     angles: Vec<[f32; 2]>,
     moves: Vec<Moves>,
-    /// Columns of the vertices, `[vertices, NODE_COLUMNS]`.
+    neighbours: Neighbours,
+    /// Weights of the two arcs of each edge in the sums over the arcs of their receivers, where there
+    /// are sums, `[edges, 2]`.
+    weights: Vec<[[f32; VECTOR_WEIGHTS]; 2]>,
+    /// Columns of the vertices, `[vertices, columns]`.
     pub nodes: Vec<f32>,
-    /// Columns of the arcs, `[arcs, ARC_COLUMNS]`.
+    /// Columns of the arcs, `[arcs, columns]`; empty where vertices have sums in place of them.
     pub arcs: Vec<f32>,
 }
 
@@ -97,6 +149,21 @@ pub struct HalfTurns {
     pub along: bool,
     /// The other side up.
     pub over: bool,
+}
+
+impl HalfTurns {
+    /// -1 where the cloth is turned over, else 1.
+    fn side(self) -> f32 {
+        if self.over { -1.0 } else { 1.0 }
+    }
+}
+
+/// Parts of the columns of an edge's arcs.
+struct OfEdge {
+    /// Differences of predicted positions, velocities, shifts and changes, over the length.
+    vectors: [Vec3; SUMMED_VECTORS],
+    /// Strains now and as predicted.
+    strains: [f32; 2],
 }
 
 /// Vectors of a vertex `[m/frame]`.
@@ -113,7 +180,7 @@ struct Moves {
 impl CorrectionColumns {
     /// Columns of the cloth of `graph`, whose material has `stiffness`; a frame lasts `dt` `[s]`.
     #[must_use]
-    pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64) -> Self {
+    pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64, neighbours: Neighbours) -> Self {
         let pattern = graph.cloth().pattern();
         let lengths: Vec<f32> = pattern.edge_lengths().iter().map(|&l| l as f32).collect();
         let still = graph.material_vectors().into_iter().zip(&lengths);
@@ -151,9 +218,20 @@ impl CorrectionColumns {
             frames: vec![Mat3::IDENTITY; vertices],
             angles: vec![[0.0; 2]; graph.topology().edges().len()],
             moves: vec![Moves::default(); vertices],
-            nodes: vec![0.0; vertices * NODE_COLUMNS],
-            arcs: vec![0.0; graph.arc_count() * ARC_COLUMNS],
+            weights: match neighbours {
+                Neighbours::Arcs => Vec::new(),
+                Neighbours::Sums => sum_weights(graph),
+            },
+            neighbours,
+            nodes: vec![0.0; vertices * neighbours.node_columns()],
+            arcs: vec![0.0; graph.arc_count() * neighbours.arc_columns()],
         }
+    }
+
+    /// The columns by which a vertex knows its neighbours.
+    #[must_use]
+    pub fn neighbours(&self) -> Neighbours {
+        self.neighbours
     }
 
     /// Fills [`Self::nodes`] and [`Self::arcs`].
@@ -162,7 +240,10 @@ impl CorrectionColumns {
         self.find_moves(frame);
         self.find_angles(graph, frame);
         self.write_nodes(frame);
-        self.write_arcs(graph, frame, turns);
+        match self.neighbours {
+            Neighbours::Arcs => self.write_arcs(graph, frame, turns),
+            Neighbours::Sums => self.write_sums(graph, frame, turns),
+        }
     }
 
     /// The frames `[eq:thread-frame]`: n is the mean normal of the faces of a vertex, t their mean
@@ -220,7 +301,7 @@ impl CorrectionColumns {
         let h = self.dt;
         let gravity = (h * h * frame.gravity).as_vec3();
         let wind = (h * frame.wind).as_vec3();
-        let rows = self.nodes.as_chunks_mut::<NODE_COLUMNS>().0.iter_mut();
+        let rows = self.nodes.chunks_exact_mut(self.neighbours.node_columns());
         for (v, row) in rows.enumerate() {
             let moves = self.moves[v];
             let axes = self.frames[v].transpose();
@@ -240,7 +321,7 @@ impl CorrectionColumns {
                 wind - moves.velocity,
                 gravity,
             ];
-            for (to, vector) in row.as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
+            for (to, vector) in row[..18].as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
                 *to = (axes * vector).to_array();
             }
             row[18] = f32::from(u8::from(frame.held[v]));
@@ -248,29 +329,35 @@ impl CorrectionColumns {
         }
     }
 
+    /// Vectors and scalars of edge `number`, from its second vertex to its first.
+    fn of_edge(&self, number: usize, edge: [usize; 2], frame: &PredictedFrame<'_>) -> OfEdge {
+        let [a, b] = edge;
+        let length = self.lengths[number];
+        let inverse = if length > 0.0 { 1.0 / length } else { 0.0 };
+        let between = |positions: &[DVec3]| (positions[a] - positions[b]).as_vec3();
+        let now = between(frame.last.positions);
+        let next = between(frame.predicted.positions);
+        let (ma, mb) = (self.moves[a], self.moves[b]);
+        let vectors = [
+            next,
+            ma.velocity - mb.velocity,
+            ma.shift - mb.shift,
+            ma.change - mb.change,
+        ];
+        OfEdge {
+            vectors: vectors.map(|d| d * inverse),
+            strains: [now, next].map(|d| d.length() * inverse - 1.0),
+        }
+    }
+
     fn write_arcs(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
         let edges = graph.topology().edges().iter().zip(graph.edge_arcs());
-        let rows = self.arcs.as_chunks_mut::<ARC_COLUMNS>().0;
-        let side = if turns.over { -1.0 } else { 1.0 };
+        let side = turns.side();
         for (number, (edge, arcs)) in edges.enumerate() {
             let [a, b] = edge.vertices.map(|v| v.index());
-            let length = self.lengths[number];
-            let inverse = if length > 0.0 { 1.0 / length } else { 0.0 };
-            let between = |positions: &[DVec3]| (positions[a] - positions[b]).as_vec3();
-            let (now, next) = (
-                between(frame.last.positions),
-                between(frame.predicted.positions),
-            );
-            let strains = [now, next].map(|d| d.length() * inverse - 1.0);
-            let (ma, mb) = (self.moves[a], self.moves[b]);
-            let vectors = [
-                next,
-                ma.velocity - mb.velocity,
-                ma.shift - mb.shift,
-                ma.change - mb.change,
-            ]
-            .map(|d| d * inverse);
+            let OfEdge { vectors, strains } = self.of_edge(number, [a, b], frame);
             let [bent, bends] = self.angles[number].map(|angle| side * angle);
+            let rows = self.arcs.as_chunks_mut::<ARC_COLUMNS>().0;
             // The first arc comes from a and arrives at b.
             let both = [(a, b, 1.0), (b, a, -1.0)];
             for ((&arc, still), (sender, receiver, sign)) in
@@ -287,6 +374,76 @@ impl CorrectionColumns {
                 row[18] = bends - bent;
                 row[19..24].copy_from_slice(still);
                 row[20] *= side;
+            }
+        }
+    }
+
+    /// The sums over the arcs that arrive at each vertex `[eq:arc-sums]`: in the world first, then
+    /// turned into the frames.
+    fn write_sums(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
+        let columns = self.neighbours.node_columns();
+        for row in self.nodes.chunks_exact_mut(columns) {
+            row[NODE_COLUMNS..].fill(0.0);
+        }
+        let side = turns.side();
+        for (number, edge) in graph.topology().edges().iter().enumerate() {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            let OfEdge { vectors, strains } = self.of_edge(number, [a, b], frame);
+            let [bent, bends] = self.angles[number].map(|angle| side * angle);
+            let scalars = [strains[0], strains[1], bends, bends - bent];
+            for ((weights, still), (receiver, sign)) in self.weights[number]
+                .iter()
+                .zip(&self.still[number])
+                .zip([(b, 1.0), (a, -1.0)])
+            {
+                let row = &mut self.nodes[receiver * columns + NODE_COLUMNS..][..SUM_COLUMNS];
+                let (of_vectors, rest) = row.split_at_mut(3 * SUMMED_VECTORS * VECTOR_WEIGHTS);
+                let (of_scalars, means) = rest.split_at_mut(SUMMED_SCALARS * SCALAR_WEIGHTS);
+                let to = of_vectors
+                    .as_chunks_mut::<3>()
+                    .0
+                    .as_chunks_mut::<VECTOR_WEIGHTS>()
+                    .0;
+                for (to, vector) in to.iter_mut().zip(vectors) {
+                    for (to, weight) in to.iter_mut().zip(weights) {
+                        let part = vector * (sign * weight);
+                        to[0] += part.x;
+                        to[1] += part.y;
+                        to[2] += part.z;
+                    }
+                }
+                let to = of_scalars.as_chunks_mut::<SCALAR_WEIGHTS>().0;
+                for (to, scalar) in to.iter_mut().zip(scalars) {
+                    for (to, weight) in to.iter_mut().zip(&weights[2..]) {
+                        *to += weight * scalar;
+                    }
+                }
+                for (to, value) in means.iter_mut().zip(&still[2..]) {
+                    *to += weights[2] * value;
+                }
+            }
+        }
+        self.turn_sums(turns);
+    }
+
+    /// Turns the sums of vectors into the frames of their vertices, and the weights' directions with
+    /// the half turns.
+    fn turn_sums(&mut self, turns: HalfTurns) {
+        // Half a turn of the frame takes φ to φ + π, a cloth turned over takes it to -φ.
+        let (along, side) = (if turns.along { -1.0 } else { 1.0 }, turns.side());
+        let signs = [along, along * side, 1.0, 1.0, side];
+        let rows = self.nodes.chunks_exact_mut(self.neighbours.node_columns());
+        for (row, axes) in rows.zip(&self.frames) {
+            let axes = axes.transpose();
+            let row = &mut row[NODE_COLUMNS..];
+            let (of_vectors, rest) = row.split_at_mut(3 * SUMMED_VECTORS * VECTOR_WEIGHTS);
+            for (k, to) in of_vectors.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                let vector = axes * Vec3::from_array(*to);
+                *to = (signs[k % VECTOR_WEIGHTS] * vector).to_array();
+            }
+            let of_scalars = rest[..SUMMED_SCALARS * SCALAR_WEIGHTS].iter_mut();
+            for (k, to) in of_scalars.enumerate() {
+                *to *= signs[2 + k % SCALAR_WEIGHTS];
             }
         }
     }
@@ -326,6 +483,28 @@ impl CorrectionColumns {
             }
         }
     }
+}
+
+/// Weights of the arcs in the sums over those of their receivers: circular functions of their
+/// directions in the pattern over their number.
+fn sum_weights(graph: &ClothGraph) -> Vec<[[f32; VECTOR_WEIGHTS]; 2]> {
+    let first = graph.connectivity().first_arc();
+    let parts = |vertex: usize| 1.0 / (first[vertex + 1] - first[vertex]).max(1) as f32;
+    let edges = graph.topology().edges().iter();
+    edges
+        .zip(graph.material_vectors())
+        .map(|(edge, vectors)| {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            let of = |receiver: usize, vector: glam::Vec2| {
+                let [c, s] = vector
+                    .try_normalize()
+                    .unwrap_or(glam::Vec2::ZERO)
+                    .to_array();
+                [c, s, 1.0, c * c - s * s, 2.0 * c * s].map(|weight| parts(receiver) * weight)
+            };
+            [of(b, vectors[0]), of(a, vectors[1])]
+        })
+        .collect()
 }
 
 /// The logarithm of a stiffness without unit; finite for none at all.

@@ -236,7 +236,7 @@ impl Network {
         let zero = EncoderState::new();
         let end = gradients.states.end.unwrap_or(&zero);
         let records = [&w.node_encoder, &w.arc_encoder];
-        let [of_nodes, of_arcs] = self.encoders_backward(weights, inputs, records, end);
+        let (of_nodes, of_arcs) = self.encoders_backward(weights, inputs, records, end);
         let range = self.weights_of(NODE_ENCODER, ARC_ENCODER);
         let work = |partitions: &[Partition],
                     share: Share<EncoderGradients<'_, T>, EncoderGradients<'_, T>>,
@@ -244,8 +244,10 @@ impl Network {
             let mut group = group.begin(&range);
             let ranges = partitions.iter().map(|partition| &partition.vertices);
             of_nodes.run(ranges, share.vertices, &mut group);
-            let ranges = partitions.iter().map(|partition| &partition.arcs);
-            of_arcs.run(ranges, share.arcs, &mut group);
+            if let Some(of_arcs) = &of_arcs {
+                let ranges = partitions.iter().map(|partition| &partition.arcs);
+                of_arcs.run(ranges, share.arcs, &mut group);
+            }
         };
         share.among(&graph.partitions, &mut w.groups, &work);
         add_groups(&w.groups, &mut gradients.weights[range]);
@@ -262,7 +264,7 @@ impl Network {
         inputs: [EncoderInput<'a, T>; 2],
         records: [&'a EncoderRecord<T>; 2],
         end: &'a EncoderState<T>,
-    ) -> [EncoderBackward<'a, T>; 2] {
+    ) -> (EncoderBackward<'a, T>, Option<EncoderBackward<'a, T>>) {
         let ([nodes, arcs], [node_record, arc_record]) = (inputs, records);
         let of_nodes = EncoderBackward {
             layers: &self.node_encoder,
@@ -271,14 +273,14 @@ impl Network {
             record: node_record,
             end_gradient: &end.nodes,
         };
-        let of_arcs = EncoderBackward {
-            layers: &self.arc_encoder,
+        let of_arcs = self.arc_encoder.as_ref().map(|layers| EncoderBackward {
+            layers,
             layer: weights.layer(ARC_ENCODER),
             input: arcs,
             record: arc_record,
             end_gradient: &end.arcs,
-        };
-        [of_nodes, of_arcs]
+        });
+        (of_nodes, of_arcs)
     }
 }
 

@@ -49,9 +49,10 @@ pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
     }
     let [nodes, edges] = spec.encoder.rows();
     let decoder = 2 * square + latent * spec.outputs() as u64;
+    let looks_at_arcs = u64::from(blocks > 0);
     Flops {
         vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
-        arc: 2 * (encoder(spec, edges, spec.edge_width()) + blocks * arc),
+        arc: 2 * (looks_at_arcs * encoder(spec, edges, spec.edge_width()) + blocks * arc),
     }
 }
 
@@ -109,6 +110,7 @@ pub fn activations(spec: &ModelSpec) -> Activations {
         _ => 0,
     };
     let decoder = 2 * latent;
+    let looks_at_arcs = u64::from(blocks > 0);
     Activations {
         // A block keeps its input, the sums of messages and its perceptron. Beside the blocks: the
         // latent vertices, what two blocks' arcs gather of them, the output.
@@ -119,7 +121,7 @@ pub fn activations(spec: &ModelSpec) -> Activations {
             + spec.outputs() as u64
             + carried,
         // The latent arcs and the gradients of their first layer.
-        arc: of_arc + blocks * (latent + perceptron) + 2 * latent + carried,
+        arc: looks_at_arcs * of_arc + blocks * (latent + perceptron) + 2 * latent + carried,
     }
 }
 

@@ -21,7 +21,8 @@ pub struct Network {
     pub(super) spec: ModelSpec,
     parameters: Vec<Parameter>,
     pub(super) node_encoder: EncoderLayers,
-    pub(super) arc_encoder: EncoderLayers,
+    /// None without blocks, which alone look at arcs.
+    pub(super) arc_encoder: Option<EncoderLayers>,
     pub(super) blocks: Vec<Block>,
     pub(super) decoder: Mlp,
     pub(super) decoder_first: Piece,
@@ -66,8 +67,11 @@ impl Network {
         let node_encoder = modules
             .add(|module| EncoderLayers::new(module, "encoder.nodes", of_nodes, width, latent));
         let width = spec.edge_width();
-        let arc_encoder = modules
-            .add(|module| EncoderLayers::new(module, "encoder.edges", of_arcs, width, latent));
+        let looks_at_arcs = spec.blocks > 0;
+        let arc_encoder = modules.add(|module| {
+            looks_at_arcs
+                .then(|| EncoderLayers::new(module, "encoder.edges", of_arcs, width, latent))
+        });
         let mut blocks = Vec::with_capacity(spec.blocks);
         for number in 0..spec.blocks {
             let path = format!("processor.{number}");
@@ -131,7 +135,11 @@ impl Network {
     pub(super) fn pack_module<T: Real>(&self, number: usize, packer: &mut Packer<'_, T>) {
         match number {
             NODE_ENCODER => self.node_encoder.pack(packer),
-            ARC_ENCODER => self.arc_encoder.pack(packer),
+            ARC_ENCODER => {
+                if let Some(encoder) = &self.arc_encoder {
+                    encoder.pack(packer);
+                }
+            }
             _ => match self.blocks.get(number - FIRST_BLOCK) {
                 Some(block) => block.pack(packer),
                 None => {

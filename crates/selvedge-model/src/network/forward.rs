@@ -52,6 +52,9 @@ impl Network {
         let windows = self.windows(graph, carried);
         workspace.fit(self, graph, pass, windows);
         self.encode(weights, graph, carried, windows, workspace);
+        if self.blocks.is_empty() {
+            self.decode_all(weights, graph, workspace);
+        }
         for number in 0..self.blocks.len() {
             self.run_block(weights, graph, number, workspace);
         }
@@ -116,7 +119,9 @@ impl Network {
         let (mut node_record, mut arc_record) = <(EncoderRecordRows<'_, T>, _)>::default();
         if w.kept {
             node_record = w.node_encoder.rows(&self.node_encoder);
-            arc_record = w.arc_encoder.rows(&self.arc_encoder);
+            if let Some(encoder) = &self.arc_encoder {
+                arc_record = w.arc_encoder.rows(encoder);
+            }
         }
         let [first_products, _] = &mut w.endpoint_products;
         let share = Share {
@@ -144,11 +149,14 @@ impl Network {
                 let (layer, range) = (weights.layer(NODE_ENCODER), partition.vertices.clone());
                 self.node_encoder
                     .forward(layer, nodes, range, &mut rows.encoder, scratch);
-                let (layer, range) = (weights.layer(ARC_ENCODER), partition.arcs.clone());
-                self.arc_encoder
-                    .forward(layer, arcs, range, &mut arc_rows, scratch);
-                let (layer, latents) = (weights.layer(FIRST_BLOCK), &rows.encoder.out);
-                self.blocks[0].endpoint_products(layer, latents, &mut rows.products);
+                if let Some(encoder) = &self.arc_encoder {
+                    let (layer, range) = (weights.layer(ARC_ENCODER), partition.arcs.clone());
+                    encoder.forward(layer, arcs, range, &mut arc_rows, scratch);
+                }
+                if let Some(block) = self.blocks.first() {
+                    let (layer, latents) = (weights.layer(FIRST_BLOCK), &rows.encoder.out);
+                    block.endpoint_products(layer, latents, &mut rows.products);
+                }
             });
         };
         share.among(&graph.partitions, &mut one_each(graph), &work);
@@ -228,6 +236,38 @@ impl Network {
             }
             None => self.decode(weights, rows, scratch),
         }
+    }
+
+    /// Latent nodes to the output, where there is no block that does so at its end.
+    fn decode_all<T: Real>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        w: &mut Workspace<T>,
+    ) {
+        let mut decoder = MlpRows::default();
+        if w.kept {
+            decoder = w.decoder.rows(&self.decoder);
+        }
+        let share = Share {
+            vertices: ProcessedNodes {
+                block: NodeRows {
+                    nodes: Rows::new(&mut w.nodes, self.spec.latent),
+                    record: Default::default(),
+                },
+                next_products: Rows::default(),
+                output: Rows::new(&mut w.output, self.spec.outputs()),
+                decoder,
+            },
+            arcs: (),
+        };
+        let scratch = &w.scratch;
+        let work = |_: &[Partition], share: Share<ProcessedNodes<'_, T>, ()>, (): &mut ()| {
+            Workspace::with_scratch(scratch, |scratch| {
+                self.decode(weights, share.vertices, scratch);
+            });
+        };
+        share.among(&graph.partitions, &mut one_each(graph), &work);
     }
 
     /// Latent nodes of a partition to accelerations.

@@ -83,7 +83,11 @@ pub fn bare_products(
             }
         }
     };
-    let kinds = [(vertices, spec.node_width()), (arcs, spec.edge_width())];
+    let looks_at_arcs = usize::from(spec.blocks > 0);
+    let kinds = [
+        (vertices, spec.node_width()),
+        (looks_at_arcs * arcs, spec.edge_width()),
+    ];
     for ((rows, width), encoder) in kinds.into_iter().zip(spec.encoder.rows()) {
         match encoder {
             RowEncoder::Mlp(window) => {

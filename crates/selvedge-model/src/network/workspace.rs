@@ -187,8 +187,10 @@ impl<T: Real> Workspace<T> {
             windows.nodes,
             of_nodes.active(),
         );
-        self.arc_encoder
-            .fit(&network.arc_encoder, arcs, windows.arcs, of_arcs.active());
+        if let Some(encoder) = &network.arc_encoder {
+            self.arc_encoder
+                .fit(encoder, arcs, windows.arcs, of_arcs.active());
+        }
         self.blocks
             .resize_with(network.blocks.len(), BlockRecord::default);
         for (record, block) in self.blocks.iter_mut().zip(&network.blocks) {

@@ -9,9 +9,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use thiserror::Error;
 
-use crate::features::correction::{
-    ARC_COLUMNS, CorrectionColumns, HalfTurns, NODE_COLUMNS, PredictedFrame, Stiffness,
-};
+use crate::features::correction::{CorrectionColumns, HalfTurns, PredictedFrame, Stiffness};
 use crate::graph::ClothGraph;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
@@ -62,7 +60,12 @@ impl Corrector {
         if model.spec().base.is_none() {
             return Err(NoBase);
         }
-        let columns = CorrectionColumns::new(&graph, stiffness, 1.0 / graph.frame_rate());
+        let columns = CorrectionColumns::new(
+            &graph,
+            stiffness,
+            1.0 / graph.frame_rate(),
+            model.spec().neighbours(),
+        );
         let (purpose, using) = (Purpose::Inference, Instructions::Detected);
         Ok(Self {
             columns,
@@ -170,12 +173,13 @@ fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f3
     // Of two numbers `max` gives the one that is a number: those that are none are the farthest.
     let size = |x: &f32| if x.is_nan() { f32::INFINITY } else { x.abs() };
     let most = |row: &[f32]| row.iter().map(size).fold(0.0, f32::max);
-    let arcs = columns.arcs.as_chunks::<ARC_COLUMNS>().0;
     let first = graph.connectivity().first_arc();
-    let nodes = columns.nodes.as_chunks::<NODE_COLUMNS>().0.iter();
+    let neighbours = columns.neighbours();
+    let nodes = columns.nodes.chunks_exact(neighbours.node_columns());
+    let width = neighbours.arc_columns();
     for (v, (row, share)) in nodes.zip(shares).enumerate() {
-        let arriving = &arcs[first[v] as usize..first[v + 1] as usize];
-        let far = most(row).max(most(arriving.as_flattened()));
+        let [from, to] = [first[v], first[v + 1]].map(|arc| arc as usize * width);
+        let far = most(row).max(most(&columns.arcs[from..to]));
         let far = (far - FAMILIAR) / (UNLIKE - FAMILIAR);
         *share = 1.0 - far.clamp(0.0, 1.0);
     }

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::features::correction::{ARC_COLUMNS, NODE_COLUMNS};
+use crate::features::correction::Neighbours;
 use crate::spec::base::{LEAST_LATENT, PhysicsBase};
 use crate::spec::integration::Integration;
 use crate::spec::limits::EdgeLimits;
@@ -26,7 +26,8 @@ pub struct ModelSpec {
     pub encoder: Encoder,
     /// Width of every latent vector.
     pub latent: usize,
-    /// Number of message-passing blocks.
+    /// Number of message-passing blocks. A network that corrects physics can do without: each vertex
+    /// then knows its neighbours by sums over the arcs that arrive there.
     pub blocks: usize,
     /// Number of coarse levels, each of a quarter of the vertices of the level before. Their links
     /// pass messages beside the edges of the mesh. The paper has none.
@@ -282,9 +283,10 @@ impl ModelSpec {
     }
 
     fn check_sizes(&self) -> Result<(), SpecError> {
+        let least_blocks = usize::from(self.base.is_none());
         let sizes = [
             ("latent", self.latent, 4, 4096),
-            ("blocks", self.blocks, 1, 256),
+            ("blocks", self.blocks, least_blocks, 256),
             ("encoder.window", self.window(), 1, 64),
             ("coarse_levels", self.coarse_levels, 0, 8),
         ];
@@ -382,11 +384,20 @@ impl ModelSpec {
         }
     }
 
+    /// The columns by which a network that corrects physics knows the neighbours of a vertex.
+    #[must_use]
+    pub fn neighbours(&self) -> Neighbours {
+        match self.blocks {
+            0 => Neighbours::Sums,
+            _ => Neighbours::Arcs,
+        }
+    }
+
     /// Columns of a vertex.
     #[must_use]
     pub fn node_width(&self) -> usize {
         if self.base.is_some() {
-            return NODE_COLUMNS;
+            return self.neighbours().node_columns();
         }
         self.node_features.iter().map(|f| f.width()).sum()
     }
@@ -395,7 +406,7 @@ impl ModelSpec {
     #[must_use]
     pub fn edge_width(&self) -> usize {
         if self.base.is_some() {
-            return ARC_COLUMNS;
+            return self.neighbours().arc_columns();
         }
         self.edge_features.iter().map(|f| f.width()).sum()
     }

@@ -100,6 +100,16 @@ fn specs() -> Vec<ModelSpec> {
             }),
             ..ModelSpec::physical(Encoder::MLP, 8, 2)
         },
+        ModelSpec {
+            node_features: Default::default(),
+            edge_features: Default::default(),
+            base: Some(PhysicsBase {
+                integrator: Default::default(),
+                substeps: 1,
+                forgets: false,
+            }),
+            ..ModelSpec::physical(Encoder::MLP, 9, 0)
+        },
     ]
 }
 

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use selvedge_model::{
     Instructions, Model, ModelError, Network, Normalizers, PackedWeights, Purpose,
-    RunningStatistics, SpecError, correction_groups,
+    RunningStatistics, SpecError,
 };
 use thiserror::Error;
 
@@ -148,7 +148,7 @@ impl CorrectionTrainer {
     }
 
     fn statistics(&self) -> Normalizers {
-        let groups = correction_groups();
+        let groups = self.cfg.model.neighbours().groups();
         let mut all = groups.map(|groups| RunningStatistics::new(&groups));
         let [nodes, arcs, targets] = &mut all;
         for sample in self.store.samples() {

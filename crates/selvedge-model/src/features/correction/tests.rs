@@ -102,7 +102,11 @@ impl Case {
     }
 
     fn columns(&self, turns: HalfTurns) -> CorrectionColumns {
-        let mut columns = CorrectionColumns::new(&self.graph, SOFT, 1.0 / 60.0);
+        self.columns_of(Neighbours::Arcs, turns)
+    }
+
+    fn columns_of(&self, neighbours: Neighbours, turns: HalfTurns) -> CorrectionColumns {
+        let mut columns = CorrectionColumns::new(&self.graph, SOFT, 1.0 / 60.0, neighbours);
         columns.write(&self.graph, &self.frame(), turns);
         columns
     }
@@ -203,6 +207,91 @@ fn half_turns_change_the_signs_of_components_only() {
     }
 }
 
+/// The sums over the arcs of each vertex from the columns of the arcs themselves, in the order in
+/// which the vertex has them.
+fn sums_by_hand(graph: &ClothGraph, arcs: &[f32]) -> Vec<Vec<f32>> {
+    let mut sums = vec![vec![0.0_f64; SUM_COLUMNS]; graph.vertex_count()];
+    let mut counts = vec![0.0; graph.vertex_count()];
+    let vectors = graph.material_vectors();
+    for (edge, both) in graph.edge_arcs().iter().enumerate() {
+        for (side, &arc) in both.iter().enumerate() {
+            let receiver = graph.receivers()[arc as usize] as usize;
+            let row = &arcs[arc as usize * ARC_COLUMNS..][..ARC_COLUMNS];
+            let angle = f64::from(vectors[edge][side].to_angle());
+            let (double_cosine, double_sine) = ((2.0 * angle).cos(), (2.0 * angle).sin());
+            let of_vectors = [angle.cos(), angle.sin(), 1.0, double_cosine, double_sine];
+            let sum = &mut sums[receiver];
+            for field in 0..4 {
+                for (k, weight) in of_vectors.iter().enumerate() {
+                    for axis in 0..3 {
+                        sum[(5 * field + k) * 3 + axis] +=
+                            weight * f64::from(row[3 * field + axis]);
+                    }
+                }
+            }
+            for scalar in 0..4 {
+                for (k, weight) in of_vectors[2..].iter().enumerate() {
+                    sum[60 + 3 * scalar + k] += weight * f64::from(row[15 + scalar]);
+                }
+            }
+            for k in 0..3 {
+                sum[72 + k] += f64::from(row[21 + k]);
+            }
+            counts[receiver] += 1.0;
+        }
+    }
+    let means = sums.iter().zip(&counts);
+    means
+        .map(|(sum, count)| sum.iter().map(|x| (x / count) as f32).collect())
+        .collect()
+}
+
+#[test]
+fn sums_are_those_of_the_columns_of_the_arcs() {
+    let case = case(4, 3);
+    let straight = HalfTurns::default();
+    let arcs = case.columns(straight);
+    let sums = case.columns_of(Neighbours::Sums, straight);
+    assert!(sums.arcs.is_empty());
+    let expected = sums_by_hand(&case.graph, &arcs.arcs);
+    let rows = sums.nodes.chunks_exact(Neighbours::Sums.node_columns());
+    let own = arcs.nodes.as_chunks::<NODE_COLUMNS>().0;
+    for ((row, own), expected) in rows.zip(own).zip(&expected) {
+        assert_eq!(&row[..NODE_COLUMNS], own);
+        // Rounding of f32 in sums of about six arcs.
+        assert_near(&row[NODE_COLUMNS..], expected, 1e-5);
+    }
+    let widths = Neighbours::Sums
+        .groups()
+        .map(|groups| groups.iter().sum::<usize>());
+    assert_eq!(widths, [Neighbours::Sums.node_columns(), 0, 6]);
+}
+
+#[test]
+fn half_turns_change_the_signs_of_sums_only() {
+    let case = case(4, 5);
+    let straight = case.columns_of(Neighbours::Sums, HalfTurns::default());
+    for turns in TURNS {
+        let [x, z] = [turns.along, turns.over].map(|turn| if turn { -1.0 } else { 1.0 });
+        let axes = [x, x * z, z];
+        // Of cos φ, sin φ, 1, cos 2φ, sin 2φ.
+        let weights = [x, x * z, 1.0, 1.0, z];
+        let mut nodes = straight.nodes.clone();
+        for row in nodes.chunks_exact_mut(Neighbours::Sums.node_columns()) {
+            (0..18).for_each(|k| row[k] *= axes[k % 3]);
+            let sums = &mut row[NODE_COLUMNS..];
+            (0..60).for_each(|k| sums[k] *= axes[k % 3] * weights[k / 3 % 5]);
+            // Strains, then the two angles, whose sign is that of the side.
+            (0..12).for_each(|k| sums[60 + k] *= weights[2 + k % 3] * if k < 6 { 1.0 } else { z });
+        }
+        assert_near(
+            &case.columns_of(Neighbours::Sums, turns).nodes,
+            &nodes,
+            1e-6,
+        );
+    }
+}
+
 #[test]
 fn a_target_leads_to_the_truth_and_held_vertices_stay() {
     let case = case(4, 9);
@@ -259,7 +348,7 @@ fn the_frames_of_a_flat_sheet_lie_along_its_threads() {
         gravity,
         held: &[false; 16],
     };
-    let mut columns = CorrectionColumns::new(&graph, SOFT, 1.0 / 60.0);
+    let mut columns = CorrectionColumns::new(&graph, SOFT, 1.0 / 60.0, Neighbours::Arcs);
     columns.write(&graph, &frame, HalfTurns::default());
     let normal = u.cross(w);
     let down = gravity / 3600.0;

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::features::Normalizer;
 use crate::features::correction::tests::{SOFT, Shape};
+use crate::features::correction::{ARC_COLUMNS, NODE_COLUMNS, Neighbours};
 use crate::network::Network;
 use crate::rollout::{LearnedStepper, Normalizers, RolloutError};
 use crate::spec::{Encoder, ModelSpec};
@@ -42,7 +43,7 @@ fn model(deviation: f64) -> Arc<Model> {
 }
 
 fn columns(graph: &ClothGraph) -> CorrectionColumns {
-    CorrectionColumns::new(graph, SOFT, 1.0 / 60.0)
+    CorrectionColumns::new(graph, SOFT, 1.0 / 60.0, Neighbours::Arcs)
 }
 
 #[test]
