@@ -151,6 +151,28 @@ impl Integrator {
         }
     }
 
+    fn validate(self) -> Result<(), PhysicsError> {
+        if let Some(newton) = self.newton() {
+            check_positive("physics.integrator.newton.tolerance", newton.tolerance)?;
+            check_count(
+                "physics.integrator.newton.max_iterations",
+                newton.max_iterations,
+            )?;
+        }
+        match self {
+            Self::GeneralisedAlpha(settings)
+                if !(0.0..=0.9).contains(&settings.spectral_radius) =>
+            {
+                Err(PhysicsError {
+                    field: "physics.integrator.generalised-alpha.spectral_radius",
+                    expected: "between 0 and 0.9",
+                    found: settings.spectral_radius.to_string(),
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Settings of Newton's method; none if a substep is one linear solve.
     #[must_use]
     pub fn newton(self) -> Option<Newton> {
@@ -382,22 +404,7 @@ impl PhysicsSettings {
     pub fn validate(&self) -> Result<(), PhysicsError> {
         check_count("physics.substeps", self.substeps)?;
         check_positive("physics.max_strain", self.max_strain)?;
-        if let Some(newton) = self.integrator.newton() {
-            check_positive("physics.integrator.newton.tolerance", newton.tolerance)?;
-            check_count(
-                "physics.integrator.newton.max_iterations",
-                newton.max_iterations,
-            )?;
-        }
-        if let Integrator::GeneralisedAlpha(settings) = self.integrator
-            && !(0.0..=0.9).contains(&settings.spectral_radius)
-        {
-            return Err(PhysicsError {
-                field: "physics.integrator.generalised-alpha.spectral_radius",
-                expected: "between 0 and 0.9",
-                found: settings.spectral_radius.to_string(),
-            });
-        }
+        self.integrator.validate()?;
         if let Some(least) = self.least_damping
             && !(least.is_finite() && least >= 0.0)
         {

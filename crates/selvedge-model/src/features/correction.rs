@@ -132,8 +132,8 @@ pub struct CorrectionColumns {
     angles: Vec<[f32; 2]>,
     moves: Vec<Moves>,
     neighbours: Neighbours,
-    /// Weights of the two arcs of each edge in the sums over the arcs of their receivers, where there
-    /// are sums, `[edges, 2]`.
+    /// Weights of the two arcs of each edge in the sums over the arcs of their receivers, where
+    /// there are sums, `[edges, 2]`.
     weights: Vec<[[f32; VECTOR_WEIGHTS]; 2]>,
     /// Columns of the vertices, `[vertices, columns]`.
     pub nodes: Vec<f32>,
@@ -426,8 +426,8 @@ impl CorrectionColumns {
         self.turn_sums(turns);
     }
 
-    /// Turns the sums of vectors into the frames of their vertices, and the weights' directions with
-    /// the half turns.
+    /// Turns the sums of vectors into the frames of their vertices, and the directions of the
+    /// weights with the half turns.
     fn turn_sums(&mut self, turns: HalfTurns) {
         // Half a turn of the frame takes φ to φ + π, a cloth turned over takes it to -φ.
         let (along, side) = (if turns.along { -1.0 } else { 1.0 }, turns.side());

@@ -11,7 +11,7 @@ use crate::graph::share::{Rows, Share, SplitRows};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::real::Real;
-use crate::network::arguments::{Carried, Gradients, InputGradient};
+use crate::network::arguments::{Carried, Gradients};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::{ArcGradients, BlockKept, NodeGradients};
@@ -203,8 +203,7 @@ impl Network {
         gradients: Gradients<'_, T>,
         w: &mut Workspace<T>,
     ) {
-        let (spec, latent) = (&self.spec, self.spec.latent);
-        let windows = self.windows(graph, carried);
+        let (spec, latent, windows) = (&self.spec, self.spec.latent, self.windows(graph, carried));
         let inputs = self.encoder_inputs(carried, windows, &w.dropout);
         let node_width = windows.nodes * spec.node_width();
         let arc_width = windows.arcs * spec.edge_width();
@@ -251,9 +250,9 @@ impl Network {
         };
         share.among(&graph.partitions, &mut w.groups, &work);
         add_groups(&w.groups, &mut gradients.weights[range]);
-        if let Some(InputGradient { nodes, arcs }) = gradients.input {
-            frame_by_frame(to_nodes, spec.node_width(), windows.nodes, nodes);
-            frame_by_frame(to_arcs, spec.edge_width(), windows.arcs, arcs);
+        if let Some(to) = gradients.input {
+            frame_by_frame(to_nodes, spec.node_width(), windows.nodes, to.nodes);
+            frame_by_frame(to_arcs, spec.edge_width(), windows.arcs, to.arcs);
         }
     }
 
@@ -333,6 +332,9 @@ impl<T: Real> EncoderBackward<'_, T> {
 
 /// `[rows, window, width]` to `[window, rows, width]`.
 fn frame_by_frame<T: Copy>(from: &[T], width: usize, window: usize, to: &mut [T]) {
+    if from.is_empty() {
+        return;
+    }
     let rows = from.len() / (width * window);
     for (row, frames) in from.chunks_exact(width * window).enumerate() {
         for (frame, values) in frames.chunks_exact(width).enumerate() {

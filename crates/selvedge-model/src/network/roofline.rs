@@ -55,8 +55,7 @@ pub fn bare_products(
     arcs: usize,
     purpose: Purpose,
 ) -> Vec<BareProduct> {
-    let latent = spec.latent;
-    let mut list = Vec::new();
+    let (latent, mut list) = (spec.latent, Vec::new());
     let mut add = |rows, depth, columns, times, first: bool| {
         let product = BareProduct {
             kind: ProductKind::Rows,
@@ -83,11 +82,8 @@ pub fn bare_products(
             }
         }
     };
-    let looks_at_arcs = usize::from(spec.blocks > 0);
-    let kinds = [
-        (vertices, spec.node_width()),
-        (looks_at_arcs * arcs, spec.edge_width()),
-    ];
+    let seen = arcs * usize::from(spec.blocks > 0);
+    let kinds = [(vertices, spec.node_width()), (seen, spec.edge_width())];
     for ((rows, width), encoder) in kinds.into_iter().zip(spec.encoder.rows()) {
         match encoder {
             RowEncoder::Mlp(window) => {

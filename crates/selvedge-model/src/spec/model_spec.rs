@@ -26,8 +26,8 @@ pub struct ModelSpec {
     pub encoder: Encoder,
     /// Width of every latent vector.
     pub latent: usize,
-    /// Number of message-passing blocks. A network that corrects physics can do without: each vertex
-    /// then knows its neighbours by sums over the arcs that arrive there.
+    /// Number of message-passing blocks. A network that corrects physics can do without: each
+    /// vertex then knows its neighbours by sums over the arcs that arrive there.
     pub blocks: usize,
     /// Number of coarse levels, each of a quarter of the vertices of the level before. Their links
     /// pass messages beside the edges of the mesh. The paper has none.

@@ -90,27 +90,22 @@ fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Mlp { window: 3 }, 6, 1),
         ModelSpec::physical(Encoder::NodeGru { window: 3 }, 6, 1),
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
-        ModelSpec {
-            node_features: Default::default(),
-            edge_features: Default::default(),
-            base: Some(PhysicsBase {
-                integrator: Default::default(),
-                substeps: 1,
-                forgets: false,
-            }),
-            ..ModelSpec::physical(Encoder::MLP, 8, 2)
-        },
-        ModelSpec {
-            node_features: Default::default(),
-            edge_features: Default::default(),
-            base: Some(PhysicsBase {
-                integrator: Default::default(),
-                substeps: 1,
-                forgets: false,
-            }),
-            ..ModelSpec::physical(Encoder::MLP, 9, 0)
-        },
+        correcting(8, 2),
+        correcting(9, 0),
     ]
+}
+
+fn correcting(latent: usize, blocks: usize) -> ModelSpec {
+    ModelSpec {
+        node_features: Default::default(),
+        edge_features: Default::default(),
+        base: Some(PhysicsBase {
+            integrator: Default::default(),
+            substeps: 1,
+            forgets: false,
+        }),
+        ..ModelSpec::physical(Encoder::MLP, latent, blocks)
+    }
 }
 
 #[test]

@@ -274,8 +274,8 @@ fn names_frame_and_cause(error: &StepError, next: usize) -> Result<(), TestCaseE
 }
 
 /// Measured with this seed: all of 46 scenes with one linear solve per substep came to their end,
-/// also with the generalised-α method in place of BDF2, and 10 of 18 with Newton's method. In the others it did not reach 1e-6 m/s within its 50
-/// iterations.
+/// also with the generalised-α method in place of BDF2, and 10 of 18 with Newton's method. In the
+/// others it did not reach 1e-6 m/s within its 50 iterations.
 #[test]
 #[allow(clippy::print_stdout, reason = "the shares, for the docs")]
 fn a_scene_comes_to_its_end_or_says_in_which_frame_and_why_not() {
