@@ -15,27 +15,12 @@ pub struct ContactSettings {
     /// True if the cloth touches itself.
     #[serde(rename = "self")]
     pub self_contact: bool,
-    /// Law of the push.
-    pub law: ContactLaw,
     /// Rounds of projection after a solve before the substep is shortened.
     pub rounds: u32,
     /// Gap that no pair goes below `[m]`, unless it starts there.
     pub floor: f64,
     /// An error after this many parts of a substep.
     pub max_divisions: u32,
-    /// True if cloth that is pinched between two sides of obstacles lets them pass, and says so.
-    pub yielding: bool,
-}
-
-/// Law by which a gap that is too small pushes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ContactLaw {
-    /// A cubic barrier as stiff as the masses and the substep allow, with friction that holds.
-    #[default]
-    Barrier,
-    /// ARCSim's constant stiffness and its friction, which creeps: for comparisons with it.
-    Arcsim,
 }
 
 /// A setting of contact that cannot be used.
@@ -53,11 +38,9 @@ impl Default for ContactSettings {
             thickness: 1e-3,
             friction: 0.6,
             self_contact: true,
-            law: ContactLaw::Barrier,
             rounds: 8,
             floor: 2e-5,
             max_divisions: 64,
-            yielding: false,
         }
     }
 }
@@ -122,10 +105,10 @@ mod tests {
 
     #[test]
     fn toml_says_self() {
-        let text = "thickness = 0.002\nself = false\nlaw = \"arcsim\"";
+        let text = "thickness = 0.002\nself = false";
         let settings: ContactSettings = toml::from_str(text).unwrap();
         assert!(!settings.self_contact);
-        assert_eq!(settings.law, ContactLaw::Arcsim);
+        assert_eq!(settings.thickness, 0.002);
         assert_eq!(settings.friction, ContactSettings::default().friction);
         let error = toml::from_str::<ContactSettings>("thicknes = 1").unwrap_err();
         assert!(error.to_string().contains("thicknes"), "{error}");

@@ -68,7 +68,7 @@ mod stepper;
 mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
-pub use contact::{ContactError, ContactLaw, ContactSettings};
+pub use contact::{ContactError, ContactSettings};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};

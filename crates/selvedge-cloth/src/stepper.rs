@@ -124,7 +124,7 @@ pub enum StepError {
         bound: f64,
     },
     #[error(
-        "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m): use more substeps, move handles and obstacles more slowly, or let obstacles pass with `yielding = true` in contact"
+        "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m): use more substeps, or move handles and obstacles more slowly and nowhere so close that the cloth has no room"
     )]
     Contact {
         frame: usize,

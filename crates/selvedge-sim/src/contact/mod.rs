@@ -49,8 +49,6 @@ pub struct ContactCounts {
     pub fell_back: u64,
     /// Pairs that push now.
     pub touching: u64,
-    /// Pairs of which nothing can move, and which are let pass: handles and obstacles.
-    pub prescribed: u64,
 }
 
 /// Pairs that cannot be kept apart.

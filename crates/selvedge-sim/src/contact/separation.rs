@@ -47,8 +47,6 @@ enum Verdict {
     Safe,
     /// As safe, but one direction did not show it.
     Halved,
-    /// Nothing of it can move.
-    Prescribed,
     Failed {
         approach: Approach,
         /// Gap that it must keep `[m]`.
@@ -103,7 +101,6 @@ impl ContactCounts {
             let count = match verdict {
                 Verdict::Safe => &mut self.certified,
                 Verdict::Halved => &mut self.halved,
-                Verdict::Prescribed => &mut self.prescribed,
                 Verdict::Failed { .. } => &mut self.uncertified,
             };
             *count += 1;
@@ -190,7 +187,6 @@ impl Contact {
         room.verdicts.resize(pairs.len(), Verdict::Safe);
         let (start, end, stirred) = (&self.start, &self.end, &room.stirred);
         let floor = self.settings.floor;
-        let inverse = &self.inverse;
         threads.each(&mut room.verdicts, |k, verdict| {
             let pair = &pairs[k];
             if pair.corners.iter().any(|p| stirred[*p as usize]) {
@@ -198,8 +194,7 @@ impl Contact {
                     from: pair.places(start),
                     to: pair.places(end),
                 };
-                let is_free = || pair.corners.iter().any(|p| inverse[*p as usize] > 0.0);
-                *verdict = judge(pair.kind, path, floor, is_free);
+                *verdict = judge(pair.kind, path, floor);
             }
         });
         room.list_failed(pairs);
@@ -312,12 +307,9 @@ impl Contact {
 
 /// Certificate of a pair that keeps at least `floor` `[m]`, or its gap at the start.
 #[inline]
-fn judge(kind: Kind, path: Path, floor: f64, is_free: impl Fn() -> bool) -> Verdict {
+fn judge(kind: Kind, path: Path, floor: f64) -> Verdict {
     if path.boxes_apart(kind, floor) || certify_straight(kind, path, floor) {
         return Verdict::Safe;
-    }
-    if !is_free() {
-        return Verdict::Prescribed;
     }
     let floor = floor.min(gap(kind, path.from).distance * KEPT);
     match certify(kind, path, floor) {

@@ -4,6 +4,7 @@
 mod allocation;
 mod conformance;
 mod contact;
+mod contact_random;
 mod corrections;
 mod dynamics;
 mod fit;

@@ -1,0 +1,192 @@
+//! Random scenes with contact: whatever is thrown together, no frame ever intersects, and a motion
+//! that cannot go on ends in an error that says why.
+
+use glam::{DQuat, DVec3};
+use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::{
+    ContactSettings, HandleTargets, Handles, Integrator, Mesh, Obstacle, ObstaclePath, RigidKey,
+    Scene, StepError, Stepper, StrainLimits, bodies,
+};
+use selvedge_sim::{ContactCounts, Simulator, SimulatorError};
+
+use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material};
+
+/// Numbers from a counter, the same on every machine.
+struct Dice(u64);
+
+impl Dice {
+    /// A number from 0 to 1 (SplitMix64).
+    fn part(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) as f64 / u64::MAX as f64
+    }
+
+    fn between(&mut self, least: f64, most: f64) -> f64 {
+        least + (most - least) * self.part()
+    }
+
+    fn one_of(&mut self, count: usize) -> usize {
+        ((self.part() * count as f64) as usize).min(count - 1)
+    }
+
+    fn vector(&mut self, size: f64) -> DVec3 {
+        let mut number = || self.between(-size, size);
+        DVec3::new(number(), number(), number())
+    }
+}
+
+/// Ends of the runs.
+#[derive(Debug, Default)]
+struct Ends {
+    whole: u32,
+    stopped: u32,
+    /// Scenes that start with an intersection, of which there are no frames.
+    meets: u32,
+    frames: usize,
+}
+
+/// A needle, a ball, a box, a rod or a wall, anywhere, still or moving.
+fn obstacle(dice: &mut Dice, number: usize) -> Obstacle {
+    let body = match dice.one_of(5) {
+        0 => bodies::sphere(dice.between(0.05, 0.3), dice.between(0.03, 0.1)),
+        1 => bodies::cuboid(DVec3::new(
+            dice.between(0.05, 0.4),
+            dice.between(0.05, 0.4),
+            dice.between(0.05, 0.4),
+        )),
+        2 => bodies::cuboid(DVec3::new(0.002, dice.between(0.1, 0.6), 0.002)),
+        3 => bodies::capsule(dice.between(0.02, 0.1), dice.between(0.1, 0.5), 0.04),
+        _ => bodies::plane(dice.between(0.5, 20.0)),
+    };
+    let made = Obstacle::new(&format!("body {number}"), body.points, body.faces).unwrap();
+    let axis = dice.vector(1.0).normalize_or(DVec3::Y);
+    let (turn, spin) = (dice.between(0.0, 6.0), dice.between(-6.0, 6.0));
+    let from = dice.vector(0.7) + DVec3::Y * -0.6;
+    let is_still = dice.part() < 0.4;
+    let speed = if is_still {
+        0.0
+    } else {
+        dice.between(0.0, 5.0)
+    };
+    let direction = dice.vector(1.0).normalize_or(DVec3::X);
+    let seconds = dice.between(0.05, 0.4);
+    let key = |time: f64| RigidKey {
+        time,
+        rotation: DQuat::from_axis_angle(axis, turn + if is_still { 0.0 } else { spin * time }),
+        translation: from + direction * (speed * time),
+    };
+    let path = ObstaclePath::Rigid(vec![key(0.0), key(seconds)]);
+    let friction = dice.between(0.0, 1.0);
+    made.moving(path).unwrap().with_friction(friction).unwrap()
+}
+
+fn scene(dice: &mut Dice) -> Scene {
+    let vertices = 64 + dice.one_of(193);
+    let seed = dice.one_of(1000) as u64;
+    let spec = SquareSpec {
+        vertices,
+        size: dice.between(0.5, 1.0),
+        seed,
+    };
+    let sheet = square(&spec).unwrap();
+    let turn = DQuat::from_axis_angle(
+        dice.vector(1.0).normalize_or(DVec3::X),
+        dice.between(0.0, 3.0),
+    );
+    let positions = sheet.mesh.positions().iter().map(|p| turn * *p).collect();
+    let coordinates = sheet.mesh.material_coordinates().to_vec();
+    let faces = sheet.mesh.topology().face_indices();
+    let mut scene = hanging(3);
+    scene.mesh = Mesh::new(&faces, coordinates, positions).unwrap();
+    let corners = sheet.labels["upper-corners"].clone();
+    let held: Vec<u32> = corners.into_iter().take(dice.one_of(3)).collect();
+    scene.handles = Handles::new(&held, vertices).unwrap();
+    scene.material = material([GRAY, CAMEL, DENIM, NAVY][dice.one_of(4)]);
+    if dice.part() < 0.3 {
+        scene.material.strain_limits = Some(StrainLimits { min: 0.9, max: 1.1 });
+    }
+    if dice.part() < 0.3 {
+        scene.environment.wind = dice.vector(4.0);
+    }
+    scene.physics.substeps = [1, 2, 4, 8][dice.one_of(4)];
+    if dice.part() < 0.3 {
+        scene.physics.integrator = Integrator::Linearised;
+    }
+    scene.contact = Some(ContactSettings {
+        thickness: dice.between(3e-4, 3e-3),
+        friction: dice.between(0.0, 1.0),
+        ..ContactSettings::default()
+    });
+    let count = 1 + dice.one_of(3);
+    scene.obstacles = (0..count).map(|k| obstacle(dice, k)).collect();
+    scene
+}
+
+/// Runs a scene for `frames`; handles swing at up to 10 m/s.
+fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
+    let mut dice = Dice(1000 * number);
+    let scene = scene(&mut dice);
+    let mut simulator = match Simulator::new(&scene) {
+        Ok(simulator) => simulator,
+        Err(SimulatorError::Intersections { .. } | SimulatorError::Thickness { .. }) => {
+            ends.meets += 1;
+            return ContactCounts::default();
+        }
+        Err(error) => panic!("scene {number}: {error}"),
+    };
+    let start = scene.handles.select(scene.mesh.positions());
+    let (reach, rate) = (dice.between(0.0, 0.5), dice.between(1.0, 20.0));
+    let aside = dice.vector(1.0).normalize_or(DVec3::X);
+    for frame in 1..=frames {
+        let swing = aside * (reach * (rate * frame as f64 / 60.0).sin());
+        let targets = start.iter().map(|p| *p + swing).collect();
+        let before = simulator.positions().to_vec();
+        match simulator.step(&HandleTargets::at_frame_end(targets).unwrap()) {
+            Ok(()) => {}
+            Err(StepError::Contact { .. } | StepError::Overstretched { .. }) => {
+                assert_eq!(simulator.positions(), before, "scene {number}");
+                ends.stopped += 1;
+                return simulator.contact_counts();
+            }
+            Err(error) => panic!("scene {number}: {error}"),
+        }
+        assert_eq!(
+            simulator.intersection_count(),
+            0,
+            "scene {number}, frame {frame}"
+        );
+        ends.frames += 1;
+    }
+    ends.whole += 1;
+    simulator.contact_counts()
+}
+
+fn follow_all(numbers: std::ops::Range<u64>, frames: usize) -> Ends {
+    let mut ends = Ends::default();
+    for number in numbers {
+        let counts = follow(number, frames, &mut ends);
+        if std::env::var("SELVEDGE_TELL").is_ok() {
+            eprintln!("{number} {ends:?} {counts:?}");
+        }
+    }
+    ends
+}
+
+#[test]
+fn no_random_scene_ever_intersects() {
+    let ends = follow_all(0..20, 10);
+    assert!(ends.whole + ends.stopped >= 8, "{ends:?}");
+}
+
+#[test]
+#[ignore = "takes many minutes: two thousand scenes of sixty frames"]
+fn no_scene_of_two_thousand_ever_intersects() {
+    let ends = follow_all(0..2000, 60);
+    assert!(
+        f64::from(ends.stopped) <= 0.01 * f64::from(ends.whole),
+        "{ends:?}"
+    );
+}
