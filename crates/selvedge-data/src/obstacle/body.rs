@@ -6,8 +6,9 @@ use glam::{DQuat, DVec3};
 use selvedge_cloth::bodies::{self, Body};
 use serde::{Deserialize, Serialize};
 
-use super::error::Problem;
+use super::error::{ObstacleSpecError, Problem};
 use super::read;
+use crate::formats::hash::hash;
 
 /// Extent of simple bodies `[m]`.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
@@ -73,6 +74,13 @@ fn far() -> f64 {
 }
 
 impl BodySpec {
+    /// The mesh in the file at `path`, as it is now, for the obstacle of this name.
+    pub(crate) fn mesh(path: String, folder: &Path, name: &str) -> Result<Self, ObstacleSpecError> {
+        let bytes = read::bytes_of("mesh", &path, folder).map_err(|problem| problem.of(name))?;
+        let blake3 = hash(&bytes);
+        Ok(Self::Mesh { path, blake3 })
+    }
+
     /// The file of a mesh, if it is one.
     pub(super) fn file(&self) -> Option<&str> {
         match self {

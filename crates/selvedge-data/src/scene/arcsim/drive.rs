@@ -117,7 +117,7 @@ fn read_releases(
     Ok(releases)
 }
 
-fn read_motions<'a>(
+pub(super) fn read_motions<'a>(
     scene: &mut Object<'a>,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Vec<PoseKeyframe>>, SceneProblem> {

@@ -1,13 +1,15 @@
 //! Scenes of ARCSim (Narain et al. 2012, 2013) as they are: its JSON, in which `//` comments are
 //! allowed.
 //!
-//! Read are one cloth (mesh, transform, material), the held nodes and their motions, gravity, wind,
-//! and the times. Such a scene is run as ARCSim runs it: from where the mesh stands, with
-//! [`PhysicsMode::Arcsim`]. A key that has no counterpart here is named in a warning, as is a part
-//! of ARCSim that the scene does not disable and that Selvedge lacks; a wrong value is an error
-//! that names its key. Files are looked for beside the scene and then in the working directory.
+//! Read are one cloth (mesh, transform, material), the held nodes and their motions, obstacles and
+//! what contact with them needs, gravity, wind, and the times. Such a scene is run as ARCSim runs
+//! it: from where the mesh stands, in its mode of the physics. A key that has no counterpart here
+//! is named in a warning, as is a part of ARCSim that the scene does not disable and that Selvedge
+//! lacks; a wrong value is an error that names its key. Files are looked for beside the scene and
+//! then in the working directory.
 
 mod cloth;
+mod contact;
 mod drive;
 mod object;
 mod parts;
@@ -23,7 +25,7 @@ use super::mesh_spec::BuiltMesh;
 use super::problem::SceneProblem;
 use super::spec::{SceneSpec, SceneSpecError, Setting};
 use super::start::StartSpec;
-use selvedge_cloth::{Environment, Motion, PhysicsMode, PhysicsSettings, SagSettings};
+use selvedge_cloth::{Environment, Motion, SagSettings};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -59,6 +61,7 @@ pub(super) fn parse_arcsim(
     let cloth = cloth::read(&mut scene, folder, &parts, &mut warnings)?;
     let times = read_times(&mut scene, &mut warnings)?;
     let drive = drive::read(&mut scene, &times, &mut warnings)?;
+    let contact = contact::read(&mut scene, folder, &parts, &times, &mut warnings)?;
     let setting = Setting {
         mesh: cloth.mesh.clone(),
         handles: drive.vertices,
@@ -66,16 +69,13 @@ pub(super) fn parse_arcsim(
         material: cloth.material.clone(),
         fabrics: BTreeMap::new(),
         environment: read_environment(&mut scene, &mut warnings)?,
-        physics: PhysicsSettings {
-            substeps: times.substeps,
-            ..PhysicsSettings::in_mode(PhysicsMode::Arcsim)
-        },
+        physics: times.physics(),
         sag: SagSettings::default(),
         frame_rate: 1.0 / times.frame_time,
-        contact: None,
-        obstacles: Vec::new(),
+        contact: contact.settings,
+        obstacles: contact.obstacles,
     };
-    Parts::finish(&mut scene, &mut warnings)?;
+    parts.finish(&mut scene, &mut warnings)?;
     scene.finish(&mut warnings);
     let mut spec = SceneSpec {
         name: name.to_owned(),

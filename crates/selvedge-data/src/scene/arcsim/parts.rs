@@ -45,10 +45,6 @@ impl Parts {
         }
         for (names, what) in [
             (["remeshing", "remeshing"], "the mesh stays as it is"),
-            (
-                ["proximity", "collision"],
-                "the cloth passes through itself",
-            ),
             (["popfilter", "popfilter"], "there is nothing to filter"),
         ] {
             if !parts.lacks(&names) {
@@ -68,6 +64,11 @@ impl Parts {
         self.disabled.iter().any(|disabled| disabled == name)
     }
 
+    /// Returns true when nothing touches anything.
+    fn disables_contact(&self) -> bool {
+        self.disables("proximity") && self.disables("collision")
+    }
+
     /// Returns true when all of `names` are disabled.
     fn lacks(&self, names: &[&str]) -> bool {
         names.iter().all(|name| self.disables(name))
@@ -75,17 +76,16 @@ impl Parts {
 
     /// Reads what the parts that Selvedge lacks would need, and the rest of `magic`.
     pub(super) fn finish(
+        &self,
         scene: &mut Object<'_>,
         warnings: &mut Vec<String>,
     ) -> Result<(), SceneProblem> {
-        for key in ["obstacles", "morphs", "zones"] {
+        for key in ["morphs", "zones"] {
             let count = scene.list(key)?.len();
             if count > 0 {
                 warnings.push(format!("{key} are not supported: {count} left out"));
             }
         }
-        // What contact and remeshing need, of which there is a warning unless they are disabled.
-        scene.pass_over(&["friction", "obs_friction"]);
         if let Some(mut magic) = scene.child("magic")? {
             let stiffness = magic.number("handle_stiffness")?;
             if stiffness.is_some_and(|stiffness| stiffness != HANDLE_STIFFNESS) {
@@ -93,8 +93,15 @@ impl Parts {
                     "magic.handle_stiffness is not supported: handles are springs of {HANDLE_STIFFNESS} N/m"
                 ));
             }
+            let stiffness = magic.number("collision_stiffness")?;
+            if stiffness.is_some() && !self.disables_contact() {
+                warnings.push(
+                    "magic.collision_stiffness is not supported: Selvedge's contact is as stiff as masses and substeps allow"
+                        .to_owned(),
+                );
+            }
             magic.pass_over(&[
-                "collision_stiffness",
+                // Read with the obstacles.
                 "repulsion_thickness",
                 "projection_thickness",
                 "edge_flip_threshold",

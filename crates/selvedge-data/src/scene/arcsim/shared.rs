@@ -2,12 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
+use selvedge_cloth::{PhysicsMode, PhysicsSettings};
+
 /// The pace of a scene.
 pub(super) struct Times {
     pub(super) frame_time: f64,
     pub(super) substeps: u32,
     /// `[s]`
     pub(super) duration: f64,
+}
+
+impl Times {
+    /// ARCSim's physics at this pace.
+    pub(super) fn physics(&self) -> PhysicsSettings {
+        PhysicsSettings {
+            substeps: self.substeps,
+            ..PhysicsSettings::in_mode(PhysicsMode::Arcsim)
+        }
+    }
 }
 
 /// The file that `path` means, as a scene in `folder` names it.

@@ -198,12 +198,12 @@ fn what_is_not_supported_is_named() {
             "magic.handle_stiffness is not supported",
         ),
         ("\"remeshing\", \"sep", "\"sep", "remeshing is not disabled"),
-        ("\"proximity\", ", "", "proximity is not disabled"),
+        ("\"proximity\", ", "", "disable: collision has no effect"),
         ("\"popfilter\", ", "", "popfilter is not disabled"),
         (
             "\"friction\"",
             "\"obstacles\": [{}, {}], \"friction\"",
-            "obstacles are not supported: 2",
+            "obstacles are left out, 2 of them: proximity and collision are disabled",
         ),
         ("\"end_time\": 2,", "", "neither end_time nor end_frame"),
         (
@@ -399,4 +399,122 @@ fn labels_of_faces_choose_materials_and_velocities_are_those_of_the_start() {
     assert!(state.velocities[1].distance(DVec3::new(-1.0, 0.0, 0.0)) < 1e-15);
     assert_eq!(state.velocities[0], DVec3::ZERO);
     assert_eq!(state.positions, scene.mesh.positions());
+}
+
+const BODIES: &str = r#""obstacles": [
+    {"mesh": "square.obj", "transform": {"translate": [0, -1, 0]}},
+    {"mesh": "square.obj", "transform": {"scale": 2}, "motion": 0, "end_time": 1}
+], "obs_friction": 0.2, "friction""#;
+
+/// The scene with contact and two obstacles, changed.
+fn with_bodies(desk: &Desk, from: &str, to: &str) -> Result<LoadedScene, String> {
+    let text = SCENE
+        .replace("\"proximity\", \"collision\", ", "")
+        .replace("\"friction\"", BODIES)
+        .replace(
+            "\"repulsion_thickness\": 1e-3",
+            "\"repulsion_thickness\": 2e-3",
+        );
+    let edited = text.replacen(from, to, 1);
+    assert!(from.is_empty() || edited != text, "{from}");
+    desk.read(&edited)
+}
+
+#[test]
+fn obstacles_move_with_their_motions_and_contact_has_their_numbers() {
+    let desk = Desk::new();
+    let loaded = with_bodies(&desk, "", "").unwrap();
+    let scene = &loaded.scene;
+    let contact = scene.contact.unwrap();
+    assert_eq!((contact.thickness, contact.friction), (2e-3, 0.6));
+    assert!(contact.self_contact);
+    let [still, moving] = scene.obstacles.as_slice() else {
+        panic!("{:?}", scene.obstacles);
+    };
+    assert!(still.is_still() && still.friction() == 0.2);
+    let first: Vec<DVec3> = still.positions_at(0.0).collect();
+    assert_eq!(first[2], DVec3::new(1.0, 0.0, 0.0));
+    // Twice as large, then turned by a quarter about y and moved: T(1) p, not relative to a start.
+    let end: Vec<DVec3> = moving.positions_at(1.0).collect();
+    let expected = DVec3::new(1.0, 2.0, -2.0);
+    assert!(end[2].distance(expected) < 1e-12, "{}", end[2]);
+    let start: Vec<DVec3> = moving.positions_at(0.0).collect();
+    assert!(start[2].distance(DVec3::new(2.0, 2.0, 0.0)) < 1e-12);
+    // A substep of the spline lies between frames, where points run straight.
+    assert_eq!(loaded.warnings.len(), 1);
+    assert!(loaded.warnings[0].contains("obstacles[1].start_time and end_time"));
+    assert_eq!(loaded.spec.build(desk.0.path()).unwrap(), loaded.scene);
+}
+
+#[test]
+fn obstacles_that_grow_move_point_by_point() {
+    let desk = Desk::new();
+    let grows = "\"translate\": [1, 0, 0], \"scale\": 3,";
+    let loaded = with_bodies(&desk, "\"translate\": [1, 0, 0],", grows).unwrap();
+    let moving = &loaded.scene.obstacles[1];
+    let end: Vec<DVec3> = moving.positions_at(2.0).collect();
+    assert!(
+        end[2].distance(DVec3::new(1.0, 6.0, -6.0)) < 1e-12,
+        "{}",
+        end[2]
+    );
+}
+
+#[test]
+fn obstacles_and_contact_that_cannot_be_read_are_named() {
+    let desk = Desk::new();
+    let named = [
+        (
+            "\"mesh\": \"square.obj\", \"transform\": {\"scale\": 2}",
+            "\"mesh\": \"gone.obj\"",
+            "obstacles[1].mesh: must be an OBJ",
+        ),
+        (
+            "\"scale\": 2}, \"motion\": 0",
+            "\"scale\": 2}, \"motion\": 4",
+            "obstacles[1].motion: must be one of the 1 motions",
+        ),
+        (
+            "\"scale\": 2}",
+            "\"scale\": -2}",
+            "obstacles[\"obstacle 1\"].transform: scale must be",
+        ),
+        (
+            "\"obs_friction\": 0.2",
+            "\"obs_friction\": -1",
+            "obs_friction: must be between 0 and 100",
+        ),
+        ("2e-3", "2e3", "magic.repulsion_thickness: must be between"),
+    ];
+    for (from, to, problem) in named {
+        let error = with_bodies(&desk, from, to).unwrap_err();
+        assert!(
+            error.contains("swing.json") && error.contains(problem),
+            "{from}: {error}"
+        );
+    }
+    let told = [
+        (
+            "\"handle_stiffness\"",
+            "\"collision_stiffness\": 1e6, \"handle_stiffness\"",
+            "magic.collision_stiffness is not supported",
+        ),
+        (
+            "\"obs_friction\": 0.2",
+            "\"obs_friction\": 0.9",
+            "a pair has the lesser of two",
+        ),
+        (
+            "\"motion\": 0, \"end_time\": 1}",
+            "\"motion\": 0, \"colour\": 1}",
+            "obstacles[1].colour is not supported",
+        ),
+    ];
+    for (from, to, warning) in told {
+        let warnings = with_bodies(&desk, from, to).unwrap().warnings;
+        assert!(
+            warnings.iter().any(|w| w.contains(warning)),
+            "{from}: {warnings:?}"
+        );
+    }
 }
