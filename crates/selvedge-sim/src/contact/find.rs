@@ -8,6 +8,7 @@ use selvedge_cloth::Scene;
 use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap};
 
 use super::barrier::LEAST;
+use super::clearances::Clearances;
 use super::friction::{along_surface, kept};
 use super::touches::{Touch, Touches};
 use super::{Anchor, Contact, Key, key};
@@ -62,8 +63,11 @@ struct Near {
 
 impl Contact {
     /// The touches of a solve, and their pairs.
-    pub(super) fn find_touches(&self) -> (Touches, Vec<Key>) {
-        let mut near = self.near();
+    pub(super) fn find_touches(&mut self) -> (Touches, Vec<Key>) {
+        let mut clearances = std::mem::take(&mut self.clearances);
+        clearances.look_ahead(&self.start, &self.end);
+        let mut near = self.near(&mut clearances);
+        self.clearances = clearances;
         // The nearest first, in the order of the surface where two are as near.
         near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let near = self.nearest(near);
@@ -78,19 +82,24 @@ impl Contact {
     }
 
     /// All pairs that are too near or will be.
-    fn near(&self) -> Vec<Near> {
+    fn near(&self, clearances: &mut Clearances) -> Vec<Near> {
         let mut found = Vec::new();
-        for pair in self.candidates.pairs() {
+        let most = self.largest_thickness();
+        for (k, pair) in self.candidates.pairs().iter().enumerate() {
+            if clearances.surely_apart(k, pair, most) {
+                continue;
+            }
             let body = self.other_body(pair);
             let thickness = self.thickness[body];
             let path = Path {
                 from: pair.places(&self.start),
                 to: pair.places(&self.end),
             };
-            if path.boxes_apart(pair.kind, thickness) {
+            let now = gap(pair.kind, path.from);
+            clearances.keep(k, pair, now.distance);
+            if now.distance >= thickness && path.boxes_apart(pair.kind, thickness) {
                 continue;
             }
-            let now = gap(pair.kind, path.from);
             let near = if now.distance < thickness {
                 Some(now)
             } else {

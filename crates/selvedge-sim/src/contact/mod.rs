@@ -7,6 +7,7 @@
 //! apart, by mass; if that does not end, vertices are held back, or the substep is divided.
 
 mod barrier;
+mod clearances;
 mod find;
 mod friction;
 mod separation;
@@ -21,10 +22,14 @@ use crate::integrator::History;
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
+use clearances::Clearances;
 pub(crate) use touches::Touches;
 
 /// Solves that are repeated with pairs that met unexpectedly, at most.
 const REPEATS: usize = 3;
+
+/// Distance that points may stray from their expected way, as a part of the thickness.
+const SLACK: f64 = 2.0;
 
 /// Work that contact has taken since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -141,6 +146,7 @@ pub(crate) struct Contact {
     saved: Memory,
     pub(crate) counts: ContactCounts,
     room: separation::Room,
+    clearances: Clearances,
 }
 
 impl Contact {
@@ -175,6 +181,7 @@ impl Contact {
             saved: Memory::default(),
             counts: ContactCounts::default(),
             room: separation::Room::default(),
+            clearances: Clearances::new(count),
             obstacles: scene.obstacles.clone(),
             settings,
             surface,
@@ -257,18 +264,17 @@ impl Contact {
             let now = span.from + (span.to - span.from) * done;
             self.put_start(state, now, span.to);
             self.solve(left, span, active, state, history)?;
-            for _ in 0..REPEATS {
-                if self.certify_solve(span.threads, state)
-                    || !self.catch(&mut active.system.touches)
-                {
-                    break;
-                }
+            let mut repeats = 0;
+            while !self.certify_solve(span.threads, state)
+                && repeats < REPEATS
+                && self.catch(&mut active.system.touches)
+            {
+                repeats += 1;
                 self.counts.repeated += 1;
                 history.forget();
                 state.copy_from(&self.before);
                 active.advance_first_order(left, state, span.targets)?;
             }
-            self.certify_solve(span.threads, state);
             match self.separate(left, span.threads, active, state)? {
                 separation::Outcome::Settled { moved } => {
                     if moved {
@@ -344,10 +350,16 @@ impl Contact {
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
     fn put_start(&mut self, state: &State, now: f64, end: f64) {
         let cloth = state.positions.len();
-        self.start[..cloth].copy_from_slice(&state.positions);
+        let mut put = |p: usize, place: DVec3| {
+            self.clearances.travelled[p] += self.start[p].distance(place);
+            self.start[p] = place;
+        };
+        for (p, place) in state.positions.iter().enumerate() {
+            put(p, *place);
+        }
         let [from, to] = &self.frame;
         for (k, (from, to)) in from.iter().zip(to).enumerate() {
-            self.start[cloth + k] = from.lerp(*to, now);
+            put(cloth + k, from.lerp(*to, now));
             self.end[cloth + k] = from.lerp(*to, end);
         }
     }
@@ -364,18 +376,26 @@ impl Contact {
         for (v, velocity) in state.velocities.iter().enumerate() {
             self.end[v] = self.start[v] + *velocity * left;
         }
-        if !self.candidates.cover(&self.start, &self.end) {
-            let reach = self.reach();
-            self.candidates
-                .find(&self.surface, &self.start, &self.end, reach);
+        self.cover();
+    }
+
+    /// Finds the candidates anew where the points may have left their boxes. Returns true if so.
+    fn cover(&mut self) -> bool {
+        if self.candidates.cover(&self.start, &self.end) {
+            return false;
         }
+        let reach = self.reach();
+        self.candidates
+            .find(&self.surface, &self.start, &self.end, reach);
+        self.clearances.reset(self.candidates.pairs().len());
+        true
     }
 
     fn reach(&self) -> Reach {
         let most = self.largest_thickness();
         Reach {
             gap: most,
-            slack: most,
+            slack: SLACK * most,
         }
     }
 

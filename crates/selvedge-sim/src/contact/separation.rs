@@ -176,20 +176,21 @@ impl Contact {
 
     /// Certifies all candidates, of which some point moved, and lists those that fail.
     fn certify(&mut self, threads: Threads, first: bool) {
-        if !self.candidates.cover(&self.start, &self.end) {
-            let reach = self.reach();
-            self.candidates
-                .find(&self.surface, &self.start, &self.end, reach);
+        if self.cover() {
             self.room.stirred.fill(true);
         }
+        self.clearances.look_ahead(&self.start, &self.end);
         let mut room = std::mem::take(&mut self.room);
         let pairs = self.candidates.pairs();
         room.verdicts.resize(pairs.len(), Verdict::Safe);
         let (start, end, stirred) = (&self.start, &self.end, &room.stirred);
         let floor = self.settings.floor;
+        let clearances = &self.clearances;
         threads.each(&mut room.verdicts, |k, verdict| {
             let pair = &pairs[k];
-            if pair.corners.iter().any(|p| stirred[*p as usize]) {
+            if clearances.surely_apart(k, pair, floor) {
+                *verdict = Verdict::Safe;
+            } else if pair.corners.iter().any(|p| stirred[*p as usize]) {
                 let path = Path {
                     from: pair.places(start),
                     to: pair.places(end),

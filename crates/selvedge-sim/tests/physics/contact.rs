@@ -427,3 +427,22 @@ fn a_fast_ball_does_not_pass() {
     let middle = simulator.positions()[12 * 6 + 6];
     assert!(middle.x > 0.2, "{middle}");
 }
+
+#[test]
+fn contact_without_a_touch_changes_no_byte() {
+    let apart = hanging(12);
+    let mut together = apart.clone();
+    together.contact = Some(ContactSettings::default());
+    let mut runs = [apart, together].map(|scene| Simulator::new(&scene).unwrap());
+    let hold = runs[0].handles().select(runs[0].positions_f64());
+    for frame in 1..=20 {
+        let aside = DVec3::X * 0.1 * (0.1 * f64::from(frame)).sin();
+        let targets: Vec<DVec3> = hold.iter().map(|p| *p + aside).collect();
+        for simulator in &mut runs {
+            let targets = HandleTargets::at_frame_end(targets.clone()).unwrap();
+            simulator.step(&targets).unwrap();
+        }
+        assert_eq!(runs[0].positions_f64(), runs[1].positions_f64());
+    }
+    assert!(runs[1].contact_counts().certified > 0);
+}
