@@ -213,6 +213,9 @@ fn many_random_scenes_strain_no_more_in_second_order() {
     strains_are_bounded(256, 40, Integrator::SecondOrder);
 }
 
+/// As above, with a spectral radius of 0.4: over first order 1.00, 1.29, 14.35; over first order
+/// and 64 substeps 1.00, 1.07, 1.87 (2 substeps 0.98, 1.06, 1.87; stiffest 1.00, 1.23, 1.87);
+/// 15.6 % fell back.
 #[test]
 #[ignore = "minutes"]
 fn many_random_scenes_strain_no_more_by_generalised_alpha() {
