@@ -5,6 +5,7 @@ import { Hands } from "./hands";
 import { Link } from "./link";
 import { Meters } from "./meters";
 import { Panel, element } from "./panel";
+import { labelPlace, type Place } from "./places";
 import type { State } from "./protocol";
 import { Stage } from "./stage";
 
@@ -34,7 +35,11 @@ const link: Link = new Link(
         break;
     }
   },
-  (status, reason) => queueMicrotask(() => panel.connected(status, reason)),
+  (status, reason) =>
+    queueMicrotask(() => {
+      panel.connected(status, reason);
+      if (status !== "open") meters.stop();
+    }),
 );
 const hands = new Hands(canvas, stage, link, () => panel.isLive);
 const panel = new Panel(stage, link, hands);
@@ -60,6 +65,7 @@ function label(): void {
   const count = wanted ? tracks.length : 0;
   while (spans.length < count) spans.push(labels.appendChild(document.createElement("span")));
   spans.splice(count).forEach((span) => span.remove());
+  const places: Place[] = [];
   spans.forEach((span, index) => {
     const track = tracks[index]!;
     const positions = frame!.tracks[index]!;
@@ -70,9 +76,9 @@ function label(): void {
     const point = stage.point(index, top);
     point.z = middle(positions) + stage.offset(index);
     const at = stage.onScreen(point);
-    const lift = stage.together && index > 0 ? 46 : 16;
-    span.style.left = `${at.x}px`;
-    span.style.top = `${Math.max(at.y - lift, 80)}px`;
+    places.push(labelPlace(at, stage.together ? places[index - 1] : undefined));
+    span.style.left = `${places[index]!.x}px`;
+    span.style.top = `${places[index]!.y}px`;
     span.textContent = track.stopped ? `${track.name} stopped` : track.name;
     span.classList.toggle("stopped", track.stopped !== null);
   });

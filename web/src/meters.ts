@@ -41,6 +41,13 @@ export class Meters {
     channel.port2.postMessage(null);
   }
 
+  /** Nothing is known any more: the program does not answer. */
+  stop(): void {
+    for (const id of ["fps", "steps", "step-ms", "strain"]) element(id).textContent = "–";
+    element("trust").className = "dot";
+    element("trust").title = "not connected";
+  }
+
   show(state: State): void {
     const now = performance.now();
     const seconds = (now - this.since) / 1000;

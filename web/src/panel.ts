@@ -66,6 +66,13 @@ export class Panel {
     dot.className = `dot ${status === "open" ? "good" : status === "connecting" ? "doubt" : "bad"}`;
     dot.title = { open: "connected", connecting: "connecting", lost: "not connected: trying again", refused: `refused: ${reason}` }[status];
     document.body.dataset.link = status;
+    const isGone = status === "lost" || status === "refused";
+    if (isGone) {
+      element("slow").textContent = status === "lost" ? "The program does not answer: trying again" : "Not connected";
+      element("slow").hidden = false;
+    } else if (status === "open") {
+      element("slow").hidden = true;
+    }
     if (status === "refused" || (status === "lost" && reason !== "")) this.say(reason, "bad");
   }
 
@@ -223,6 +230,8 @@ export class Panel {
       if (id === undefined || (key === " " && event.target instanceof HTMLButtonElement)) return;
       event.preventDefault();
       element(id).click();
+      // Back to the start is back to the view of it, too.
+      if (key === "Home") this.stage.fitAtStart();
     });
   }
 

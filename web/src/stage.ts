@@ -7,6 +7,7 @@ import { Floor } from "./floor";
 import { HandleMarks } from "./handles";
 import { LEAST, Quality } from "./quality";
 import { Edges, colourMap, difference, speed, type Colouring } from "./colours";
+import { nearest } from "./places";
 import type { Cloth, Frame } from "./protocol";
 import { THEMES, type Theme } from "./theme";
 
@@ -53,6 +54,7 @@ export class Stage {
   private readonly center = new three.Vector3();
   private followed = performance.now();
   private fitted = false;
+  private awaitsStart = false;
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.renderer = new three.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: false });
@@ -100,6 +102,7 @@ export class Stage {
   /** The latest frame. */
   take(frame: Frame): void {
     if (!this.cloth || frame.generation !== this.cloth.generation) return;
+    if (this.awaitsStart && this.frame && frame.time < this.frame.time) this.fitted = this.awaitsStart = false;
     this.before = this.frame && this.frame.number !== frame.number ? this.frame : this.before;
     this.frame = frame;
   }
@@ -153,7 +156,19 @@ export class Stage {
       const vertex = corners[distances.indexOf(Math.min(...distances))]!;
       best = { vertex, track, point: this.point(track, vertex), isHandle: false };
     });
-    return best;
+    return best ?? this.pickBeside(x, y, reach);
+  }
+
+  /** The vertex whose place on the screen is nearest to a point beside the cloth: a corner is hard to hit. */
+  private pickBeside(x: number, y: number, reach: number): Hit | null {
+    const size = this.canvas.getBoundingClientRect();
+    for (let track = 0; track < this.objects.length; track++) {
+      const count = this.frame!.tracks[track]!.length / 3;
+      const places = Array.from({ length: count }, (_, vertex) => this.within(size, this.point(track, vertex)));
+      const vertex = nearest(places, { x, y }, reach);
+      if (vertex >= 0) return { vertex, track, point: this.point(track, vertex), isHandle: false };
+    }
+    return null;
   }
 
   /** The place of a vertex of a track in the room. */
@@ -168,9 +183,18 @@ export class Stage {
 
   /** The place of a point of the room on the screen, in pixels of the canvas. */
   onScreen(point: three.Vector3): { x: number; y: number } {
+    return this.within(this.canvas.getBoundingClientRect(), point);
+  }
+
+  private within(size: DOMRect, point: three.Vector3): { x: number; y: number } {
     const at = point.clone().project(this.camera);
-    const size = this.canvas.getBoundingClientRect();
     return { x: ((at.x + 1) / 2) * size.width, y: ((1 - at.y) / 2) * size.height };
+  }
+
+  /** Looks at all of the cloth now, and again when it is back at its start. */
+  fitAtStart(): void {
+    this.awaitsStart = true;
+    this.fit();
   }
 
   /** Looks at all of the cloth from in front and a little above. */
@@ -272,6 +296,7 @@ export class Stage {
 
   private resize(anew = true): void {
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    this.shared.weave.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
     const most = [2, 1, 0.75, 0.5][this.quality.level]!;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, most));
     this.renderer.setSize(width, height, false);

@@ -1,12 +1,13 @@
-// The marks of handles without a browser: however many there are, each has its knob, and the
-// buffers are made anew only when they are full.
+// What can be looked at without a browser. The marks of handles: however many there are, each has
+// its knob, and the buffers are made anew only when they are full. Places on the screen.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { build } from "esbuild";
 
 const bundled = await build({
   stdin: {
-    contents: 'export { HandleMarks } from "./src/handles"; export { Vector3 } from "three";',
+    contents:
+      'export { HandleMarks } from "./src/handles"; export { Vector3 } from "three"; export * from "./src/places";',
     resolveDir: process.cwd(),
     loader: "ts",
   },
@@ -14,7 +15,7 @@ const bundled = await build({
   format: "esm",
   write: false,
 });
-const { HandleMarks, Vector3 } = await import(
+const { HandleMarks, Vector3, labelPlace, nearest } = await import(
   `data:text/javascript;base64,${Buffer.from(bundled.outputFiles[0].contents).toString("base64")}`
 );
 
@@ -51,4 +52,27 @@ test("the same buffers serve every picture", () => {
   draw(marks, 0);
   assert.equal(knobs(marks).count, 0);
   assert.equal(lines(marks).visible, false);
+});
+
+test("labels of cloths that lie one over the other do not overlap", () => {
+  const first = labelPlace({ x: 300, y: 400 });
+  assert.deepEqual(first, { x: 300, y: 384 });
+  // The other cloth's top is where it may be: its label stands above the first one.
+  for (const y of [380, 400, 430]) {
+    assert.deepEqual(labelPlace({ x: 310, y }, first), { x: 300, y: 354 });
+  }
+  // At the upper edge, below it.
+  const high = labelPlace({ x: 300, y: 20 });
+  assert.deepEqual(high, { x: 300, y: 80 });
+  assert.deepEqual(labelPlace({ x: 300, y: 20 }, high), { x: 300, y: 110 });
+  // Side by side each stands over its own cloth.
+  assert.deepEqual(labelPlace({ x: 600, y: 390 }), { x: 600, y: 374 });
+});
+
+test("a corner is found from a little beside it", () => {
+  const corners = [{ x: 100, y: 100 }, { x: 200, y: 100 }, { x: 200, y: 220 }];
+  assert.equal(nearest(corners, { x: 208, y: 230 }, 16), 2);
+  assert.equal(nearest(corners, { x: 92, y: 95 }, 16), 0);
+  assert.equal(nearest(corners, { x: 150, y: 150 }, 16), -1);
+  assert.equal(nearest([], { x: 0, y: 0 }, 16), -1);
 });

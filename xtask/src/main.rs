@@ -1,6 +1,7 @@
 //! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
-//! `cargo xtask ci` runs everything that must hold before a change is taken.
+//! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask fuzz`,
+//! `kill` and `soak` the trials that take longer, of the crate `selvedge-trials`.
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
 #![allow(
@@ -30,6 +31,10 @@ usage: cargo xtask COMMAND
             --write          bring quotes and the commands reference up to date
             --no-run         parse the quick commands, too, instead of running them
             --program PATH   ask this program instead of building one
+  fuzz    damaged files for every reader (--for 10m; see docs/src/contributing/trials.md)
+  faults  calls on files that fail under every writer
+  kill    long commands, ended at random times
+  soak    steppers and the viewer for a long time
   help    print this text";
 
 fn main() -> ExitCode {
@@ -38,6 +43,7 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
+        [trial @ ("fuzz" | "faults" | "kill" | "soak"), options @ ..] => trials(trial, options),
         ["book", options @ ..] => match book::Options::parse(options) {
             Some(options) => book::run(&options),
             None => {
@@ -61,6 +67,29 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Builds the program and the trials, and starts one of them.
+fn trials(trial: &str, options: &[&str]) -> Result<()> {
+    let root = metadata::workspace_root()?;
+    let cargo = |arguments: &[&str]| -> Result<bool> {
+        let mut command = Command::new(env!("CARGO"));
+        let status = command.args(arguments).current_dir(&root).status();
+        Ok(status.context("cannot start cargo")?.success())
+    };
+    let is_built = cargo(&[
+        "build",
+        "--quiet",
+        "-p",
+        "selvedge",
+        "-p",
+        "selvedge-trials",
+    ])?;
+    let run = ["run", "--quiet", "-p", "selvedge-trials", "--", trial];
+    if !is_built || !cargo(&[&run[..], options].concat())? {
+        bail!("the trial failed");
+    }
+    Ok(())
 }
 
 fn ci() -> Result<()> {

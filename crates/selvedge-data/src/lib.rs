@@ -67,7 +67,9 @@ pub use dataset::problem::{FolderProblem, IndexProblem};
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
-pub use formats::atomic::{WriteError, write_atomically, write_beside, write_folder_atomically};
+pub use formats::atomic::{
+    WriteError, remove_parts, write_atomically, write_beside, write_folder_atomically,
+};
 pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;
@@ -76,7 +78,7 @@ pub use formats::polygons::{
     MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
     RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
-pub use formats::tensor_file::{TensorOut, TensorValues, write_tensors};
+pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use obstacle::{

@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
-use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 
 /// The format that a file names in its metadata, with its version.
 const FORMAT: &str = "selvedge-rest-pose 1";
@@ -177,7 +177,7 @@ impl RestPoseFolder {
 
 fn parse(bytes: &[u8], key: &str, vertices: usize) -> Result<KeptRestPose, RestPoseFileProblem> {
     use RestPoseFileProblem::{Container, Content, Metadata};
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(Container)?;
+    let header = read_header(bytes).map_err(Container)?;
     let metadata = header.metadata().as_ref();
     let text = |name: &'static str| {
         let value = metadata.and_then(|metadata| metadata.get(name));

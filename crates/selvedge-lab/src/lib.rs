@@ -50,6 +50,7 @@ pub mod convergence;
 pub mod evaluation;
 pub mod event;
 pub mod folder;
+pub mod folder_lock;
 pub mod generation;
 pub mod machine;
 pub mod models;

@@ -14,6 +14,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::protocol::Push;
 
+pub(crate) use self::reach::Reach;
+
+mod reach;
+
 /// The limits of a hand.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HandLimits {
@@ -50,6 +54,9 @@ impl HandLimits {
         }
     }
 }
+
+/// Rounds in which hands that are too far apart are brought back.
+const PASSES: usize = 4;
 
 /// One handle on its way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,6 +194,41 @@ impl Hands {
             if hand.position.distance_squared(hand.goal) < 1e-18 {
                 hand.position = hand.goal;
             }
+        }
+    }
+
+    /// Moves all hands by `dt` `[s]`; those that the cloth between them keeps resist: no two come
+    /// farther apart than `reach` says, or than they are.
+    pub(crate) fn advance_within(&mut self, limits: &HandLimits, dt: f64, reach: &Reach) {
+        let before = self.positions();
+        self.advance(limits, dt);
+        for _ in 0..PASSES {
+            for one in 0..self.hands.len() {
+                for other in one + 1..self.hands.len() {
+                    self.resist([one, other], &before, reach);
+                }
+            }
+        }
+        for (hand, before) in self.hands.iter_mut().zip(before) {
+            let velocity = (hand.position - before) / dt;
+            if velocity.length() < hand.velocity.length() {
+                hand.velocity = velocity;
+            }
+        }
+    }
+
+    /// Brings two hands back that are farther apart than they can be; who has moved gives way.
+    fn resist(&mut self, [one, other]: [usize; 2], before: &[DVec3], reach: &Reach) {
+        let apart = self.hands[other].position - self.hands[one].position;
+        let distance = apart.length();
+        let was = before[one].distance(before[other]);
+        let excess = distance - reach.between(one, other).max(was);
+        let moved = [one, other].map(|hand| self.hands[hand].position.distance(before[hand]));
+        let all = moved[0] + moved[1];
+        if excess > 0.0 && all > 0.0 {
+            let back = apart * (excess / (distance * all));
+            self.hands[one].position += back * moved[0];
+            self.hands[other].position -= back * moved[1];
         }
     }
 

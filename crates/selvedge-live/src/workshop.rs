@@ -8,7 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, Environment, HandlePath, MotionError};
 use selvedge_data::Provenance;
 
-use crate::mover::{Hold, LiveStepper, MoverError, MoverKind, Start};
+use crate::mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
 use crate::order::{Catalogue, Order};
 
 /// A cloth that is ready to be moved: its mesh is made, its rest pose found.
@@ -33,6 +33,12 @@ pub trait ReadyCloth: Send {
 
     /// Remarks for people, such as parts of the scene that are not available here.
     fn remarks(&self) -> &[String];
+
+    /// A remark for people on what moves the cloth now, such as a model in a wind that it has not
+    /// learned; none where there is nothing to say.
+    fn remark_on(&self, _mover: Mover, _hold: &Hold) -> Option<String> {
+        None
+    }
 
     /// Starts a mover. This must be quick: the session waits.
     ///

@@ -51,6 +51,7 @@ impl Trainer {
             targets: self.targets.clone(),
             slots: self.slots.iter().map(SlotEntry::of).collect(),
             origins: self.origins.clone(),
+            since_line: self.since_line.clone(),
         };
         let histories = self.histories();
         let Learned {
@@ -141,6 +142,7 @@ impl Trainer {
             },
             step: state.step,
             origins: state.origins,
+            since_line: state.since_line,
         };
         Ok(Self::assemble(cfg, set, engine, parts)?)
     }
@@ -188,6 +190,7 @@ impl Trainer {
             },
             step: 0,
             origins,
+            since_line: Vec::new(),
         };
         Ok(Self::assemble(cfg, set, engine, parts)?)
     }

@@ -135,7 +135,6 @@ pub fn run(
     let log_path = folder.join(files::LOG);
     trim_log(&log_path, trainer.steps_done())?;
     write_config(trainer, folder)?;
-    let mut since_line = Vec::new();
     let started = Instant::now();
     let mut saved = Instant::now();
     let end = loop {
@@ -147,13 +146,13 @@ pub fn run(
         }
         let report = trainer.step().map_err(|source| failed(folder, source))?;
         let flow = observe(&report);
-        since_line.push(report);
+        trainer.since_line.push(report);
         if trainer
             .steps_done()
             .is_multiple_of(trainer.config().log_every)
         {
-            append(&log_path, LogLine::of(&since_line))?;
-            since_line.clear();
+            append(&log_path, LogLine::of(&trainer.since_line))?;
+            trainer.since_line.clear();
         }
         if saved.elapsed() >= limits.checkpoint_every {
             save(trainer, dataset, folder)?;

@@ -7,6 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_data::Dataset;
 use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
@@ -32,11 +33,14 @@ pub struct Trainer {
     pub(crate) slots: Vec<Slot>,
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,
+    /// Steps since the last line of the log, which a checkpoint keeps.
+    pub(crate) since_line: Vec<StepReport>,
     engine: Box<dyn Engine>,
 }
 
 /// Report of a step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct StepReport {
     /// Number of the step, from 1.
     pub step: u64,
@@ -135,6 +139,7 @@ impl Trainer {
             statistics,
             step: 0,
             origins: Vec::new(),
+            since_line: Vec::new(),
         };
         Self::assemble(cfg, set, engine, parts)
     }
@@ -170,6 +175,7 @@ impl Trainer {
             slots: parts.slots,
             step: parts.step,
             origins: parts.origins,
+            since_line: parts.since_line,
             set,
             statistics,
             normalizers,
@@ -319,6 +325,7 @@ pub(crate) struct Parts {
     pub(crate) slots: Vec<Slot>,
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,
+    pub(crate) since_line: Vec<StepReport>,
 }
 
 #[cfg(test)]

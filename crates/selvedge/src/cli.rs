@@ -401,6 +401,9 @@ pub(crate) struct TrainArgs {
     /// Stop after this long, as 90s, 30m or 2h.
     #[arg(long = "for", value_name = "SPAN", value_parser = span::parse)]
     pub(crate) span: Option<Duration>,
+    /// Time between two checkpoints, as 30s, 5m or 1h.
+    #[arg(long, value_name = "SPAN", value_parser = span::parse, default_value = "5m")]
+    pub(crate) checkpoint_every: Duration,
     /// Samples of a micro-batch on the processor [default: 1]; threads share micro-batches. In
     /// steps of one frame its samples go through the network together, in steps of several
     /// (`unroll`) one after the other. A larger number takes less memory and leaves less to share.
@@ -426,8 +429,8 @@ pub(crate) struct CompareArgs {
 /// Say what a file or folder is and what is in it.
 ///
 /// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations,
-/// meshes, exported arrays (.npz), nodes of other programs (.glb, .usda), and the folders of data
-/// sets, trainings and studies.
+/// studies, meshes, exported arrays (.npz), nodes of other programs (.glb, .usda), and the folders
+/// of data sets, trainings and studies.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

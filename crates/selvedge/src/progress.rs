@@ -27,6 +27,8 @@ pub(crate) struct Progress {
     what: String,
     unit: &'static str,
     goal: Goal,
+    /// Time after which it ends, whatever the count is by then.
+    limit: Option<Duration>,
     started: Instant,
     form: Form,
 }
@@ -39,6 +41,7 @@ enum Form {
 struct Plain {
     done: u64,
     said: Instant,
+    note: String,
 }
 
 impl Progress {
@@ -55,15 +58,23 @@ impl Progress {
             Form::Plain(Mutex::new(Plain {
                 done: 0,
                 said: started,
+                note: String::new(),
             }))
         };
         Self {
             what,
             unit,
             goal,
+            limit: None,
             started,
             form,
         }
+    }
+
+    /// The same, ended by a span of time if the count is not done before.
+    pub(crate) fn within(mut self, limit: Option<Duration>) -> Self {
+        self.limit = limit;
+        self
     }
 
     /// One more is done.
@@ -74,6 +85,10 @@ impl Progress {
                     bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(DRAWS_PER_SECOND));
                 }
                 bar.inc(1);
+                if let Some(limit) = self.limit {
+                    let left = limit.saturating_sub(self.started.elapsed());
+                    bar.set_prefix(format!("{}, {} s at most", self.what, left.as_secs()));
+                }
             }
             Form::Plain(plain) => {
                 // A panic elsewhere does not make a count wrong.
@@ -81,7 +96,7 @@ impl Progress {
                 plain.done += 1;
                 if plain.said.elapsed() >= PLAIN_INTERVAL {
                     plain.said = Instant::now();
-                    self.say(plain.done);
+                    self.say(plain.done, &plain.note);
                 }
             }
         }
@@ -89,12 +104,16 @@ impl Progress {
 
     /// A word on what is being done now, beside the bar.
     pub(crate) fn note(&self, note: impl Into<String>) {
-        if let Form::Bar(bar) = &self.form {
-            bar.set_message(note.into());
+        match &self.form {
+            Form::Bar(bar) => bar.set_message(note.into()),
+            Form::Plain(plain) => {
+                let mut plain = plain.lock().unwrap_or_else(PoisonError::into_inner);
+                plain.note = note.into();
+            }
         }
     }
 
-    fn say(&self, done: u64) {
+    fn say(&self, done: u64, note: &str) {
         let elapsed = self.started.elapsed().as_secs_f64();
         let rate = done as f64 / elapsed.max(1e-9);
         let to_go = |seconds: f64| format!(", about {seconds:.0} s to go");
@@ -102,17 +121,24 @@ impl Progress {
             Goal::Open => Default::default(),
             Goal::Count(total) => {
                 let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
-                (format!(" of {total}"), to_go(left))
+                let limit = self.limit.map_or(f64::INFINITY, |limit| {
+                    (limit.as_secs_f64() - elapsed).max(0.0)
+                });
+                (format!(" of {total}"), to_go(left.min(limit)))
             }
             Goal::Time(time) => {
                 let left = (time.as_secs_f64() - elapsed).max(0.0);
                 (String::new(), to_go(left))
             }
         };
+        let note = match note {
+            "" => String::new(),
+            note => format!(", {note}"),
+        };
         // Standard error may be closed; that is no reason to stop.
         let _ = writeln!(
             std::io::stderr(),
-            "{}: {done}{of} {} after {elapsed:.0} s, {rate:.1} per second{left}",
+            "{}: {done}{of} {} after {elapsed:.0} s, {rate:.1} per second{left}{note}",
             self.what,
             self.unit
         );

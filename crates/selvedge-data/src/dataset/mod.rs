@@ -18,6 +18,7 @@ use crate::dataset::problem::{FolderProblem, IndexProblem};
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
+use crate::formats::unique::Unique;
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
 use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
@@ -319,7 +320,7 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
         path: path.to_owned(),
         problem: Box::new(problem),
     };
-    let value: Value =
+    let Unique(value) =
         serde_json::from_str(&text).map_err(|error| problem(IndexProblem::Json(error)))?;
     if value["format"] != format {
         return Err(problem(IndexProblem::Format {

@@ -30,6 +30,30 @@ pub struct WriteError {
 /// Links that are followed before they are taken to go round in a circle, as Linux does.
 const MOST_LINKS: usize = 40;
 
+/// Removes what writers that were killed left in `folder`: hidden files and folders that end in
+/// `.part`. Nobody may be writing there now. Returns what was removed.
+///
+/// # Errors
+/// A folder that cannot be read, or a leftover that cannot be removed.
+pub fn remove_parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut removed = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if !(name.starts_with('.') && name.ends_with(".part")) {
+            continue;
+        }
+        let path = entry.path();
+        match entry.file_type()?.is_dir() {
+            true => fs::remove_dir_all(&path)?,
+            false => fs::remove_file(&path)?,
+        }
+        removed.push(path);
+    }
+    Ok(removed)
+}
+
 /// Destination of the bytes.
 struct Target {
     path: PathBuf,
@@ -63,9 +87,7 @@ pub fn write_atomically(
         kept.map_err(fail("keep the permissions of the file that is there"))?;
     }
     write_and_sync(temporary.as_file(), write).map_err(fail("write it"))?;
-    temporary
-        .persist(&target.path)
-        .map_err(|error| fail("rename the finished file")(error.error))?;
+    put_in_place(temporary, &target.path).map_err(fail("rename the finished file"))?;
     sync_folder(folder);
     Ok(())
 }
@@ -171,9 +193,7 @@ pub fn write_beside<E: From<WriteError>>(
         written.set_permissions(permissions).map_err(fail(keep))?;
     }
     written.sync_all().map_err(fail("write it"))?;
-    temporary
-        .persist(&target.path)
-        .map_err(|error| fail("rename the finished file")(error.error))?;
+    put_in_place(temporary, &target.path).map_err(fail("rename the finished file"))?;
     sync_folder(folder_of(&target.path));
     Ok(())
 }
@@ -224,6 +244,15 @@ fn create_beside(target: &Path, folder: &Path) -> io::Result<NamedTempFile> {
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(folder)
+}
+
+/// Renames a finished file. By the standard library, so that a trial can let it fail.
+fn put_in_place(temporary: NamedTempFile, path: &Path) -> io::Result<()> {
+    let (_, beside) = temporary.into_parts();
+    fs::rename(&beside, path)?;
+    // Nothing is there any more to be removed.
+    let _ = beside.keep();
+    Ok(())
 }
 
 fn write_and_sync(
@@ -281,6 +310,24 @@ mod tests {
         assert!(error.to_string().contains("a.txt"), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names_in(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn what_a_killed_writer_left_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.txt"), "kept").unwrap();
+        fs::write(at("b.part"), "kept: not hidden").unwrap();
+        fs::write(at(".c"), "kept: no part").unwrap();
+        // As a writer leaves it that is killed before it renames.
+        let beside = create_beside(&at("a.txt"), folder.path()).unwrap();
+        let (_, left) = beside.keep().unwrap();
+        fs::create_dir(at(".frames.x.part")).unwrap();
+        fs::write(at(".frames.x.part/0001.obj"), "half").unwrap();
+        let removed = remove_parts(folder.path()).unwrap();
+        assert!(removed.contains(&left) && removed.len() == 2, "{removed:?}");
+        assert_eq!(names_in(folder.path()), [".c", "a.txt", "b.part"]);
+        assert!(remove_parts(&at("missing")).is_err());
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! Containers and plain formats that the files of this crate are made of: atomic writing,
-//! safetensors, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that points
+//! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that points
 //! up.
 
 pub(crate) mod atomic;
@@ -10,4 +10,5 @@ pub(crate) mod npz;
 pub(crate) mod obj;
 pub(crate) mod polygons;
 pub(crate) mod tensor_file;
+pub(crate) mod unique;
 pub(crate) mod up_axis;

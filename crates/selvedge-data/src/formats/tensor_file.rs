@@ -4,15 +4,31 @@
 //! its writer leaves files private; here the metadata are sorted, and the file is written through
 //! [`write_atomically`]. Layout: header length as u64 (little-endian), a JSON header padded
 //! with spaces to a multiple of eight bytes, then the tensors in the order given, which must be
-//! such that each starts aligned (f64 before the rest). Reading is the crate's.
+//! such that each starts aligned (f64 before the rest). Reading is the crate's, except that
+//! [`read_header`] refuses names that stand twice, of which the crate takes the last.
 
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
+use safetensors::tensor::Metadata;
+use safetensors::{SafeTensorError, SafeTensors};
 use serde_json::{Map, Value, json};
 
 use crate::formats::atomic::{WriteError, write_atomically};
+use crate::formats::unique::Unique;
+
+/// Reads the header of a safetensors file.
+///
+/// # Errors
+/// What the crate refuses, and a name of a tensor or a key of the metadata that stands twice.
+pub fn read_header(bytes: &[u8]) -> Result<Metadata, SafeTensorError> {
+    let (length, header) = SafeTensors::read_metadata(bytes)?;
+    let text = bytes.get(8..8 + length).unwrap_or_default();
+    serde_json::from_slice::<Unique>(text)
+        .map_err(SafeTensorError::InvalidHeaderDeserialization)?;
+    Ok(header)
+}
 
 /// A tensor to be written.
 #[derive(Clone, Debug)]
@@ -102,4 +118,36 @@ fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u
     let mut header = Value::Object(entries).to_string().into_bytes();
     header.resize(header.len().next_multiple_of(8), b' ');
     header
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file with this header and a number.
+    fn file(header: &str) -> Vec<u8> {
+        let length = (header.len() as u64).to_le_bytes();
+        [&length[..], header.as_bytes(), &[0; 4]].concat()
+    }
+
+    #[test]
+    fn a_name_that_stands_twice_is_named() {
+        let a = r#""a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}"#;
+        let whole = file(&format!(r#"{{"__metadata__":{{"k":"1"}},{a}}}"#));
+        assert_eq!(read_header(&whole).unwrap().tensors().len(), 1);
+        let twice = [
+            ("\"a\"", format!("{{{a},{a}}}")),
+            (
+                "\"k\"",
+                format!(r#"{{"__metadata__":{{"k":"1","k":"2"}},{a}}}"#),
+            ),
+        ];
+        for (name, header) in twice {
+            let error = read_header(&file(&header)).unwrap_err().to_string();
+            assert!(
+                error.contains("stands twice") && error.contains(name),
+                "{error}"
+            );
+        }
+    }
 }

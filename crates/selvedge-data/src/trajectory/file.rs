@@ -24,7 +24,7 @@ use selvedge_cloth::{
 use thiserror::Error;
 
 use crate::formats::atomic::WriteError;
-use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 use crate::trajectory::obstacle_file::{self, ObstacleTensors};
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
@@ -121,8 +121,7 @@ impl Trajectory {
     /// # Errors
     /// [`TrajectoryFileError`] names what is missing or wrong.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
-        let (_, header) =
-            SafeTensors::read_metadata(bytes).map_err(TrajectoryFileError::Container)?;
+        let header = read_header(bytes).map_err(TrajectoryFileError::Container)?;
         let (provenance, version) = read_provenance(&header)?;
         let file = SafeTensors::deserialize(bytes).map_err(TrajectoryFileError::Container)?;
         let names = obstacle_file::names_in(&header)?;

@@ -75,7 +75,7 @@ pub fn run(
     on_event: &mut OnEvent<'_>,
 ) -> Result<Outcome, ConvergenceError> {
     let reporter = Reporter::new(on_event);
-    folder::make_folder(references)?;
+    let _claimed = folder::claim_folder(references)?;
     let mut outcome = Outcome {
         settings: plan.settings.clone(),
         cases: Vec::new(),

@@ -139,7 +139,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
         cfg.steps = steps + after.as_ref().map_or(0, |after| after.steps);
     }
     let folder = folder(desk, &entry.name);
-    folder::make_folder(&folder)?;
+    let _claimed = folder::claim_folder(&folder)?;
     let path = folder.join(RECORD);
     if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
         return Err(StudyError::new(format!(

@@ -169,3 +169,52 @@ fn hands_that_stay_keep_their_way() {
     assert_eq!(changed.positions(), [DVec3::Y, hands.positions()[1]]);
     assert_eq!(changed.goals(), [DVec3::Y, DVec3::X]);
 }
+
+#[test]
+fn hands_that_the_cloth_between_them_keeps_resist() {
+    // Handles at two corners, with an edge of 1 m between them.
+    let cloth = crate::test_cloth::cloth();
+    let reach = Reach::of(&cloth, cloth.handles());
+    assert!(reach.is_of(cloth.handles()));
+    let most = reach.between(0, 1);
+    assert!((most - 1.1).abs() < 1e-6, "{most}");
+    let limits = HandLimits::default();
+    let mut hands = Hands::at(&[DVec3::ZERO, DVec3::Z]);
+    let apart = |hands: &Hands| {
+        let at = hands.positions();
+        at[0].distance(at[1])
+    };
+    hands.want(1, DVec3::new(0.0, 0.0, 4.0));
+    for _ in 0..300 {
+        let before = hands.positions();
+        hands.advance_within(&limits, DT, &reach);
+        assert!(apart(&hands) <= most + 1e-9, "{}", apart(&hands));
+        // The hand that is not pulled stays.
+        assert_eq!(hands.positions()[0], before[0]);
+    }
+    assert!(apart(&hands) > most - 1e-3, "{}", apart(&hands));
+    // Round about the other one it goes on.
+    hands.want(1, DVec3::new(0.0, 4.0, 0.0));
+    for _ in 0..600 {
+        hands.advance_within(&limits, DT, &reach);
+        assert!(apart(&hands) <= most + 1e-9, "{}", apart(&hands));
+    }
+    assert!(hands.positions()[1].y > 1.0, "{:?}", hands.positions());
+    // Within the cloth's length nothing is changed.
+    let goal = DVec3::new(0.0, 0.3, 0.5);
+    let mut free = hands.clone();
+    for (hands, within) in [(&mut hands, true), (&mut free, false)] {
+        hands.want(1, goal);
+        for _ in 0..600 {
+            match within {
+                true => hands.advance_within(&limits, DT, &reach),
+                false => hands.advance(&limits, DT),
+            }
+        }
+    }
+    assert!(hands.positions()[1].distance(goal) < 1e-9);
+    assert!(free.positions()[1].distance(goal) < 1e-9);
+    // Many handles are not limited.
+    let none = Reach::of(&cloth, &selvedge_cloth::Handles::new(&[], 4).unwrap());
+    assert_eq!(none.between(0, 1), f64::INFINITY);
+}

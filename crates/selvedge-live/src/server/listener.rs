@@ -1,12 +1,14 @@
-//! A listener with room for a number of connections. When it is full, others wait in the system's
-//! queue. A connection without a request, or over which nothing is sent for long, is closed: the
-//! silent take up no room.
+//! A listener with room for a number of connections. When it is full, a new one takes the place of
+//! the oldest over which nothing has been sent yet; where there is none, others wait in the
+//! system's queue. A connection without a request, or over which nothing is sent for long, is
+//! closed: the silent take up no room.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
-use std::sync::Arc;
-use std::task::{Context, Poll};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
 use axum::serve::Listener;
@@ -24,6 +26,28 @@ const NEXT: Duration = Duration::from_secs(60);
 pub(crate) struct BoundedListener {
     listener: TcpListener,
     room: Arc<Semaphore>,
+    silent: Silent,
+    /// Connections so far.
+    count: u64,
+}
+
+/// Connections over which nothing has been sent yet, by their numbers: the oldest first.
+#[derive(Clone, Default)]
+struct Silent(Arc<Mutex<BTreeMap<u64, Option<Waker>>>>);
+
+impl Silent {
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Option<Waker>>> {
+        // A panic elsewhere leaves the list as it was.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Strikes the oldest off and wakes it, to find that it is no longer there.
+    fn give_up_oldest(&self) {
+        let oldest = self.lock().pop_first();
+        if let Some((_, Some(waker))) = oldest {
+            waker.wake();
+        }
+    }
 }
 
 /// A connection that takes up room until it is dropped.
@@ -32,6 +56,16 @@ pub(crate) struct Connection {
     /// When it is closed, if nothing is sent until then.
     deadline: Pin<Box<Sleep>>,
     _room: Option<OwnedSemaphorePermit>,
+    number: u64,
+    silent: Silent,
+    /// Whether something has been sent over it.
+    is_heard: bool,
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.silent.lock().remove(&self.number);
+    }
 }
 
 impl BoundedListener {
@@ -39,6 +73,8 @@ impl BoundedListener {
         Self {
             listener,
             room: Arc::new(Semaphore::new(most)),
+            silent: Silent::default(),
+            count: 0,
         }
     }
 }
@@ -48,16 +84,25 @@ impl Listener for BoundedListener {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
+        let (stream, address) = Listener::accept(&mut self.listener).await;
+        if self.room.available_permits() == 0 {
+            self.silent.give_up_oldest();
+        }
         // The semaphore is never closed, so that there is always a permit in the end.
         let room = Arc::clone(&self.room).acquire_owned().await.ok();
-        let (stream, address) = Listener::accept(&mut self.listener).await;
         // Frames are whole messages: waiting to fill a packet only delays them. A connection that
         // refuses the setting works without.
         let _ = stream.set_nodelay(true);
+        self.count += 1;
+        let number = self.count;
+        self.silent.lock().insert(number, None);
         let connection = Connection {
             stream,
             deadline: Box::pin(sleep(FIRST)),
             _room: room,
+            number,
+            silent: self.silent.clone(),
+            is_heard: false,
         };
         (connection, address)
     }
@@ -74,6 +119,13 @@ impl Connection {
         so_far: Poll<io::Result<T>>,
         context: &mut Context<'_>,
     ) -> Poll<io::Result<T>> {
+        if so_far.is_pending() && !self.is_heard {
+            match self.silent.lock().get_mut(&self.number) {
+                Some(waker) => *waker = Some(context.waker().clone()),
+                // Another one has its place.
+                None => return Poll::Ready(Err(io::ErrorKind::ConnectionAborted.into())),
+            }
+        }
         match so_far {
             Poll::Pending if self.deadline.as_mut().poll(context).is_ready() => {
                 Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
@@ -102,6 +154,10 @@ impl AsyncWrite for Connection {
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.stream).poll_write(context, bytes);
         if written.is_ready() {
+            if !self.is_heard {
+                self.is_heard = true;
+                self.silent.lock().remove(&self.number);
+            }
             self.deadline.as_mut().reset(Instant::now() + NEXT);
         }
         self.in_time(written, context)
@@ -152,6 +208,9 @@ mod tests {
                 stream,
                 deadline: Box::pin(sleep(FIRST)),
                 _room: None,
+                number: 1,
+                silent: Silent::default(),
+                is_heard: true,
             };
             tokio::time::timeout(Duration::from_secs(20), write_on(connection)).await
         });

@@ -26,7 +26,7 @@ use self::order_slot::{OrderReceiver, OrderSender, order_slot};
 pub(crate) use self::outlets::Inlets;
 use self::outlets::{Outlets, TELL_EVERY};
 use self::showing::Showing;
-use crate::hand::{HandLimits, Hands};
+use crate::hand::{HandLimits, Hands, Reach};
 use crate::live_cloth::LiveCloth;
 use crate::mover::Mover;
 use crate::order::{Catalogue, Order};
@@ -154,11 +154,15 @@ struct Session {
     recordings: Recordings,
     viewers: usize,
     busy: Option<String>,
+    /// The last remark on mover, handles and wind.
+    remarked: Option<String>,
 }
 
 /// The lead of the handles: by hands, by keys, or along a motion.
 struct Lead {
     hands: Hands,
+    /// How far the handles of the cloth on the table can be apart; made when it is needed.
+    reach: Option<Reach>,
     limits: HandLimits,
     following: Option<Following>,
     /// The last drag that was followed: the page, and its number.
@@ -194,6 +198,7 @@ impl Session {
             showing: Showing::Nothing,
             lead: Lead {
                 hands: Hands::default(),
+                reach: None,
                 limits: HandLimits::default(),
                 following: None,
                 drag: [0; 2],
@@ -212,6 +217,7 @@ impl Session {
             },
             viewers: 0,
             busy: None,
+            remarked: None,
         };
         match opening.tape {
             Some(tape) => session.play(tape),
@@ -295,6 +301,18 @@ impl Session {
     }
 
     /// Tells something to all pages.
+    /// Says what there is to say of the mover under the present handles and wind, once.
+    fn remark(&mut self) {
+        let live = self.showing.live();
+        let remark = live.and_then(|live| live.ready().remark_on(live.mover(), live.hold()));
+        if remark != self.remarked {
+            self.remarked.clone_from(&remark);
+            if let Some(remark) = remark {
+                self.notify(Level::Bad, remark);
+            }
+        }
+    }
+
     fn notify(&mut self, level: Level, text: impl Into<String>) {
         self.outlets.notify(level, text);
     }

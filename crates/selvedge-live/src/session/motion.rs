@@ -13,7 +13,7 @@ use selvedge_cloth::{HandlePath, HandleTargets, Motion};
 use super::Session;
 use super::error::SessionError;
 use super::following::{Following, let_go};
-use crate::hand::Hands;
+use crate::hand::{Hands, Reach};
 use crate::mover::MoverKind;
 use crate::recorder::Recorder;
 use crate::state::{Level, TrackState};
@@ -133,7 +133,19 @@ impl Session {
             self.outlets.tell_soon();
             self.take_hold(&following.free)?;
         }
-        self.lead.hands.advance(&self.lead.limits, 1.0 / rate);
+        if let Some(live) = self.showing.live() {
+            let handles = &live.hold().handles;
+            let is_known = self.lead.reach.as_ref().is_some_and(|r| r.is_of(handles));
+            let cloth = live.ready().cloth();
+            if !is_known {
+                self.lead.reach = Some(Reach::of(cloth, handles));
+            }
+        }
+        let (limits, dt) = (&self.lead.limits, 1.0 / rate);
+        match &self.lead.reach {
+            Some(reach) => self.lead.hands.advance_within(limits, dt, reach),
+            None => self.lead.hands.advance(limits, dt),
+        }
         let positions: Vec<DVec3> = self.lead.hands.positions();
         Ok(HandleTargets::at_frame_end(positions)?)
     }

@@ -110,7 +110,7 @@ impl Outlets {
         self.notice = Some(Notice {
             number,
             level,
-            text: text.into(),
+            text: shortened(text.into()),
         });
         self.tell_soon = true;
     }
@@ -121,5 +121,29 @@ impl Outlets {
             number,
             bytes,
         }
+    }
+}
+
+/// Bytes that a notice has at most: it stands on a page, and may quote what somebody sent.
+const LONGEST_NOTICE: usize = 600;
+
+/// A text of at most [`LONGEST_NOTICE`] bytes, with a mark where it is cut.
+fn shortened(mut text: String) -> String {
+    if text.len() > LONGEST_NOTICE {
+        text.truncate(text.floor_char_boundary(LONGEST_NOTICE - "…".len()));
+        text.push('…');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notices_are_short() {
+        assert_eq!(shortened("as it is".to_owned()), "as it is");
+        let cut = shortened("é".repeat(5000));
+        assert!(cut.len() <= LONGEST_NOTICE && cut.ends_with("é…"), "{cut}");
     }
 }

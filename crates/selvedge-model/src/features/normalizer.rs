@@ -189,7 +189,9 @@ impl TryFrom<StoredStatistics> for RunningStatistics {
     type Error = NormalizerError;
 
     fn try_from(stored: StoredStatistics) -> Result<Self, NormalizerError> {
-        let width = stored.groups.iter().sum();
+        // Widths of a damaged file may be beyond every length.
+        let add = |sum: usize, width: &usize| sum.saturating_add(*width);
+        let width = stored.groups.iter().fold(0, add);
         check("mean", &stored.mean, width, Accept::Finite)?;
         check("squares", &stored.squares, width, Accept::NotNegative)?;
         check("count", &[stored.count], 1, Accept::NotNegative)?;
@@ -379,6 +381,13 @@ mod tests {
             assert!((frozen.mean()[k] / mean - 1.0).abs() < 1e-13);
             assert!((frozen.deviation()[k] / variance.sqrt() - 1.0).abs() < 1e-13);
         }
+    }
+
+    #[test]
+    fn stored_widths_beyond_every_length_are_an_error() {
+        let text = r#"{"groups":[3,18446744073709551615],"count":1.0,"mean":[0.0,0.0],"squares":[0.0,0.0]}"#;
+        let error = serde_json::from_str::<RunningStatistics>(text).unwrap_err();
+        assert!(error.to_string().contains("mean"), "{error}");
     }
 
     #[test]

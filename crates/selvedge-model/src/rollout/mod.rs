@@ -6,6 +6,7 @@ pub(crate) mod corrector;
 pub(crate) mod half;
 pub(crate) mod model;
 pub(crate) mod model_file;
+mod names_once;
 mod stepper;
 
 pub use advance::{

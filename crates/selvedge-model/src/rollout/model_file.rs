@@ -12,6 +12,7 @@ use crate::network::Network;
 use crate::network::parameters::Parameter;
 use crate::rollout::half::{WeightType, bf16_bits, bf16_value, f16_bits, f16_value};
 use crate::rollout::model::{Model, ModelError, Normalizers};
+use crate::rollout::names_once::check_names_once;
 use crate::spec::{ModelSpec, SpecError};
 
 /// `format` in the metadata of a model file.
@@ -77,7 +78,8 @@ impl Model {
     /// # Errors
     /// [`ModelFileError`] names the metadata or the tensor that cannot be used.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelFileError> {
-        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let (length, header) = SafeTensors::read_metadata(bytes)?;
+        check_names_once(bytes.get(8..8 + length).unwrap_or_default())?;
         let metadata = header.metadata().clone().unwrap_or_default();
         let text = |key: &str| metadata.get(key).map(String::as_str);
         check_kind(text)?;

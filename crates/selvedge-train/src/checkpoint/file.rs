@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensors};
-use selvedge_data::{Dataset, Section};
+use selvedge_data::{Dataset, Section, read_header};
 use selvedge_model::{ModelSpec, RunningStatistics};
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,7 @@ use crate::config::TrainConfig;
 use crate::losses::RunningLossStatistics;
 use crate::origin::Origin;
 use crate::slot::Slot;
+use crate::trainer::StepReport;
 use crate::training_set::TrainingSet;
 
 /// Value of the metadata `format` of a checkpoint.
@@ -35,6 +36,9 @@ pub(super) struct State {
     pub(super) slots: Vec<SlotEntry>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) origins: Vec<Origin>,
+    /// Steps of which the log has no line yet.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) since_line: Vec<StepReport>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -83,7 +87,7 @@ impl<'a> CheckpointFile<'a> {
             source,
         };
         let here = |source| container(path, source);
-        let (_, header) = SafeTensors::read_metadata(&bytes.first).map_err(here)?;
+        let header = read_header(&bytes.first).map_err(here)?;
         let tensors = SafeTensors::deserialize(&bytes.first).map_err(here)?;
         let others = bytes.others.iter().map(|(path, bytes)| {
             SafeTensors::deserialize(bytes).map_err(|source| container(path, source))

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use safetensors::SafeTensors;
-use selvedge_data::{TensorOut, TensorValues, WriteError, write_tensors};
+use selvedge_data::{TensorOut, TensorValues, WriteError, read_header, write_tensors};
 
 use super::error::ResumeError;
 
@@ -143,11 +143,10 @@ pub(super) fn read_others(
     path: &Path,
     bytes: &[u8],
 ) -> Result<Vec<(PathBuf, Vec<u8>)>, ResumeError> {
-    let (_, header) =
-        SafeTensors::read_metadata(bytes).map_err(|source| ResumeError::Container {
-            path: path.to_owned(),
-            source,
-        })?;
+    let header = read_header(bytes).map_err(|source| ResumeError::Container {
+        path: path.to_owned(),
+        source,
+    })?;
     let names = header.metadata().as_ref().and_then(|m| m.get(KEY).cloned());
     let names = names.unwrap_or_default();
     let others = names.split_whitespace().map(|name| {

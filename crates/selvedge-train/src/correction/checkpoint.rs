@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use selvedge_data::{TensorOut, TensorValues, WriteError, write_tensors};
+use selvedge_data::{TensorOut, TensorValues, WriteError, read_header, write_tensors};
 use selvedge_model::{Network, Normalizer, NormalizerError, Normalizers};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -178,7 +178,7 @@ impl<'a> Checkpoint<'a> {
             path: path.to_owned(),
             source,
         };
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
+        let header = read_header(bytes).map_err(container)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         for (key, expected) in [("format", CORRECTION_FORMAT), ("version", VERSION)] {
             if metadata.get(key).map(String::as_str) != Some(expected) {

@@ -144,7 +144,8 @@ pub enum ComputedTerms {
 }
 
 /// The terms of one sample's loss, each before its weight; `None` for one that was not computed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LossTerms {
     /// L_acc.
     pub acceleration: f64,

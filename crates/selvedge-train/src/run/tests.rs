@@ -140,6 +140,26 @@ fn a_line_of_the_log_is_the_mean_of_its_steps() {
 }
 
 #[test]
+fn a_log_is_the_same_bit_for_bit_after_a_resume_in_the_middle_of_a_line() {
+    let whole = {
+        let mut case = case(9);
+        case.cfg.log_every = 4;
+        case.run(&mut case.trainer(), NO_LIMITS, u64::MAX)
+            .expect("a run");
+        case.bytes(files::LOG)
+    };
+    for stop in [1, 3, 5, 6] {
+        let mut case = case(9);
+        case.cfg.log_every = 4;
+        case.run(&mut case.trainer(), NO_LIMITS, stop)
+            .expect("a run");
+        let end = case.run(&mut case.resumed(), NO_LIMITS, u64::MAX);
+        assert_eq!(end.expect("a run"), RunEnd::Finished);
+        assert_eq!(case.bytes(files::LOG), whole, "stopped after {stop}");
+    }
+}
+
+#[test]
 fn the_observer_stops_a_run_and_it_is_saved() {
     let case = case(100);
     let mut trainer = case.trainer();

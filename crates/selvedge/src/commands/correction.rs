@@ -13,7 +13,7 @@ use selvedge_train::{
 };
 use serde::Serialize;
 
-use super::train::{CHECKPOINT_EVERY, NEWEST};
+use super::train::NEWEST;
 use crate::cli::TrainArgs;
 use crate::interrupt;
 use crate::output::{Answer, End, Facts};
@@ -107,7 +107,7 @@ fn steps_until_end(
 ) -> anyhow::Result<(End, Option<f64>)> {
     let limits = RunLimits {
         time: args.span,
-        checkpoint_every: CHECKPOINT_EVERY,
+        checkpoint_every: args.checkpoint_every,
     };
     let wanted = trainer.config().samples.statistics;
     let left = trainer.config().steps.saturating_sub(trainer.steps_done());
@@ -127,8 +127,9 @@ fn steps_until_end(
                 gathering = None;
                 let mean = loss.map_or(step.loss, |mean| mean + NEWEST * (step.loss - mean));
                 loss = Some(mean);
-                let progress =
-                    training.get_or_insert_with(|| Progress::new("training", left, "steps"));
+                let progress = training.get_or_insert_with(|| {
+                    Progress::new("training", left, "steps").within(args.span)
+                });
                 progress.note(format!("loss {mean:.4}"));
                 progress.advance();
             }

@@ -74,9 +74,10 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
             place::check_distinct(&[("--report", &table), curves])?;
         }
     }
-    if let Some(folder) = &args.report {
-        folder::make_folder(folder)?;
-    }
+    let _claimed = match &args.report {
+        Some(folder) => Some(folder::claim_folder(folder)?),
+        None => None,
+    };
     let (models, mut contestants) = open_models(args, &machine)?;
     contestants.extend(args.substeps().into_iter().map(Contestant::physics));
     let rivals = Contestant::rivals().into_iter();
@@ -332,7 +333,7 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
         let ms = format!("{:.2} ms", timing.ms_per_frame);
         times.row([timing.mesh.clone(), timing.name.clone(), ms]);
     }
-    let notes = "rigid: the rest pose moved with the handles; mirror: the physics from the other branch of the buckling";
+    let notes = "rigid: the rest pose moved with the handles; mirror: the physics from the other branch of the buckling; one run: it never starts from a true state, and over k steps these are k frames of its whole run";
     let failures = report::failures(contest);
     format!("{facts}\n{runs}\n{notes}\n\n{stability}\n{steps}\n{times}\n{failures}")
 }
@@ -424,9 +425,22 @@ fn steps_table(means: &[Mean]) -> Table {
             let found = mean.summary.horizons.iter().find(|h| h.steps == *k);
             found.map_or_else(|| "-".to_owned(), |h| length(h.position_rmse))
         };
-        table.row(std::iter::once(mean.name.clone()).chain(steps.iter().map(cell)));
+        let name = match is_one_run(mean.who) {
+            true => format!("{} (one run)", mean.name),
+            false => mean.name.clone(),
+        };
+        table.row(std::iter::once(name).chain(steps.iter().map(cell)));
     }
     table
+}
+
+/// Returns true for who does not start over from true states: its errors over k steps are those of
+/// k frames of its one whole run.
+fn is_one_run(who: Who) -> bool {
+    match who {
+        Who::Mirror | Who::Physics => true,
+        Who::Model | Who::Rigid | Who::Truth => false,
+    }
 }
 
 fn cells(motion: &str, who: &str, of: Option<&Measures>, unstable: Option<usize>) -> Vec<String> {

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
 fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     let machine = device.open()?;
-    folder::make_folder(&args.out)?;
+    let _claimed = folder::claim_folder(&args.out)?;
     let outcome = study::run(
         &study,
         &args.out,

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
@@ -16,9 +16,6 @@ use crate::cli::TrainArgs;
 use crate::interrupt;
 use crate::output::{Answer, End, Facts};
 use crate::progress::{self, Progress};
-
-/// Between two checkpoints.
-pub(super) const CHECKPOINT_EVERY: Duration = Duration::from_secs(300);
 
 /// Weight of the newest loss in the one that is shown.
 pub(super) const NEWEST: f64 = 0.02;
@@ -131,10 +128,10 @@ fn steps_until_end(
 ) -> anyhow::Result<(End, Option<f64>)> {
     let limits = RunLimits {
         time: args.span,
-        checkpoint_every: CHECKPOINT_EVERY,
+        checkpoint_every: args.checkpoint_every,
     };
     let left = trainer.config().steps.saturating_sub(trainer.steps_done());
-    let progress = Progress::new("training", usize::try_from(left)?, "steps");
+    let progress = Progress::new("training", usize::try_from(left)?, "steps").within(args.span);
     let mut loss = None;
     let end = selvedge_train::run(trainer, data, &args.out, limits, &mut |step| {
         let newest = step.terms.total;

@@ -5,8 +5,10 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
-use selvedge_lab::physics;
-use selvedge_live::{Hold, LiveStepper, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start};
+use selvedge_lab::{assets, physics};
+use selvedge_live::{
+    Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
+};
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};
 
@@ -22,6 +24,8 @@ pub(super) struct SceneCloth {
     pub(super) cloth: Arc<Cloth>,
     /// The state at the start.
     pub(super) start: SavedState,
+    /// The name of the model.
+    pub(super) model_name: String,
     /// The model, for the learned mover.
     pub(super) model: ModelOnMachine,
     /// Remarks for people.
@@ -51,6 +55,12 @@ impl ReadyCloth for SceneCloth {
 
     fn remarks(&self) -> &[String] {
         &self.remarks
+    }
+
+    fn remark_on(&self, mover: Mover, hold: &Hold) -> Option<String> {
+        let is_moved_by_it = mover.kinds().contains(&MoverKind::Model);
+        let beyond = untrained(&self.model_name, hold);
+        beyond.filter(|_| is_moved_by_it)
     }
 
     fn start(
@@ -100,6 +110,33 @@ impl ReadyCloth for SceneCloth {
     }
 }
 
+/// Handles that the shipped model was trained with.
+const TRAINED_HANDLES: usize = 2;
+
+/// The parts of `hold` that the model called `model` was not trained in; none where there are none,
+/// or where it is not known what it was trained in.
+fn untrained(model: &str, hold: &Hold) -> Option<String> {
+    if model != assets::MODEL.0 {
+        return None;
+    }
+    let handles = hold.handles.len();
+    let mut beyond = Vec::new();
+    if hold.environment.wind != DVec3::ZERO {
+        beyond.push("in still air".to_owned());
+    }
+    match handles {
+        TRAINED_HANDLES => {}
+        0 => beyond.push("with two handles, and now nothing holds the cloth".to_owned()),
+        _ => beyond.push(format!("with two handles, and there are {handles}")),
+    }
+    (!beyond.is_empty()).then(|| {
+        format!(
+            "the shipped model was trained {}: what it shows now is a guess, and the physics knows better",
+            beyond.join(" and ")
+        )
+    })
+}
+
 /// The state in the last of `frames`, frames counted from 0.
 fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
     let last = frames
@@ -116,4 +153,37 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
         frame: 0,
         previous: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use selvedge_cloth::Handles;
+
+    #[test]
+    fn what_the_shipped_model_has_not_seen_is_said() {
+        let hold = |handles: &[u32], wind: f64| Hold {
+            handles: Handles::new(handles, 9).unwrap(),
+            environment: Environment {
+                wind: DVec3::new(wind, 0.0, 0.0),
+                ..Environment::default()
+            },
+        };
+        let (shipped, own) = (assets::MODEL.0, "own.safetensors");
+        assert_eq!(untrained(shipped, &hold(&[0, 2], 0.0)), None);
+        assert_eq!(untrained(own, &hold(&[], 9.0)), None);
+        for (held, wind, words) in [
+            (&[0, 2][..], 3.0, "in still air:"),
+            (&[0][..], 0.0, "there are 1:"),
+            (&[][..], 0.0, "nothing holds"),
+            (
+                &[0, 1, 2][..],
+                2.0,
+                "in still air and with two handles, and there are 3:",
+            ),
+        ] {
+            let text = untrained(shipped, &hold(held, wind)).unwrap();
+            assert!(text.contains(words), "{text}");
+        }
+    }
 }

@@ -105,6 +105,7 @@ impl ViewWorkshop {
             scene,
             led: Arc::new(led),
             start,
+            model_name: name,
             model: ModelOnMachine {
                 model,
                 machine: self.machine.clone(),

@@ -1,6 +1,6 @@
 //! The learned simulator from the command line: `train`, `evaluate`, `rollout`.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, names_in, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, TRAINING, names_in, number};
 use selvedge_data::Trajectory;
 use serde_json::Value;
 
@@ -72,7 +72,7 @@ fn how_many_samples_go_together_changes_nothing_but_rounding() {
 fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", crate::common::TRAINING);
+    desk.write("moment.toml", TRAINING);
     let train = "train moment.toml --data tiny --out run";
     for (setting, expected) in [
         (
@@ -109,13 +109,52 @@ fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
 
 /// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
 #[cfg(unix)]
+/// Two runs in one folder would mix their logs, and the last one's weights would win.
+#[cfg(unix)]
+#[test]
+fn a_folder_is_trained_into_by_one_run_at_a_time() {
+    use std::process::Stdio;
+
+    let desk = Desk::new();
+    desk.tiny();
+    let long = TRAINING.replace("steps = 6", "steps = 100000000");
+    desk.write("long.toml", long);
+    let call = "train long.toml --data tiny --out run --checkpoint-every 1s";
+    let mut command = desk.command(call);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut first = command.spawn().unwrap();
+    while !desk.path("run/checkpoint.safetensors").is_file() {
+        assert!(first.try_wait().unwrap().is_none(), "it ended early");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let owner = format!("process {}", first.id());
+    for call in [call, "train long.toml --data tiny --out run --resume"] {
+        desk.fails(call, 1, &["another run writes", &owner, "another folder"]);
+    }
+    // Killed, it leaves its lock and perhaps a part of a file; the next run takes over.
+    first.kill().unwrap();
+    first.wait().unwrap();
+    assert!(desk.path("run/.selvedge.lock").is_file());
+    desk.write("run/.model.safetensors.left.part", "half");
+    let report = desk.json("train long.toml --data tiny --out run --resume --for 1s");
+    assert!(number(&report, "/steps_done") > 0.0);
+    let names = names_in(&desk.path("run"));
+    let kept = [
+        "checkpoint.safetensors",
+        "config.toml",
+        "log.jsonl",
+        "model.safetensors",
+    ];
+    assert_eq!(names, kept);
+}
+
 #[test]
 fn statistics_can_be_interrupted() {
     use std::process::{Command, Stdio};
 
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", crate::common::TRAINING);
+    desk.write("moment.toml", TRAINING);
     // Hours of them, if it went on.
     let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000 --set model.encoder.window=64";
     let mut command = desk.command(&format!("{train} --json"));
@@ -138,7 +177,7 @@ fn statistics_can_be_interrupted() {
 fn a_span_ends_a_training_cleanly() {
     let desk = Desk::new();
     desk.tiny();
-    desk.write("moment.toml", crate::common::TRAINING);
+    desk.write("moment.toml", TRAINING);
     let report = desk.json("train moment.toml --data tiny --out run --steps 1000000 --for 1s");
     let done = number(&report, "/steps_done");
     assert!(done > 0.0 && done < 1e6);

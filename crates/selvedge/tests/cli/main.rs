@@ -13,6 +13,7 @@ mod data_sets;
 mod devices;
 mod evaluation;
 mod export;
+mod goldens;
 mod guard;
 mod learned;
 mod parity;

@@ -110,6 +110,37 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
 }
 
 #[test]
+fn an_evaluation_that_failed_is_tried_again() {
+    let desk = desk();
+    desk.json("study study.toml --out out");
+    let kept = "out/evaluations/bare.json";
+    let good = desk.read(kept);
+    let mut spoilt: serde_json::Value = serde_json::from_slice(&good).unwrap();
+    spoilt["evaluation"]["rows"][0]["failure"] = "the disk was full".into();
+    spoilt["evaluation"]["rows"][0]["measures"] = serde_json::Value::Null;
+    desk.write(kept, spoilt.to_string());
+    desk.json("study study.toml --out out");
+    let again: serde_json::Value = serde_json::from_slice(&desk.read(kept)).unwrap();
+    let good: serde_json::Value = serde_json::from_slice(&good).unwrap();
+    let row = |kept: &serde_json::Value| kept["evaluation"]["rows"][0].clone();
+    assert_eq!(row(&again), row(&good));
+}
+
+#[test]
+fn the_file_of_a_study_is_inspected() {
+    let desk = desk();
+    let report = desk.json("inspect study.toml");
+    assert_eq!(report["kind"], "study-file");
+    assert_eq!(report["trainings"], 3);
+    assert_eq!(report["questions"], 2);
+    desk.write(
+        "bad.toml",
+        STUDY.replace("models = [\"late\"", "models = [\"nobody\""),
+    );
+    desk.fails("inspect bad.toml", 1, &["bad.toml", "nobody"]);
+}
+
+#[test]
 fn an_interrupted_study_goes_on_to_the_same_report() {
     let desk = desk();
     desk.json("study study.toml --out whole");

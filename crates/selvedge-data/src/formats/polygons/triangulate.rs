@@ -22,6 +22,9 @@ pub(crate) fn triangles_in_space(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
 /// diagonal; where no fan is inside, ears are cut off (Meisters 1975), the fattest first.
 pub(super) fn triangulate(corners: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let count = corners.len();
+    if count < 3 {
+        return None;
+    }
     if count == 3 {
         // No choice; what is wrong with a triangle the mesh says better.
         return Some(vec![[0, 1, 2]]);
@@ -122,6 +125,13 @@ mod tests {
         back.reverse();
         let triangles = triangulate(&back).unwrap();
         assert!((area(&back, &triangles) + 11.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_has_fewer_than_three_corners_has_no_triangles() {
+        for count in 0..3 {
+            assert_eq!(triangulate(&vec![DVec2::ZERO; count]), None);
+        }
     }
 
     #[test]

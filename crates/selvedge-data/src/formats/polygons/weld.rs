@@ -51,7 +51,15 @@ pub(crate) fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
         let around =
             (-1..=1).flat_map(|i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [i, j, k])));
         let near = around
-            .filter_map(|[i, j, k]| cells.get(&[x + i, y + j, z + k]))
+            .filter_map(|[i, j, k]| {
+                // Positions far out are all in the outermost cells.
+                let neighbour = [
+                    x.saturating_add(i),
+                    y.saturating_add(j),
+                    z.saturating_add(k),
+                ];
+                cells.get(&neighbour)
+            })
             .flatten()
             .copied()
             .filter(|&other| positions[other as usize].distance(position) <= tolerance)
@@ -90,4 +98,15 @@ fn renumber(polygons: &mut Polygons, owners: &[u32]) {
     polygons.velocities = kept
         .map(|(v, velocity)| (numbers[v as usize], velocity))
         .collect();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_far_out_are_in_the_outermost_cells() {
+        let far = [1e300, -1e300, 1e300, 0.0].map(DVec3::splat);
+        assert_eq!(owners(&far, 1e-6), [0, 1, 0, 3]);
+    }
 }

@@ -14,7 +14,6 @@ mod drive;
 mod object;
 mod parts;
 mod shared;
-mod unique;
 
 use self::object::{Object, parse_json};
 use self::parts::Parts;

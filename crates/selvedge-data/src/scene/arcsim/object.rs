@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde_json::{Map, Value};
 
 use super::super::problem::SceneProblem;
-use super::unique::Unique;
+use crate::formats::unique::Unique;
 
 /// An object of the file.
 pub(super) struct Object<'a> {

@@ -8,6 +8,7 @@ use safetensors::tensor::Dtype;
 
 use super::error::StateError;
 use crate::formats::npz::{Npz, NpzError};
+use crate::formats::tensor_file::read_header;
 
 /// The format that a file of states names in its metadata.
 pub const STATES_FORMAT: &str = "selvedge-states";
@@ -49,7 +50,7 @@ impl<'a> Container<'a> {
         bytes: &'a [u8],
         frame_rate: Option<f64>,
     ) -> Result<Self, StateError> {
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(StateError::Container)?;
+        let header = read_header(bytes).map_err(StateError::Container)?;
         if let Some(metadata) = header.metadata() {
             check_metadata(metadata, frame_rate)?;
         }

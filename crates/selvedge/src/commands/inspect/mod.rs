@@ -4,8 +4,9 @@
 //! What it is taken for follows from its name and from what it says itself: a folder by the files
 //! in it, `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a
 //! `.safetensors` file says whether it is a trajectory, a model, states or a checkpoint; a `.toml`
-//! file is a data set's preset if it has a `setting`, a training configuration if it has a `batch`,
-//! and a scene if it has neither; `.json` is a scene of ARCSim.
+//! file is a data set's preset if it has a `setting`, a study if it has a `question`, a training
+//! configuration if it has a `batch`, and a scene if it has none of these; `.json` is a scene of
+//! ARCSim.
 
 mod exported;
 mod folders;
@@ -22,7 +23,7 @@ use selvedge_data::{
     LoadedScene, MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics,
     read_mesh, shipped_scenes,
 };
-use selvedge_lab::physics;
+use selvedge_lab::{physics, study};
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, CORRECTION_FORMAT, CorrectionConfig, TrainConfig};
 use serde_json::{Value, json};
@@ -91,10 +92,44 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
         let cfg = CorrectionConfig::parse_with(&text, path, &[])?;
         return inspect_correction(&cfg, name);
     }
+    if table.contains_key("question") {
+        return inspect_study(&table, name);
+    }
     if table.contains_key("batch") {
         return inspect_training(&TrainConfig::parse(&text, path)?, name);
     }
     inspect_scene(&scenes::open(name)?, name)
+}
+
+/// The file of a study, which is checked as a whole first.
+fn inspect_study(table: &toml::Table, name: &str) -> anyhow::Result<Answer> {
+    let study = study::open(name)?;
+    // An entry is a list, or a table by name.
+    let count = |key: &str| match table.get(key) {
+        Some(toml::Value::Array(list)) => list.len(),
+        Some(toml::Value::Table(named)) => named.len(),
+        _ => 0,
+    };
+    let (data, train) = (count("data"), count("train"));
+    let (models, questions) = (count("model"), count("question"));
+    let mut facts = Facts::new();
+    facts.add("kind", "study, to be made with selvedge study");
+    facts.add("file", name);
+    facts.add("title", &study.title);
+    facts.add("data sets", data);
+    facts.add("trainings", train);
+    facts.add("finished models", models);
+    facts.add("questions", questions);
+    let report = json!({
+        "kind": "study-file",
+        "file": name,
+        "title": study.title,
+        "data_sets": data,
+        "trainings": train,
+        "finished_models": models,
+        "questions": questions,
+    });
+    Answer::new(facts, &report)
 }
 
 /// A configuration of a training that corrects physics.

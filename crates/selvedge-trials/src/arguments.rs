@@ -1,0 +1,76 @@
+//! Options of a trial: `--name value` pairs and lone flags.
+
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use selvedge_lab::span;
+
+/// The options that were given, in order.
+pub(crate) struct Arguments {
+    pairs: Vec<(String, String)>,
+    flags: Vec<String>,
+}
+
+impl Arguments {
+    /// Splits `words` into pairs, called `pairs`, and flags, called `flags`.
+    ///
+    /// # Errors
+    /// A word that is neither, or a name without its value.
+    pub(crate) fn parse(words: &[String], pairs: &[&str], flags: &[&str]) -> Result<Self> {
+        let mut parsed = Self {
+            pairs: Vec::new(),
+            flags: Vec::new(),
+        };
+        let mut words = words.iter();
+        while let Some(word) = words.next() {
+            if flags.contains(&word.as_str()) {
+                parsed.flags.push(word.clone());
+            } else if pairs.contains(&word.as_str()) {
+                let value = words.next();
+                let value = value.with_context(|| format!("{word} needs a value"))?;
+                parsed.pairs.push((word.clone(), value.clone()));
+            } else {
+                bail!(
+                    "{word:?} is no option here: {} {}",
+                    pairs.join(" "),
+                    flags.join(" ")
+                );
+            }
+        }
+        Ok(parsed)
+    }
+
+    /// Returns true if the flag was given.
+    pub(crate) fn has(&self, flag: &str) -> bool {
+        self.flags.iter().any(|given| given == flag)
+    }
+
+    /// All values of `name`.
+    pub(crate) fn all(&self, name: &str) -> Vec<&str> {
+        let given = self.pairs.iter().filter(|pair| pair.0 == name);
+        given.map(|pair| pair.1.as_str()).collect()
+    }
+
+    /// The number after `name`.
+    ///
+    /// # Errors
+    /// A value that is no number.
+    pub(crate) fn number(&self, name: &str) -> Result<Option<u64>> {
+        let Some(last) = self.all(name).pop() else {
+            return Ok(None);
+        };
+        let number = last.parse();
+        Ok(Some(number.with_context(|| {
+            format!("{name} {last}: not a whole number")
+        })?))
+    }
+
+    /// The span of time after `name`.
+    ///
+    /// # Errors
+    /// A value that is no span.
+    pub(crate) fn span(&self, name: &str) -> Result<Option<Duration>> {
+        let span = self.all(name).pop().map(span::parse);
+        span.transpose().with_context(|| name.to_owned())
+    }
+}

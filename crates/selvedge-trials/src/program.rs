@@ -1,0 +1,63 @@
+//! The program under trial: built beside this one, run in a folder, without the user's cache.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail};
+
+/// The program `selvedge` that stands beside this one.
+#[derive(Clone, Debug)]
+pub(crate) struct Program(PathBuf);
+
+impl Program {
+    /// The program of the variable `SELVEDGE`, or the one beside this program.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub(crate) fn find() -> Result<Self> {
+        let path = match std::env::var_os("SELVEDGE") {
+            Some(path) => PathBuf::from(path),
+            None => {
+                let own = std::env::current_exe().context("the path of this program")?;
+                own.with_file_name("selvedge")
+            }
+        };
+        if !path.is_file() {
+            bail!(
+                "{}: there is no such program; build it with cargo build -p selvedge",
+                path.display()
+            );
+        }
+        Ok(Self(path))
+    }
+
+    /// The program with `arguments`, split at spaces, in `folder`. It says nothing.
+    pub(crate) fn command(&self, folder: &Path, arguments: &str) -> Command {
+        let mut command = Command::new(&self.0);
+        command
+            .args(arguments.split_whitespace())
+            .current_dir(folder)
+            .env("SELVEDGE_CACHE", "off")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        command
+    }
+
+    /// Runs the program, which must succeed.
+    ///
+    /// # Errors
+    /// Another exit code, with what was said.
+    pub(crate) fn run(&self, folder: &Path, arguments: &str) -> Result<()> {
+        let output = self
+            .command(folder, arguments)
+            .stderr(Stdio::piped())
+            .output()
+            .with_context(|| format!("selvedge {arguments}"))?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr);
+            bail!("selvedge {arguments}: {}: {said}", output.status);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,292 @@
+//! Long runs: steppers over very many steps, and the viewer under many pages with random hands. The
+//! memory of a process must not grow once it has begun.
+
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
+use std::process::Child;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+use std::{fs, thread};
+
+use anyhow::{Context, Result, bail, ensure};
+use glam::{DVec3, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
+use selvedge_data::open_scene;
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::{self, NamedModel};
+use selvedge_lab::physics;
+use selvedge_live::protocol;
+use selvedge_sim::{Simulator, Threads};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+use crate::arguments::Arguments;
+use crate::fuzz::{SCENE, TRAINING};
+use crate::program::Program;
+
+/// Looks at the memory of a run.
+const LOOKS: usize = 12;
+/// Growth of memory that is no leak: allocators keep what they had [kB].
+const MOST_GROWTH: u64 = 4 << 10;
+/// A page gives up when nothing comes for so long.
+const SILENCE: Duration = Duration::from_secs(60);
+
+/// Memory over time [kB].
+struct Curve(Vec<u64>);
+
+impl Curve {
+    fn push(&mut self, process: &str) -> Result<()> {
+        let status = fs::read_to_string(format!("/proc/{process}/status"))
+            .context("the memory of a process, which only Linux tells")?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let number = line.and_then(|rest| rest.split_whitespace().next()?.parse().ok());
+        self.0.push(number.context("no VmRSS")?);
+        Ok(())
+    }
+
+    /// Returns true unless it grew over its last two thirds.
+    fn is_level(&self) -> bool {
+        let early = self.0.get(self.0.len() / 3);
+        let (Some(early), Some(last)) = (early, self.0.last()) else {
+            return false;
+        };
+        *last <= early + MOST_GROWTH
+    }
+
+    fn text(&self) -> String {
+        let megabytes = |kilobytes: &u64| format!("{:.1}", *kilobytes as f64 / 1024.0);
+        self.0.iter().map(megabytes).collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// Runs what `options` ask for; returns false where memory grew.
+///
+/// # Errors
+/// Options that make no sense, or a run that failed.
+pub(crate) fn run(options: &[String]) -> Result<bool> {
+    let pairs = ["--steps", "--span", "--pages", "--seed", "--only"];
+    let options = Arguments::parse(options, &pairs, &[])?;
+    let steps = options.number("--steps")?.unwrap_or(20_000);
+    let span = options.span("--span")?.unwrap_or(Duration::from_secs(30));
+    let pages = options.number("--pages")?.unwrap_or(30);
+    let seed = options.number("--seed")?.unwrap_or(1);
+    let only = options.all("--only");
+    let is_wanted = |name: &str| only.is_empty() || only.contains(&name);
+    let folder = tempfile::tempdir().context("a folder to work in")?;
+    let folder = folder.path();
+    fs::write(folder.join("push.toml"), SCENE)?;
+    fs::write(folder.join("moment.toml"), TRAINING)?;
+    let program = Program::find()?;
+    let mut holds = true;
+    println!("| run | how long | seconds | memory, MB | held |");
+    println!("|---|---|---|---|---|");
+    let mut say = |name: &str, long: String, started: Instant, curve: &Curve| {
+        let (seconds, level) = (started.elapsed().as_secs_f64(), curve.is_level());
+        let held = if level { "level" } else { "it grew" };
+        println!(
+            "| {name} | {long} | {seconds:.0} | {} | {held} |",
+            curve.text()
+        );
+        holds &= level;
+    };
+    for name in ["physics", "model"] {
+        if is_wanted(name) {
+            let started = Instant::now();
+            let curve = stepper(name, &program, folder, steps)?;
+            say(name, format!("{steps} steps"), started, &curve);
+        }
+    }
+    if is_wanted("viewer") {
+        let started = Instant::now();
+        let curve = viewer(&program, folder, span, u32::try_from(pages)?, seed)?;
+        let long = format!("{} s of simulated time, {pages} pages", span.as_secs());
+        say("viewer", long, started, &curve);
+    }
+    Ok(holds)
+}
+
+/// Steps one stepper with its handles on a circle.
+fn stepper(name: &str, program: &Program, folder: &Path, steps: u64) -> Result<Curve> {
+    let path = folder.join("push.toml");
+    let loaded = open_scene(&path.to_string_lossy())?;
+    let scene = &loaded.scene;
+    let rest = physics::rest_pose(scene, &mut |_| std::ops::ControlFlow::Continue(()))?;
+    let start = rest.positions;
+    let mut stepper: Box<dyn Stepper> = match name {
+        "physics" => {
+            let still = vec![DVec3::ZERO; start.len()];
+            let mut simulator = Simulator::with_state(scene, start.clone(), still)?;
+            simulator.set_threads(Threads::One);
+            Box::new(simulator)
+        }
+        _ => {
+            program.run(folder, "dataset generate tiny --out tiny")?;
+            program.run(folder, "train moment.toml --data tiny --out run")?;
+            let model = NamedModel::open(Some(&folder.join("run/model.safetensors")))?;
+            let cloth = Cloth::of_scene(scene, physics::rounded(&start))?;
+            let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
+            Box::new(model.start(graph, cloth.rest_positions(), &Machine::Cpu, scene)?)
+        }
+    };
+    walk(scene, &mut *stepper, &start, steps)
+}
+
+fn walk(scene: &Scene, stepper: &mut dyn Stepper, start: &[DVec3], steps: u64) -> Result<Curve> {
+    let held = scene.handles.select(start);
+    let mut curve = Curve(Vec::new());
+    let mut failures = 0_u64;
+    for step in 0..steps {
+        let angle = 0.05 * step as f64;
+        let shift = DVec3::new(angle.cos() - 1.0, 0.0, angle.sin()) * 0.1;
+        let targets = HandleTargets::at_frame_end(held.iter().map(|p| *p + shift).collect())?;
+        // A model that has barely learned may run away: what is looked at is memory.
+        failures += u64::from(stepper.step(&targets).is_err());
+        if step % (steps / LOOKS as u64).max(1) == 0 {
+            curve.push("self")?;
+        }
+    }
+    if failures > 0 {
+        println!("  {failures} steps were refused, as not finite");
+    }
+    let finite = stepper.positions().iter().all(|p| p.is_finite());
+    ensure!(finite, "a position is not finite");
+    Ok(curve)
+}
+
+/// A program that is ended when it is no longer needed.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The viewer with so many pages until its cloth has moved for `span`.
+fn viewer(
+    program: &Program,
+    folder: &Path,
+    span: Duration,
+    pages: u32,
+    seed: u64,
+) -> Result<Curve> {
+    // A port that is free now.
+    let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    let address = SocketAddr::from(([127, 0, 0, 1], port));
+    let call = format!("view push.toml --show physics --address {address} --recordings kept");
+    let mut child = Running(program.command(folder, &call).spawn()?);
+    let process = child.0.id().to_string();
+    let until = Instant::now() + SILENCE;
+    while TcpStream::connect(address).is_err() {
+        ensure!(child.0.try_wait()?.is_none(), "the viewer ended early");
+        ensure!(Instant::now() < until, "the viewer does not answer");
+        thread::sleep(Duration::from_millis(50));
+    }
+    let (now, stop) = (AtomicU32::new(0), AtomicBool::new(false));
+    let mut curve = Curve(Vec::new());
+    thread::scope(|scope| -> Result<()> {
+        let shared = (&now, &stop);
+        let hands: Vec<_> = (0..pages)
+            .map(|number| scope.spawn(move || page(address, number, seed, shared)))
+            .collect();
+        let watched = watch(&process, span, shared, &mut curve);
+        stop.store(true, Ordering::SeqCst);
+        for hand in hands {
+            match hand.join() {
+                Ok(outcome) => outcome?,
+                Err(_) => bail!("a page panicked"),
+            }
+        }
+        watched
+    })?;
+    ensure!(child.0.try_wait()?.is_none(), "the viewer ended early");
+    Ok(curve)
+}
+
+/// Looks at the memory of the viewer until its time, in hundredths of a second, has come to `span`.
+fn watch(
+    process: &str,
+    span: Duration,
+    (now, stop): (&AtomicU32, &AtomicBool),
+    curve: &mut Curve,
+) -> Result<()> {
+    let mut heard = (0, Instant::now());
+    for look in 0..LOOKS {
+        let due = span.mul_f64((look + 1) as f64 / LOOKS as f64);
+        loop {
+            let time = now.load(Ordering::SeqCst);
+            if time != heard.0 {
+                heard = (time, Instant::now());
+            }
+            if f64::from(time) >= 100.0 * due.as_secs_f64() {
+                break;
+            }
+            ensure!(heard.1.elapsed() < SILENCE, "the viewer stands still");
+            ensure!(!stop.load(Ordering::SeqCst), "a page gave up");
+            thread::sleep(Duration::from_millis(20));
+        }
+        curve.push(process)?;
+    }
+    Ok(())
+}
+
+/// A page that takes up frames and pulls handles about.
+fn page(
+    address: SocketAddr,
+    number: u32,
+    seed: u64,
+    (now, stop): (&AtomicU32, &AtomicBool),
+) -> Result<()> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(u64::from(number));
+    let mut request = format!("ws://{address}/socket").into_client_request()?;
+    let protocol = format!("selvedge.v{}", protocol::VERSION).parse()?;
+    request
+        .headers_mut()
+        .insert("Sec-WebSocket-Protocol", protocol);
+    let stream = TcpStream::connect(address)?;
+    stream.set_read_timeout(Some(SILENCE))?;
+    let (mut socket, _) = tungstenite::client(request, stream)
+        .map_err(|error| anyhow::anyhow!("page {number}: {error}"))?;
+    if number == 0 {
+        send(&mut socket, 19, br#"{"do":"rate","rate":4.0}"#)?;
+    }
+    let mut drags = 0_u32;
+    while !stop.load(Ordering::SeqCst) {
+        let Message::Binary(bytes) = socket.read()? else {
+            continue;
+        };
+        if bytes.get(1) != Some(&4) {
+            continue;
+        }
+        let word = |k: usize| -> [u8; 4] {
+            let part = bytes.get(4 + 4 * k..8 + 4 * k).unwrap_or(&[0; 4]);
+            <[u8; 4]>::try_from(part).unwrap_or_default()
+        };
+        now.fetch_max(
+            (100.0 * f32::from_le_bytes(word(2))) as u32,
+            Ordering::SeqCst,
+        );
+        send(&mut socket, 16, &word(1))?;
+        let handles = u32::from_le_bytes(word(5));
+        if handles > 0 && rng.random_ratio(1, 20) {
+            let chosen = 8 + 4 * rng.random_range(0..handles as usize);
+            let goal = Vec3::from_array([1, 2, 3].map(|k| f32::from_le_bytes(word(chosen + k))));
+            let shift = Vec3::from_array([0; 3].map(|_| rng.random_range(-0.02..0.02)));
+            drags += 1;
+            let mut drag = [drags.to_le_bytes(), 1_u32.to_le_bytes(), word(chosen)].concat();
+            let goal = (goal + shift).clamp(Vec3::splat(-1.0), Vec3::splat(1.0));
+            drag.extend(goal.to_array().map(f32::to_le_bytes).concat());
+            send(&mut socket, 17, &drag)?;
+        }
+    }
+    Ok(())
+}
+
+fn send(socket: &mut WebSocket<TcpStream>, kind: u8, body: &[u8]) -> Result<()> {
+    let message = [&[protocol::VERSION, kind, 0, 0], body].concat();
+    Ok(socket.send(Message::Binary(message.into()))?)
+}
