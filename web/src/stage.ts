@@ -159,7 +159,7 @@ export class Stage {
     return best ?? this.pickBeside(x, y, reach);
   }
 
-  /** The vertex whose place on the screen is nearest to a point beside the cloth: a corner is hard to hit. */
+  /** The vertex nearest on the screen to a point beside the cloth: a corner is hard to hit. */
   private pickBeside(x: number, y: number, reach: number): Hit | null {
     const size = this.canvas.getBoundingClientRect();
     for (let track = 0; track < this.objects.length; track++) {

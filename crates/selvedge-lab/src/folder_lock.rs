@@ -22,7 +22,7 @@ pub struct FolderLock {
     _file: File,
 }
 
-/// Why a folder could not be locked.
+/// Reason why a folder could not be locked.
 #[derive(Debug)]
 pub(crate) enum LockFailure {
     /// Another run writes there: its process and machine.
@@ -70,7 +70,7 @@ impl Drop for FolderLock {
     }
 }
 
-/// What the file says of its owner.
+/// The owner, as the file names it.
 fn owner(file: &mut File) -> String {
     let mut text = String::new();
     let read = file

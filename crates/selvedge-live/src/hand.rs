@@ -205,7 +205,7 @@ impl Hands {
         for _ in 0..PASSES {
             for one in 0..self.hands.len() {
                 for other in one + 1..self.hands.len() {
-                    self.resist([one, other], &before, reach);
+                    self.resist(one, other, &before, reach);
                 }
             }
         }
@@ -218,7 +218,7 @@ impl Hands {
     }
 
     /// Brings two hands back that are farther apart than they can be; who has moved gives way.
-    fn resist(&mut self, [one, other]: [usize; 2], before: &[DVec3], reach: &Reach) {
+    fn resist(&mut self, one: usize, other: usize, before: &[DVec3], reach: &Reach) {
         let apart = self.hands[other].position - self.hands[one].position;
         let distance = apart.length();
         let was = before[one].distance(before[other]);

@@ -19,7 +19,7 @@ use crate::program::Program;
 /// A command that takes its time.
 struct Case {
     name: &'static str,
-    /// What is there before it runs.
+    /// Commands before it.
     prepare: &'static [&'static str],
     /// The command; `--resume` is added where `resumes` and there is something to go on from.
     command: &'static str,

@@ -1,5 +1,6 @@
 //! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader,
-//! `faults` has a disk fail under every writer, `kill` ends long commands at random times, `soak` runs steppers and the viewer for long.
+//! `faults` has a disk fail under every writer, `kill` ends long commands at random times, `soak`
+//! runs steppers and the viewer for long.
 //!
 //! `cargo xtask` starts them. Every trial is made from a seed, says what it did in a row of a
 //! table, and ends with an error where something did not hold.

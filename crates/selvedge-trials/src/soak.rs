@@ -155,6 +155,13 @@ fn walk(scene: &Scene, stepper: &mut dyn Stepper, start: &[DVec3], steps: u64) -
     Ok(curve)
 }
 
+/// The time of the viewer, in hundredths of a second, and the end of all pages.
+#[derive(Default)]
+struct Shared {
+    now: AtomicU32,
+    stop: AtomicBool,
+}
+
 /// A program that is ended when it is no longer needed.
 struct Running(Child);
 
@@ -185,15 +192,15 @@ fn viewer(
         ensure!(Instant::now() < until, "the viewer does not answer");
         thread::sleep(Duration::from_millis(50));
     }
-    let (now, stop) = (AtomicU32::new(0), AtomicBool::new(false));
+    let shared = Shared::default();
     let mut curve = Curve(Vec::new());
     thread::scope(|scope| -> Result<()> {
-        let shared = (&now, &stop);
+        let shared = &shared;
         let hands: Vec<_> = (0..pages)
             .map(|number| scope.spawn(move || page(address, number, seed, shared)))
             .collect();
         let watched = watch(&process, span, shared, &mut curve);
-        stop.store(true, Ordering::SeqCst);
+        shared.stop.store(true, Ordering::SeqCst);
         for hand in hands {
             match hand.join() {
                 Ok(outcome) => outcome?,
@@ -206,18 +213,13 @@ fn viewer(
     Ok(curve)
 }
 
-/// Looks at the memory of the viewer until its time, in hundredths of a second, has come to `span`.
-fn watch(
-    process: &str,
-    span: Duration,
-    (now, stop): (&AtomicU32, &AtomicBool),
-    curve: &mut Curve,
-) -> Result<()> {
+/// Looks at the memory of the viewer until its time has come to `span`.
+fn watch(process: &str, span: Duration, shared: &Shared, curve: &mut Curve) -> Result<()> {
     let mut heard = (0, Instant::now());
     for look in 0..LOOKS {
         let due = span.mul_f64((look + 1) as f64 / LOOKS as f64);
         loop {
-            let time = now.load(Ordering::SeqCst);
+            let time = shared.now.load(Ordering::SeqCst);
             if time != heard.0 {
                 heard = (time, Instant::now());
             }
@@ -225,7 +227,7 @@ fn watch(
                 break;
             }
             ensure!(heard.1.elapsed() < SILENCE, "the viewer stands still");
-            ensure!(!stop.load(Ordering::SeqCst), "a page gave up");
+            ensure!(!shared.stop.load(Ordering::SeqCst), "a page gave up");
             thread::sleep(Duration::from_millis(20));
         }
         curve.push(process)?;
@@ -234,12 +236,7 @@ fn watch(
 }
 
 /// A page that takes up frames and pulls handles about.
-fn page(
-    address: SocketAddr,
-    number: u32,
-    seed: u64,
-    (now, stop): (&AtomicU32, &AtomicBool),
-) -> Result<()> {
+fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared) -> Result<()> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(u64::from(number));
     let mut request = format!("ws://{address}/socket").into_client_request()?;
@@ -255,7 +252,7 @@ fn page(
         send(&mut socket, 19, br#"{"do":"rate","rate":4.0}"#)?;
     }
     let mut drags = 0_u32;
-    while !stop.load(Ordering::SeqCst) {
+    while !shared.stop.load(Ordering::SeqCst) {
         let Message::Binary(bytes) = socket.read()? else {
             continue;
         };
@@ -266,7 +263,7 @@ fn page(
             let part = bytes.get(4 + 4 * k..8 + 4 * k).unwrap_or(&[0; 4]);
             <[u8; 4]>::try_from(part).unwrap_or_default()
         };
-        now.fetch_max(
+        shared.now.fetch_max(
             (100.0 * f32::from_le_bytes(word(2))) as u32,
             Ordering::SeqCst,
         );

@@ -48,7 +48,12 @@ const COMMAND_LINE: &str = "selvedge";
 
 /// The binding of CUDA, and the members that may reach it: the engine, and its users above.
 const CUDA: &str = "cudarc";
-const KNOW_CUDA: [&str; 3] = ["selvedge", "selvedge-gpu", "selvedge-lab"];
+const KNOW_CUDA: [&str; 4] = [
+    "selvedge",
+    "selvedge-gpu",
+    "selvedge-lab",
+    "selvedge-trials",
+];
 
 /// The runtime that others embed, and what it must do without.
 const RUNTIME: &str = "selvedge-model";

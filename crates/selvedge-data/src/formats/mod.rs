@@ -1,6 +1,6 @@
 //! Containers and plain formats that the files of this crate are made of: atomic writing,
-//! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that points
-//! up.
+//! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that
+//! points up.
 
 pub(crate) mod atomic;
 pub(crate) mod hash;

@@ -58,7 +58,7 @@ pub(crate) struct Connection {
     _room: Option<OwnedSemaphorePermit>,
     number: u64,
     silent: Silent,
-    /// Whether something has been sent over it.
+    /// True once something has been sent over it.
     is_heard: bool,
 }
 

@@ -161,7 +161,7 @@ struct Session {
 /// The lead of the handles: by hands, by keys, or along a motion.
 struct Lead {
     hands: Hands,
-    /// How far the handles of the cloth on the table can be apart; made when it is needed.
+    /// The greatest distances between the handles of the cloth on the table; made when needed.
     reach: Option<Reach>,
     limits: HandLimits,
     following: Option<Following>,

@@ -1,5 +1,5 @@
-//! Faults of a disk under every writer: a call fails, is short, or the power is cut there. Each file
-//! is then the old one or the new one, and never another.
+//! Faults of a disk under every writer: a call fails, is short, or the power is cut there. Each
+//! file is then the old one or the new one, and never another.
 //!
 //! The faults come from a small library in C between the program and the system's, so that what is
 //! tried is the program as it is shipped. Linux only, with a C compiler.

@@ -5,9 +5,13 @@
 //! repeated by its number. A stack that overflows or a process that is killed leaves its input in
 //! the folder of findings, too.
 
+mod bench;
+mod examples;
 mod mutate;
+mod readers;
 mod seeds;
 mod targets;
+mod zip;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,9 +24,11 @@ use anyhow::{Context, Result, bail};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use self::bench::Bench;
+use self::examples::written_examples;
 use self::seeds::Seeds;
 pub(crate) use self::seeds::{SCENE, TRAINING};
-use self::targets::{Bench, TARGETS, Target, written_examples};
+use self::targets::{TARGETS, Target};
 use crate::arguments::Arguments;
 use crate::program::Program;
 
@@ -52,7 +58,7 @@ struct Tally {
     seconds: f64,
 }
 
-/// Where one run of a target stands.
+/// The state of one run of a target.
 struct Course<'a> {
     target: &'a Target,
     examples: Vec<Vec<u8>>,

@@ -1,5 +1,5 @@
-//! The same bytes for any number of threads, and from one version to the next: hashes of a data set,
-//! a training, a rollout and a simulation, kept by the instructions that the kernels use.
+//! The same bytes for any number of threads, and from one version to the next: hashes of a data
+//! set, a training, a rollout and a simulation, kept by the instructions that the kernels use.
 //!
 //! `SELVEDGE_GOLDENS=write cargo test -p selvedge --test cli goldens` keeps those of this machine.
 //! They may change with the C library, too, whose sines and cosines are in them.

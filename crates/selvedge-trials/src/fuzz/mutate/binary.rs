@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::pick;
+use super::pick::pick;
 
 /// Words that lengths, counts and floating-point numbers are wrong at.
 const WORDS: [u64; 14] = [

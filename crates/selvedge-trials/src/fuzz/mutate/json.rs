@@ -5,7 +5,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
-use super::{pick, text};
+use super::pick::pick;
+use super::text;
 
 /// `input`, a JSON text, with one value changed; none if it is no JSON. One in four is damaged as
 /// text, which makes keys that stand twice.

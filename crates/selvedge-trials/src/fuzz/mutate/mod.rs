@@ -4,9 +4,8 @@
 mod binary;
 mod containers;
 mod json;
+mod pick;
 mod text;
-
-pub(super) use self::containers::zip;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -73,9 +72,4 @@ fn once(make: Make, bytes: &[u8], other: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8>
         }
         None => binary::damage(bytes, other, rng),
     }
-}
-
-/// One of `all`.
-fn pick<'a, T>(all: &'a [T], rng: &mut ChaCha8Rng) -> &'a T {
-    &all[rng.random_range(0..all.len())]
 }

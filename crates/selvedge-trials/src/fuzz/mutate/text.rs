@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::pick;
+use super::pick::pick;
 
 /// Words that a reader of numbers, names and signs may not expect.
 const WORDS: [&str; 34] = [

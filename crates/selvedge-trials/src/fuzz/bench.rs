@@ -1,0 +1,73 @@
+//! The folder in which readers work, with what stands beside the file that is damaged.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use selvedge_data::Dataset;
+use selvedge_train::TrainConfig;
+
+use super::seeds::{SCENE, Seeds, TRAINING};
+
+/// The folder in which readers work, with the files beside the one that is damaged.
+pub(super) struct Bench {
+    /// The folder.
+    pub(super) folder: PathBuf,
+    /// A small data set, and a training on it.
+    pub(super) dataset: Dataset,
+    pub(super) training: TrainConfig,
+}
+
+impl Bench {
+    /// A bench in `folder`, with what the readers need beside their file.
+    ///
+    /// # Errors
+    /// A seed that is missing.
+    pub(super) fn new(folder: &Path, seeds: &Seeds) -> Result<Self> {
+        let bench = |name: &str| folder.join(name);
+        copy(&seeds.made.join("tiny"), &bench("tiny"))?;
+        copy(&seeds.made.join("tiny"), &bench("indexed"))?;
+        let foreign = seeds
+            .root
+            .join("crates/selvedge-data/tests/fixtures/foreign");
+        copy(&foreign.join("flag_simple"), &bench("flag"))?;
+        copy(&foreign.join("flag_simple"), &bench("flag-meta"))?;
+        copy(&foreign.join("released"), &bench("released"))?;
+        copy(&foreign.join("released"), &bench("released-faces"))?;
+        fs::create_dir(bench("poses"))?;
+        let arcsim = seeds.root.join("crates/selvedge/tests/arcsim");
+        fs::copy(arcsim.join("square.obj"), bench("square.obj"))?;
+        fs::write(bench("push.toml"), SCENE)?;
+        for (name, source) in [
+            ("csv", "recorded = \"motion.csv\""),
+            ("toml", "file = \"motion.toml\""),
+        ] {
+            let head = SCENE.split("[motion").next().unwrap_or_default();
+            fs::write(
+                bench(&format!("by-{name}.toml")),
+                format!("{head}\n[motion]\n{source}\n"),
+            )?;
+        }
+        let own = SCENE.replace("gray-interlock", "own-material.toml");
+        fs::write(bench("by-material.toml"), own)?;
+        Ok(Self {
+            dataset: Dataset::open(&bench("tiny"))?,
+            training: TrainConfig::parse(TRAINING, Path::new("moment.toml"))?,
+            folder: folder.to_owned(),
+        })
+    }
+}
+
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir(to).with_context(|| to.display().to_string())?;
+    for entry in fs::read_dir(from).with_context(|| from.display().to_string())? {
+        let path = entry?.path();
+        let place = to.join(path.file_name().unwrap_or_default());
+        if path.is_dir() {
+            copy(&path, &place)?;
+        } else {
+            fs::copy(&path, &place)?;
+        }
+    }
+    Ok(())
+}
