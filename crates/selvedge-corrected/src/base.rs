@@ -32,6 +32,14 @@ pub fn stiffness(material: &Material) -> Stiffness {
     }
 }
 
+/// Stiffnesses of the faces of a scene's cloth, each of its own fabric, `[faces]`.
+#[must_use]
+pub fn face_stiffness(scene: &Scene) -> Vec<Stiffness> {
+    let (materials, of_face) = scene.materials();
+    let each: Vec<Stiffness> = materials.into_iter().map(stiffness).collect();
+    of_face.into_iter().map(|number| each[number]).collect()
+}
+
 /// The graph of `cloth`, in the environment of `scene` but for its gusts: the physics has them, and
 /// the model is told the wind of every frame.
 ///

@@ -13,7 +13,7 @@ use selvedge_model::{
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
 
-use crate::base::{base_scene, cloth_graph, stiffness};
+use crate::base::{base_scene, cloth_graph, face_stiffness};
 
 /// A state between two frames.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -74,7 +74,8 @@ impl CorrectedStepper {
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect())?;
         let graph = cloth_graph(&scene, &cloth)?;
-        let corrector = Corrector::new(model, graph, stiffness(&scene.material))?;
+        let of_face = face_stiffness(&scene);
+        let corrector = Corrector::of_faces(model, graph, |face| of_face[face.index()])?;
         let FrameState {
             positions,
             velocities,

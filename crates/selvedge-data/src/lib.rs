@@ -92,7 +92,8 @@ pub use scene::{
     LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, Setting, StartSpec, StrainedEdge, Transform, materials, open_scene,
-    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,
+    panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,
+    worst_free_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::{Frames, FramesError};

@@ -49,6 +49,7 @@ pub mod cause;
 pub mod convergence;
 pub mod evaluation;
 pub mod event;
+pub mod fitting;
 pub mod folder;
 pub mod folder_lock;
 pub mod generation;

@@ -5,16 +5,13 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, ClothError, LoosePanels, MotionError, Scene, StepError, Stepper};
+use selvedge_cloth::{Cloth, ClothError, MotionError, Scene, StepError, Stepper};
 use selvedge_data::metrics::{self, MetricError};
 use selvedge_data::{
     Drive, ObstacleTrack, Provenance, Recording, RecordingEnd, SavedState, SceneSpec,
     SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
 };
-use selvedge_sim::{
-    FitError, FitProgress, Fitted, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts,
-    Threads,
-};
+use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads};
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
@@ -110,53 +107,6 @@ pub(crate) fn find_rest_pose(
         "found the rest pose"
     );
     Ok(rest)
-}
-
-/// Relaxes the cloth of a scene into its pattern; where its panels are `loose`, they are sewn
-/// first.
-///
-/// # Errors
-/// A cloth whose system cannot be solved, or a listener that asks to stop.
-pub fn fit(
-    scene: &Scene,
-    loose: Option<&LoosePanels>,
-    on_event: &mut OnEvent<'_>,
-) -> Result<Fitted, FitError> {
-    fit_within(scene, loose, &Reporter::new(on_event))
-}
-
-/// As [`fit`], within a longer operation.
-pub(crate) fn fit_within(
-    scene: &Scene,
-    loose: Option<&LoosePanels>,
-    reporter: &Reporter<'_>,
-) -> Result<Fitted, FitError> {
-    const STEPS: f64 = 100.0;
-    let what = match loose {
-        Some(_) => "sewing and fitting into the pattern",
-        None => "fitting into the pattern",
-    };
-    let task = reporter.begin(what, Goal::Count(STEPS as u64), "steps");
-    let mut done = 0.0;
-    let mut progress = |now: FitProgress| {
-        let open = match now.gap {
-            Some(gap) => format!("seams open by {:.1} cm, ", 100.0 * gap),
-            None => String::new(),
-        };
-        task.note(&format!("{open}largest strain {:.1} %", 100.0 * now.strain));
-        while done < STEPS * now.done {
-            done += 1.0;
-            task.advance()?;
-        }
-        match task.is_stopped() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
-    };
-    match loose {
-        Some(loose) => selvedge_sim::sew_and_fit(scene, loose, &mut progress),
-        None => selvedge_sim::fit(scene, &mut progress),
-    }
 }
 
 /// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`.

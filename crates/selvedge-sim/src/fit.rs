@@ -35,6 +35,8 @@ const SOLVES: u32 = 15;
 /// and how often.
 const MOST_CHANGE: f64 = 0.1;
 const MOST_HALVINGS: u32 = 8;
+/// Strain from which a cloth does not count as relaxed.
+const STRAINED: f64 = 0.1;
 /// Calls of the listener are this many passes apart.
 const BEAT: u32 = 10;
 /// Part of all progress that sewing is.
@@ -45,9 +47,10 @@ const SEWING: f64 = 0.3;
 pub struct Fitted {
     /// Positions `[m]`, `[vertices]`.
     pub positions: Vec<DVec3>,
-    /// Largest strain of an edge at the start, by its amount.
+    /// Largest strain of an edge at the start, by its amount, of the same edges.
     pub before: f64,
-    /// Largest strain of an edge that is left, by its amount.
+    /// Largest strain of an edge that is left, by its amount. Edges between two handles do not
+    /// count: nothing moves them.
     pub after: f64,
     /// Largest distance over which a seam was closed, where panels were sewn `[m]`.
     pub gap: Option<f64>,
@@ -127,11 +130,25 @@ fn fit_from(
     };
     let progress: Listener<'_> = &mut progress;
     let springs = springs(&scene.mesh, &scene.handles);
+    if springs.is_empty() {
+        return Ok(Fitted {
+            positions,
+            before: 0.0,
+            after: 0.0,
+            gap: None,
+        });
+    }
     let before = largest_strain(&springs, &positions);
     scale(&springs, &scene.handles, &mut positions);
     project(&springs, &mut positions, progress)?;
+    let projected = positions.clone();
     relax(scene, &springs, &mut positions, progress)?;
-    let after = largest_strain(&springs, &positions);
+    let reached = largest_strain(&springs, &projected);
+    let mut after = largest_strain(&springs, &positions);
+    if after > f64::max(reached, STRAINED) {
+        // The physics made it worse, as where a panel is far too small.
+        (positions, after) = (projected, reached);
+    }
     Ok(Fitted {
         positions,
         before,
@@ -140,6 +157,7 @@ fn fit_from(
     })
 }
 
+/// The edges that are not held at both ends.
 pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
     let held = handles.mask(mesh.topology().vertex_count());
     let edges = mesh.topology().edges().iter();
@@ -155,6 +173,7 @@ pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
                 length,
             }
         })
+        .filter(|spring| spring.shares != [0.0; 2])
         .collect()
 }
 

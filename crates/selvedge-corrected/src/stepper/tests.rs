@@ -221,3 +221,26 @@ fn velocities_are_those_between_the_last_two_frames() {
     assert_eq!(state.velocities, [DVec3::ZERO]);
     assert_eq!(FrameState::of_frames(&[], 60.0), FrameState::default());
 }
+
+#[test]
+fn each_face_has_the_stiffness_of_its_own_fabric() {
+    let mut scene = hanging();
+    let faces = scene.mesh.topology().faces().len();
+    let lined = selvedge_cloth::FaceFabrics {
+        names: vec!["lining".to_owned()],
+        of_face: (0..faces)
+            .map(|face| (face % 2 == 1).then_some(0))
+            .collect(),
+    };
+    scene.mesh = scene.mesh.with_fabrics(lined).unwrap();
+    let lining = scene.material.clone().multiplied(3.0, 5.0);
+    scene.fabrics.insert("lining".to_owned(), lining);
+    let own = face_stiffness(&scene);
+    assert_eq!(own.len(), faces);
+    for pair in own.chunks_exact(2) {
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+        assert!(near(pair[1].stretch, 3.0 * pair[0].stretch));
+        assert!(near(pair[1].bend, 5.0 * pair[0].bend));
+        assert!(near(pair[1].density, pair[0].density));
+    }
+}

@@ -38,6 +38,7 @@ struct Document {
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
     buffers: Vec<Buffer>,
+    extensions_required: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -185,6 +186,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
 /// The rig in the bytes of a file, and the meshes of its nodes.
 pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
     let file = File::open(bytes)?;
+    file.check_compression()?;
     let nodes = file.document.nodes.iter().enumerate();
     let meshes = nodes.filter_map(|(node, of)| Some((node, of.mesh?)));
     let meshes: Result<_, _> = meshes.map(|(node, mesh)| file.mesh(node, mesh)).collect();
@@ -196,6 +198,20 @@ impl<'a> File<'a> {
         let (json, binary) = chunks(bytes)?;
         let document = serde_json::from_slice(json).map_err(RigError::Json)?;
         Ok(Self { document, binary })
+    }
+
+    /// Refuses meshes that are compressed.
+    fn check_compression(&self) -> Result<(), RigError> {
+        let mut required = self.document.extensions_required.iter();
+        match required.find(|name| name.ends_with("_compression")) {
+            None => Ok(()),
+            Some(name) => Err(RigError::Part {
+                what: "its meshes".to_owned(),
+                problem: format!(
+                    "are compressed ({name}), which cannot be read: save the file without compression"
+                ),
+            }),
+        }
     }
 }
 

@@ -66,7 +66,9 @@ fn add(polygons: &mut Polygons, rig: &Rig, mesh: NodeMesh) -> Result<(), RigErro
             place: Place::Face(polygons.polygons.len()),
             corners,
             fabric,
+            part: polygons.parts.len(),
         });
     }
+    polygons.parts.push(vec![name.clone()]);
     Ok(())
 }

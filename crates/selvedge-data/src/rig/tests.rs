@@ -362,3 +362,17 @@ fn damaged_usd_text_is_no_panic() {
     let brackets = format!("#usda 1.0\ndef \"a\" {{ int a = {}", "[".repeat(100_000));
     assert!(usda::parse(brackets.as_bytes()).is_err());
 }
+
+#[test]
+fn a_mesh_that_is_compressed_is_refused_by_the_name_of_its_compression() {
+    let mut json = arm();
+    json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+    let bytes = glb(json, &[0.0; 18], &[0; 24]);
+    let text = mesh::polygons(&bytes, true).unwrap_err().to_string();
+    for words in [
+        "KHR_draco_mesh_compression",
+        "save the file without compression",
+    ] {
+        assert!(text.contains(words), "{text}");
+    }
+}

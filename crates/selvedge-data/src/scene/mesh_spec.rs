@@ -27,7 +27,8 @@ pub struct MeshSpec {
     /// where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest_angles: Option<RestAngles>,
-    /// Panels that are placed, and seams that are sewn, before the mesh is made.
+    /// Objects that are taken, panels that are placed, and seams that are sewn, before the mesh is
+    /// made.
     #[serde(default, skip_serializing_if = "Sewing::is_empty")]
     pub sewing: Sewing,
     /// Bending stiffness of seams in units of the cloth's own.
@@ -251,13 +252,16 @@ impl MeshSpec {
     pub fn read(&self, folder: &Path) -> Result<BuiltMesh, MeshSpecError> {
         let read = self.source.read(folder, &self.sewing)?;
         let mut sheet = self.transform.apply(read.sheet)?;
-        let default = match read.is_own_shape {
-            true => RestAngles::Start,
-            false => RestAngles::Flat,
+        let own = read.is_own_shape && !read.has_rest_angles;
+        let angles = self.rest_angles.or(own.then_some(RestAngles::Start));
+        sheet.mesh = match angles {
+            None => sheet.mesh,
+            Some(RestAngles::Start) => sheet.mesh.with_rest_angles_of_start(),
+            Some(RestAngles::Flat) => {
+                let edges = sheet.mesh.topology().edges().len();
+                sheet.mesh.with_rest_angles(vec![0.0; edges])?
+            }
         };
-        if self.rest_angles.unwrap_or(default) == RestAngles::Start {
-            sheet.mesh = sheet.mesh.with_rest_angles_of_start();
-        }
         if let Some(factor) = self.seam_stiffness {
             if read.is_own_shape {
                 return Err(MeshSpecError::NoSeams);
@@ -316,6 +320,7 @@ impl MeshSource {
         Ok(ReadMesh {
             sheet,
             velocities: None,
+            has_rest_angles: false,
             loose: None,
             is_own_shape: false,
             warnings: Vec::new(),

@@ -74,6 +74,8 @@ pub(crate) struct MeshFile {
     rest_angles: Option<RestAngles>,
     seam_stiffness: Option<f64>,
     #[serde(default)]
+    objects: Vec<String>,
+    #[serde(default)]
     panels: Vec<PanelPlace>,
     #[serde(default)]
     transform: Transform,
@@ -103,7 +105,8 @@ impl SettingFile {
         let mut mesh = self.mesh.resolve(folder)?;
         mesh.sewing.seams = self.seams;
         if !mesh.sewing.is_empty() && matches!(mesh.source, MeshSource::Generator(_)) {
-            return Err(field("seams", "and mesh.panels are for a mesh from a file"));
+            let problem = "mesh.objects and mesh.panels are for a mesh from a file";
+            return Err(field("seams", problem));
         }
         let BuiltMesh {
             sheet,
@@ -216,6 +219,7 @@ impl MeshFile {
             rest_angles: self.rest_angles,
             seam_stiffness: self.seam_stiffness,
             sewing: Sewing {
+                objects: self.objects,
                 panels: self.panels,
                 seams: Vec::new(),
             },

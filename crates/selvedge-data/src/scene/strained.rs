@@ -5,7 +5,7 @@
 //! start of this cloth. A few edges far from 1 are a fault of the mesh, and would fling it about.
 
 use glam::DVec3;
-use selvedge_cloth::{EdgeId, FaceId, Mesh, VertexId};
+use selvedge_cloth::{EdgeId, FaceId, Handles, Mesh, VertexId};
 
 /// Medians beyond these are warned of: no fabric hangs so, no start is folded so by intent.
 const SMALLEST: f64 = 0.8;
@@ -32,7 +32,53 @@ pub struct StrainedEdge {
 /// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern.
 #[must_use]
 pub fn worst_edges(mesh: &Mesh, positions: &[DVec3], count: usize) -> Vec<StrainedEdge> {
+    worst_of(mesh, positions, count, |_| true)
+}
+
+/// As [`worst_edges`], of those that `handles` do not hold at both ends.
+#[must_use]
+pub fn worst_free_edges(
+    mesh: &Mesh,
+    handles: &Handles,
+    positions: &[DVec3],
+    count: usize,
+) -> Vec<StrainedEdge> {
+    let held = handles.mask(positions.len());
+    worst_of(mesh, positions, count, |ends| {
+        ends.iter().any(|v| !held[v.index()])
+    })
+}
+
+/// Length over length in the pattern of each panel's edges, the median, `[panels]`; see
+/// [`selvedge_cloth::Pattern::panels`].
+#[must_use]
+pub fn panel_stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<f64> {
+    let panels = mesh.pattern().panels();
+    let count = panels.iter().max().map_or(0, |last| *last as usize + 1);
+    let mut of_panel = vec![Vec::new(); count];
+    for edge in mesh.topology().edges() {
+        let [a, b] = edge.vertices.map(|v| positions[v.index()]);
+        let (left, right) = mesh.pattern().sides(edge);
+        for side in [Some(left), right].into_iter().flatten() {
+            let panel = panels[side.face.index()] as usize;
+            of_panel[panel].push(a.distance(b) / side.length());
+        }
+    }
+    let median = |mut stretches: Vec<f64>| {
+        stretches.sort_by(f64::total_cmp);
+        stretches.get(stretches.len() / 2).copied().unwrap_or(1.0)
+    };
+    of_panel.into_iter().map(median).collect()
+}
+
+fn worst_of(
+    mesh: &Mesh,
+    positions: &[DVec3],
+    count: usize,
+    counts: impl Fn([VertexId; 2]) -> bool,
+) -> Vec<StrainedEdge> {
     let mut order: Vec<(usize, f64)> = stretches(mesh, positions).into_iter().enumerate().collect();
+    order.retain(|(edge, _)| counts(mesh.topology().edges()[*edge].vertices));
     order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     order.truncate(count);
     let panels = mesh.pattern().panels();

@@ -8,8 +8,8 @@ use selvedge_data::{LoadedScene, SavedState, SceneFileError, SceneSpec, StartSpe
 use super::error::ConvergenceError;
 use super::method::Method;
 use crate::event::Reporter;
-use crate::physics;
 use crate::report::slug;
+use crate::{fitting, physics};
 
 /// A scene that is run.
 #[derive(Clone, Debug)]
@@ -103,9 +103,11 @@ impl Case {
                 Ok(SavedState::at_rest(rest.positions))
             }
             (None, StartSpec::Fit) => {
-                let fitted =
-                    physics::fit_within(self.scene(), self.loaded.loose.as_ref(), reporter)?;
-                Ok(SavedState::at_rest(fitted.positions))
+                let cloth = fitting::fit_within(&self.loaded, reporter)?;
+                if let Some(warning) = &cloth.warning {
+                    reporter.remark(warning);
+                }
+                Ok(SavedState::at_rest(cloth.fitted.positions))
             }
             (None, _) => Ok(SavedState::at_rest(self.scene().mesh.positions().to_vec())),
         }

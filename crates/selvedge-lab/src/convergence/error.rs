@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use selvedge_data::{SceneSpecError, WriteError};
-use selvedge_sim::FitError;
 use thiserror::Error;
+
+use crate::fitting::FittingError;
 
 use crate::folder::FolderError;
 use crate::physics::{RestPoseError, SimulationError};
@@ -22,7 +23,7 @@ pub struct ChoiceError(String);
 pub enum ConvergenceError {
     Folder(#[from] FolderError),
     RestPose(#[from] RestPoseError),
-    Fit(#[from] FitError),
+    Fit(#[from] FittingError),
     #[error("the reference run: {0}")]
     Reference(#[from] SimulationError),
     #[error("the resolved scene as JSON: {0}")]

@@ -135,6 +135,9 @@ fn make(
     reporter: &Reporter<'_>,
 ) -> Result<End, StudyError> {
     let preset = DatasetPreset::open(name)?;
+    for warning in preset.warnings() {
+        reporter.remark(&format!("{name}: {warning}"));
+    }
     if !folder.join("index.json").is_file() {
         let threads = threads.map(usize::from);
         return Ok(generation::make_dataset(&preset, folder, threads, reporter)?.end());

@@ -64,6 +64,9 @@ impl TeachingScenes {
         let mut scenes = Vec::new();
         for name in names {
             let preset = DatasetPreset::open(name)?;
+            for warning in preset.warnings() {
+                reporter.remark(&format!("{name}: {warning}"));
+            }
             for motion in preset.motions(Split::Train) {
                 let loaded = preset.scene(motion)?;
                 let (setting, scene) = (loaded.spec.setting, loaded.scene);

@@ -12,6 +12,7 @@
 //! the motion, for a fraction of the price ([`Neighbours`]).
 
 use glam::{DVec3, Mat3, Vec3};
+use selvedge_cloth::FaceId;
 
 use crate::graph::ClothGraph;
 
@@ -181,13 +182,28 @@ impl CorrectionColumns {
     /// Columns of the cloth of `graph`, whose material has `stiffness`; a frame lasts `dt` `[s]`.
     #[must_use]
     pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64, neighbours: Neighbours) -> Self {
+        Self::of_faces(graph, |_| stiffness, dt, neighbours)
+    }
+
+    /// As [`Self::new`], of a cloth whose faces have a `stiffness` each; an arc has that of the
+    /// face to its left, as it has its rest shape, and at a border that of its only face.
+    #[must_use]
+    pub fn of_faces(
+        graph: &ClothGraph,
+        stiffness: impl Fn(FaceId) -> Stiffness,
+        dt: f64,
+        neighbours: Neighbours,
+    ) -> Self {
         let pattern = graph.cloth().pattern();
         let lengths: Vec<f32> = pattern.edge_lengths().iter().map(|&l| l as f32).collect();
-        let still = graph.material_vectors().into_iter().zip(&lengths);
-        let still = still.map(|(arcs, &length)| {
-            let inertia = stiffness.density * f64::from(length * length) / (dt * dt);
-            let bend = stiffness.bend / (inertia * f64::from(length * length));
-            arcs.map(|d| {
+        let edges = graph.topology().edges().iter().zip(&lengths);
+        let still = graph.material_vectors().into_iter().zip(edges);
+        let still = still.map(|(arcs, (edge, &length))| {
+            let (left, right) = edge.faces;
+            [(arcs[0], left), (arcs[1], right.unwrap_or(left))].map(|(d, face)| {
+                let stiffness = stiffness(face);
+                let inertia = stiffness.density * f64::from(length * length) / (dt * dt);
+                let bend = stiffness.bend / (inertia * f64::from(length * length));
                 let square = d.length_squared();
                 let inverse = if square > 0.0 { 1.0 / square } else { 0.0 };
                 [

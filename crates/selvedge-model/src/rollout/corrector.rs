@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use selvedge_cloth::FaceId;
 use thiserror::Error;
 
 use crate::features::correction::{CorrectionColumns, HalfTurns, PredictedFrame, Stiffness};
@@ -57,10 +58,22 @@ impl Corrector {
     /// # Errors
     /// [`NoBase`].
     pub fn new(model: Arc<Model>, graph: ClothGraph, stiffness: Stiffness) -> Result<Self, NoBase> {
+        Self::of_faces(model, graph, |_| stiffness)
+    }
+
+    /// A corrector of the cloth of `graph`, whose faces have a `stiffness` each.
+    ///
+    /// # Errors
+    /// [`NoBase`].
+    pub fn of_faces(
+        model: Arc<Model>,
+        graph: ClothGraph,
+        stiffness: impl Fn(FaceId) -> Stiffness,
+    ) -> Result<Self, NoBase> {
         if model.spec().base.is_none() {
             return Err(NoBase);
         }
-        let columns = CorrectionColumns::new(
+        let columns = CorrectionColumns::of_faces(
             &graph,
             stiffness,
             1.0 / graph.frame_rate(),

@@ -32,6 +32,9 @@ struct Report {
 pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let started = Instant::now();
     let preset = DatasetPreset::open(&args.preset)?;
+    for warning in preset.warnings() {
+        tracing::warn!("{}: {warning}", args.preset);
+    }
     let threads = args.threads.map(usize::from);
     let made = generation::generate(&preset, &args.out, threads, &mut progress::listener())?;
     let report = Report {

@@ -13,6 +13,9 @@ use crate::output::{Answer, Facts, Table};
 /// What is wrong with it.
 pub(crate) fn run(name: &str) -> anyhow::Result<Answer> {
     let preset = DatasetPreset::open(name)?;
+    for warning in preset.warnings() {
+        tracing::warn!("{name}: {warning}");
+    }
     let (config, forecast) = (preset.config(), preset.forecast());
     let names = |split| -> Vec<&str> {
         let motions = preset.motions(split).iter();

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
 use selvedge_data::{
-    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics, worst_edges,
+    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
 };
+use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
@@ -248,26 +249,17 @@ fn from_rest(scene: &Scene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> 
 
 /// The cloth relaxed into its pattern. Says what is left of its strain.
 fn fitted(loaded: &LoadedScene) -> anyhow::Result<SavedState> {
-    let scene = &loaded.scene;
-    let fitted = physics::fit(scene, loaded.loose.as_ref(), &mut progress::listener())?;
+    let FittedCloth { fitted, warning } = fitting::fit(loaded, &mut progress::listener())?;
     if let Some(gap) = fitted.gap {
         tracing::info!("sewn: the seams were up to {gap:.3} m open");
     }
     let [before, after] = [fitted.before, fitted.after].map(percent);
     tracing::info!("fitted into the pattern: the largest strain went from {before} to {after}");
-    if fitted.after > LEFT {
-        let worst = worst_edges(&scene.mesh, &fitted.positions, 3);
-        let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
-        tracing::warn!(
-            "the cloth does not fit into its pattern: strains of up to {after} are left ({before} before), the worst edges are {}; look at these panels, or at handles that are too far apart",
-            named.join(", ")
-        );
+    if let Some(warning) = warning {
+        tracing::warn!("{warning}");
     }
     Ok(SavedState::at_rest(fitted.positions))
 }
-
-/// Strain that a fit may leave without a word.
-const LEFT: f64 = 0.1;
 
 /// Frames of a motion of `all` after `passed`.
 fn frames_left(all: usize, passed: usize) -> anyhow::Result<usize> {

@@ -14,11 +14,12 @@ use selvedge_data::{
     GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, Sewing, StartSpec,
     Transform, materials, shipped_scenes,
 };
+use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, physics, rest_pose};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
-use selvedge_sim::{FitProgress, SagError, fit, sew_and_fit};
+use selvedge_sim::{FitProgress, SagError};
 
 use super::movers::ModelOnMachine;
 use super::scene_cloth::SceneCloth;
@@ -228,14 +229,12 @@ fn fitted(
             "{what}: {done:.0} % done, largest strain {strain:.1} %"
         ))
     };
-    let fitted = match &loaded.loose {
-        Some(loose) => sew_and_fit(&loaded.scene, loose, &mut listener)?,
-        None => fit(&loaded.scene, &mut listener)?,
-    };
+    let FittedCloth { fitted, warning } = fitting::fit_told(loaded, &mut listener)?;
     let [before, after] = [fitted.before, fitted.after].map(percent);
     remarks.push(format!(
         "fitted into the pattern: the largest strain went from {before} to {after}"
     ));
+    remarks.extend(warning);
     Ok(SavedState::at_rest(fitted.positions))
 }
 

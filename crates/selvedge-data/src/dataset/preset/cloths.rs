@@ -7,8 +7,8 @@
 use super::config::{NamedCloth, NamedMotion};
 use crate::formats::polygons::Sewing;
 use crate::scene::{
-    GeneratorSpec, HandleSelection, MeshFile, MeshSource, MeshSpec, SceneProblem, SceneSpecError,
-    Transform, field,
+    BuiltMesh, GeneratorSpec, HandleSelection, MeshFile, MeshSource, MeshSpec, SceneProblem,
+    SceneSpecError, Transform, field,
 };
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
@@ -85,6 +85,7 @@ pub(super) fn all_of(
     meshes: Option<MeshesFile>,
     cloths: Vec<ClothFile>,
     folder: &Path,
+    warnings: &mut Vec<String>,
 ) -> Result<Vec<(NamedCloth, Mesh)>, SceneProblem> {
     let mut all = meshes.map_or(Ok(Vec::new()), MeshesFile::resolve)?;
     for cloth in cloths {
@@ -92,13 +93,17 @@ pub(super) fn all_of(
             let problem = format!("two are called {:?}: rename one", cloth.name);
             return Err(field("cloths.name", problem));
         }
-        all.push(cloth.resolve(folder)?);
+        all.push(cloth.resolve(folder, warnings)?);
     }
     Ok(all)
 }
 
 impl ClothFile {
-    fn resolve(self, folder: &Path) -> Result<(NamedCloth, Mesh), SceneProblem> {
+    fn resolve(
+        self,
+        folder: &Path,
+        warnings: &mut Vec<String>,
+    ) -> Result<(NamedCloth, Mesh), SceneProblem> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
         if self.name.is_empty() || !self.name.chars().all(is_plain) {
             let problem = format!(
@@ -108,7 +113,15 @@ impl ClothFile {
             return Err(field("cloths.name", problem));
         }
         let mesh = self.mesh.resolve(folder)?;
-        let sheet = mesh.build(folder)?;
+        let BuiltMesh {
+            sheet,
+            warnings: mended,
+            ..
+        } = mesh.read(folder)?;
+        let named = mended
+            .into_iter()
+            .map(|text| format!("cloths.{}: {text}", self.name));
+        warnings.extend(named);
         let selected = self.handles.select(&sheet)?;
         if !selected.schedule.is_empty() {
             let problem = "has groups that let go, which no model can learn yet: take released out";

@@ -84,6 +84,8 @@ pub struct DatasetPreset {
     forecast: Forecast,
     /// The folder that files of obstacles are relative to.
     folder: PathBuf,
+    /// Warnings of what was mended or passed over in the files of meshes.
+    warnings: Vec<String>,
 }
 
 /// The file's own words.
@@ -191,6 +193,7 @@ impl DatasetPreset {
             setting,
             mesh,
             groups,
+            mut warnings,
             ..
         } = file.setting.resolve(folder, &mut Vec::new())?;
         let mut own = BTreeMap::new();
@@ -204,7 +207,7 @@ impl DatasetPreset {
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
-        let cloths = all_of(file.meshes, file.cloths, folder)?;
+        let cloths = all_of(file.meshes, file.cloths, folder, &mut warnings)?;
         let mut config = DatasetConfig {
             name: file.name,
             sections: file.sections,
@@ -222,6 +225,7 @@ impl DatasetPreset {
             mesh,
             meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
             folder: folder.to_owned(),
+            warnings,
             forecast: Forecast {
                 runs: Vec::new(),
                 sections: Vec::new(),
@@ -251,6 +255,12 @@ impl DatasetPreset {
         let sections = self.config.sections.sections(&lengths);
         let sections = sections.map_err(|error| field("sections", error.to_string()))?;
         Ok(Forecast { runs, sections })
+    }
+
+    /// Warnings of what was mended or passed over in the files of its meshes.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Forecast of the data set.

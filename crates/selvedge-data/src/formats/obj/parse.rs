@@ -1,8 +1,8 @@
 //! The statements of an OBJ file as polygons: indices resolved, nothing interpreted.
 //!
 //! Lines (`l`) of a group give the group's name to their vertices. Read beyond the standard are
-//! ARCSim's velocities of vertices (`nv`) and labels of faces (`fl`, `tl`), which are taken for
-//! names of fabrics.
+//! ARCSim's velocities of vertices (`nv`), rest angles of edges (`e`, `ea`), and labels of faces
+//! (`fl`, `tl`), which are taken for names of fabrics.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,11 @@ struct Reader {
     polygons: Polygons,
     object: Option<String>,
     groups: Vec<String>,
+    /// True where the next face is the first of these names.
+    is_new_part: bool,
     fabric: Option<u32>,
+    /// The edge of the last `e`.
+    edge: Option<[u32; 2]>,
     /// Statements that are passed over, with the first line and the number of each.
     unknown: BTreeMap<String, (usize, usize)>,
 }
@@ -62,6 +66,21 @@ impl Reader {
                 polygons.velocities.insert(last as u32, DVec3::new(x, y, z));
             }
             "f" => self.read_face(line, rest)?,
+            "e" if rest.len() == 2 => {
+                let end = |k: usize| index(rest[k], polygons.positions.len(), "vertex");
+                let [a, b] = [end(0)? as u32, end(1)? as u32];
+                self.edge = Some([a.min(b), a.max(b)]);
+            }
+            "ea" => {
+                let [angle] = numbers(rest)?;
+                let edge = self
+                    .edge
+                    .ok_or("a rest angle stands before the first edge")?;
+                if angle.abs() > std::f64::consts::PI {
+                    return Err(format!("a rest angle is between -π and π, found {angle}"));
+                }
+                polygons.angles.insert(edge, angle);
+            }
             // A line of a group names a border, as seams need it.
             "l" if !self.groups.is_empty() => {
                 for word in rest {
@@ -81,8 +100,14 @@ impl Reader {
                 let last = polygons.polygons.last_mut();
                 last.ok_or("a label stands before the first face")?.fabric = Some(fabric);
             }
-            "o" => self.object = (!rest.is_empty()).then(|| rest.join(" ")),
-            "g" => self.groups = rest.iter().map(|name| (*name).to_owned()).collect(),
+            "o" => {
+                self.object = (!rest.is_empty()).then(|| rest.join(" "));
+                self.is_new_part = true;
+            }
+            "g" => {
+                self.groups = rest.iter().map(|name| (*name).to_owned()).collect();
+                self.is_new_part = true;
+            }
             "usemtl" => {
                 self.fabric = match rest.is_empty() {
                     true => None,
@@ -104,10 +129,16 @@ impl Reader {
             let label = self.polygons.labels.entry(name.clone()).or_default();
             label.extend(corners.iter().map(|corner| corner.vertex));
         }
+        if self.is_new_part || self.polygons.parts.is_empty() {
+            let names = self.object.iter().chain(&self.groups).cloned();
+            self.polygons.parts.push(names.collect());
+            self.is_new_part = false;
+        }
         self.polygons.polygons.push(Polygon {
             place: Place::Line(line),
             corners,
             fabric: self.fabric,
+            part: self.polygons.parts.len() - 1,
         });
         Ok(())
     }

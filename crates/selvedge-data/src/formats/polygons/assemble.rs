@@ -67,8 +67,7 @@ fn rest_coordinates(
     if options.pattern == PatternSource::Shape {
         return Ok(None);
     }
-    let mut corners = polygons.polygons.iter().flat_map(|p| &p.corners);
-    if !corners.any(|corner| corner.texture.is_some()) {
+    if !has_texture(polygons) {
         let flat = planar_coordinates(polygons);
         return Ok(flat.map(|flat| {
             let at = |corner: &super::soup::Corner| flat[corner.vertex as usize];
@@ -87,6 +86,25 @@ fn rest_coordinates(
         fit(polygons, &mut coordinates)?;
     }
     Ok(Some(coordinates))
+}
+
+/// Returns true where the texture coordinates say something of the cloth: some writers give all
+/// corners the same one, which is warned of.
+fn has_texture(polygons: &mut Polygons) -> bool {
+    let mut corners = polygons.polygons.iter().flat_map(|p| &p.corners);
+    let mut used = corners.clone().filter_map(|corner| corner.texture);
+    let Some(first) = used.next() else {
+        return false;
+    };
+    let is_one = |texture: usize| polygons.texture[texture] == polygons.texture[first];
+    if corners.any(|corner| corner.texture.is_none()) || !used.all(is_one) {
+        return true;
+    }
+    polygons.warnings.push(
+        "all texture coordinates are the same point, which says nothing of the cloth: it is read as a cloth without any"
+            .to_owned(),
+    );
+    false
 }
 
 /// Gives every further texture coordinate of a vertex a vertex of its own at the same place, with
@@ -212,7 +230,7 @@ fn split(
 }
 
 fn finish(
-    polygons: Polygons,
+    mut polygons: Polygons,
     triangles: &Triangles,
     is_own_shape: bool,
 ) -> Result<ReadMesh, MeshFileError> {
@@ -221,9 +239,13 @@ fn finish(
     let mut mesh = mesh.map_err(|error| placed(error, &polygons, &triangles.places))?;
     if triangles.fabrics.iter().any(Option::is_some) {
         mesh = mesh.with_fabrics(FaceFabrics {
-            names: polygons.fabrics,
+            names: std::mem::take(&mut polygons.fabrics),
             of_face: triangles.fabrics.clone(),
         })?;
+    }
+    let has_rest_angles = !polygons.angles.is_empty();
+    if has_rest_angles {
+        mesh = rest_angles(mesh, &mut polygons)?;
     }
     let labels = polygons
         .labels
@@ -240,10 +262,31 @@ fn finish(
     Ok(ReadMesh {
         sheet: Sheet { mesh, labels },
         velocities,
+        has_rest_angles,
         loose,
         is_own_shape,
         warnings: polygons.warnings,
     })
+}
+
+/// The mesh with the rest angles of its file; an angle of what is no edge is warned of.
+fn rest_angles(mesh: Mesh, polygons: &mut Polygons) -> Result<Mesh, MeshFileError> {
+    let mut given = std::mem::take(&mut polygons.angles);
+    let edges = mesh.topology().edges().iter();
+    let angles = edges.map(|edge| {
+        let [a, b] = edge.vertices.map(|v| v.0);
+        given.remove(&[a.min(b), a.max(b)]).unwrap_or_default()
+    });
+    let angles = angles.collect();
+    if let Some([a, b]) = given.keys().next() {
+        polygons.warnings.push(format!(
+            "{} rest angles (ea) are of edges that no face has and are passed over, the first from vertex {} to vertex {}",
+            given.len(),
+            polygons.number(*a),
+            polygons.number(*b)
+        ));
+    }
+    Ok(mesh.with_rest_angles(angles)?)
 }
 
 /// The error with the places of its faces and the file's own numbers of its vertices.

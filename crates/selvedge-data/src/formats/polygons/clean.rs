@@ -47,11 +47,7 @@ pub(super) fn drop_collapsed(polygons: &mut Polygons) {
 
 /// Leaves out vertices without a face; those after them move up.
 pub(super) fn drop_unused(polygons: &mut Polygons) {
-    let count = polygons.positions.len();
-    let mut is_used = vec![false; count];
-    for corner in polygons.polygons.iter().flat_map(|p| &p.corners) {
-        is_used[corner.vertex as usize] = true;
-    }
+    let is_used = used(polygons);
     let Some(first) = is_used.iter().position(|used| !used) else {
         return;
     };
@@ -60,6 +56,29 @@ pub(super) fn drop_unused(polygons: &mut Polygons) {
         "{unused} vertices belong to no face and are left out, the first is {}: handles chosen by number count the vertices that remain",
         polygons.number(first as u32)
     ));
+    keep(polygons, &is_used);
+}
+
+/// Leaves out vertices without a face, and names without a vertex: those of objects that were not
+/// chosen, which nobody misses.
+pub(super) fn drop_unnamed(polygons: &mut Polygons) {
+    let is_used = used(polygons);
+    keep(polygons, &is_used);
+    polygons.labels.retain(|_, vertices| !vertices.is_empty());
+}
+
+/// True for every vertex that a face has.
+fn used(polygons: &Polygons) -> Vec<bool> {
+    let mut is_used = vec![false; polygons.positions.len()];
+    for corner in polygons.polygons.iter().flat_map(|p| &p.corners) {
+        is_used[corner.vertex as usize] = true;
+    }
+    is_used
+}
+
+/// Leaves out the other vertices; those after them move up.
+fn keep(polygons: &mut Polygons, is_used: &[bool]) {
+    let count = polygons.positions.len();
     let mut next = 0;
     let renumbered: Vec<u32> = is_used
         .iter()
@@ -85,6 +104,9 @@ pub(super) fn drop_unused(polygons: &mut Polygons) {
         .into_iter()
         .filter_map(|(v, velocity)| Some((kept(&v)?, velocity)));
     polygons.velocities = velocities.collect::<BTreeMap<_, _>>();
+    let angles = std::mem::take(&mut polygons.angles).into_iter();
+    let angles = angles.filter_map(|([a, b], angle)| Some(([kept(&a)?, kept(&b)?], angle)));
+    polygons.angles = angles.collect();
     let mut vertex = 0;
     polygons.positions.retain(|_| {
         vertex += 1;

@@ -25,11 +25,12 @@ pub(super) fn orient(polygons: &mut Polygons) {
             .filter(|&&face| flips[face] == Some(true))
             .count();
         let wrong = 2 * turned <= sheet.len();
-        for face in sheet {
-            if flips[face] == Some(wrong) {
-                polygons.polygons[face].corners.reverse();
-                places.push(polygons.polygons[face].place);
-            }
+        let against = sheet.into_iter().filter(|&face| flips[face] == Some(wrong));
+        let against: Vec<usize> = against.collect();
+        turn_angles(polygons, &against);
+        for face in against {
+            polygons.polygons[face].corners.reverse();
+            places.push(polygons.polygons[face].place);
         }
     }
     if let Some(first) = places.first() {
@@ -37,6 +38,22 @@ pub(super) fn orient(polygons: &mut Polygons) {
             "{} faces are turned round, so that all of a sheet are counter-clockwise from the same side; the first at {first}",
             places.len()
         ));
+    }
+}
+
+/// Changes the sign of the rest angles of edges whose two faces are turned: where only one is, the
+/// angle was that of no sheet.
+fn turn_angles(polygons: &mut Polygons, faces: &[usize]) {
+    let mut turned: HashMap<[u32; 2], u32> = HashMap::new();
+    for &face in faces {
+        for [a, b] in ends(polygons, face) {
+            *turned.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    for (edge, angle) in &mut polygons.angles {
+        if turned.get(edge).is_some_and(|count| *count > 1) {
+            *angle = -*angle;
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::border::Border;
+use super::clean::drop_unnamed;
 use super::error::MeshFileError;
 use super::flat::planar_coordinates;
 use super::soup::Polygons;
@@ -53,10 +54,13 @@ fn up() -> DVec3 {
     DVec3::Y
 }
 
-/// Seams that are sewn, and places of panels for it.
+/// Objects that are taken, places of panels, and seams that are sewn.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sewing {
+    /// Names of the objects and groups whose faces are taken; all faces where none is named.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub objects: Vec<String>,
     /// Placements of panels.
     pub panels: Vec<PanelPlace>,
     /// Seams, in the order in which they are sewn.
@@ -64,16 +68,17 @@ pub struct Sewing {
 }
 
 impl Sewing {
-    /// Returns true when nothing is placed or sewn.
+    /// Returns true when all faces are taken as they stand, and nothing is sewn.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.panels.is_empty() && self.seams.is_empty()
+        self.objects.is_empty() && self.panels.is_empty() && self.seams.is_empty()
     }
 }
 
-/// Places the panels and sews the seams.
+/// Takes the objects, places the panels and sews the seams.
 pub(crate) fn sew(polygons: &mut Polygons, sewing: &Sewing) -> Result<(), MeshFileError> {
-    if sewing.is_empty() {
+    take(polygons, &sewing.objects)?;
+    if sewing.panels.is_empty() && sewing.seams.is_empty() {
         return Ok(());
     }
     keep_flat(polygons)?;
@@ -107,6 +112,26 @@ pub(crate) fn sew(polygons: &mut Polygons, sewing: &Sewing) -> Result<(), MeshFi
         polygons.positions[owner as usize] = sum / count;
     }
     merge(polygons, &owners);
+    Ok(())
+}
+
+/// Keeps the faces of these objects and groups, and their vertices; all where none is named.
+fn take(polygons: &mut Polygons, objects: &[String]) -> Result<(), MeshFileError> {
+    if objects.is_empty() {
+        return Ok(());
+    }
+    for name in objects {
+        polygons.label(name, "mesh.objects")?;
+    }
+    let parts = &polygons.parts;
+    let is_taken: Vec<bool> = parts
+        .iter()
+        .map(|names| names.iter().any(|name| objects.contains(name)))
+        .collect();
+    polygons
+        .polygons
+        .retain(|polygon| is_taken.get(polygon.part).copied().unwrap_or(false));
+    drop_unnamed(polygons);
     Ok(())
 }
 

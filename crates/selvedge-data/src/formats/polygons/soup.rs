@@ -16,6 +16,10 @@ pub(crate) struct Polygons {
     pub(crate) numbers: Vec<usize>,
     pub(crate) texture: Vec<DVec2>,
     pub(crate) polygons: Vec<Polygon>,
+    /// Names of objects and groups that faces belong to, by which these refer to them.
+    pub(crate) parts: Vec<Vec<String>>,
+    /// Rest angles of edges by their vertices, the smaller first, where the file has them `[rad]`.
+    pub(crate) angles: BTreeMap<[u32; 2], f64>,
     /// Vertices by the names of their objects and groups.
     pub(crate) labels: BTreeMap<String, BTreeSet<u32>>,
     /// Names of fabrics, by which faces refer to them.
@@ -33,6 +37,8 @@ pub(crate) struct Polygon {
     pub(crate) place: Place,
     pub(crate) corners: Vec<Corner>,
     pub(crate) fabric: Option<u32>,
+    /// Number of its objects and groups among [`Polygons::parts`].
+    pub(crate) part: usize,
 }
 
 /// A corner of a face: indices from 0.
@@ -69,6 +75,8 @@ pub struct ReadMesh {
     pub sheet: Sheet,
     /// Velocities of the vertices, where the file has them `[m/s]`, `[vertices]`.
     pub velocities: Option<Vec<DVec3>>,
+    /// True where the file has rest angles, which the mesh then has.
+    pub has_rest_angles: bool,
     /// The panels before they were sewn, where seams were named.
     pub loose: Option<LoosePanels>,
     /// True where each face's rest shape is its own form in space: there is no pattern.

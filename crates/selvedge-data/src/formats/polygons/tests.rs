@@ -3,6 +3,7 @@
 use super::*;
 use crate::formats::obj::parse_obj_with;
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 fn read(text: &str, edit: impl Fn(&mut MeshOptions)) -> Result<ReadMesh, MeshFileError> {
     let mut options = MeshOptions::default();
@@ -270,6 +271,7 @@ fn sewn_as(
         resample,
     });
     let sewing = Sewing {
+        objects: Vec::new(),
         panels: panels.to_vec(),
         seams: seams.collect(),
     };
@@ -437,4 +439,73 @@ fn a_resampled_border_has_its_vertices_at_the_same_parts_of_its_length() {
     }
     let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
     assert!((area - 4.8).abs() < 1e-12, "{area}");
+}
+
+#[test]
+fn one_object_of_a_file_is_taken_by_its_name() {
+    let take = |name: &str| {
+        let mut polygons = crate::formats::obj::parse_obj_polygons(SHIRT.as_bytes())?;
+        let sewing = Sewing {
+            objects: vec![name.to_owned()],
+            ..Sewing::default()
+        };
+        sew(&mut polygons, &sewing)?;
+        assemble(polygons, MeshOptions::default())
+    };
+    let back = take("back").unwrap();
+    let mesh = &back.sheet.mesh;
+    assert_eq!(
+        (mesh.positions().len(), mesh.topology().faces().len()),
+        (4, 2)
+    );
+    assert!(back.warnings.is_empty(), "{:?}", back.warnings);
+    assert_eq!(back.sheet.labels["back"], [0, 1, 2, 3]);
+    // Vertices that it shares keep the names of the others.
+    assert_eq!(back.sheet.labels["front"], [0, 1]);
+    assert_eq!(take("shirt").unwrap().sheet.mesh.positions().len(), 6);
+    let text = take("hood").unwrap_err().to_string();
+    assert!(
+        text.contains("mesh.objects names \"hood\"") && text.contains("front"),
+        "{text}"
+    );
+}
+
+#[test]
+fn rest_angles_of_edges_are_read_and_follow_their_faces() {
+    let tent = "v 0 0 0\nv 1 0 0\nv 0 1 1\nv 0 1 -1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 0 -1\n\
+        f 1/1 2/2 3/3\nf 2/2 1/1 4/4\ne 2 1\nea 0.5\ne 1 3\nea 0.2\n";
+    let angles = |made: &ReadMesh| -> BTreeMap<[u32; 2], f64> {
+        let mesh = &made.sheet.mesh;
+        let edges = mesh.topology().edges().iter().zip(mesh.rest_angles());
+        let each = edges.map(|(edge, angle)| (edge.vertices.map(|v| v.0), *angle));
+        each.filter(|(_, angle)| *angle != 0.0).collect()
+    };
+    let made = as_is(tent);
+    assert!(made.has_rest_angles && made.warnings.is_empty());
+    assert_eq!(angles(&made)[&[0, 1]], 0.5);
+    let none = as_is(&format!("{tent}e 3 4\nea 0.1\n"));
+    assert!(
+        none.warnings[0].contains("from vertex 3 to vertex 4"),
+        "{:?}",
+        none.warnings
+    );
+    let text = problem(&format!("{tent}ea 4\n"));
+    assert!(
+        text.contains("line 15") && text.contains("between -π and π"),
+        "{text}"
+    );
+    // Two faces of a sheet of five that run against the others: their fold is turned with them.
+    let sheet = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n\
+        f 1 2 5\nf 2 6 5\nf 2 3 6\nf 3 6 7\nf 3 7 4\ne 3 7\nea 0.3\n";
+    let made = as_is(sheet);
+    assert_eq!(made.warnings.len(), 1, "{:?}", made.warnings);
+    assert_eq!(angles(&made)[&[2, 6]], -0.3);
+}
+
+#[test]
+fn a_texture_of_one_point_is_none() {
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nvt 0 0\nf 1/1 2/1 3/1\nf 1/1 3/1 4/1\n";
+    let made = as_is(text);
+    assert!(made.is_own_shape);
+    assert!(made.warnings[0].contains("all texture coordinates are the same point"));
 }

@@ -36,6 +36,12 @@ pub(super) fn merge(polygons: &mut Polygons, owners: &[u32]) {
         let moved: BTreeSet<u32> = label.iter().map(|&v| owners[v as usize]).collect();
         *label = moved;
     }
+    let angles = std::mem::take(&mut polygons.angles).into_iter();
+    let angles = angles.map(|(ends, angle)| {
+        let [a, b] = ends.map(|v| owners[v as usize]);
+        ([a.min(b), a.max(b)], angle)
+    });
+    polygons.angles = angles.collect();
     drop_collapsed(polygons);
     renumber(polygons, owners);
 }
@@ -90,6 +96,9 @@ fn renumber(polygons: &mut Polygons, owners: &[u32]) {
     for label in polygons.labels.values_mut() {
         *label = label.iter().map(|&v| numbers[v as usize]).collect();
     }
+    let angles = std::mem::take(&mut polygons.angles).into_iter();
+    let angles = angles.map(|(ends, angle)| (ends.map(|v| numbers[v as usize]), angle));
+    polygons.angles = angles.collect();
     let kept: Vec<usize> = (0..owners.len()).filter(|&v| is_kept(v)).collect();
     polygons.numbers = kept.iter().map(|&v| polygons.number(v as u32)).collect();
     polygons.positions = kept.iter().map(|&v| polygons.positions[v]).collect();

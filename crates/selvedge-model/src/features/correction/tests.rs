@@ -374,3 +374,39 @@ fn the_frames_of_a_flat_sheet_lie_along_its_threads() {
         }
     }
 }
+
+#[test]
+fn an_arc_has_the_stiffness_of_the_face_to_its_left() {
+    let case = case(5, 1);
+    let stiff = Stiffness {
+        stretch: 40.0,
+        bend: 8e-5,
+        density: 0.3,
+    };
+    let of = |face: FaceId| if face.index() % 3 == 0 { stiff } else { SOFT };
+    let arcs = |stiffness: &dyn Fn(FaceId) -> Stiffness| {
+        let mut columns = CorrectionColumns::of_faces(&case.graph, stiffness, 1.0 / 60.0, Neighbours::Arcs);
+        columns.write(&case.graph, &case.frame(), HalfTurns::default());
+        columns.arcs
+    };
+    let [mixed, all_stiff, all_soft] = [arcs(&of), arcs(&|_| stiff), arcs(&|_| SOFT)];
+    assert_eq!(all_soft, case.columns(HalfTurns::default()).arcs);
+    let row = |arcs: &[f32], arc: u32| arcs.as_chunks::<ARC_COLUMNS>().0[arc as usize];
+    for (&pair, edge) in case
+        .graph
+        .edge_arcs()
+        .iter()
+        .zip(case.graph.topology().edges())
+    {
+        let faces = [edge.faces.0, edge.faces.1.unwrap_or(edge.faces.0)];
+        for (arc, face) in pair.into_iter().zip(faces) {
+            let own = if of(face) == stiff {
+                &all_stiff
+            } else {
+                &all_soft
+            };
+            assert_eq!(row(&mixed, arc), row(own, arc));
+            assert_ne!(row(&all_stiff, arc), row(&all_soft, arc));
+        }
+    }
+}

@@ -14,6 +14,8 @@ use crate::output::{Answer, Facts};
 
 /// Worst edges that are named.
 const NAMED: usize = 5;
+/// Stretch of an edge from which it is named.
+const WORTH_NAMING: f64 = 1.001;
 
 /// Says what the mesh in a file is, and which nodes there are beside it if it `has_nodes`.
 pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::Result<Answer> {
@@ -83,9 +85,11 @@ pub(super) fn facts(facts: &mut Facts, mesh: &Mesh) -> Value {
         mirrored[*panel as usize] += signed_area_2d(a, b, c);
     }
     let mirrored = mirrored.iter().filter(|area| **area < 0.0).count();
-    let worst = worst_edges(mesh, mesh.positions(), NAMED);
+    let mut worst = worst_edges(mesh, mesh.positions(), NAMED);
+    worst.retain(|edge| edge.stretch > WORTH_NAMING);
     facts.add("sheets", sheets);
-    if seams > 0 {
+    // Without a pattern every face is a panel.
+    if seams > 0 && (count as usize) < topology.faces().len() {
         let mirrored = match mirrored {
             0 => String::new(),
             some => format!(", {some} of them mirrored"),
