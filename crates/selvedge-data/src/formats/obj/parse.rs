@@ -66,34 +66,10 @@ impl Reader {
                 polygons.velocities.insert(last as u32, DVec3::new(x, y, z));
             }
             "f" => self.read_face(line, rest)?,
-            "e" if rest.len() == 2 => {
-                let end = |k: usize| index(rest[k], polygons.positions.len(), "vertex");
-                let [a, b] = [end(0)? as u32, end(1)? as u32];
-                self.edge = Some([a.min(b), a.max(b)]);
-            }
-            "ea" => {
-                let [angle] = numbers(rest)?;
-                let edge = self
-                    .edge
-                    .ok_or("a rest angle stands before the first edge")?;
-                if angle.abs() > std::f64::consts::PI {
-                    return Err(format!("a rest angle is between -π and π, found {angle}"));
-                }
-                polygons.angles.insert(edge, angle);
-            }
+            "e" if rest.len() == 2 => self.read_edge(rest)?,
+            "ea" => self.read_rest_angle(rest)?,
             // A line of a group names a border, as seams need it.
-            "l" if !self.groups.is_empty() => {
-                for word in rest {
-                    let vertex = index(word, polygons.positions.len(), "vertex")? as u32;
-                    for name in &self.groups {
-                        polygons
-                            .labels
-                            .entry(name.clone())
-                            .or_default()
-                            .insert(vertex);
-                    }
-                }
-            }
+            "l" if !self.groups.is_empty() => self.read_line(rest)?,
             "fl" | "tl" => {
                 let label = rest.first().ok_or("a label of a face is missing")?;
                 let fabric = polygons.fabric_of(label);
@@ -120,6 +96,37 @@ impl Reader {
                 entry.1 += 1;
             }
         }
+        Ok(())
+    }
+
+    /// Gives the vertices of a line the names of its groups.
+    fn read_line(&mut self, rest: &[&str]) -> Result<(), String> {
+        let polygons = &mut self.polygons;
+        for word in rest {
+            let vertex = index(word, polygons.positions.len(), "vertex")? as u32;
+            for name in &self.groups {
+                let label = polygons.labels.entry(name.clone()).or_default();
+                label.insert(vertex);
+            }
+        }
+        Ok(())
+    }
+
+    fn read_edge(&mut self, rest: &[&str]) -> Result<(), String> {
+        let end = |k: usize| index(rest[k], self.polygons.positions.len(), "vertex");
+        let [a, b] = [end(0)? as u32, end(1)? as u32];
+        self.edge = Some([a.min(b), a.max(b)]);
+        Ok(())
+    }
+
+    fn read_rest_angle(&mut self, rest: &[&str]) -> Result<(), String> {
+        let [angle] = numbers(rest)?;
+        let edge = self.edge;
+        let edge = edge.ok_or("a rest angle stands before the first edge")?;
+        if angle.abs() > std::f64::consts::PI {
+            return Err(format!("a rest angle is between -π and π, found {angle}"));
+        }
+        self.polygons.angles.insert(edge, angle);
         Ok(())
     }
 
