@@ -385,7 +385,8 @@ fn an_arc_has_the_stiffness_of_the_face_to_its_left() {
     };
     let of = |face: FaceId| if face.index() % 3 == 0 { stiff } else { SOFT };
     let arcs = |stiffness: &dyn Fn(FaceId) -> Stiffness| {
-        let mut columns = CorrectionColumns::of_faces(&case.graph, stiffness, 1.0 / 60.0, Neighbours::Arcs);
+        let mut columns =
+            CorrectionColumns::of_faces(&case.graph, stiffness, 1.0 / 60.0, Neighbours::Arcs);
         columns.write(&case.graph, &case.frame(), HalfTurns::default());
         columns.arcs
     };
