@@ -43,8 +43,8 @@ impl LoadedScene {
     }
 
     /// The same, with warnings where the cloth starts far from its material size (`remedy` says how
-    /// its file can be mended), and of a law of contact that is not there. A start that fits the cloth says itself what it
-    /// cannot mend.
+    /// its file can be mended), and of a law of contact that is not there. A start that fits the
+    /// cloth says itself what it cannot mend.
     pub(super) fn looked_over(mut self, remedy: &str) -> Self {
         let mesh = &self.scene.mesh;
         let state = self.state.as_ref();
