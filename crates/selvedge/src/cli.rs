@@ -154,7 +154,8 @@ pub(crate) struct RolloutArgs {
     /// speed, correction.
     #[arg(long, value_name = "FILE")]
     pub(crate) trust: Option<PathBuf>,
-    /// Also simulate the truth and compare with it (the default).
+    /// Also simulate the truth and compare with it (the default): the physics of the scene, or with
+    /// at least eight substeps for a model that corrects physics.
     #[arg(long, conflicts_with = "no_truth")]
     truth: bool,
     /// Do not simulate the truth.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_cloth::Cloth;
+use selvedge_cloth::{Cloth, Integrator, Scene};
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{LoadedScene, StartSpec, Trajectory, metrics};
 use selvedge_guard::Trust;
@@ -20,6 +20,7 @@ use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::physics::{self, TimedRun};
 use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchedModel};
+use selvedge_model::Model;
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
@@ -38,6 +39,9 @@ const SHEET: &str = "sheet.png";
 const CLIP: &str = "clip.gif";
 const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
 
+/// Substeps of the truth that a model of corrected physics is compared with: its teacher's.
+const CONVERGED: u32 = 8;
+
 #[derive(Serialize)]
 struct RolloutReport {
     scene: String,
@@ -47,6 +51,8 @@ struct RolloutReport {
     frames: usize,
     model_ms_per_frame: f64,
     truth_ms_per_frame: Option<f64>,
+    /// Substeps per frame of the physics that was compared with.
+    truth_substeps: Option<u32>,
     largest_strain: f64,
     /// The guard of frames that no cloth could have.
     guard: &'static str,
@@ -106,7 +112,8 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         watched::write_trust(trust, &log)?;
         wrote.push(trust.clone());
     }
-    let truth = truth(&setup, args, run.end, &mut wrote)?;
+    let truth_scene = truth_scene(&setup.loaded.scene, &model.model);
+    let truth = truth(&setup, &truth_scene, args, run.end, &mut wrote)?;
     let comparison = match &truth {
         Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
         None => None,
@@ -131,6 +138,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         frames: run.trajectory.frame_count(),
         model_ms_per_frame: run.ms_per_frame,
         truth_ms_per_frame: truth.as_ref().map(|truth| truth.ms_per_frame),
+        truth_substeps: truth.as_ref().map(|_| truth_scene.physics.substeps),
         largest_strain: physics::largest_strain(&run.trajectory)?,
         guard: args.guard.name(),
         guarded,
@@ -185,6 +193,7 @@ fn diverged_frame(log: &[Trust]) -> Option<usize> {
 /// Simulates and writes the truth where it is asked for, after a run that was not interrupted.
 fn truth(
     setup: &Setup,
+    truth_scene: &Scene,
     args: &RolloutArgs,
     end: End,
     wrote: &mut Vec<PathBuf>,
@@ -192,9 +201,24 @@ fn truth(
     if args.truth() == Wanted::No || end == End::Interrupted {
         return Ok(None);
     }
-    let run = simulate(setup)?;
+    let run = simulate(setup, truth_scene)?;
     write(&run.trajectory, args.out.join(TRUTH), wrote)?;
     Ok(Some(run))
+}
+
+/// The scene whose physics is the truth of `model`: the scene itself, or for a model that corrects
+/// physics a finer one. Such a model is to be nearer to the motion than the scene's own substeps
+/// are, and a comparison with those would show their error, not its own.
+fn truth_scene(scene: &Scene, model: &Model) -> Scene {
+    let mut scene = scene.clone();
+    if model.spec().base.is_some() {
+        let physics = &mut scene.physics;
+        physics.integrator = Integrator::SecondOrder;
+        physics.substeps = physics.substeps.max(CONVERGED);
+        let damping = physics.integrator.least_damping();
+        physics.least_damping.get_or_insert(damping);
+    }
+    scene
 }
 
 /// Opens a scene in its sagged rest pose, the only start of a model; warns where the scene says
@@ -271,32 +295,27 @@ fn predict(
         tracing::warn!("the guard did without its physics: {failure}");
     }
     Ok(Prediction {
-        run: timed(setup, run)?,
+        run: timed(setup, scene, run)?,
         log: watched.log().to_vec(),
         guarded: watched.summary(),
     })
 }
 
-fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
+fn simulate(setup: &Setup, scene: &Scene) -> anyhow::Result<TimedTrajectory> {
     let progress = Progress::new("simulating the truth", setup.frames, "frames");
     let start = setup.rest.positions.clone();
-    let run = physics::run(
-        &setup.loaded.scene,
-        start,
-        setup.frames,
-        Threads::Pool,
-        &mut || {
-            progress.advance();
-            interrupt::flow()
-        },
-    )?;
-    timed(setup, run)
+    let run = physics::run(scene, start, setup.frames, Threads::Pool, &mut || {
+        progress.advance();
+        interrupt::flow()
+    })?;
+    timed(setup, scene, run)
 }
 
-fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
-    let (spec, scene) = (&setup.loaded.spec, &setup.loaded.scene);
+fn timed(setup: &Setup, scene: &Scene, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
+    let mut spec = setup.loaded.spec.clone();
+    spec.setting.physics = scene.physics.clone();
     Ok(TimedTrajectory {
-        trajectory: physics::trajectory(spec, scene, &setup.rest.positions, run.positions)?,
+        trajectory: physics::trajectory(&spec, scene, &setup.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
         end: run.end,
     })
@@ -349,8 +368,12 @@ fn text(report: &RolloutReport) -> Facts {
         "model",
         format!("{:.2} ms per frame", report.model_ms_per_frame),
     );
-    if let Some(ms) = report.truth_ms_per_frame {
-        facts.add("physics", format!("{ms:.2} ms per frame"));
+    if let (Some(ms), Some(substeps)) = (report.truth_ms_per_frame, report.truth_substeps) {
+        let plural = if substeps == 1 { "" } else { "s" };
+        facts.add(
+            "physics",
+            format!("{ms:.2} ms per frame, {substeps} substep{plural}"),
+        );
     }
     facts.add("largest strain", percent(report.largest_strain));
     facts.add("guard", guard_line(report));
@@ -378,4 +401,29 @@ fn text(report: &RolloutReport) -> Facts {
         );
     }
     facts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_truth_of_a_model_that_corrects_physics_is_finer_than_the_scene() {
+        let scene = scenes::open("default").unwrap().scene;
+        let open = |name: &str| NamedModel::open(Some(Path::new(name))).unwrap().model;
+        let mut of_scene = scene.clone();
+        of_scene.physics.substeps = 3;
+        of_scene.physics.integrator = Integrator::Linearised;
+        let kept = truth_scene(&of_scene, &open("small")).physics;
+        assert_eq!(kept, of_scene.physics);
+        let finer = truth_scene(&of_scene, &open("corrected")).physics;
+        assert_eq!(
+            (finer.integrator, finer.substeps),
+            (Integrator::SecondOrder, CONVERGED)
+        );
+        assert!(finer.validate().is_ok());
+        of_scene.physics.substeps = 20;
+        let kept = truth_scene(&of_scene, &open("corrected")).physics;
+        assert_eq!(kept.substeps, 20);
+    }
 }
