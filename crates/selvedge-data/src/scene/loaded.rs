@@ -9,9 +9,6 @@ use super::start::StartSpec;
 use super::strained;
 use crate::trajectory::state_file::SavedState;
 
-/// Warning of a law that the physics does not have.
-const NO_LAW: &str = "contact.law: \"arcsim\" is not there yet: the scene is run with \"barrier\"";
-
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedScene {
@@ -43,8 +40,7 @@ impl LoadedScene {
     }
 
     /// The same, with warnings where the cloth starts far from its material size (`remedy` says how
-    /// its file can be mended), and of a law of contact that is not there. A start that fits the
-    /// cloth says itself what it cannot mend.
+    /// its file can be mended). A start that fits the cloth says itself what it cannot mend.
     pub(super) fn looked_over(mut self, remedy: &str) -> Self {
         let mesh = &self.scene.mesh;
         let state = self.state.as_ref();
