@@ -13,7 +13,7 @@ use crate::threads::Threads;
 
 /// Error of the velocities, in the norm of the factor, at which a coupled solve ends `[m/s]`, and
 /// its iterations at most.
-const COUPLED_TOLERANCE: f64 = 1e-8;
+const COUPLED_TOLERANCE: f64 = 1e-7;
 const COUPLED_ITERATIONS: u32 = 1000;
 
 /// Reason for a failed coupled solve.
