@@ -8,6 +8,7 @@
 mod body;
 mod error;
 mod motion;
+mod random;
 mod read;
 mod spec;
 mod weld;
@@ -16,6 +17,7 @@ mod written;
 pub use self::body::BodySpec;
 pub use self::error::ObstacleSpecError;
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
+pub(crate) use self::random::RandomObstacles;
 pub use self::spec::{ObstacleSpec, Placement};
 pub(crate) use self::written::ObstacleFile;
 

@@ -340,3 +340,69 @@ fn few_400_is_square_400_without_the_motions_drawn_at_random() {
     assert_eq!(few.len(), 16);
     assert_eq!(few, all[..16]);
 }
+
+const BODIES: &str = "[random_obstacles]\ncount = [1, 3]\nkinds = [\"sphere\", \"capsule\", \"box\"]\n\
+    size = [0.05, 0.1]\nmin = [-1, -2, -1]\nmax = [1, -1.3, 1]\nspeed = 0.2\n\
+    friction = [0.1, 0.5]\nseed = 4\n";
+
+#[test]
+fn every_trajectory_has_obstacles_of_its_own_drawn_from_the_seed() {
+    let tiny = shipped_presets()[1].1;
+    let contact = "[setting.contact]\nthickness = 0.002\n";
+    let text = format!("{tiny}\n{contact}{BODIES}");
+    let parse =
+        |text: &str| DatasetPreset::parse(text, Path::new("")).map_err(|error| error.to_string());
+    let preset = parse(&text).unwrap();
+    let mut seen = Vec::new();
+    for split in [Split::Train, Split::Test] {
+        for motion in preset.motions(split) {
+            let loaded = preset.scene(motion).unwrap();
+            assert_eq!(loaded.scene.obstacles.len(), motion.obstacles.len());
+            assert!((1..=3).contains(&motion.obstacles.len()));
+            assert!(!seen.contains(&motion.obstacles));
+            seen.push(motion.obstacles.clone());
+            let seconds = loaded.scene.frame_count().unwrap() as f64 / 60.0;
+            for obstacle in &loaded.scene.obstacles {
+                let [a, b] = [0.0, seconds].map(|t| obstacle.positions_at(t).next().unwrap());
+                assert!(a.distance(b) <= 0.2 * seconds / 1.5 + 1e-9);
+            }
+        }
+    }
+    // The configuration keeps what was drawn, and it is drawn alike every time.
+    let json = serde_json::to_string(preset.config()).unwrap();
+    let config: selvedge_data::DatasetConfig = serde_json::from_str(&json).unwrap();
+    assert_eq!(&config, preset.config());
+    assert_eq!(parse(&text).unwrap(), preset);
+    assert_ne!(
+        parse(&text.replace("seed = 4", "seed = 5")).unwrap(),
+        preset
+    );
+    for (from, to, named) in [
+        (contact, "", "random_obstacles: need setting.contact"),
+        (
+            "count = [1, 3]",
+            "count = [3, 1]",
+            "count must be fewest and most",
+        ),
+        ("size = [0.05, 0.1]", "size = [0, 0.1]", "size must be"),
+        (
+            "min = [-1, -2, -1]",
+            "min = [2, 0, 0]",
+            "min must be below max",
+        ),
+        ("speed = 0.2", "speed = -1", "speed must be"),
+        (
+            "kinds = [\"sphere\", \"capsule\", \"box\"]",
+            "kinds = []",
+            "kinds is empty",
+        ),
+        (
+            "min = [-1, -2, -1]\nmax = [1, -1.3, 1]",
+            "min = [-0.001, -0.42, -0.04]\nmax = [0.001, -0.41, -0.038]",
+            "finds no place",
+        ),
+    ] {
+        let error = parse(&text.replace(from, to)).unwrap_err();
+        assert!(error.contains(named), "{named}: {error}");
+    }
+}

@@ -312,9 +312,6 @@ fn obstacles_and_contact_are_read_and_written_back() {
     assert_eq!(names, ["ball", "step"]);
     assert!(loaded.files.contains(&folder.path().join("step.obj")));
     assert_eq!(loaded.warnings, [""; 0]);
-    let arcsim = BALL.replace("self = false", "law = \"arcsim\"");
-    let told = parse(&[GRAY, CORNERS, STILL, &arcsim]).unwrap().warnings;
-    assert!(told.len() == 1 && told[0].contains("contact.law: \"arcsim\" is not there"));
     // The spec makes the very scene, and so does what is kept with a run.
     let json = loaded.spec.to_json().unwrap();
     let spec = SceneSpec::from_json(&json).unwrap();

@@ -42,6 +42,7 @@ pub use self::forecast::{Forecast, PlannedRun};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
+use crate::obstacle::RandomObstacles;
 use crate::scene::{
     LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
@@ -102,6 +103,7 @@ struct PresetFile {
     cloths: Vec<ClothFile>,
     #[serde(default)]
     motions: BTreeMap<String, MotionSource>,
+    random_obstacles: Option<RandomObstacles>,
 }
 
 /// Names of motions, or what stands for many.
@@ -231,8 +233,37 @@ impl DatasetPreset {
                 sections: Vec::new(),
             },
         };
+        if let Some(random) = file.random_obstacles {
+            preset.draw_obstacles(&random)?;
+        }
         preset.forecast = preset.foresee()?;
         Ok(preset)
+    }
+
+    /// Gives every trajectory obstacles of its own.
+    fn draw_obstacles(&mut self, random: &RandomObstacles) -> Result<(), SceneProblem> {
+        let wrong = |problem| field("random_obstacles", problem);
+        random.check().map_err(wrong)?;
+        if self.config.setting.contact.is_none() {
+            return Err(field(
+                "random_obstacles",
+                "need setting.contact: add `contact = {}` there",
+            ));
+        }
+        let mut drawn = Vec::new();
+        let runs = self.config.train.iter().chain(&self.config.test);
+        for (number, motion) in runs.enumerate() {
+            let scene = self.scene(motion)?.scene;
+            let frames = scene.frame_count().map_err(SceneError::Motion);
+            let frames = frames.map_err(SceneSpecError::Scene)?;
+            let seconds = frames as f64 / scene.frame_rate;
+            drawn.push(random.draw(&scene, seconds, number).map_err(wrong)?);
+        }
+        let runs = self.config.train.iter_mut().chain(&mut self.config.test);
+        for (motion, obstacles) in runs.zip(drawn) {
+            motion.obstacles = obstacles;
+        }
+        Ok(())
     }
 
     /// Every scene, made once to see that it can be, and what comes of it.
@@ -299,6 +330,7 @@ impl DatasetPreset {
                 mesh = other;
             }
         }
+        setting.obstacles.extend(motion.obstacles.iter().cloned());
         let spec = SceneSpec {
             name: format!("{}/{}", self.config.name, motion.name),
             setting,
@@ -401,6 +433,7 @@ impl MotionList {
                         name,
                         motion,
                         cloth: None,
+                        obstacles: Vec::new(),
                     }),
                     None => Err(field(split, problem())),
                 }
