@@ -370,7 +370,7 @@ fn every_trajectory_has_obstacles_of_its_own_drawn_from_the_seed() {
     }
     // The configuration keeps what was drawn, and it is drawn alike every time.
     let json = serde_json::to_string(preset.config()).unwrap();
-    let config: selvedge_data::DatasetConfig = serde_json::from_str(&json).unwrap();
+    let config: DatasetConfig = serde_json::from_str(&json).unwrap();
     assert_eq!(&config, preset.config());
     assert_eq!(parse(&text).unwrap(), preset);
     assert_ne!(
