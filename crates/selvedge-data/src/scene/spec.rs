@@ -75,9 +75,15 @@ pub enum SceneSpecError {
     #[error("handles: {0}")]
     Handles(#[from] HandleError),
     #[error(transparent)]
-    Obstacle(#[from] ObstacleSpecError),
+    Obstacle(Box<ObstacleSpecError>),
     #[error(transparent)]
     Scene(#[from] SceneError),
+}
+
+impl From<ObstacleSpecError> for SceneSpecError {
+    fn from(error: ObstacleSpecError) -> Self {
+        Self::Obstacle(Box::new(error))
+    }
 }
 
 impl SceneSpec {

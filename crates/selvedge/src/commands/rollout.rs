@@ -313,7 +313,7 @@ fn simulate(setup: &Setup, scene: &Scene) -> anyhow::Result<TimedTrajectory> {
 
 fn timed(setup: &Setup, scene: &Scene, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
     let mut spec = setup.loaded.spec.clone();
-    spec.setting.physics = scene.physics.clone();
+    spec.setting.physics = scene.physics;
     Ok(TimedTrajectory {
         trajectory: physics::trajectory(&spec, scene, &setup.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
