@@ -383,7 +383,13 @@ fn an_arc_has_the_stiffness_of_the_face_to_its_left() {
         bend: 8e-5,
         density: 0.3,
     };
-    let of = |face: FaceId| if face.index() % 3 == 0 { stiff } else { SOFT };
+    let of = |face: FaceId| {
+        if face.index().is_multiple_of(3) {
+            stiff
+        } else {
+            SOFT
+        }
+    };
     let arcs = |stiffness: &dyn Fn(FaceId) -> Stiffness| {
         let mut columns =
             CorrectionColumns::of_faces(&case.graph, stiffness, 1.0 / 60.0, Neighbours::Arcs);
