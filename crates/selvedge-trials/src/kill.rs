@@ -82,7 +82,7 @@ struct Tally {
     kills: u32,
     /// Runs that came to their end.
     ended: u32,
-    /// Times at which it was killed [s].
+    /// Times at which it was killed `[s]`.
     times: Vec<f64>,
     seconds: f64,
 }

@@ -28,12 +28,12 @@ use crate::program::Program;
 
 /// Looks at the memory of a run.
 const LOOKS: usize = 12;
-/// Growth of memory that is no leak: allocators keep what they had [kB].
+/// Growth of memory that is no leak: allocators keep what they had `[kB]`.
 const MOST_GROWTH: u64 = 4 << 10;
 /// A page gives up when nothing comes for so long.
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// Memory over time [kB].
+/// Memory over time `[kB]`.
 struct Curve(Vec<u64>);
 
 impl Curve {
