@@ -154,8 +154,9 @@ const MOST_VERTICES: f64 = 2000.0;
 /// Refuses texts with a number that asks for a large mesh or a long motion.
 fn small(bytes: &[u8]) -> Verdict {
     let words = text(bytes)?.split(|c: char| !(c.is_ascii_alphanumeric() || "._-".contains(c)));
-    // Vertices per square metre of a large cloth.
-    let by_density = bytes.windows(7).any(|part| part == b"density");
+    // Vertices per square metre of a large cloth; the density of the air in a scene of ARCSim is
+    // another one, and written with a colon.
+    let by_density = bytes.windows(9).any(|part| part == b"density =");
     let most = if by_density { 100.0 } else { MOST_VERTICES };
     let large = |word: &str| {
         let number: f64 = word.replace('_', "").parse().unwrap_or(0.0);
