@@ -14,7 +14,7 @@ use selvedge_data::{Dataset, Trajectory};
 use selvedge_model::Model;
 
 use crate::arguments::Arguments;
-use crate::program::Program;
+use crate::program::{Program, copy_folder};
 
 /// A command that takes its time.
 struct Case {
@@ -305,16 +305,7 @@ fn prepare(folder: &Path) -> Result<()> {
     fs::write(folder.join("study.toml"), STUDY)?;
     fs::write(folder.join("many.toml"), many(&root)?)?;
     let flag = root.join("crates/selvedge-data/tests/fixtures/foreign/flag_simple");
-    fs::create_dir(folder.join("flag"))?;
-    for entry in fs::read_dir(&flag).with_context(|| flag.display().to_string())? {
-        let path = entry?.path();
-        fs::copy(
-            &path,
-            folder
-                .join("flag")
-                .join(path.file_name().unwrap_or_default()),
-        )?;
-    }
+    copy_folder(&flag, &folder.join("flag"))?;
     Ok(())
 }
 

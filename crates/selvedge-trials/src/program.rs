@@ -1,5 +1,7 @@
-//! The program under trial: built beside this one, run in a folder, without the user's cache.
+//! The program under trial: built beside this one, run in a folder, without the user's cache; and
+//! copies of the folders that it works on.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -60,4 +62,22 @@ impl Program {
         }
         Ok(())
     }
+}
+
+/// Copies the folder `from` and all in it to `to`, which is made.
+///
+/// # Errors
+/// A file that cannot be read or written.
+pub(crate) fn copy_folder(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir(to).with_context(|| to.display().to_string())?;
+    for entry in fs::read_dir(from).with_context(|| from.display().to_string())? {
+        let path = entry?.path();
+        let place = to.join(path.file_name().unwrap_or_default());
+        if path.is_dir() {
+            copy_folder(&path, &place)?;
+        } else {
+            fs::copy(&path, &place)?;
+        }
+    }
+    Ok(())
 }

@@ -84,7 +84,13 @@ impl TaughtCloth {
     ) -> Result<Option<CorrectionSample>, Problem> {
         let mut run = match self.run.take() {
             Some(run) if run.left > 0 => run,
-            _ => Run::begin(scenes, cfg, &mut self.rng)?,
+            _ => match Run::begin(scenes, cfg, &mut self.rng)? {
+                Some(run) => run,
+                None => {
+                    self.gone_astray += 1;
+                    return Ok(None);
+                }
+            },
         };
         run.left -= 1;
         let scene = &scenes.scenes[run.scene];
@@ -99,12 +105,13 @@ impl TaughtCloth {
 }
 
 impl Run {
-    /// Begins one of the motions somewhere on its way; physics leads there.
+    /// Begins one of the motions somewhere on its way; physics leads there. None where the physics
+    /// cannot: a motion may strain the cloth too much.
     fn begin(
         scenes: &TeachingScenes,
         cfg: &CorrectionConfig,
         rng: &mut ChaCha8Rng,
-    ) -> Result<Self, Problem> {
+    ) -> Result<Option<Self>, Problem> {
         let number = rng.random_range(0..scenes.scenes.len());
         let TeachingScene { scene, graph, rest } = &scenes.scenes[number];
         let path = scene.handle_path()?;
@@ -130,14 +137,17 @@ impl Run {
         };
         let mut leader = simulator(leading, 0, at_rest)?;
         for frame in 0..lead {
-            leader.step(&path.targets(frame, leading.substeps as usize)?)?;
+            let targets = path.targets(frame, leading.substeps as usize)?;
+            if leader.step(&targets).is_err() {
+                return Ok(None);
+            }
         }
         let now = state_of(&leader);
         let teacher = PhysicsBase {
             substeps: cfg.teacher.substeps,
             ..leading
         };
-        Ok(Self {
+        Ok(Some(Self {
             scene: number,
             cheap: simulator(base, lead, now.clone())?,
             teacher: simulator(teacher, lead, now.clone())?,
@@ -157,7 +167,7 @@ impl Run {
             left: rng.random_range(1..=cfg.samples.frames),
             until_change: 0,
             follows_model: false,
-        })
+        }))
     }
 
     /// Chooses whom the cloth follows: in turn the teacher for up to [`MOST_TAUGHT`] frames, and

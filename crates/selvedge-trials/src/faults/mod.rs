@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::arguments::Arguments;
 use crate::fuzz::{SCENE, TRAINING};
-use crate::program::Program;
+use crate::program::{Program, copy_folder};
 
 /// Kinds of faults, as the library calls them.
 const KINDS: [&str; 7] = ["enospc", "eio", "eintr", "eacces", "short", "cut", "drop"];
@@ -181,16 +181,7 @@ fn prepare(program: &Program, folder: &Path) -> Result<()> {
     fs::write(folder.join("moment.toml"), TRAINING)?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let flag = root.join("crates/selvedge-data/tests/fixtures/foreign/flag_simple");
-    fs::create_dir(folder.join("flag"))?;
-    for entry in fs::read_dir(&flag).with_context(|| flag.display().to_string())? {
-        let path = entry?.path();
-        fs::copy(
-            &path,
-            folder
-                .join("flag")
-                .join(path.file_name().unwrap_or_default()),
-        )?;
-    }
+    copy_folder(&flag, &folder.join("flag"))?;
     for command in [
         "simulate push.toml --from-start --out run.safetensors",
         "simulate push.toml --from-start --frames 3 --out short.safetensors",

@@ -3,11 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use selvedge_data::Dataset;
 use selvedge_train::TrainConfig;
 
 use super::seeds::{SCENE, Seeds, TRAINING};
+use crate::program::copy_folder;
 
 /// The folder in which readers work, with the files beside the one that is damaged.
 pub(super) struct Bench {
@@ -25,15 +26,15 @@ impl Bench {
     /// A seed that is missing.
     pub(super) fn new(folder: &Path, seeds: &Seeds) -> Result<Self> {
         let bench = |name: &str| folder.join(name);
-        copy(&seeds.made.join("tiny"), &bench("tiny"))?;
-        copy(&seeds.made.join("tiny"), &bench("indexed"))?;
+        copy_folder(&seeds.made.join("tiny"), &bench("tiny"))?;
+        copy_folder(&seeds.made.join("tiny"), &bench("indexed"))?;
         let foreign = seeds
             .root
             .join("crates/selvedge-data/tests/fixtures/foreign");
-        copy(&foreign.join("flag_simple"), &bench("flag"))?;
-        copy(&foreign.join("flag_simple"), &bench("flag-meta"))?;
-        copy(&foreign.join("released"), &bench("released"))?;
-        copy(&foreign.join("released"), &bench("released-faces"))?;
+        copy_folder(&foreign.join("flag_simple"), &bench("flag"))?;
+        copy_folder(&foreign.join("flag_simple"), &bench("flag-meta"))?;
+        copy_folder(&foreign.join("released"), &bench("released"))?;
+        copy_folder(&foreign.join("released"), &bench("released-faces"))?;
         fs::create_dir(bench("poses"))?;
         let arcsim = seeds.root.join("crates/selvedge/tests/arcsim");
         fs::copy(arcsim.join("square.obj"), bench("square.obj"))?;
@@ -56,18 +57,4 @@ impl Bench {
             folder: folder.to_owned(),
         })
     }
-}
-
-fn copy(from: &Path, to: &Path) -> Result<()> {
-    fs::create_dir(to).with_context(|| to.display().to_string())?;
-    for entry in fs::read_dir(from).with_context(|| from.display().to_string())? {
-        let path = entry?.path();
-        let place = to.join(path.file_name().unwrap_or_default());
-        if path.is_dir() {
-            copy(&path, &place)?;
-        } else {
-            fs::copy(&path, &place)?;
-        }
-    }
-    Ok(())
 }
