@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::{HandlePath, Integrator, Stepper};
+use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper};
 use selvedge_corrected::{FrameState, base_scene, stiffness};
 use selvedge_model::{
     ClothGraph, CorrectionColumns, Corrector, HalfTurns, Model, MotionState, PhysicsBase,
@@ -124,18 +124,11 @@ impl Run {
             forgets: false,
         };
         let still = vec![DVec3::ZERO; rest.len()];
-        let simulator = |base: PhysicsBase, frame: usize, state: FrameState| {
-            let scene = base_scene(scene, base);
-            let made = Simulator::with_state(&scene, state.positions, state.velocities)?;
-            let mut made = made.at_frame(frame);
-            made.set_threads(Threads::One);
-            Ok::<_, Problem>(made)
-        };
         let at_rest = FrameState {
             positions: rest.to_vec(),
             velocities: still,
         };
-        let mut leader = simulator(leading, 0, at_rest)?;
+        let mut leader = simulator(scene, leading, 0, at_rest)?;
         for frame in 0..lead {
             let targets = path.targets(frame, leading.substeps as usize)?;
             if leader.step(&targets).is_err() {
@@ -149,8 +142,8 @@ impl Run {
         };
         Ok(Some(Self {
             scene: number,
-            cheap: simulator(base, lead, now.clone())?,
-            teacher: simulator(teacher, lead, now.clone())?,
+            cheap: simulator(scene, base, lead, now.clone())?,
+            teacher: simulator(scene, teacher, lead, now.clone())?,
             columns: CorrectionColumns::new(
                 graph,
                 stiffness(&scene.material),
@@ -292,6 +285,20 @@ impl Run {
         corrector.correct(&frame, &mut next.positions, &mut next.velocities);
         Ok(next)
     }
+}
+
+/// The physics `base` of a scene at a frame, in a state, on one thread.
+fn simulator(
+    scene: &Scene,
+    base: PhysicsBase,
+    frame: usize,
+    state: FrameState,
+) -> Result<Simulator, Problem> {
+    let scene = base_scene(scene, base);
+    let made = Simulator::with_state(&scene, state.positions, state.velocities)?;
+    let mut made = made.at_frame(frame);
+    made.set_threads(Threads::One);
+    Ok(made)
 }
 
 /// Frame number `frame` of a scene, but for the states, which stay empty.
