@@ -11,5 +11,5 @@
 mod base;
 mod stepper;
 
-pub use base::{base_scene, cloth_graph, face_stiffness, stiffness};
+pub use base::{base_scene, cloth_graph, face_stiffness};
 pub use stepper::{CorrectedError, CorrectedStepper, FrameState};

@@ -74,16 +74,21 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
     let solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
     let (handles, bending) = (HandleConstraint::Spring, BendingLaw::Arcsim);
     let stretch_lookup = StretchLookup::Exact;
+    let bdf2 = PhysicsSettings {
+        integrator: Integrator::SecondOrder,
+        ..usual
+    };
     let undamped = PhysicsSettings {
         least_damping: Some(0.0),
         ..usual
     };
     vec![
-        ("default: second order, 2 substeps", usual),
+        ("default: generalised-alpha, 2 substeps", usual),
         ("1 substep", one),
         ("4 substeps", substeps(4)),
         ("8 substeps", substeps(8)),
-        ("Newton", newton(usual, Integrator::SecondOrderNewton)),
+        ("BDF2", bdf2),
+        ("BDF2, Newton", newton(usual, Integrator::SecondOrderNewton)),
         ("first order, 1 substep", first_order(1)),
         ("first order, 2 substeps", first_order(2)),
         ("first order, 4 substeps", first_order(4)),

@@ -41,7 +41,7 @@ impl Case {
         for physics in [&mut loaded.scene.physics, &mut loaded.spec.setting.physics] {
             physics.substepping = Substepping::Fixed;
             // The same equations for every integrator.
-            let damping = Integrator::SecondOrder.least_damping();
+            let damping = Integrator::default().least_damping();
             physics.least_damping.get_or_insert(damping);
         }
         Self {

@@ -7,10 +7,10 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper};
-use selvedge_corrected::{FrameState, base_scene, stiffness};
+use selvedge_corrected::{FrameState, base_scene};
 use selvedge_model::{
     ClothGraph, CorrectionColumns, Corrector, HalfTurns, Model, MotionState, PhysicsBase,
-    PredictedFrame,
+    PredictedFrame, Stiffness,
 };
 use selvedge_sim::{Simulator, Threads};
 use selvedge_train::{CorrectionConfig, CorrectionSample};
@@ -119,7 +119,7 @@ impl Run {
         let lead = rng.random_range(0..=cfg.samples.lead.min(lasts));
         let base = cfg.model.base.ok_or("model.base is missing")?;
         let leading = PhysicsBase {
-            integrator: Integrator::SecondOrder,
+            integrator: Integrator::default(),
             substeps: 2,
             forgets: false,
         };
@@ -146,7 +146,7 @@ impl Run {
             teacher: simulator(scene, teacher, lead, now.clone())?,
             columns: CorrectionColumns::new(
                 graph,
-                stiffness(&scene.material),
+                Stiffness::of(&scene.material),
                 1.0 / scene.frame_rate,
                 cfg.model.neighbours(),
             ),
@@ -271,7 +271,7 @@ impl Run {
             none => none.insert(Corrector::new(
                 Arc::clone(model),
                 ClothGraph::clone(&scene.graph),
-                stiffness(&scene.scene.material),
+                Stiffness::of(&scene.scene.material),
             )?),
         };
         corrector.set_model(model)?;

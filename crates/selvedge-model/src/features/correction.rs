@@ -12,7 +12,7 @@
 //! the motion, for a fraction of the price ([`Neighbours`]).
 
 use glam::{DVec3, Mat3, Vec3};
-use selvedge_cloth::FaceId;
+use selvedge_cloth::{FaceId, Material};
 
 use crate::graph::ClothGraph;
 
@@ -113,6 +113,23 @@ pub struct Stiffness {
     pub bend: f64,
     /// Mass per area `[kg/m²]`.
     pub density: f64,
+}
+
+impl Stiffness {
+    /// The numbers of a material: means of its tables `[eq:mean-stiffness]`, stretching along and
+    /// across the threads with the law's factor 2.
+    #[must_use]
+    pub fn of(material: &Material) -> Self {
+        let rows = material.stretch.0.iter();
+        let along_and_across = rows.flat_map(|row| [row[0], row[2]]);
+        let count = 2.0 * material.stretch.0.len() as f64;
+        let bend = material.bend.0.as_flattened();
+        Self {
+            stretch: 2.0 * along_and_across.sum::<f64>() / count,
+            bend: bend.iter().sum::<f64>() / bend.len() as f64,
+            density: material.density,
+        }
+    }
 }
 
 /// The columns of a cloth that do not change, and buffers.

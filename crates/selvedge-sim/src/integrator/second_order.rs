@@ -146,8 +146,11 @@ impl SecondOrder {
             for (v, before) in before.iter_mut().enumerate() {
                 *before = match started {
                     None => self.formula.before(start[v], *before, end[v]),
-                    // The rate at the end of the stage is (y - ȳ)/γ.
-                    Some(gamma) => end[v] - (end[v] - base[v]) * (dt / gamma),
+                    Some(gamma) => {
+                        // The rate at the end of the last stage is (y - ȳ)/γ.
+                        let change = (end[v] - base[v]) * (dt / gamma);
+                        self.formula.first_before(start[v], end[v], change)
+                    }
                 };
             }
         }
@@ -199,6 +202,10 @@ impl SecondOrder {
             for (end, start) in estimate.iter_mut().zip(start) {
                 *end = formula.end(*start, *end);
             }
+        }
+        // Exact handles are at their targets to the last digit.
+        for (vertex, target) in self.held.iter().zip(substep.targets) {
+            self.estimate.positions[vertex.index()] = *target;
         }
         Ok((outcome?, gamma))
     }

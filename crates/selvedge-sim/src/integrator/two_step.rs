@@ -21,6 +21,9 @@ pub(super) struct TwoStep {
     /// Weight of the new rate in the change over the substep, in (0, 1]: the mean of the rates at
     /// start and end.
     new_rate: f64,
+    /// Time by which the rate that a substep goes on from lags behind that of its state, over half
+    /// a substep.
+    lag: f64,
 }
 
 impl TwoStep {
@@ -30,6 +33,7 @@ impl TwoStep {
         divisor: 3.0,
         point: 1.0,
         new_rate: 1.0,
+        lag: 1.0,
     };
 
     /// The formula of valid settings.
@@ -45,6 +49,7 @@ impl TwoStep {
             divisor: 2.0 / gamma,
             point,
             new_rate,
+            lag: 2.0 * (blend - point),
         }
     }
 
@@ -67,6 +72,13 @@ impl TwoStep {
     pub(super) fn before(&self, start: DVec3, before: DVec3, end: DVec3) -> DVec3 {
         let old_rate = (1.0 - self.new_rate) / self.new_rate;
         end - ((end - start) / self.new_rate - (start - before) * old_rate)
+    }
+
+    /// The y' after a substep from `start` to `end` by another formula, `change` the rate at its
+    /// end times Δt. The rates of this formula lag behind those of its states, all alike where the
+    /// acceleration is constant; the mean rate of the substep lags by half of it.
+    pub(super) fn first_before(&self, start: DVec3, end: DVec3, change: DVec3) -> DVec3 {
+        end - change - (end - start - change) * self.lag
     }
 }
 
@@ -96,6 +108,7 @@ mod tests {
             (formula.divisor, bdf2.divisor),
             (formula.point, bdf2.point),
             (formula.new_rate, bdf2.new_rate),
+            (formula.lag, bdf2.lag),
         ] {
             assert!((found - expected).abs() < 1e-15, "{formula:?}");
         }
@@ -103,6 +116,30 @@ mod tests {
         let [start, before, end] = [0.3, 0.2, 0.45].map(DVec3::splat);
         assert_eq!(bdf2.end(start, end), end);
         assert!(bdf2.before(start, before, end).distance(start) < 1e-16);
+        let change = DVec3::splat(0.1);
+        assert!(bdf2.first_before(start, end, change).distance(start) < 1e-16);
+    }
+
+    #[test]
+    fn a_parabola_is_kept() {
+        // x = t²/2 and v = t, whose rate is 1.
+        for radius in [0.0, 0.3, 0.9] {
+            let formula = with_radius(radius);
+            let h = 0.25;
+            let at = |y: f64| DVec3::new(y, 0.0, 0.0);
+            let mut x = 0.5 * h * h;
+            let mut before = formula.first_before(at(0.0), at(x), at(h * h)).x;
+            for step in 2..20 {
+                let time = f64::from(step) * h;
+                let stage = x
+                    + formula.weight * (x - before)
+                    + formula.gamma(h) * (time - h + formula.point * h);
+                let end = formula.end(at(x), at(stage));
+                before = formula.before(at(x), at(before), end).x;
+                x = end.x;
+                assert!((x - 0.5 * time * time).abs() < 1e-13, "{radius} {step} {x}");
+            }
+        }
     }
 
     #[test]

@@ -319,7 +319,11 @@ fn without_input_the_energy_never_grows() {
     // what there was.
     let (mut scene, start) = crumpled_sheet();
     let targets = vec![start[0]];
-    for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+    for integrator in [
+        Integrator::Linearised,
+        Integrator::SecondOrder,
+        Integrator::default(),
+    ] {
         scene.physics.integrator = integrator;
         let mut simulator = Simulator::with_state(&scene, start.clone(), noise(81, 0.3)).unwrap();
         let first = energy(&scene, &simulator);
@@ -426,7 +430,11 @@ fn a_symmetric_sheet_stays_symmetric() {
     // Mesh, handles, start and (orthotropic) material are their own mirror images in the plane
     // z = 0.
     let fabrics: [Material; 2] = [material(GRAY), isotropic(SOFT, 0.3)];
-    let integrators = [Integrator::Linearised, Integrator::SecondOrder];
+    let integrators = [
+        Integrator::Linearised,
+        Integrator::SecondOrder,
+        Integrator::default(),
+    ];
     let cases = integrators.map(|integrator| fabrics.clone().map(|fabric| (integrator, fabric)));
     for (integrator, fabric) in cases.into_iter().flatten() {
         let side = 8;

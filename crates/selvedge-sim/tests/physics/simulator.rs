@@ -123,7 +123,11 @@ fn internal_forces_keep_the_momentum() {
             .map(|(v, m)| *v * *m)
             .sum()
     };
-    for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+    for integrator in [
+        Integrator::Linearised,
+        Integrator::SecondOrder,
+        Integrator::default(),
+    ] {
         scene.physics.integrator = integrator;
         let mut simulator =
             Simulator::with_state(&scene, crumpled(&scene, 0.03), noise(count, 1.0)).unwrap();
@@ -215,7 +219,11 @@ fn energy_does_not_grow_by_itself() {
     let mut scene = floating(6);
     scene.material = material(DENIM);
     let count = scene.mesh.positions().len();
-    for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+    for integrator in [
+        Integrator::Linearised,
+        Integrator::SecondOrder,
+        Integrator::default(),
+    ] {
         scene.physics.integrator = integrator;
         let positions = scene.mesh.positions().to_vec();
         let mut simulator = Simulator::with_state(&scene, positions, noise(count, 0.2)).unwrap();

@@ -53,8 +53,10 @@ fn any_number_of_threads_gives_the_same_bytes() {
     for (solver, integrator) in [
         (iterative, Integrator::Linearised),
         (iterative, Integrator::SecondOrder),
+        (iterative, Integrator::default()),
         (LinearSolver::Cholesky, Integrator::Linearised),
         (LinearSolver::Cholesky, Integrator::SecondOrder),
+        (LinearSolver::Cholesky, Integrator::default()),
     ] {
         scene.physics.solver = solver;
         scene.physics.integrator = integrator;
@@ -106,6 +108,7 @@ fn integrators_have_their_order() {
         Integrator::Linearised,
         newton,
         Integrator::SecondOrder,
+        Integrator::default(),
         corrected,
     ];
     for integrator in all {
@@ -185,7 +188,11 @@ fn implicit_air_takes_energy_where_explicit_air_adds_it() {
         energies
     };
     scene.physics.air = AirLaw::Implicit;
-    for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+    for integrator in [
+        Integrator::Linearised,
+        Integrator::SecondOrder,
+        Integrator::default(),
+    ] {
         scene.physics.integrator = integrator;
         assert!(energies(&scene, 20).is_sorted_by(|a, b| a > b));
     }
@@ -230,7 +237,11 @@ fn conjugate_gradients_end_however_few_the_unknowns_and_however_small_the_tolera
         let mut scene = hanging(2);
         scene.handles = Handles::new(&sheet.labels["upper-corners"], vertices).unwrap();
         scene.mesh = sheet.mesh;
-        for integrator in [Integrator::Linearised, Integrator::SecondOrder] {
+        for integrator in [
+            Integrator::Linearised,
+            Integrator::SecondOrder,
+            Integrator::default(),
+        ] {
             scene.physics.integrator = integrator;
             scene.physics.substeps = 1;
             scene.physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients {

@@ -213,7 +213,7 @@ fn truth_scene(scene: &Scene, model: &Model) -> Scene {
     let mut scene = scene.clone();
     if model.spec().base.is_some() {
         let physics = &mut scene.physics;
-        physics.integrator = Integrator::SecondOrder;
+        physics.integrator = Integrator::default();
         physics.substeps = physics.substeps.max(CONVERGED);
         let damping = physics.integrator.least_damping();
         physics.least_damping.get_or_insert(damping);
@@ -419,7 +419,7 @@ mod tests {
         let finer = truth_scene(&of_scene, &open("corrected")).physics;
         assert_eq!(
             (finer.integrator, finer.substeps),
-            (Integrator::SecondOrder, CONVERGED)
+            (Integrator::default(), CONVERGED)
         );
         assert!(finer.validate().is_ok());
         of_scene.physics.substeps = 20;
