@@ -47,6 +47,7 @@
 pub mod assets;
 pub mod cause;
 pub mod convergence;
+pub mod domain;
 pub mod evaluation;
 pub mod event;
 pub mod fitting;

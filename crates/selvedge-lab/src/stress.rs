@@ -17,10 +17,12 @@ use selvedge_data::{
     LoadedScene, NamedCloth, SceneSpec, SceneSpecError, WriteError, metrics, write_atomically,
 };
 use selvedge_guard::GuardSettings;
+use selvedge_model::Departure;
 use serde::Serialize;
 use thiserror::Error;
 
 use crate::cause::chain;
+use crate::domain::{self, DomainError};
 use crate::event::{OnEvent, Reporter, Task};
 use crate::machine::Machine;
 use crate::models::{NamedModel, SceneGraphError, StartModelError, graph_of_scene};
@@ -92,6 +94,7 @@ enum DriveError {
     Guard(#[from] WatchError),
     Targets(#[from] HandleError),
     Step(#[from] StepError),
+    Domain(#[from] DomainError),
 }
 
 /// Runs of one cloth, or of all.
@@ -127,6 +130,9 @@ pub struct StressRun {
     pub largest_strain: Option<f64>,
     /// Counts of the guard.
     pub guarded: GuardSummary,
+    /// Parts of motion and cloth that the model was not trained on; nothing where its file does not
+    /// say.
+    pub beyond: Vec<Departure>,
     /// The reason of an early end.
     pub failure: Option<String>,
     /// Wall time of a frame `[ms]`.
@@ -209,6 +215,17 @@ fn stage(mesh: String, scene: Scene, reporter: &Reporter<'_>) -> Result<StressSt
     })
 }
 
+/// Checks that `model` was trained at the frame rate of the cloths, if its file says so.
+///
+/// # Errors
+/// [`DomainError::FrameRate`].
+pub fn check_rate(model: &NamedModel, stages: &[StressStage]) -> Result<(), DomainError> {
+    for stage in stages {
+        domain::of_scene(&model.model, &stage.scene, 0)?;
+    }
+    Ok(())
+}
+
 /// Drives `model` through the motions of `plan`, each on one of `stages` in turn. The answer lacks
 /// the runs that were not finished when the listener asked to stop.
 ///
@@ -256,6 +273,7 @@ impl Drive<'_, '_> {
             diverged_frame: None,
             largest_strain: None,
             guarded: GuardSummary::default(),
+            beyond: Vec::new(),
             failure: None,
             ms_per_frame: 0.0,
         };
@@ -287,6 +305,12 @@ impl Drive<'_, '_> {
             duration: plan.frames as f64 / rate,
             speed: plan.speed,
         };
+        let moving = Scene {
+            motion: motion.motion(),
+            ..Scene::clone(&stage.scene)
+        };
+        let beyond = domain::of_scene(&self.model.model, &moving, plan.frames)?;
+        run.beyond = beyond.map_or_else(Vec::new, |beyond| beyond.departures);
         let start = stage.cloth.rest_positions();
         let held = stage.scene.handles.select(stage.scene.mesh.positions());
         let path = motion.motion().bind(&held, rate)?;
@@ -395,6 +419,7 @@ mod tests {
                 physics_failures: 0,
                 largest_correction: 0.001 * number as f64,
             },
+            beyond: Vec::new(),
             failure: None,
             ms_per_frame: 1.0,
         }

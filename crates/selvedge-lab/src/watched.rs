@@ -9,9 +9,11 @@ use selvedge_data::{WriteError, write_atomically};
 use selvedge_guard::{
     Guard, GuardError, GuardSettings, Measured, PhysicsFailure, Replacement, Tally, Trust,
 };
+use selvedge_model::Aspect;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::domain::Beyond;
 use crate::machine::Mover;
 
 /// Strain (l - l₀)/l₀ of an edge, against the material, over which a run diverges ...
@@ -142,18 +144,22 @@ impl Stepper for WatchedModel {
     }
 }
 
-/// Writes a line per frame with the guard's verdict, measures and correction (.csv). SI units;
-/// strains have none.
+/// Writes a line per frame with the guard's verdict, measures and correction, and the aspects of
+/// the scene that are beyond the training (.csv). SI units; strains have none.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_trust(path: &Path, log: &[Trust]) -> Result<(), WriteError> {
+pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Result<(), WriteError> {
     write_atomically(path, |out| {
         writeln!(
             out,
-            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed"
+            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed,beyond"
         )?;
-        for trust in log {
+        for (frame, trust) in log.iter().enumerate() {
+            let beyond = match beyond {
+                Some(beyond) => names(beyond.by_frame.get(frame).map_or(&[], Vec::as_slice)),
+                None => "unknown".to_owned(),
+            };
             let Measured {
                 largest_strain,
                 smallest_strain,
@@ -170,12 +176,17 @@ pub fn write_trust(path: &Path, log: &[Trust]) -> Result<(), WriteError> {
             let failed = trust.physics_failed;
             writeln!(
                 out,
-                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest},{replaced_by},{failed}",
+                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest},{replaced_by},{failed},{beyond}",
                 trust.frame
             )?;
         }
         Ok(())
     })
+}
+
+fn names(aspects: &[Aspect]) -> String {
+    let names: Vec<&str> = aspects.iter().map(|aspect| aspect.name()).collect();
+    names.join(" ")
 }
 
 #[cfg(test)]

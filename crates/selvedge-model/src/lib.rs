@@ -71,6 +71,7 @@
 //! is an error of the step. Results on one machine do not depend on the number of threads; other
 //! instruction sets change the last bits.
 
+mod domain;
 mod features;
 mod graph;
 mod kernels;
@@ -80,6 +81,7 @@ mod spec;
 #[cfg(test)]
 mod test_cloth;
 
+pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
 pub use features::correction::{
     CorrectionColumns, HalfTurns, MotionState, Neighbours, PredictedFrame, Stiffness,
 };

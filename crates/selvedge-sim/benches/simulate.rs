@@ -5,8 +5,8 @@
 //! of the square's side in m (1), `frames` that count (60; half as many before them do not),
 //! `substeps` (4), `threads` (1), `solver` (automatic, cholesky, or the tolerance of conjugate
 //! gradients in m/s), `integrator` (generalised-alpha, second-order, or linearised). Wall time says
-//! what one waits, processor time what is left of it where the machine is shared. The largest memory
-//! is that of the whole process, mesh generation included.
+//! what one waits, processor time what is left of it where the machine is shared. The largest
+//! memory is that of the whole process, mesh generation included.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,

@@ -143,4 +143,4 @@ pub use run::{Kept, LogError, RunEnd, RunError, RunLimits, files, run};
 pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
 pub use slot::ShownSample;
 pub use trainer::{StepReport, TrainError, Trainer};
-pub use training_set::{TrainingSetError, graph_of};
+pub use training_set::{TrainingSetError, domain_of, graph_of};

@@ -180,6 +180,9 @@ fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), R
         "steps_done": trainer.steps_done(),
         "dataset": dataset.index().name,
     });
+    if let Some(domain) = trainer.domain() {
+        account["domain"] = serde_json::json!(domain);
+    }
     if !trainer.origins().is_empty() {
         account["from"] = serde_json::json!(trainer.origins());
     }

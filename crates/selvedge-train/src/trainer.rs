@@ -6,7 +6,9 @@ use std::ops::ControlFlow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_data::Dataset;
-use selvedge_model::{Model, ModelError, Network, Normalizers, RunningStatistics, SpecError};
+use selvedge_model::{
+    Domain, Model, ModelError, Network, Normalizers, RunningStatistics, SpecError,
+};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -277,6 +279,12 @@ impl Trainer {
     #[must_use]
     pub fn origins(&self) -> &[Origin] {
         &self.origins
+    }
+
+    /// The domain of what is learned from.
+    #[must_use]
+    pub fn domain(&self) -> Option<&Domain> {
+        self.set.domain()
     }
 
     /// The mean gradient of the last step, after clipping, laid out like the weights.

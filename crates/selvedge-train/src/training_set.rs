@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::Environment;
+use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Connectivity, GraphError};
+use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError};
+use serde_json::Value;
 use thiserror::Error;
 
 use self::handle_track::HandleTrack;
@@ -50,6 +51,8 @@ pub(crate) struct TrainingSet {
     first_sample: Vec<usize>,
     /// Motions whose mirror images are left out.
     images_left_out: Vec<String>,
+    /// Of all trajectories.
+    domain: Option<Domain>,
 }
 
 /// A data set that cannot be learned from.
@@ -82,6 +85,30 @@ pub enum TrainingSetError {
 /// [`TrainingSetError`] when the scene's environment cannot be read, or the parts do not fit.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
     graph_in(motion, trajectory, environment_of(motion, trajectory)?)
+}
+
+/// The domain of a trajectory: its handles frame by frame, its cloth and, where its scene is known,
+/// environment and fabrics. Frames without a scene say nothing of these.
+///
+/// # Errors
+/// [`TrainingSetError::Environment`] when the scene's environment cannot be read.
+pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, TrainingSetError> {
+    let scene = &trajectory.provenance().scene;
+    let environment = environment_of(motion, trajectory)?;
+    let own = scene.pointer("/setting/material").into_iter();
+    let others = scene.pointer("/setting/fabrics").and_then(Value::as_object);
+    let values = own.chain(others.into_iter().flat_map(|fabrics| fabrics.values()));
+    let materials: Vec<Material> = values
+        .filter_map(|value| serde_json::from_value(value.clone()).ok())
+        .collect();
+    let frames = (0..trajectory.frame_count()).map(|frame| trajectory.frame(frame));
+    Ok(Domain::of_frames(
+        trajectory.cloth(),
+        &materials,
+        &environment,
+        trajectory.frame_rate(),
+        frames,
+    ))
 }
 
 fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, TrainingSetError> {
@@ -146,9 +173,11 @@ impl TrainingSet {
         let mut motions: Vec<Motion> = Vec::new();
         let mut images = Vec::new();
         let mut is_tested = Vec::new();
+        let mut domain: Option<Domain> = None;
         for entry in dataset.entries(Split::Train) {
             let trajectory = dataset.read(entry)?;
             let environment = environment_of(&entry.motion, &trajectory)?;
+            Domain::widen(&mut domain, domain_of(&entry.motion, &trajectory)?);
             if mirror_images {
                 let environment = mirrored(&entry.motion, environment)?;
                 let image = trajectory.mirrored();
@@ -188,12 +217,18 @@ impl TrainingSet {
             sections,
             first_sample,
             images_left_out,
+            domain,
         })
     }
 
     /// The motions whose mirror images are left out, because their handles would go as in a test.
     pub(crate) fn images_left_out(&self) -> &[String] {
         &self.images_left_out
+    }
+
+    /// The domain of what is learned from; none without trajectories.
+    pub(crate) fn domain(&self) -> Option<&Domain> {
+        self.domain.as_ref()
     }
 
     /// The graphs of all trajectories.

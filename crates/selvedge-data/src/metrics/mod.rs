@@ -11,9 +11,11 @@ use thiserror::Error;
 
 use crate::Frames;
 
+pub(crate) mod character;
 pub(crate) mod distribution;
 mod over_time;
 
+pub use character::Character;
 pub use over_time::{
     diverged_frame, first_strained_frame, per_frame_edge_length_rmse, relative_error,
 };

@@ -22,6 +22,7 @@ use thiserror::Error;
 
 use super::measures::MeasureError;
 use crate::cause::chain;
+use crate::domain::{self, DomainError};
 use crate::event::Reporter;
 use crate::machine::{Machine, StartError};
 use crate::physics::{RestPoseError, find_rest_pose};
@@ -52,6 +53,7 @@ pub enum ContestantError {
     Graph(#[from] TrainingSetError),
     Model(#[from] StartError),
     Guard(#[from] WatchError),
+    Domain(#[from] DomainError),
     #[error("{0}")]
     Mirror(String),
     #[error("there is no mirror of this scene")]
@@ -176,6 +178,19 @@ impl Contestant {
             }
             Racer::Rigid | Racer::Mirror | Racer::Physics(_) | Racer::Truth => false,
         }
+    }
+
+    /// Parts of a trajectory that a model was not trained on, in words; nothing where its file does
+    /// not say, or for another contestant.
+    ///
+    /// # Errors
+    /// Another frame rate than that of the training.
+    pub(super) fn beyond(&self, course: &Course<'_>) -> Result<Vec<String>, DomainError> {
+        let Racer::Model(model, ..) = &self.racer else {
+            return Ok(Vec::new());
+        };
+        let found = domain::of_trajectory(model, course.motion, course.truth)?;
+        Ok(found.into_iter().flatten().map(|d| d.words).collect())
     }
 
     /// Makes the contestant ready to run along `course`. A model starts at frame `start` and knows

@@ -2,7 +2,7 @@
 //! all are against the recorded truth.
 
 use glam::Vec3;
-use selvedge_data::metrics::{self, MetricError};
+use selvedge_data::metrics::{self, Character, MetricError};
 use selvedge_data::{Frames, FramesError, Trajectory};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -125,6 +125,15 @@ impl Curves {
             largest_strain: strains(truth, b)?,
         })
     }
+}
+
+/// The character of a run's `positions` `[m]`, `[frames * vertices]`.
+///
+/// # Errors
+/// When the run is of another mesh.
+pub(super) fn character(truth: &Trajectory, positions: &[Vec3]) -> Result<Character, MeasureError> {
+    let frames = Frames::new(positions, truth.vertex_count())?;
+    Ok(Character::of(frames, truth.cloth(), truth.frame_rate())?)
 }
 
 /// The largest strain of each of `frames` against the material of the truth's cloth.

@@ -20,6 +20,7 @@ mod timing;
 use std::sync::Arc;
 
 use selvedge_cloth::Scene;
+use selvedge_data::metrics::Character;
 use selvedge_data::{Dataset, DatasetError, Entry, RecordingEnd, Split, Trajectory, metrics};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -109,6 +110,12 @@ pub struct Row {
     pub guarded: Option<GuardSummary>,
     /// Errors over k steps from the truth.
     pub horizons: Vec<Horizon>,
+    /// The character of the run's motion, and of its truth's; none where it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub character: Option<(Character, Character)>,
+    /// Parts of the motion that a model was not trained on, in words, if its file says so much.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beyond: Vec<String>,
     /// The reason where there are no measures.
     pub failure: Option<String>,
     /// Frame by frame, as far as the run went.
@@ -286,6 +293,8 @@ fn run(
         diverged_frame: None,
         guarded: None,
         horizons: Vec::new(),
+        character: None,
+        beyond: Vec::new(),
         failure: None,
         curves: Curves::default(),
     };
@@ -305,6 +314,7 @@ fn fill(
     on_frame: &mut dyn FnMut() -> std::ops::ControlFlow<()>,
 ) -> Result<(), ContestantError> {
     let course = trial.course(truth);
+    row.beyond = contestant.beyond(&course)?;
     let mut runner = contestant.runner(&course, 0)?;
     let recording = runner.run(truth.frame_count() - 1, on_frame);
     row.guarded = runner.guarded();
@@ -322,6 +332,8 @@ fn fill(
         RecordingEnd::Complete | RecordingEnd::Stopped => {
             row.unstable_frame = strained;
             row.measures = Some(Measures::of(truth, &recording.positions)?);
+            let its = measures::character(truth, &recording.positions)?;
+            row.character = Some((its, measures::character(truth, truth.positions())?));
         }
     }
     row.horizons = match contestant.who() {

@@ -1,5 +1,6 @@
 //! One contestant over several motions: means of its measures, how many runs stayed whole.
 
+use selvedge_data::metrics::Character;
 use serde::Serialize;
 
 use super::{Horizon, Measures, Row};
@@ -20,6 +21,9 @@ pub struct Summary {
     pub guarded: Option<GuardSummary>,
     /// Means over the motions; none where one run failed: a mean over the others would flatter.
     pub measures: Option<Measures>,
+    /// The character of the motions, as ratios to their truths in the order of
+    /// [`Character::NAMES`]; none where one run failed.
+    pub ratios: Option<[Option<f64>; 7]>,
     /// Means over the motions, for those k that every motion has.
     pub horizons: Vec<Horizon>,
 }
@@ -45,6 +49,10 @@ pub fn summary(rows: &[&Row]) -> Summary {
             Measures::mean(measured())
         } else {
             None
+        },
+        ratios: {
+            let pairs: Option<Vec<_>> = rows.iter().map(|row| row.character).collect();
+            pairs.map(|pairs| Character::ratios(&pairs))
         },
         horizons: horizons(rows),
     }

@@ -39,6 +39,9 @@ pub fn evaluation_page(heading: Heading<'_>, contest: &Contest<'_>) -> Result<Pa
         "edge-length errors",
         bars(contest, Measure::EdgeLength)?,
     );
+    page.section("What the motions are like");
+    page.say(LIKENESS);
+    page.say(&markdown::likeness_table(contest));
     page.section("Steps from the truth");
     page.say(&markdown::horizon_table(contest));
     page.plot("steps.svg", "errors by steps", horizons_plot(contest)?);
@@ -63,6 +66,7 @@ pub fn evaluation_page(heading: Heading<'_>, contest: &Contest<'_>) -> Result<Pa
     Ok(page)
 }
 
+const LIKENESS: &str = "Ratios to the truth over whole runs: 1 is as the truth. Folds are the mean size of the bending angles, stretch and compression the strains of which 99 % and 1 % of the edges have less, acceleration and jerk root mean squares over the vertices.";
 const BOTH_ERRORS: &str = "Position / edge-length RMSE in mm.";
 
 fn motion_by_motion(page: &mut Page, contest: &Contest<'_>) -> Result<(), PlotError> {

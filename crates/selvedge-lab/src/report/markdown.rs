@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use selvedge_data::metrics::Character;
+
 use super::{Contest, Subject};
 use crate::evaluation::{Row, Summary, Timing, summary};
 use crate::numbers::percent;
@@ -72,6 +74,21 @@ pub fn summary_table(contest: &Contest<'_>) -> String {
         let guarded = of.guarded.as_ref();
         cells.push(guarded.map_or_else(dash, |g| percent(g.share())));
         cells.push(guarded.map_or_else(dash, |g| millimetres(g.largest_correction)));
+        cells
+    };
+    table(&headings, &by_subject(contest, cells))
+}
+
+/// The character of whole runs, as ratios to their truths.
+pub(super) fn likeness_table(contest: &Contest<'_>) -> String {
+    let mut headings = headings(&["who"]);
+    headings.extend(Character::NAMES.map(str::to_owned));
+    let cells = |name: String, of: &Summary| {
+        let mut cells = vec![name];
+        match &of.ratios {
+            Some(ratios) => cells.extend(ratios.map(|r| r.map_or_else(dash, digits))),
+            None => cells.extend(vec!["failed".to_owned(); Character::NAMES.len()]),
+        }
         cells
     };
     table(&headings, &by_subject(contest, cells))

@@ -30,6 +30,8 @@ fn row(name: &str, who: Who, motion: &str, size: f64) -> Row {
             last_position_rmse: 0.1 * size,
             edge_length_rmse: 0.0,
         }],
+        character: None,
+        beyond: Vec::new(),
         failure: None,
         curves: Curves {
             position_rmse: vec![0.0, size, 2.0 * size],

@@ -11,7 +11,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use selvedge_model::Model;
+use selvedge_model::{Domain, Model};
 use selvedge_train::{CorrectionConfig, CorrectionSample, SampleSource};
 
 pub use self::scenes::{TeachingScenes, TeachingScenesError};
@@ -54,6 +54,10 @@ impl SampleSource for Teaching {
 
     fn gone_astray(&self) -> u64 {
         self.cloths.iter().map(TaughtCloth::gone_astray).sum()
+    }
+
+    fn domain(&self) -> Option<&Domain> {
+        self.scenes.domain.as_ref()
     }
 }
 

@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use selvedge_cloth::{Cloth, ClothError, Scene};
+use selvedge_cloth::{Cloth, ClothError, Scene, SceneError};
 use selvedge_corrected::cloth_graph;
 use selvedge_data::{DatasetPreset, SceneFileError, SceneSpecError, Setting, Split};
-use selvedge_model::{ClothGraph, GraphError};
+use selvedge_model::{ClothGraph, Domain, GraphError};
 use thiserror::Error;
 
 use crate::event::{OnEvent, Reporter};
@@ -22,6 +22,8 @@ pub enum TeachingScenesError {
     #[error("teacher.scenes: {0}")]
     Spec(#[from] SceneSpecError),
     #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
     RestPose(#[from] RestPoseError),
     #[error("the cloth of scene {scene:?}: {source}")]
     Cloth { scene: String, source: ClothError },
@@ -32,6 +34,8 @@ pub enum TeachingScenesError {
 /// Scenes with their cloths.
 pub struct TeachingScenes {
     pub(super) scenes: Vec<TeachingScene>,
+    /// Of all scenes.
+    pub(super) domain: Option<Domain>,
 }
 
 /// A scene whose cloth hangs in its rest pose.
@@ -62,6 +66,7 @@ impl TeachingScenes {
         let reporter = Reporter::new(on_event);
         let mut known: Vec<Hanging> = Vec::new();
         let mut scenes = Vec::new();
+        let mut domain: Option<Domain> = None;
         for name in names {
             let preset = DatasetPreset::open(name)?;
             for warning in preset.warnings() {
@@ -70,6 +75,9 @@ impl TeachingScenes {
             for motion in preset.motions(Split::Train) {
                 let loaded = preset.scene(motion)?;
                 let (setting, scene) = (loaded.spec.setting, loaded.scene);
+                let frames = scene.frame_count().map_err(SceneError::from)?;
+                let its = Domain::of_scene(&scene, frames).map_err(SceneError::from)?;
+                Domain::widen(&mut domain, its);
                 let place = known.iter().position(|cloth| cloth.setting == setting);
                 let place = match place {
                     Some(place) => place,
@@ -89,7 +97,7 @@ impl TeachingScenes {
                 });
             }
         }
-        Ok(Some(Self { scenes }))
+        Ok(Some(Self { scenes, domain }))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::domain::Domain;
 use crate::features::normalizer::Normalizer;
 use crate::network::Network;
 use crate::spec::{ModelSpec, SpecError};
@@ -64,6 +65,20 @@ impl Model {
             normalizers,
             training,
         })
+    }
+
+    /// The domain that the model was trained on, if its account of the training says so.
+    #[must_use]
+    pub fn domain(&self) -> Option<Domain> {
+        Domain::in_account(&self.training).ok().flatten()
+    }
+
+    /// The model with another domain in its account of the training; an account that is not a
+    /// JSON object is kept under `note`.
+    #[must_use]
+    pub fn with_domain(mut self, domain: &Domain) -> Self {
+        self.training = domain.write_into(&self.training);
+        self
     }
 
     /// The network.

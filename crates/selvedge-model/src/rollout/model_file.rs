@@ -7,6 +7,7 @@
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
 
+use crate::domain::Domain;
 use crate::features::normalizer::{Normalizer, NormalizerError};
 use crate::network::Network;
 use crate::network::parameters::Parameter;
@@ -39,6 +40,8 @@ pub enum ModelFileError {
     SpecText(#[from] serde_json::Error),
     #[error(transparent)]
     Spec(#[from] SpecError),
+    #[error("metadata \"training\": domain: {0}")]
+    Domain(serde_json::Error),
     #[error("tensor {name} is missing: the weights are of another spec than the file says")]
     Missing { name: String },
     #[error("tensor {name} is in the file, but the spec of the model has no such weight")]
@@ -99,6 +102,7 @@ impl Model {
             acceleration: acceleration?,
         };
         let training = text("training").unwrap_or_default().to_owned();
+        Domain::in_account(&training).map_err(ModelFileError::Domain)?;
         Ok(Self::new(&spec, weights, normalizers, training)?)
     }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use selvedge_data::{WriteError, write_atomically};
-use selvedge_model::{Model, ModelFileError};
+use selvedge_model::{Domain, Model, ModelFileError};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -33,6 +33,9 @@ pub trait SampleSource {
 
     /// Cloths that were begun anew so far, because a run went astray.
     fn gone_astray(&self) -> u64;
+
+    /// The domain of the samples; none where it is not known.
+    fn domain(&self) -> Option<&Domain>;
 }
 
 /// A training that failed; an earlier checkpoint is still whole.
@@ -117,7 +120,7 @@ pub fn run_correction(
             since_line.clear();
         }
         if saved.elapsed() >= limits.checkpoint_every {
-            save(trainer, folder)?;
+            save(trainer, source.domain(), folder)?;
             saved = Instant::now();
         }
         if observe(CorrectionEvent::Step(report)).is_break() {
@@ -125,7 +128,7 @@ pub fn run_correction(
         }
     };
     if trainer.steps_done() > 0 {
-        save(trainer, folder)?;
+        save(trainer, source.domain(), folder)?;
     }
     Ok(end)
 }
@@ -146,11 +149,18 @@ fn make_samples(
 
 /// Writes checkpoint and model. The model comes first into memory: it refuses weights that are not
 /// finite, and they must not replace a good checkpoint.
-fn save(trainer: &CorrectionTrainer, folder: &Path) -> Result<(), RunCorrectionError> {
-    let account = serde_json::json!({
+fn save(
+    trainer: &CorrectionTrainer,
+    domain: Option<&Domain>,
+    folder: &Path,
+) -> Result<(), RunCorrectionError> {
+    let mut account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),
     });
+    if let Some(domain) = domain {
+        account["domain"] = serde_json::json!(domain);
+    }
     let Some(model) = trainer.model(account.to_string())? else {
         return Ok(());
     };

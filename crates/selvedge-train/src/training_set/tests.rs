@@ -76,7 +76,7 @@ fn the_environment_is_that_of_the_scene() {
     let plain = crate::test_data::trajectory(("a", 9, 3), 0);
     let graph = graph_of("a", &plain).expect("a graph");
     assert_eq!(graph.environment(), &Environment::default());
-    let with = |environment: serde_json::Value| {
+    let with = |environment: Value| {
         let positions = plain.frames().iter().flatten().copied().collect();
         let mut provenance = plain.provenance().clone();
         provenance.scene = serde_json::json!({"setting": {"environment": environment}});

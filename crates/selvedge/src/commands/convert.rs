@@ -2,9 +2,11 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_data::write_atomically;
+use selvedge_data::{Dataset, write_atomically};
+use selvedge_lab::domain;
 use selvedge_lab::models::NamedModel;
 use selvedge_model::{Model, WeightType};
 use serde_json::json;
@@ -21,7 +23,11 @@ use crate::place;
 pub(crate) fn run(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--out", &args.out)])?;
-    let model = NamedModel::open(Some(&args.model))?.model;
+    let mut model = NamedModel::open(Some(&args.model))?.model;
+    if let Some(folder) = &args.trained_on {
+        let trained = domain::of_dataset(&Dataset::open(folder)?)?;
+        model = Arc::new(Model::clone(&model).with_domain(&trained));
+    }
     let bytes = model
         .to_bytes_as(weight_type(args.weights))
         .with_context(|| args.model.display().to_string())?;

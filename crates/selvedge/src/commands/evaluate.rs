@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
+use selvedge_data::metrics::Character;
 use selvedge_data::{Dataset, write_atomically};
 use selvedge_lab::evaluation::{
     Contestant, Evaluation, EvaluationPlan, Measures, Racer, Row, Summary, TestData, Timing, Who,
@@ -319,6 +320,9 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
             format!("{}, {} split", folder.display(), answered.split),
         );
     }
+    for (name, words, runs) in beyond(&evaluation.rows) {
+        facts.add("beyond training", format!("{name}: {words} ({runs})"));
+    }
     if answered.interrupted {
         facts.add("interrupted", "only the runs until then are here");
     }
@@ -326,6 +330,7 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
         facts.add("wrote", path.display());
     }
     let runs = runs_table(&evaluation.rows, &answered.means);
+    let likeness = likeness_table(&answered.means);
     let steps = steps_table(&answered.means);
     let stability = stability_table(&answered.means);
     let mut times = Table::new(["mesh", "who", "time per frame"]);
@@ -335,7 +340,30 @@ fn text(answered: &Answered<'_>, evaluation: &Evaluation, contest: &Contest<'_>)
     }
     let notes = "rigid: the rest pose moved with the handles; mirror: the physics from the other branch of the buckling; one run: it never starts from a true state, and over k steps these are k frames of its whole run";
     let failures = report::failures(contest);
-    format!("{facts}\n{runs}\n{notes}\n\n{stability}\n{steps}\n{times}\n{failures}")
+    format!("{facts}\n{runs}\n{notes}\n\n{stability}\n{likeness}\n{steps}\n{times}\n{failures}")
+}
+
+/// Departures from the training of each model: its name, the words, and the motions.
+fn beyond(rows: &[Row]) -> Vec<(String, String, String)> {
+    let mut found: Vec<(String, String, Vec<&str>)> = Vec::new();
+    for row in rows {
+        for words in &row.beyond {
+            let known = |f: &&mut (String, String, Vec<&str>)| f.0 == row.name && f.1 == *words;
+            match found.iter_mut().find(known) {
+                Some(known) => known.2.push(&row.motion),
+                None => found.push((row.name.clone(), words.clone(), vec![&row.motion])),
+            }
+        }
+    }
+    let in_words = |motions: &[&str]| match motions {
+        [one] => (*one).to_owned(),
+        [first, rest @ ..] => format!("{first} and {} more", rest.len()),
+        [] => String::new(),
+    };
+    let lines = found.into_iter();
+    lines
+        .map(|(name, words, motions)| (name, words, in_words(&motions)))
+        .collect()
 }
 
 /// A line for each run, and the means of everyone.
@@ -404,6 +432,21 @@ fn stability_table(means: &[Mean]) -> Table {
             None => cells.extend(["-", "-", "-"].map(str::to_owned)),
         }
         table.row(cells);
+    }
+    table
+}
+
+/// The character of the motions, as ratios to their truths.
+fn likeness_table(means: &[Mean]) -> Table {
+    let heads = std::iter::once("ratio to the truth").chain(Character::NAMES);
+    let mut table = Table::new(heads);
+    for mean in means.iter().filter(|mean| mean.who != Who::Truth) {
+        let cell = |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"));
+        let cells = match mean.summary.ratios {
+            Some(ratios) => ratios.map(cell),
+            None => std::array::from_fn(|_| "-".to_owned()),
+        };
+        table.row(std::iter::once(mean.name.clone()).chain(cells));
     }
     table
 }

@@ -15,12 +15,13 @@ use selvedge_cloth::{Cloth, Integrator, Scene};
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{LoadedScene, StartSpec, Trajectory, metrics};
 use selvedge_guard::Trust;
+use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::folder;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::physics::{self, TimedRun};
 use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchedModel};
-use selvedge_model::Model;
+use selvedge_model::{Departure, Model};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
@@ -38,6 +39,9 @@ const TRUTH: &str = "truth.safetensors";
 const SHEET: &str = "sheet.png";
 const CLIP: &str = "clip.gif";
 const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
+
+/// Text where a model has no domain.
+const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on (`selvedge convert --trained-on` writes it there)";
 
 /// Substeps of the truth that a model of corrected physics is compared with: its teacher's.
 const CONVERGED: u32 = 8;
@@ -59,6 +63,8 @@ struct RolloutReport {
     guarded: GuardSummary,
     /// The first of more than ten frames in a row with an edge over 30 % strain.
     diverged_frame: Option<usize>,
+    /// Parts of the scene that the model was not trained on; none where its file does not say.
+    beyond: Option<Vec<Departure>>,
     comparison: Option<Comparison>,
     wrote: Vec<PathBuf>,
     /// Files of an earlier rollout that this one does not write anew.
@@ -82,8 +88,9 @@ struct Prediction {
     guarded: GuardSummary,
 }
 
-/// A scene at rest, and the frames to be run.
+/// A scene at rest, the frames to be run, and the parts of both that the model was not trained on.
 struct Setup {
+    beyond: Option<Beyond>,
     loaded: LoadedScene,
     rest: SaggedRest,
     frames: usize,
@@ -103,13 +110,13 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     check_places(args, &wishes, &loaded)?;
     let model = NamedModel::open(args.model.as_deref())?;
     let machine = args.machine.open()?;
-    let setup = setup(args, loaded)?;
+    let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
     let Prediction { run, log, guarded } = predict(&setup, &model, &machine, args)?;
     let mut removed = remove_earlier(&args.out)?;
     write(&run.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
-        watched::write_trust(trust, &log)?;
+        watched::write_trust(trust, &log, setup.beyond.as_ref())?;
         wrote.push(trust.clone());
     }
     let truth_scene = truth_scene(&setup.loaded.scene, &model.model);
@@ -143,6 +150,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         guard: args.guard.name(),
         guarded,
         diverged_frame: diverged_frame(&log),
+        beyond: setup.beyond.map(|beyond| beyond.departures),
         comparison,
         wrote,
         removed,
@@ -170,13 +178,15 @@ fn remove_earlier(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// The rest pose of a scene, and the frames that are asked for.
-fn setup(args: &RolloutArgs, loaded: LoadedScene) -> anyhow::Result<Setup> {
+fn setup(args: &RolloutArgs, loaded: LoadedScene, model: &Model) -> anyhow::Result<Setup> {
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => loaded.scene.frame_count()?,
     };
+    let beyond = domain::of_scene(model, &loaded.scene, frames)?;
     let rest = physics::rest_pose(&loaded.scene, &mut progress::listener())?;
     Ok(Setup {
+        beyond,
         loaded,
         rest,
         frames,
@@ -377,6 +387,14 @@ fn text(report: &RolloutReport) -> Facts {
     }
     facts.add("largest strain", percent(report.largest_strain));
     facts.add("guard", guard_line(report));
+    match &report.beyond {
+        Some(departures) => {
+            for departure in departures {
+                facts.add("beyond training", departure);
+            }
+        }
+        None => facts.add("beyond training", NO_DOMAIN),
+    }
     if let Some(frame) = report.diverged_frame {
         facts.add("diverges", format!("from frame {frame} on"));
     }

@@ -1,5 +1,6 @@
 //! `selvedge stress`: a model along random motions, without a truth: how many runs stay whole.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use selvedge_lab::models::NamedModel;
@@ -7,6 +8,7 @@ use selvedge_lab::stress::{
     self, MeshChoice, StressError, StressPlan, StressRun, StressStage, StressSummary, quantile,
     summary,
 };
+use selvedge_model::Aspect;
 use serde::Serialize;
 
 use crate::cli::StressArgs;
@@ -49,6 +51,7 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
     let loaded = scenes::open(&args.scene)?;
     let stages =
         stress::stages(&args.scene, loaded, &meshes, &mut progress::listener()).map_err(usage)?;
+    stress::check_rate(&model, &stages)?;
     let plan = plan(args);
     let runs = stress::drive(&plan, &model, &stages, &mut progress::listener())?;
     if let Some(out) = &args.out {
@@ -116,6 +119,16 @@ fn report(
     }
 }
 
+/// Departures from the training, the first run's words for each, and in how many runs.
+fn beyond(runs: &[StressRun]) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<Aspect, (String, usize)> = BTreeMap::new();
+    for departure in runs.iter().flat_map(|run| &run.beyond) {
+        let first = (departure.words.clone(), 0);
+        counts.entry(departure.aspect).or_insert(first).1 += 1;
+    }
+    counts.into_values().collect()
+}
+
 fn text(report: &StressReport) -> String {
     let mut facts = Facts::new();
     let all = &report.all;
@@ -134,6 +147,9 @@ fn text(report: &StressReport) -> String {
         "stable",
         format!("{} ({})", all.stable, percent(all.stable_share)),
     );
+    for (words, runs) in beyond(&report.runs) {
+        facts.add("beyond training", format!("{words} in {runs} runs"));
+    }
     facts.add("lost frames", all.guarded.lost_in_words());
     facts.add("frames corrected", percent(all.guarded.share()));
     facts.add("largest correction", length(all.guarded.largest_correction));

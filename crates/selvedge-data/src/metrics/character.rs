@@ -1,0 +1,183 @@
+//! The character of a motion, without a truth beside it: how much it folds, stretches and shakes.
+//! Two motions of one cloth are alike where the ratios of these numbers are near 1, wherever their
+//! folds may be.
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::geometry::dihedral_angle;
+use selvedge_cloth::{Cloth, Topology};
+use serde::{Deserialize, Serialize};
+
+use super::{MetricError, check_mesh, edge_lengths, material_edge_lengths};
+use crate::Frames;
+
+/// Strains that percentiles are of, at most: those of whole frames, spread evenly.
+const MOST_STRAINS: usize = 2_000_000;
+
+/// The character of a motion: folds, strains and speeds in numbers. `[eq:character]`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Character {
+    /// Mean over frames and interior edges of the bending angle's size `[rad]`: folds.
+    pub folds: f64,
+    /// Mean over frames of the curvature's size, as the sum of angle times length over the area
+    /// `[1/m]`.
+    pub curvature: f64,
+    /// Strain of which 99 % of the edges have less.
+    pub stretch: f64,
+    /// Strain of which 1 % of the edges have less: compression, where it is negative.
+    pub compression: f64,
+    /// Mean kinetic energy `[J]`.
+    pub kinetic_energy: f64,
+    /// Root mean square acceleration of the vertices `[m/s²]`.
+    pub acceleration: f64,
+    /// Root mean square jerk of the vertices, the rate of their acceleration `[m/s³]`.
+    pub jerk: f64,
+}
+
+impl Character {
+    /// Names of the numbers, in the order of [`Self::values`].
+    pub const NAMES: [&'static str; 7] = [
+        "folds",
+        "curvature",
+        "stretch",
+        "compression",
+        "kinetic energy",
+        "acceleration",
+        "jerk",
+    ];
+
+    /// The character of `frames` of `cloth`, at so many frames per second. Numbers of rates are 0
+    /// where there are too few frames for a difference.
+    ///
+    /// # Errors
+    /// [`MetricError`] for frames of another mesh, or none.
+    pub fn of(frames: Frames<'_>, cloth: &Cloth, frame_rate: f64) -> Result<Self, MetricError> {
+        check_mesh(frames, cloth.topology())?;
+        let [folds, curvature] = bending(frames, cloth);
+        let [compression, stretch] = strains(frames, cloth);
+        let masses = cloth.vertex_mass();
+        let rate = frame_rate;
+        let velocity = Difference::of(frames, [-1.0, 1.0, 0.0, 0.0], masses);
+        let acceleration = Difference::of(frames, [1.0, -2.0, 1.0, 0.0], masses);
+        let jerk = Difference::of(frames, [-1.0, 3.0, -3.0, 1.0], masses);
+        Ok(Self {
+            folds,
+            curvature,
+            stretch,
+            compression,
+            kinetic_energy: 0.5 * velocity.weighted * rate.powi(2),
+            acceleration: acceleration.mean_square.sqrt() * rate.powi(2),
+            jerk: jerk.mean_square.sqrt() * rate.powi(3),
+        })
+    }
+
+    /// The numbers.
+    #[must_use]
+    pub fn values(&self) -> [f64; 7] {
+        [
+            self.folds,
+            self.curvature,
+            self.stretch,
+            self.compression,
+            self.kinetic_energy,
+            self.acceleration,
+            self.jerk,
+        ]
+    }
+
+    /// The numbers of several motions over those of their truths, each the ratio of two sums; none
+    /// where the truths have none of it.
+    #[must_use]
+    pub fn ratios(pairs: &[(Self, Self)]) -> [Option<f64>; 7] {
+        let (mut found, mut truth) = ([0.0; 7], [0.0; 7]);
+        for (its, of_truth) in pairs {
+            for (k, (a, b)) in its.values().iter().zip(of_truth.values()).enumerate() {
+                found[k] += a;
+                truth[k] += b;
+            }
+        }
+        std::array::from_fn(|k| (truth[k] != 0.0).then(|| found[k] / truth[k]))
+    }
+}
+
+/// Means over frames of a difference between neighbouring frames.
+struct Difference {
+    /// Of the squares, over vertices too `[m²]`.
+    mean_square: f64,
+    /// Of the sums over vertices of mass times square `[kg m²]`.
+    weighted: f64,
+}
+
+impl Difference {
+    /// The difference with these weights of a frame and those after it.
+    fn of(frames: Frames<'_>, weights: [f64; 4], masses: &[f32]) -> Self {
+        let width = weights.iter().rposition(|w| *w != 0.0).unwrap_or(0);
+        let (mut squares, mut weighted, mut count) = (0.0, 0.0, 0_usize);
+        for first in 0..frames.len().saturating_sub(width) {
+            for (vertex, mass) in masses.iter().enumerate() {
+                let mut sum = DVec3::ZERO;
+                for (offset, weight) in weights.iter().enumerate().take(width + 1) {
+                    sum += frames.frame(first + offset)[vertex].as_dvec3() * *weight;
+                }
+                let square = sum.length_squared();
+                squares += square;
+                weighted += f64::from(*mass) * square;
+            }
+            count += 1;
+        }
+        let vertices = masses.len().max(1);
+        Self {
+            mean_square: squares / (count.max(1) * vertices) as f64,
+            weighted: weighted / count.max(1) as f64,
+        }
+    }
+}
+
+/// Mean of |θ| over the interior edges, and sum of |θ| l over the area of the cloth.
+fn bending(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
+    let topology: &Topology = cloth.topology();
+    let areas = cloth.face_area();
+    let (mut angles, mut turned, mut area, mut count) = (0.0, 0.0, 0.0, 0_usize);
+    for positions in frames.iter() {
+        for edge in topology.edges() {
+            let (left, Some(right)) = edge.opposite else {
+                continue;
+            };
+            let at = |vertex: selvedge_cloth::VertexId| positions[vertex.index()].as_dvec3();
+            let [from, to] = edge.vertices.map(at);
+            let angle = dihedral_angle(from, to, at(left), at(right)).abs();
+            angles += angle;
+            turned += angle * from.distance(to);
+            count += 1;
+        }
+        area += areas.iter().map(|a| f64::from(*a)).sum::<f64>();
+    }
+    [
+        angles / count.max(1) as f64,
+        turned / area.max(f64::MIN_POSITIVE),
+    ]
+}
+
+/// The strains of which 1 % and 99 % of all edges have less.
+fn strains(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
+    let lengths = material_edge_lengths(cloth);
+    let every = (frames.len() * lengths.len()).div_ceil(MOST_STRAINS).max(1);
+    let of_frame = |positions: &[Vec3]| -> Vec<f64> {
+        edge_lengths(positions, cloth.topology())
+            .zip(&lengths)
+            .map(|(length, rest)| (length - rest) / rest)
+            .collect()
+    };
+    let mut all: Vec<f64> = frames.iter().step_by(every).flat_map(of_frame).collect();
+    let mut quantile = |part: f64| -> f64 {
+        let Some(last) = all.len().checked_sub(1) else {
+            return 0.0;
+        };
+        let place = (part * last as f64).round() as usize;
+        *all.select_nth_unstable_by(place, f64::total_cmp).1
+    };
+    [quantile(0.01), quantile(0.99)]
+}
+
+#[cfg(test)]
+mod tests;
