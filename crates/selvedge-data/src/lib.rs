@@ -75,7 +75,7 @@ pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;
 pub use formats::obj::{parse_obj, parse_obj_with, read_obj, write_obj};
 pub use formats::polygons::{
-    MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
+    FabricNames, MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
     RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};

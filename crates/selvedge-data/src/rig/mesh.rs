@@ -66,6 +66,7 @@ fn add(polygons: &mut Polygons, rig: &Rig, mesh: NodeMesh) -> Result<(), RigErro
             place: Place::Face(polygons.polygons.len()),
             corners,
             fabric,
+            label: None,
             part: polygons.parts.len(),
         });
     }

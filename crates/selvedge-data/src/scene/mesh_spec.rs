@@ -11,7 +11,7 @@ use thiserror::Error;
 use crate::formats::hash::hash;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
+    FabricNames, MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
     TextureUnit,
 };
 
@@ -76,6 +76,9 @@ pub enum MeshSource {
         /// Distance up to which vertices are one `[m]`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         weld: Option<f64>,
+        /// Statements that give faces their fabrics.
+        #[serde(default, skip_serializing_if = "is_default")]
+        fabrics: FabricNames,
     },
 }
 
@@ -232,6 +235,7 @@ impl MeshSource {
             pattern: options.pattern,
             thread: options.thread,
             weld: options.weld,
+            fabrics: options.fabrics,
         })
     }
 }
@@ -302,6 +306,7 @@ impl MeshSource {
                 pattern,
                 thread,
                 weld,
+                fabrics,
             } => {
                 let options = MeshOptions {
                     seams: *seams,
@@ -309,6 +314,7 @@ impl MeshSource {
                     pattern: *pattern,
                     thread: *thread,
                     weld: *weld,
+                    fabrics: *fabrics,
                 };
                 let bytes = unchanged(path, blake3, folder)?;
                 let full = folder.join(path);

@@ -17,7 +17,7 @@ use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpecError, Setting};
 use crate::formats::polygons::{
-    MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    FabricNames, MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 use crate::obstacle::{ObstacleFile, ObstacleSpec};
 
@@ -136,7 +136,6 @@ impl SettingFile {
             contact: self.contact,
             obstacles: resolved_obstacles(self.obstacles, folder)?,
         };
-        warnings.extend(damping_warning(&setting));
         Ok(ResolvedSetting {
             setting,
             mesh: sheet.mesh,
@@ -165,21 +164,6 @@ fn resolved_obstacles(
     Ok(made)
 }
 
-/// A warning of fabrics whose damping is not that of the cloth, of which there is one for all.
-fn damping_warning(setting: &Setting) -> Option<String> {
-    let damping = setting.material.damping;
-    let mut others = setting
-        .fabrics
-        .iter()
-        .filter(|(_, fabric)| fabric.damping != damping);
-    others.next().map(|(name, fabric)| {
-        format!(
-            "fabrics: {name:?} has a damping of {} s, but a cloth has one for all its faces: {damping} s, that of its material",
-            fabric.damping
-        )
-    })
-}
-
 impl MeshFile {
     /// Looks for a mesh file from `folder`.
     pub(crate) fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
@@ -189,6 +173,7 @@ impl MeshFile {
             pattern: self.pattern.unwrap_or_default(),
             thread: self.thread,
             weld: self.weld,
+            fabrics: FabricNames::default(),
         };
         let for_files = self.seams.is_some()
             || self.texture.is_some()

@@ -60,6 +60,9 @@ pub fn sag_with_progress(
     };
     // Only the motion on the way to rest can be damped.
     scene.material.damping = 0.0;
+    for fabric in scene.fabrics.values_mut() {
+        fabric.damping = 0.0;
+    }
     scene.physics.least_damping = Some(0.0);
     let rest = find_equilibrium(scene, approach, progress)?;
     let (materials, _) = scene.materials();

@@ -2,9 +2,8 @@
 
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
-use crate::laws::bend::BendResponse;
 use crate::lists::Lists;
-use crate::solver::elements::{Elements, FaceResponse};
+use crate::solver::elements::{Elements, FaceResponse, HingeResponse};
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
@@ -40,7 +39,6 @@ impl Contributions {
         air: &mut [DMat3],
         blocks: &mut [DMat3],
     ) {
-        let jacobian = elements.jacobian_scale();
         let ninth = elements.time_step() / 9.0;
         let responses = &elements.faces.responses;
         threads.each(air, |k, air| *air = responses[k].air.matrix(ninth));
@@ -48,13 +46,16 @@ impl Contributions {
             let mut sum = DMat3::ZERO;
             for &entry in self.faces.of(slot) {
                 let (face, row, column) = unpack(entry);
-                let stretch = &responses[face].stretch;
-                sum += stretch.negative_jacobian(row, column) * jacobian;
+                let FaceResponse {
+                    stretch, jacobian, ..
+                } = &responses[face];
+                sum += stretch.negative_jacobian(row, column) * *jacobian;
                 sum += air[face];
             }
             for &entry in self.hinges.of(slot) {
                 let (hinge, row, column) = unpack(entry);
-                sum += elements.hinges.responses[hinge].negative_jacobian(row, column) * jacobian;
+                let HingeResponse { bend, jacobian } = &elements.hinges.responses[hinge];
+                sum += bend.negative_jacobian(row, column) * *jacobian;
             }
             if let Some(&vertex) = self.vertices.get(slot) {
                 sum += DMat3::from_diagonal(DVec3::splat(elements.mass[vertex as usize]));
@@ -134,27 +135,27 @@ impl Singles {
     }
 
     fn take(&mut self, threads: Threads, elements: &Elements, scale: f64) {
-        let jacobian = elements.jacobian_scale() * scale;
         let ninth = elements.time_step() * scale / 9.0;
         threads.each(&mut self.faces, |k, single| {
-            *single = SingleFace::new(&elements.faces.responses[k], jacobian, ninth);
+            *single = SingleFace::new(&elements.faces.responses[k], scale, ninth);
         });
         threads.each(&mut self.hinges, |k, single| {
-            let BendResponse {
-                gradient,
-                stiffness,
-                ..
-            } = &elements.hinges.responses[k];
-            let root = (stiffness * jacobian).sqrt();
-            *single = gradient.map(|g| (g * root).as_vec3a());
+            let HingeResponse { bend, jacobian } = &elements.hinges.responses[k];
+            let root = (bend.stiffness * (jacobian * scale)).sqrt();
+            *single = bend.gradient.map(|g| (g * root).as_vec3a());
         });
     }
 }
 
 impl SingleFace {
-    fn new(response: &FaceResponse, jacobian: f64, ninth: f64) -> Self {
-        let FaceResponse { stretch, air } = response;
-        let scale = stretch.element.area * jacobian;
+    /// The contribution of a face with this response, times `scale`; `ninth` is dt/9 of it `[s]`.
+    fn new(response: &FaceResponse, scale: f64, ninth: f64) -> Self {
+        let FaceResponse {
+            stretch,
+            air,
+            jacobian,
+        } = response;
+        let scale = stretch.element.area * (jacobian * scale);
         let [through, across] = air.resistance.map(|resistance| resistance * ninth);
         Self {
             along: [stretch.along_u.as_vec3a(), stretch.along_v.as_vec3a()],

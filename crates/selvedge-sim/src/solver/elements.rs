@@ -26,6 +26,8 @@ pub(crate) struct Face {
 pub(crate) struct Hinge {
     pub(crate) corners: [u32; 4],
     element: BendElement,
+    /// Stiffness-proportional damping `[s]`: the mean of its two faces'. `[eq:hinge-damping]`
+    damping: f64,
 }
 
 /// A law for each material.
@@ -39,6 +41,16 @@ enum StretchLaws {
 pub(crate) struct FaceResponse {
     pub(crate) stretch: StretchResponse,
     pub(crate) air: AirResponse,
+    /// Factor from its Jacobian to a mass `[s²]`: dt (dt + c), c its damping.
+    pub(crate) jacobian: f64,
+}
+
+/// Response of a hinge at the last evaluation.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct HingeResponse {
+    pub(crate) bend: BendResponse,
+    /// Factor from its Jacobian to a mass `[s²]`: dt (dt + c), c its damping.
+    pub(crate) jacobian: f64,
 }
 
 /// The point of a linearisation and its factors.
@@ -46,10 +58,9 @@ pub(crate) struct FaceResponse {
 pub(crate) struct Linearisation<'a> {
     /// Factor from a force to an impulse `[s]`: dt, or γ of a stage.
     pub(crate) dt: f64,
-    /// dt (dt + c), the factor from a Jacobian to a mass `[s²]`.
-    pub(crate) jacobian: f64,
-    /// Factor from the Jacobian times `rates` to an impulse `[s²]`.
-    pub(crate) rate: f64,
+    /// Time over which `rates` carry the elements on from `positions` `[s]`: dt where these are the
+    /// start of a step, 0 where they are its end.
+    pub(crate) ahead: f64,
     /// Positions of faces and hinges `[m]`, `[vertices]`.
     pub(crate) positions: &'a [DVec3],
     /// Velocities to which the Jacobian is applied `[m/s]`, `[vertices]`.
@@ -64,18 +75,34 @@ pub(crate) struct Linearisation<'a> {
     pub(crate) air_resistance: AirResistance,
 }
 
+impl Linearisation<'_> {
+    /// dt (dt + c), the factor from a Jacobian to a mass `[s²]`, for a damping of c `[s]`.
+    #[inline(always)]
+    fn jacobian(&self, damping: f64) -> f64 {
+        self.dt * (self.dt + damping)
+    }
+
+    /// Factor from the Jacobian times `rates` to an impulse `[s²]`, for a damping of c `[s]`.
+    #[inline(always)]
+    fn rate(&self, damping: f64) -> f64 {
+        self.dt * (self.ahead + damping)
+    }
+}
+
 /// The faces of a cloth, evaluated.
 pub(crate) struct Faces {
     pub(crate) faces: Vec<Face>,
     pub(crate) responses: Vec<FaceResponse>,
     /// Impulse on each corner `[N s]`.
     impulses: Vec<[DVec3; 3]>,
+    /// Stiffness-proportional damping of each material `[s]`.
+    damping: Vec<f64>,
 }
 
 /// The hinges of a cloth, evaluated.
 pub(crate) struct Hinges {
     pub(crate) hinges: Vec<Hinge>,
-    pub(crate) responses: Vec<BendResponse>,
+    pub(crate) responses: Vec<HingeResponse>,
     /// Impulse of a hinge along its angle's gradient.
     impulses: Vec<f64>,
     law: BendingLaw,
@@ -87,16 +114,13 @@ pub(crate) struct Elements {
     pub(crate) hinges: Hinges,
     stretch_laws: StretchLaws,
     environment: Environment,
-    /// Stiffness-proportional damping of the material `[s]`.
-    pub(crate) damping: f64,
     /// Mass of each vertex `[kg]`.
     pub(crate) mass: Vec<f64>,
     /// Per vertex, 4 · face + corner.
     faces_of: Lists,
     /// Per vertex, 4 · hinge + corner.
     hinges_of: Lists,
-    /// dt (dt + c) and dt of the last evaluation.
-    jacobian: f64,
+    /// dt of the last evaluation `[s]`.
     dt: f64,
 }
 
@@ -118,7 +142,9 @@ impl Elements {
                 material: material as u32,
             })
             .collect();
-        let hinges = hinges(mesh, &materials, &material_of);
+        let damping = materials.iter().map(|m| scene.physics.damping(m.damping));
+        let damping: Vec<f64> = damping.collect();
+        let hinges = hinges(scene, &materials, &material_of, &damping);
         let vertex_count = mesh.topology().vertex_count();
         let tables = materials.iter().map(|material| material.stretch);
         Self {
@@ -128,9 +154,10 @@ impl Elements {
                 responses: vec![FaceResponse::default(); faces.len()],
                 impulses: vec![[DVec3::ZERO; 3]; faces.len()],
                 faces,
+                damping,
             },
             hinges: Hinges {
-                responses: vec![BendResponse::default(); hinges.len()],
+                responses: vec![HingeResponse::default(); hinges.len()],
                 impulses: vec![0.0; hinges.len()],
                 hinges,
                 law: scene.physics.bending,
@@ -142,9 +169,7 @@ impl Elements {
                 StretchLookup::Grid => StretchLaws::Grid(tables.map(GridStiffness::new).collect()),
             },
             environment: scene.environment,
-            damping: scene.physics.damping(scene.material.damping),
             mass: scene.rest_shape().vertex_mass,
-            jacobian: 0.0,
             dt: 0.0,
         }
     }
@@ -155,14 +180,14 @@ impl Elements {
     }
 
     /// Evaluates every element at `at`, and sums the impulses on each vertex into `impulses` `[N
-    /// s]`: dt (m g + F + F_air) + rate J rates.
+    /// s]`: dt (m g + F + F_air) + dt (ahead + c) J rates, c the damping of each element.
     pub(crate) fn evaluate(
         &mut self,
         threads: Threads,
         at: Linearisation<'_>,
         impulses: &mut [DVec3],
     ) {
-        (self.jacobian, self.dt) = (at.jacobian, at.dt);
+        self.dt = at.dt;
         let air = &self.environment;
         let faces = &mut self.faces;
         match (&self.stretch_laws, at.stiffening) {
@@ -188,7 +213,7 @@ impl Elements {
         }
         for &entry in self.hinges_of.of(v) {
             let (hinge, corner) = ((entry >> 2) as usize, (entry & 3) as usize);
-            sum += self.hinges.responses[hinge].gradient[corner] * self.hinges.impulses[hinge];
+            sum += self.hinges.responses[hinge].bend.gradient[corner] * self.hinges.impulses[hinge];
         }
         sum
     }
@@ -196,7 +221,7 @@ impl Elements {
     /// `product` = (M - dt (dt + c) J + dt D_air) `vector` of the last evaluation, `[vertices]`
     /// each, without a matrix.
     pub(crate) fn multiply(&mut self, threads: Threads, vector: &[DVec3], product: &mut [DVec3]) {
-        let (jacobian, dt) = (self.jacobian, self.dt);
+        let dt = self.dt;
         let (faces, responses) = (&self.faces.faces, &self.faces.responses);
         threads.each(&mut self.faces.impulses, |k, pushes| {
             let vectors = select(vector, &faces[k].corners);
@@ -204,23 +229,19 @@ impl Elements {
             let resisting = response.stretch.negative_jacobian_times(vectors);
             let air = response.air.resist(vectors[0] + vectors[1] + vectors[2]) * (dt / 9.0);
             for (push, resisting) in pushes.iter_mut().zip(resisting) {
-                *push = resisting * jacobian + air;
+                *push = resisting * response.jacobian + air;
             }
         });
         let (hinges, bent) = (&self.hinges.hinges, &self.hinges.responses);
         threads.each(&mut self.hinges.impulses, |k, push| {
-            let rate = bent[k].rate(select(vector, &hinges[k].corners));
-            *push = bent[k].stiffness * jacobian * rate;
+            let HingeResponse { bend, jacobian } = &bent[k];
+            let rate = bend.rate(select(vector, &hinges[k].corners));
+            *push = bend.stiffness * jacobian * rate;
         });
         let this = &*self;
         threads.each(product, |v, product| {
             *product = vector[v] * this.mass[v] + this.gathered(v);
         });
-    }
-
-    /// dt (dt + c) of the last evaluation `[s²]`.
-    pub(crate) fn jacobian_scale(&self) -> f64 {
-        self.jacobian
     }
 
     /// dt of the last evaluation `[s]`.
@@ -233,10 +254,18 @@ impl Hinges {
     fn evaluate(&mut self, threads: Threads, at: Linearisation<'_>) {
         let (hinges, law) = (&self.hinges, self.law);
         threads.each_pair(&mut self.responses, &mut self.impulses, |k, bent, push| {
-            let Hinge { corners, element } = &hinges[k];
-            *bent = element.respond(law, select(at.positions, corners));
-            let rate = bent.rate(select(at.rates, corners));
-            *push = -bent.stiffness * (at.dt * bent.angle + at.rate * rate);
+            let Hinge {
+                corners,
+                element,
+                damping,
+            } = &hinges[k];
+            let bend = element.respond(law, select(at.positions, corners));
+            let rate = bend.rate(select(at.rates, corners));
+            *push = -bend.stiffness * (at.dt * bend.angle + at.rate(*damping) * rate);
+            *bent = HingeResponse {
+                bend,
+                jacobian: at.jacobian(*damping),
+            };
         });
     }
 }
@@ -250,7 +279,7 @@ impl Faces {
         environment: &Environment,
         at: Linearisation<'_>,
     ) {
-        let faces = &self.faces;
+        let (faces, damping) = (&self.faces, &self.damping);
         threads.each_pair(
             &mut self.responses,
             &mut self.impulses,
@@ -260,7 +289,7 @@ impl Faces {
                     element,
                     material,
                 } = &faces[k];
-                let law = &laws[*material as usize];
+                let (law, damping) = (&laws[*material as usize], damping[*material as usize]);
                 let places = select(at.positions, corners);
                 let stretch = if STIFFENING {
                     element.respond_stiffening(law, places)
@@ -276,12 +305,17 @@ impl Faces {
                 );
                 let resisting = stretch.negative_jacobian_times(select(at.rates, corners));
                 let third = air.force * (at.dt / 3.0);
+                let rate = at.rate(damping);
                 let force = stretch.force();
                 for (push, (force, resisting)) in pushes.iter_mut().zip(force.iter().zip(resisting))
                 {
-                    *push = *force * at.dt - resisting * at.rate + third;
+                    *push = *force * at.dt - resisting * rate + third;
                 }
-                *response = FaceResponse { stretch, air };
+                *response = FaceResponse {
+                    stretch,
+                    air,
+                    jacobian: at.jacobian(damping),
+                };
             },
         );
     }
@@ -297,8 +331,14 @@ fn select<const N: usize>(vectors: &[DVec3], corners: &[u32; N]) -> [DVec3; N] {
     selected
 }
 
-/// The hinges of a mesh, whose faces have these materials.
-fn hinges(mesh: &Mesh, materials: &[&Material], material_of: &[usize]) -> Vec<Hinge> {
+/// The hinges of a scene's mesh, whose faces have these materials of this damping `[s]`.
+fn hinges(
+    scene: &Scene,
+    materials: &[&Material],
+    material_of: &[usize],
+    damping: &[f64],
+) -> Vec<Hinge> {
+    let mesh = &scene.mesh;
     let (topology, pattern) = (mesh.topology(), mesh.pattern());
     let interior = topology.edges().iter().enumerate();
     interior
@@ -311,12 +351,17 @@ fn hinges(mesh: &Mesh, materials: &[&Material], material_of: &[usize]) -> Vec<Hi
                 along: side.ends[1] - side.ends[0],
                 area: side.area(),
             };
+            let [one, other] = [&left, &right].map(|s| damping[material_of[s.face.index()]]);
             let element = BendElement::across([side(left), side(right)])
                 .resting_at(mesh.rest_angles().get(number).copied().unwrap_or(0.0))
                 .stiffened(if is_seam { mesh.seam_stiffness() } else { 1.0 });
             let [from, to] = edge.vertices;
             let corners = [from.0, to.0, edge.opposite.0.0, opposite.0];
-            Some(Hinge { corners, element })
+            Some(Hinge {
+                corners,
+                element,
+                damping: 0.5 * (one + other),
+            })
         })
         .collect()
 }

@@ -221,11 +221,9 @@ impl System {
                 self.driven[v] = (*target - state.positions[v]) / dt;
             }
         }
-        let jacobian = dt * (dt + self.elements.damping);
         let at = Linearisation {
             dt,
-            jacobian,
-            rate: jacobian,
+            ahead: dt,
             positions: &state.positions,
             rates: &self.driven,
             air_positions: &state.positions,
@@ -264,8 +262,7 @@ impl System {
         };
         let at = Linearisation {
             dt: gamma,
-            jacobian: gamma * (gamma + self.elements.damping),
-            rate: gamma * self.elements.damping,
+            ahead: 0.0,
             positions: &now.positions,
             rates: &now.velocities,
             air_positions,

@@ -15,7 +15,7 @@ use super::super::text::read_text;
 use super::object::{Object, numbers, parse_json};
 use super::parts::Parts;
 use super::shared::find_file;
-use crate::formats::polygons::{MeshOptions, Sewing};
+use crate::formats::polygons::{FabricNames, MeshOptions, Sewing};
 
 /// Ranges of factors of a material, of mass per area `[kg/m²]` and of damping `[s]`.
 const FACTORS: RangeInclusive<f64> = 1e-6..=1e6;
@@ -33,8 +33,8 @@ pub(super) struct SceneCloth {
 }
 
 impl SceneCloth {
-    /// The further materials by the labels of faces, of which the mesh has these; one that no face
-    /// has is warned of.
+    /// The further materials by the labels of faces, of which the mesh has these. One that no face
+    /// has is warned of, and so is a label without a material.
     pub(super) fn fabrics(
         &self,
         labels: &[String],
@@ -51,10 +51,18 @@ impl SceneCloth {
                 ));
             }
         }
-        let damping = self.material.damping;
-        if fabrics.values().any(|fabric| fabric.damping != damping) {
+        let count = self.others.len() + 1;
+        let has_material = |label: &&String| label.parse().is_ok_and(|n: usize| n < count);
+        let others: Vec<&str> = labels
+            .iter()
+            .filter(|label| !has_material(label))
+            .map(String::as_str)
+            .collect();
+        if !others.is_empty() {
             warnings.push(format!(
-                "a cloth has one damping for all its faces: {damping} s, that of its first material"
+                "faces with the label {} have the first material: cloths[0].materials has {count}, of the labels 0 to {}",
+                others.join(", "),
+                count - 1
             ));
         }
         fabrics
@@ -117,8 +125,12 @@ fn read_mesh(
         };
         placed.finish(warnings);
     }
+    let options = MeshOptions {
+        fabrics: FabricNames::Labels,
+        ..MeshOptions::default()
+    };
     Ok(MeshSpec {
-        source: MeshSource::obj(&found, folder, MeshOptions::default())?,
+        source: MeshSource::obj(&found, folder, options)?,
         transform,
         rest_angles: None,
         sewing: Sewing::default(),

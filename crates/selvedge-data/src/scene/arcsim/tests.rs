@@ -401,6 +401,45 @@ fn labels_of_faces_choose_materials_and_velocities_are_those_of_the_start() {
     assert_eq!(state.positions, scene.mesh.positions());
 }
 
+#[test]
+fn names_of_materials_are_no_labels() {
+    let desk = Desk::new();
+    let materials = "\"damping\": 0.001}, {\"data\": \"felt.json\", \"damping\": 0.02}],";
+    let square = |first: &str, second: &str| {
+        let faces = ["f 1/1 2/2 3/3\n", "f 1/1 3/3 4/4\n"];
+        let text = SQUARE.replace(faces[0], &format!("{first}{}", faces[0]));
+        desk.write("square.obj", &text.replace(faces[1], &format!("{second}{}", faces[1])));
+        desk.edited("\"damping\": 0.001}],", materials).unwrap()
+    };
+    // The first face has no label, the second has the label 1 whatever its material is called.
+    let loaded = square("usemtl 1\n", "usemtl Silk\n");
+    assert_eq!(loaded.scene.materials().1, [0, 0]);
+    let named = |warning: &str| {
+        let found = loaded.warnings.iter().any(|w| w.contains(warning));
+        assert!(found, "{warning}: {:?}", loaded.warnings);
+    };
+    named("usemtl is passed over, as ARCSim passes over it: \"1\", \"Silk\", the first face at line");
+    named("cloths[0].materials[1] is left out: no face of the mesh has the label 1");
+    let loaded = square("usemtl 1\n", "fl 0\nusemtl Silk\n");
+    assert_eq!(loaded.scene.materials().1, [0, 0]);
+    // One material for all says nothing.
+    let loaded = square("usemtl Cloth\n", "");
+    assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);
+    // Labels choose materials with a damping of their own, and one without a material is named.
+    desk.write("square.obj", &format!("{SQUARE}fl 1\n"));
+    let loaded = desk.edited("\"damping\": 0.001}],", materials).unwrap();
+    let (materials, of_face) = loaded.scene.materials();
+    assert_eq!(of_face, [0, 1]);
+    assert_eq!([materials[0].damping, materials[1].damping], [0.001, 0.02]);
+    assert_eq!(loaded.warnings, [""; 0]);
+    desk.write("square.obj", &format!("{SQUARE}fl 3\n"));
+    let loaded = desk.read(SCENE).unwrap();
+    assert_eq!(
+        loaded.warnings.last().unwrap(),
+        "faces with the label 3 have the first material: cloths[0].materials has 1, of the labels 0 to 0"
+    );
+}
+
 const BODIES: &str = r#""obstacles": [
     {"mesh": "square.obj", "transform": {"translate": [0, -1, 0]}},
     {"mesh": "square.obj", "transform": {"scale": 2}, "motion": 0, "end_time": 1}
