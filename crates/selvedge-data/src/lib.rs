@@ -75,8 +75,8 @@ pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;
 pub use formats::obj::{parse_obj, parse_obj_with, read_obj, write_obj};
 pub use formats::polygons::{
-    FabricNames, MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
-    RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    FabricNames, MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh,
+    ReadMeshError, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;
@@ -91,7 +91,7 @@ pub use scene::{
     BuiltMesh, GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
     LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
-    SceneSpecError, Setting, StartSpec, StrainedEdge, Transform, materials, open_scene,
+    SceneSpecError, Setting, StartSpec, StrainedEdge, Times, Transform, materials, open_scene,
     panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,
     worst_free_edges,
 };

@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use selvedge_data::{LoadedScene, panel_stretches, worst_free_edges};
+use selvedge_data::{LoadedScene, Times, panel_stretches, worst_free_edges};
 use selvedge_sim::{FitError, FitProgress, Fitted, fit as fit_cloth, sew_and_fit};
 use thiserror::Error;
 
 use crate::event::{Goal, OnEvent, Reporter};
+use crate::numbers::percent;
 
 /// Strain that a fit may leave without a word.
 const LEFT: f64 = 0.1;
@@ -68,7 +69,7 @@ pub(crate) fn fit_within(
             Some(gap) => format!("seams open by {:.1} cm, ", 100.0 * gap),
             None => String::new(),
         };
-        task.note(&format!("{open}largest strain {:.1} %", 100.0 * now.strain));
+        task.note(&format!("{open}largest strain {}", percent(now.strain)));
         while done < STEPS * now.done {
             done += 1.0;
             task.advance()?;
@@ -101,8 +102,8 @@ pub fn fit_told(
     let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
     let left = format!(
         "strains of up to {} are left ({} before), the worst edges are {}",
-        share(fitted.after),
-        share(fitted.before),
+        percent(fitted.after),
+        percent(fitted.before),
         named.join(", ")
     );
     if fitted.after > MOST {
@@ -130,17 +131,13 @@ fn odd_panels(loaded: &LoadedScene) -> String {
         .filter(|(_, stretch)| !(1.0 / ODD_PANEL..=ODD_PANEL).contains(*stretch))
         .take(NAMED)
         .map(|(panel, stretch): (usize, &f64)| {
-            format!("the edges of panel {panel} are {stretch:.3} × as long as drawn (median); ")
+            format!(
+                "the edges of panel {panel} are {} as long as drawn (median); ",
+                Times(*stretch)
+            )
         })
         .collect();
     odd.concat()
-}
-
-fn share(strain: f64) -> String {
-    match strain < 10.0 {
-        true => format!("{:.1} %", 100.0 * strain),
-        false => format!("{strain:.1} ×"),
-    }
 }
 
 #[cfg(test)]

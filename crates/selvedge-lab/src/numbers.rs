@@ -3,6 +3,7 @@
 /// A length `[m]` as people read it: with two or three digits that matter.
 pub fn length(metres: f64) -> String {
     match metres.abs() {
+        f64::INFINITY => "beyond measure".to_owned(),
         1e4.. => format!("{metres:.1e} m"),
         10.0.. => format!("{metres:.1} m"),
         0.01.. => format!("{:.1} mm", 1e3 * metres),
@@ -13,6 +14,8 @@ pub fn length(metres: f64) -> String {
 /// A fraction as percent; as a multiple where it is more than ten.
 pub fn percent(fraction: f64) -> String {
     match fraction.abs() {
+        f64::INFINITY => "beyond measure".to_owned(),
+        most if most.is_nan() => "not a number".to_owned(),
         1e4.. => format!("{fraction:.1e} ×"),
         10.0.. => format!("{fraction:.1} ×"),
         _ => format!("{:.1} %", 1e2 * fraction),
@@ -39,5 +42,8 @@ mod tests {
         let expected = ["11.9 %", "999.0 %", "12.3 ×", "1.0e5 ×"];
         assert_eq!(fractions.map(percent), expected);
         assert!(length(f64::NAN).contains("NaN"));
+        assert_eq!(length(f64::INFINITY), "beyond measure");
+        assert_eq!(percent(f64::NEG_INFINITY), "beyond measure");
+        assert_eq!(percent(f64::NAN), "not a number");
     }
 }

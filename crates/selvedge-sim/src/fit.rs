@@ -9,6 +9,7 @@
 //! too much is repeated over a shorter time.
 
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use glam::DVec3;
 use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, VertexId};
@@ -17,6 +18,7 @@ use thiserror::Error;
 use crate::active_handles::ActiveHandles;
 use crate::sew::sew;
 use crate::state::State;
+use crate::stop::{self, Stop};
 use crate::strain_watch::WatchedEdges;
 
 /// Passes over all edges at most, and those within which something must get better.
@@ -37,7 +39,7 @@ const MOST_CHANGE: f64 = 0.1;
 const MOST_HALVINGS: u32 = 8;
 /// Strain from which a cloth does not count as relaxed.
 const STRAINED: f64 = 0.1;
-/// Calls of the listener are this many passes apart.
+/// Calls of the listener are this many passes apart at most.
 const BEAT: u32 = 10;
 /// Part of all progress that sewing is.
 const SEWING: f64 = 0.3;
@@ -244,6 +246,7 @@ fn project(
 ) -> Result<(), FitError> {
     let mut best = (strain_rms(springs, positions), 0);
     let mut kept = positions.to_vec();
+    let mut told = Instant::now();
     for number in 0..MOST_PASSES {
         let is_close = best.1 + 1 == number && largest_strain(springs, positions) <= CLOSE;
         if best.0 == 0.0 || is_close || number > best.1 + PATIENCE {
@@ -256,7 +259,8 @@ fn project(
             best = (rms, number);
             kept.copy_from_slice(positions);
         }
-        if number % BEAT == 0 {
+        if number % BEAT == 0 || told.elapsed() > stop::BEAT {
+            told = Instant::now();
             let strain = largest_strain(springs, positions);
             let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
             let gap = None;
@@ -288,17 +292,29 @@ fn relax(
         };
         bare.fabrics = fabrics.map(softer).collect();
         let mut active = ActiveHandles::all(&bare).map_err(failed)?;
+        let stop = Stop::default();
+        active.system.stop_by(stop.clone());
         for solve in 0..SOLVES {
             let before = largest_strain(springs, positions);
-            if !still_step(&mut active, &bare, positions, &targets, &watched) {
+            let all = (STAGES.len() as u32 * SOLVES) as f64;
+            let mut now = FitProgress {
+                done: 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all,
+                strain: before,
+                gap: None,
+            };
+            let solved = stop.beside(&mut || progress(now), || {
+                still_step(&mut active, &bare, positions, &targets, &watched)
+            });
+            if stop.is_wanted() {
+                return Err(FitError::Stopped);
+            }
+            if !solved {
                 // Too far from its pattern for the physics: what the passes reached stays.
                 return Ok(());
             }
             let strain = largest_strain(springs, positions);
-            let all = (STAGES.len() as u32 * SOLVES) as f64;
-            let done = 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all;
-            let gap = None;
-            tell(progress, FitProgress { done, strain, gap })?;
+            now.strain = strain;
+            tell(progress, now)?;
             if (before - strain).abs() < 1e-6 {
                 break;
             }
@@ -337,6 +353,9 @@ fn still_step(
         {
             *positions = state.positions;
             return true;
+        }
+        if active.system.is_stopped() {
+            return false;
         }
         active.system.forget_changes();
         dt *= 0.5;

@@ -79,6 +79,7 @@ mod sew;
 mod simulator;
 mod solver;
 mod state;
+mod stop;
 mod strain_watch;
 mod threads;
 

@@ -12,6 +12,7 @@ use selvedge_cloth::{Handles, LoosePanels, Scene, VertexId};
 use crate::active_handles::ActiveHandles;
 use crate::fit::{FitError, FitProgress, Listener, failed, largest_strain, springs, tell};
 use crate::state::State;
+use crate::stop::Stop;
 
 /// Time in which a seam is closed `[s]`, and the substeps of it.
 const SECONDS: f64 = 1.0;
@@ -50,6 +51,8 @@ pub(crate) fn sew(
     let apart = apart(scene, loose, &copies)?;
     let springs = springs(&apart.mesh, &apart.handles);
     let mut active = ActiveHandles::all(&apart).map_err(failed)?;
+    let stop = Stop::default();
+    active.system.stop_by(stop.clone());
     let mass = active.system.mass().to_vec();
     let mut state = State {
         positions: loose.positions().to_vec(),
@@ -60,22 +63,30 @@ pub(crate) fn sew(
     let ends = ends(scene, &copies);
     let dt = SECONDS / f64::from(SUBSTEPS);
     let gap = widest(&copies, &state.positions);
+    let mut now = FitProgress {
+        done: 0.0,
+        strain: largest_strain(&springs, &state.positions),
+        gap: Some(gap),
+    };
     for substep in 1..=SUBSTEPS {
         let part = smooth(f64::from(substep) / f64::from(SUBSTEPS));
         let pairs = starts.iter().zip(&ends);
         let targets: Vec<DVec3> = pairs.map(|(from, to)| from.lerp(*to, part)).collect();
-        let solved = active.advance_first_order(dt, &mut state, &targets);
+        now.gap = Some(gap * (1.0 - part));
+        let solved = stop.beside(&mut || progress(now), || {
+            active.advance_first_order(dt, &mut state, &targets)
+        });
+        if stop.is_wanted() {
+            return Err(FitError::Stopped);
+        }
         solved.map_err(failed)?;
         close(&seams, &mass, 1.0 - part, dt, &mut state);
         let fading = (-dt / FADING).exp();
         state.velocities.iter_mut().for_each(|v| *v *= fading);
         active.system.forget_changes();
         if substep % BEAT == 0 {
-            let now = FitProgress {
-                done: share * f64::from(substep) / f64::from(SUBSTEPS),
-                strain: largest_strain(&springs, &state.positions),
-                gap: Some(gap * (1.0 - part)),
-            };
+            now.done = share * f64::from(substep) / f64::from(SUBSTEPS);
+            now.strain = largest_strain(&springs, &state.positions);
             tell(progress, now)?;
         }
     }

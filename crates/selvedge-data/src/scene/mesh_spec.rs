@@ -8,11 +8,12 @@ use selvedge_cloth::{LoosePanels, Mesh, MeshError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::strained::Times;
 use crate::formats::hash::hash;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    FabricNames, MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
-    TextureUnit,
+    FabricNames, MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles,
+    Seams, Sewing, TextureUnit,
 };
 
 /// A mesh, resolved: the same spec makes the same mesh.
@@ -193,7 +194,8 @@ pub enum MeshSpecError {
         found: String,
     },
     #[error(
-        "the edges of the mesh are on average {ratio:.3} × as long as in its material coordinates: these must be in metres too; set mesh.transform.material_scale, or mesh.texture = \"fit\" for an obj"
+        "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; set mesh.transform.material_scale, or mesh.texture = \"fit\" for an obj",
+        Times(*ratio)
     )]
     Units { ratio: f64 },
     #[error("mesh: {0}")]

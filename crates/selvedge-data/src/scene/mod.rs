@@ -38,5 +38,5 @@ pub(crate) use shipped::assets;
 pub use shipped::{materials, shipped_scenes};
 pub use spec::{SceneSpec, SceneSpecError, Setting};
 pub use start::StartSpec;
-pub use strained::{StrainedEdge, panel_stretches, worst_edges, worst_free_edges};
+pub use strained::{StrainedEdge, Times, panel_stretches, worst_edges, worst_free_edges};
 pub(crate) use text::{parse_toml, read_text};

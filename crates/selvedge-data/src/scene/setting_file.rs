@@ -17,7 +17,8 @@ use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpecError, Setting};
 use crate::formats::polygons::{
-    FabricNames, MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    FabricNames, MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing,
+    TextureUnit,
 };
 use crate::obstacle::{ObstacleFile, ObstacleSpec};
 
@@ -112,7 +113,7 @@ impl SettingFile {
             sheet,
             velocities,
             loose,
-            mut warnings,
+            warnings,
         } = mesh.read(folder)?;
         let mut fabrics = BTreeMap::new();
         for (name, source) in self.fabrics {

@@ -13,6 +13,8 @@ const LARGEST: f64 = 1.25;
 
 /// Stretch from which single edges are warned of.
 const OVERSTRAINED: f64 = 1.5;
+/// Stretch from which strain is not said in percent.
+const MOST_IN_PERCENT: f64 = 100.0;
 /// Edges that a warning names.
 const NAMED: usize = 3;
 
@@ -27,6 +29,22 @@ pub struct StrainedEdge {
     pub fabrics: Vec<String>,
     /// Length over length in the pattern.
     pub stretch: f64,
+}
+
+/// A ratio of two lengths, in words. Lengths of a broken file can be too large for a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Times(pub f64);
+
+impl std::fmt::Display for Times {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            times if times.is_nan() => f.write_str("an unknown number of times"),
+            times if times.is_infinite() => f.write_str("more than 1e308 ×"),
+            times if times == 0.0 => f.write_str("0 ×"),
+            times if (1e-3..1e4).contains(&times) => write!(f, "{times:.3} ×"),
+            times => write!(f, "{times:.1e} ×"),
+        }
+    }
 }
 
 /// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern.
@@ -114,8 +132,8 @@ impl std::fmt::Display for StrainedEdge {
         };
         write!(
             f,
-            "{a}-{b} at {:.3} × {word} {}",
-            self.stretch,
+            "{a}-{b} at {} {word} {}",
+            Times(self.stretch),
             panels.join(" and ")
         )?;
         if !self.fabrics.is_empty() {
@@ -133,9 +151,13 @@ pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<St
     let median = stretches[stretches.len() / 2];
     if !(SMALLEST..=LARGEST).contains(&median) {
         return vec![format!(
-            "mesh: half of the edges start at {median:.3} × their material length or {}, a strain of {:.0} %: texture coordinates are material coordinates in metres; {remedy}",
-            if median > 1.0 { "more" } else { "less" },
-            100.0 * (median - 1.0)
+            "mesh: half of the edges start at {} their material length or {}{}: texture coordinates are material coordinates in metres; {remedy}",
+            Times(median),
+            if median < 1.0 { "less" } else { "more" },
+            match median < MOST_IN_PERCENT {
+                true => format!(", a strain of {:.0} %", 100.0 * (median - 1.0)),
+                false => String::new(),
+            }
         )];
     }
     let over = stretches
@@ -190,6 +212,32 @@ mod tests {
             assert!(words.iter().all(|word| text.contains(word)), "{text}");
             assert!(text.ends_with("in metres; mend it"), "{text}");
         }
+    }
+
+    #[test]
+    fn ratios_are_said_in_words_however_large() {
+        for (times, words) in [
+            (1.25, "1.250 ×"),
+            (0.0, "0 ×"),
+            (2e-7, "2.0e-7 ×"),
+            (3.2e300, "3.2e300 ×"),
+            (f64::INFINITY, "more than 1e308 ×"),
+            (f64::NAN, "an unknown number of times"),
+        ] {
+            assert_eq!(Times(times).to_string(), words);
+        }
+        let spec = SquareSpec {
+            vertices: 40,
+            size: 1.0,
+            seed: 3,
+        };
+        let mesh = square(&spec).unwrap().mesh;
+        let far: Vec<DVec3> = mesh.positions().iter().map(|p| *p * 1e200).collect();
+        let text = warnings(&mesh, &far, "mend it").remove(0);
+        assert!(
+            text.contains("more than 1e308 × their material length or more: texture"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -15,6 +15,7 @@ use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
 use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
 use crate::solver::pattern::Pattern;
+use crate::stop::Stop;
 use crate::threads::Threads;
 
 /// Reason for a failed solve.
@@ -40,6 +41,12 @@ pub(crate) enum IterationError {
         /// Iterations done.
         iterations: u32,
     },
+    /// Someone wanted to stop.
+    #[error("stopped, as was asked, after {iterations} iterations")]
+    Stopped {
+        /// Iterations done.
+        iterations: u32,
+    },
     /// The matrix is not positive in some direction.
     #[error("the matrix is not positive definite, as iteration {iterations} has found")]
     Indefinite {
@@ -62,6 +69,7 @@ pub(crate) struct ConjugateGradients {
     /// Product of what touches, beside the diagonal, `[unknowns]`.
     room: Vec<Vec3A>,
     iterations: u32,
+    stop: Stop,
 }
 
 /// Touches that couple vertices.
@@ -129,7 +137,18 @@ impl ConjugateGradients {
             residual: vec![DVec3::ZERO; elements.mass.len()],
             room: Vec::new(),
             iterations: 0,
+            stop: Stop::default(),
         }
+    }
+
+    /// Lets solves end with an error from when `stop` is wanted.
+    pub(crate) fn stop_by(&mut self, stop: Stop) {
+        self.stop = stop;
+    }
+
+    /// Returns true from when a stop is wanted.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.is_wanted()
     }
 
     /// Iterations of the last solve.
@@ -234,6 +253,11 @@ impl ConjugateGradients {
         self.vectors.solution.fill(Vec3A::ZERO);
         let (mut before, mut now) = (size, size);
         while now > goal && self.iterations < self.settings.max_iterations {
+            if self.stop.is_wanted() {
+                return Err(IterationError::Stopped {
+                    iterations: self.iterations,
+                });
+            }
             self.turn(threads, part);
             before = now;
             now = self

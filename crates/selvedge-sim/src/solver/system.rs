@@ -26,6 +26,7 @@ use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
 use crate::solver::stage::{Stage, StageAir};
 use crate::state::State;
+use crate::stop::Stop;
 use crate::threads::Threads;
 
 /// Stiffness of a spring handle, per axis `[N/m]`.
@@ -197,6 +198,21 @@ impl System {
     /// Sets the threads of the solves that follow. The result is the same.
     pub(crate) fn set_threads(&mut self, threads: Threads) {
         self.threads = threads;
+    }
+
+    /// Lets long solves end with an error from when `stop` is wanted.
+    pub(crate) fn stop_by(&mut self, stop: Stop) {
+        if let Solver::Iterative(solver) = &mut self.solver {
+            solver.stop_by(stop);
+        }
+    }
+
+    /// Returns true once a solve was to stop.
+    pub(crate) fn is_stopped(&self) -> bool {
+        match &self.solver {
+            Solver::Direct(_) => false,
+            Solver::Iterative(solver) => solver.is_stopped(),
+        }
     }
 
     /// Saves the start of the next solve for [`Self::restore`].

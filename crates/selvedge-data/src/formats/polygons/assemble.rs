@@ -23,12 +23,13 @@ pub(crate) fn assemble(
     options: MeshOptions,
 ) -> Result<ReadMesh, MeshFileError> {
     if polygons.polygons.is_empty() {
-        return Err(MeshFileError::NoFaces);
+        let vertices = polygons.positions.len();
+        return Err(MeshFileError::NoFaces { vertices });
     }
     if let Some(tolerance) = options.weld {
         weld(&mut polygons, tolerance)?;
         if polygons.polygons.is_empty() {
-            return Err(MeshFileError::NoFaces);
+            return Err(MeshFileError::Collapsed { tolerance });
         }
     }
     check_corners(&polygons)?;

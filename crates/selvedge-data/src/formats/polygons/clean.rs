@@ -84,11 +84,15 @@ pub(super) fn keep_labels(polygons: &mut Polygons) {
         ));
     }
     let labels: BTreeSet<u32> = polygons.polygons.iter().filter_map(|p| p.label).collect();
-    let names = labels.iter().map(|label| polygons.fabrics[*label as usize].clone());
+    let names = labels
+        .iter()
+        .map(|label| polygons.fabrics[*label as usize].clone());
     polygons.fabrics = names.collect();
     for polygon in &mut polygons.polygons {
         polygon.fabric = None;
-        let number = polygon.label.map(|label| labels.range(..label).count() as u32);
+        let number = polygon
+            .label
+            .map(|label| labels.range(..label).count() as u32);
         polygon.label = number;
     }
 }

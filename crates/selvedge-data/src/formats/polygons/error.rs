@@ -29,8 +29,14 @@ pub enum MeshFileError {
     Line { line: usize, problem: String },
     #[error("{problem}")]
     Content { problem: String },
-    #[error("has no faces")]
-    NoFaces,
+    #[error(
+        "has no faces, only {vertices} vertices: a cloth needs at least one; export it as a mesh, not as points, lines or curves"
+    )]
+    NoFaces { vertices: usize },
+    #[error(
+        "has no faces left once vertices within {tolerance} of each other are one: give a smaller mesh.weld, in the file's own unit of length"
+    )]
+    Collapsed { tolerance: f64 },
     #[error("has no mesh, only nodes")]
     NoMesh,
     #[error("{place}: this face names vertex {vertex} twice: remove it, or mend its corners")]

@@ -408,7 +408,10 @@ fn names_of_materials_are_no_labels() {
     let square = |first: &str, second: &str| {
         let faces = ["f 1/1 2/2 3/3\n", "f 1/1 3/3 4/4\n"];
         let text = SQUARE.replace(faces[0], &format!("{first}{}", faces[0]));
-        desk.write("square.obj", &text.replace(faces[1], &format!("{second}{}", faces[1])));
+        desk.write(
+            "square.obj",
+            &text.replace(faces[1], &format!("{second}{}", faces[1])),
+        );
         desk.edited("\"damping\": 0.001}],", materials).unwrap()
     };
     // The first face has no label, the second has the label 1 whatever its material is called.
@@ -418,7 +421,9 @@ fn names_of_materials_are_no_labels() {
         let found = loaded.warnings.iter().any(|w| w.contains(warning));
         assert!(found, "{warning}: {:?}", loaded.warnings);
     };
-    named("usemtl is passed over, as ARCSim passes over it: \"1\", \"Silk\", the first face at line");
+    named(
+        "usemtl is passed over, as ARCSim passes over it: \"1\", \"Silk\", the first face at line",
+    );
     named("cloths[0].materials[1] is left out: no face of the mesh has the label 1");
     let loaded = square("usemtl 1\n", "fl 0\nusemtl Silk\n");
     assert_eq!(loaded.scene.materials().1, [0, 0]);
