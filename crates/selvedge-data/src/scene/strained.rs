@@ -40,7 +40,7 @@ impl std::fmt::Display for Times {
         match self.0 {
             times if times.is_nan() => f.write_str("an unknown number of times"),
             times if times.is_infinite() => f.write_str("more than 1e308 ×"),
-            times if times == 0.0 => f.write_str("0 ×"),
+            0.0 => f.write_str("0 ×"),
             times if (1e-3..1e4).contains(&times) => write!(f, "{times:.3} ×"),
             times => write!(f, "{times:.1e} ×"),
         }
