@@ -6,7 +6,7 @@ import { Link } from "./link";
 import { Meters } from "./meters";
 import { Panel, element } from "./panel";
 import { labelPlace, type Place } from "./places";
-import type { State } from "./protocol";
+import { drag, type Goal, type State } from "./protocol";
 import { Stage } from "./stage";
 
 const canvas = element<HTMLCanvasElement>("canvas");
@@ -113,6 +113,7 @@ Object.assign(window, {
   selvedge: {
     stage,
     meters,
+    drag: (goals: Goal[]) => link.send(drag(0, goals)),
     get state() {
       return state;
     },

@@ -67,8 +67,10 @@ export class Meters {
     const strain = Math.max(0, ...state.tracks.map((track) => track.strain));
     element("strain").textContent = state.tracks.length > 0 ? `${(100 * strain).toFixed(0)} %` : "–";
     const stopped = state.tracks.some((track) => track.stopped !== null);
-    const level = stopped || strain > WRONG_STRAIN ? "bad" : strain > USUAL_STRAIN ? "doubt" : "good";
+    const isDoubtful = strain > USUAL_STRAIN || state.remark !== null;
+    const level = stopped || strain > WRONG_STRAIN ? "bad" : isDoubtful ? "doubt" : "good";
     element("trust").className = `dot ${level}`;
-    element("trust").title = { good: "as cloth does", doubt: "more than cloth usually does", bad: "not to be trusted" }[level];
+    const doubt = state.remark ?? "more than cloth usually does";
+    element("trust").title = { good: "as cloth does", doubt, bad: "not to be trusted" }[level];
   }
 }

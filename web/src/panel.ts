@@ -96,6 +96,7 @@ export class Panel {
     this.showChoices(state, before);
     this.showHands(state);
     this.showKept(state);
+    element("remark").textContent = state.remark ?? "";
     element("busy").hidden = state.busy === null;
     element("busy-text").textContent = state.busy ?? "";
     const notice = state.notice;

@@ -98,6 +98,7 @@ export interface State {
   can_replay: boolean;
   can_live: boolean;
   busy: string | null;
+  remark: string | null;
   notice: { number: number; level: "good" | "bad"; text: string } | null;
   viewers: number;
 }

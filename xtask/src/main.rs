@@ -1,7 +1,7 @@
 //! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
 //! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask fuzz`,
-//! `kill` and `soak` the trials that take longer, of the crate `selvedge-trials`.
+//! `faults`, `kill`, `soak` and `load` the trials that take longer, of the crate `selvedge-trials`.
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
 #![allow(
@@ -35,6 +35,7 @@ usage: cargo xtask COMMAND
   faults  calls on files that fail under every writer
   kill    long commands, ended at random times
   soak    steppers and the viewer for a long time
+  load    the viewer under many connections
   help    print this text";
 
 fn main() -> ExitCode {
@@ -43,7 +44,10 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
-        [trial @ ("fuzz" | "faults" | "kill" | "soak"), options @ ..] => trials(trial, options),
+        [
+            trial @ ("fuzz" | "faults" | "kill" | "soak" | "load"),
+            options @ ..,
+        ] => trials(trial, options),
         ["book", options @ ..] => match book::Options::parse(options) {
             Some(options) => book::run(&options),
             None => {

@@ -68,8 +68,9 @@ pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::atomic::{
-    WriteError, remove_parts, write_atomically, write_beside, write_folder_atomically,
+    WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
 };
+pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;

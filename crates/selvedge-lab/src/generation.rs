@@ -16,7 +16,7 @@ use selvedge_cloth::MotionError;
 use selvedge_data::{
     Dataset, DatasetError, DatasetPreset, DatasetWriter, LoadedScene, SceneSpecError, Split,
 };
-use selvedge_sim::Threads;
+use selvedge_sim::{DividedFrames, Threads};
 use thiserror::Error;
 
 use crate::event::{End, OnEvent, Reporter};
@@ -71,6 +71,8 @@ pub struct Generated {
     pub samples: usize,
     /// Frames that were simulated now.
     pub frames_made: usize,
+    /// Those of them that took more substeps than their scene asks for.
+    pub divided: DividedFrames,
     /// Trajectories that were there already.
     pub kept: usize,
     /// Trajectories that are still to be made.
@@ -122,8 +124,8 @@ pub(crate) fn make_dataset(
     let plan = preset.plan()?;
     let _claimed = folder::claim_folder(folder)?;
     let mut writer = DatasetWriter::open(folder, plan)?;
-    let jobs = match make(preset, &mut writer, threads, reporter) {
-        Ok(jobs) => jobs,
+    let (jobs, divided) = match make(preset, &mut writer, threads, reporter) {
+        Ok(made) => made,
         Err(error) => {
             writer.withdraw();
             return Err(error);
@@ -138,6 +140,7 @@ pub(crate) fn make_dataset(
         test,
         samples: 0,
         frames_made: jobs.iter().filter(made).map(|job| job.frames + 1).sum(),
+        divided,
         kept: train + test - jobs.len(),
         missing,
     };
@@ -155,11 +158,11 @@ fn make(
     writer: &mut DatasetWriter,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> Result<Vec<Job>, GenerateError> {
+) -> Result<(Vec<Job>, DividedFrames), GenerateError> {
     let jobs = jobs(preset, writer)?;
     let rests = rest_poses(&jobs, reporter)?;
-    simulate_all(&jobs, &rests, writer, threads, reporter)?;
-    Ok(jobs)
+    let divided = simulate_all(&jobs, &rests, writer, threads, reporter)?;
+    Ok((jobs, divided))
 }
 
 fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> Result<Vec<Job>, GenerateError> {
@@ -200,17 +203,17 @@ fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests, GenerateEr
 }
 
 /// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked
-/// for.
+/// for. Gives the frames that were written and took more substeps than their scene asks for.
 fn simulate_all(
     jobs: &[Job],
     rests: &Rests,
     writer: &mut DatasetWriter,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> Result<(), GenerateError> {
+) -> Result<DividedFrames, GenerateError> {
     let frames = jobs.iter().map(|job| job.frames).sum();
     let task = reporter.count("simulating", frames, "frames");
-    let writer = Mutex::new(writer);
+    let writer = Mutex::new((writer, DividedFrames::default()));
     // Zero threads mean one per processor.
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
@@ -232,7 +235,9 @@ fn simulate_all(
         let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
         // `add` leaves the writer as it was where it fails, so that it is never half done.
         let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(writer.add(job.split, &job.motion, &trajectory)?)
+        writer.0.add(job.split, &job.motion, &trajectory)?;
+        writer.1 = writer.1.and(run.divided);
+        Ok(())
     };
     pool.install(|| {
         jobs.par_iter().with_max_len(1).try_for_each(|job| {
@@ -241,7 +246,9 @@ fn simulate_all(
             }
             simulate(job)
         })
-    })
+    })?;
+    let (_, divided) = writer.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(divided)
 }
 
 /// Opens a complete data set, and says of an incomplete one how to complete it.

@@ -68,7 +68,7 @@ impl NamedModel {
     pub fn open(file: Option<&Path>) -> Result<Self, OpenModelError> {
         let (shipped, its_bytes) = assets::MODEL;
         let (name, bytes) = match file {
-            Some(path) => (path.display().to_string(), std::fs::read(path)),
+            Some(path) => (path.display().to_string(), selvedge_data::read_file(path)),
             None => (shipped.to_owned(), Ok(its_bytes.to_vec())),
         };
         let model = match bytes {

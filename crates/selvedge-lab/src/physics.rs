@@ -11,7 +11,9 @@ use selvedge_data::{
     Drive, ObstacleTrack, Provenance, Recording, RecordingEnd, SavedState, SceneSpec,
     SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
 };
-use selvedge_sim::{SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads};
+use selvedge_sim::{
+    DividedFrames, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads,
+};
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
@@ -31,6 +33,8 @@ pub struct TimedRun {
     pub ms_per_frame: f64,
     /// Substeps of physics of second order by what they came to; none with anything else.
     pub substeps: Option<SubstepCounts>,
+    /// Frames of physics that took more substeps than the scene asks for.
+    pub divided: DividedFrames,
 }
 
 /// A rest pose that was not found, or not before the listener asked to stop.
@@ -190,8 +194,9 @@ fn simulate(
     let recording = record(simulator.stepper(), drive, plan.frames, &mut |_| on_frame());
     let mut run = timed(recording, scene.mesh.positions().len(), started)?;
     if scene.physics.integrator.order() > 1 {
-        run.substeps = Some(simulator.substep_counts());
+        run.substeps = Some(simulator.simulator().substep_counts());
     }
+    run.divided = simulator.simulator().divided_frames();
     Ok((run, simulator.into_states()))
 }
 
@@ -209,10 +214,10 @@ impl Kept {
         }
     }
 
-    fn substep_counts(&self) -> SubstepCounts {
+    fn simulator(&self) -> &Simulator {
         match self {
-            Self::Positions(simulator) => simulator.substep_counts(),
-            Self::States(log) => log.simulator().substep_counts(),
+            Self::Positions(simulator) => simulator,
+            Self::States(log) => log.simulator(),
         }
     }
 
@@ -245,6 +250,7 @@ pub(crate) fn timed(
         end,
         ms_per_frame: elapsed_ms / steps.max(1) as f64,
         substeps: None,
+        divided: DividedFrames::default(),
     })
 }
 

@@ -43,6 +43,8 @@ pub struct State {
     pub can_live: bool,
     /// The progress of a cloth that is being made ready.
     pub busy: Option<String>,
+    /// The reason why what the mover shows now is doubtful, while it is.
+    pub remark: Option<String>,
     /// The last thing that people should know.
     pub notice: Option<Notice>,
     /// Pages that watch.

@@ -18,11 +18,13 @@ use crate::solver::SolveError;
 use crate::state::State;
 use crate::strain_watch::{Overstrained, Overstretched, StrainWatch};
 use crate::threads::Threads;
+pub use divided_frames::DividedFrames;
 pub use previous::PreviousSubstep;
 use substep_error::SubstepError;
 
 mod contact;
 mod correctable;
+mod divided_frames;
 mod previous;
 mod substep_error;
 
@@ -37,6 +39,7 @@ pub struct Simulator {
     undo: Option<Undo>,
     rounded: Vec<Vec3>,
     frame: usize,
+    divided_frames: DividedFrames,
     /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
     /// Targets of the active handles `[m]`.
@@ -131,6 +134,7 @@ impl Simulator {
             saved: (state.clone(), History::none(vertices)),
             undo: None,
             frame: 0,
+            divided_frames: DividedFrames::default(),
             threads: Threads::Pool,
             watch: StrainWatch::new(&scene.physics, &scene.mesh, &scene.handles),
             before: state.positions.clone(),
@@ -297,6 +301,12 @@ impl Simulator {
         self.history.counts
     }
 
+    /// Frames so far that took more substeps than the scene asks for.
+    #[must_use]
+    pub fn divided_frames(&self) -> DividedFrames {
+        self.divided_frames
+    }
+
     /// Iterations of the last linear solve; none if it was a complete factorisation.
     #[must_use]
     pub fn solver_iterations(&self) -> Option<u32> {
@@ -441,6 +451,8 @@ impl Simulator {
             }
             substeps *= 2;
         }
+        self.divided_frames
+            .count(substeps, self.scene.physics.substeps);
         Ok(())
     }
 

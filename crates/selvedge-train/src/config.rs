@@ -94,7 +94,7 @@ impl TrainConfig {
     /// # Errors
     /// [`ConfigError`] names the file, the field, and the changes where one of them does not fit.
     pub fn read_with(path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+        let text = selvedge_data::read_text(path).map_err(|source| ConfigError::Read {
             path: path.to_owned(),
             source,
         })?;

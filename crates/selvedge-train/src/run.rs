@@ -250,7 +250,7 @@ pub(crate) fn append_line(path: &Path, line: &impl Serialize) -> Result<(), LogE
 
 /// Drops the lines of steps that a resumed training will do again, and a line cut short.
 pub(crate) fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match selvedge_data::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         Err(source) => {

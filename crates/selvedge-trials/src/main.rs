@@ -1,6 +1,6 @@
 //! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader,
 //! `faults` has a disk fail under every writer, `kill` ends long commands at random times, `soak`
-//! runs steppers and the viewer for long.
+//! runs steppers and the viewer for long, `load` puts many connections on the viewer.
 //!
 //! `cargo xtask` starts them. Every trial is made from a seed, says what it did in a row of a
 //! table, and ends with an error where something did not hold.
@@ -13,15 +13,17 @@ mod arguments;
 mod faults;
 mod fuzz;
 mod kill;
+mod load;
 mod program;
 mod soak;
+mod viewer;
 
 use std::process::ExitCode;
 
 use anyhow::Result;
 
 const HELP: &str = "\
-usage: cargo xtask fuzz|faults|kill|soak [OPTIONS]
+usage: cargo xtask fuzz|faults|kill|soak|load [OPTIONS]
 
   fuzz    damaged files, texts and messages for every reader
             --for SPAN       share this time among the targets (30s, 10m, 2h; 30s if not said)
@@ -42,7 +44,12 @@ usage: cargo xtask fuzz|faults|kill|soak [OPTIONS]
             --steps N        of every stepper (20000 if not said)
             --span SPAN      simulated time of the viewer (30s if not said)
             --pages N        that watch it and pull at it (30 if not said)
-            --only NAME      physics, model or viewer (repeat for several)
+            --only NAME      physics, model, guard, corrected or viewer (repeat for
+                             several)
+            --seed N         other hands
+  load    connections, pages and requests for the viewer; a page is answered in time
+            --half-open N    connections that say nothing or half a request (400 if not said)
+            --pages N        that watch it and pull at it (30 if not said)
             --seed N         other hands";
 
 fn main() -> ExitCode {
@@ -56,6 +63,7 @@ fn main() -> ExitCode {
         "faults" => faults::run(options),
         "kill" => kill::run(options),
         "soak" => soak::run(options),
+        "load" => load::run(options),
         _ => {
             eprintln!("{HELP}");
             return ExitCode::from(2);

@@ -1,37 +1,31 @@
 //! Long runs: steppers over very many steps, and the viewer under many pages with random hands. The
 //! memory of a process must not grow once it has begun.
 
-use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
-use std::process::Child;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
 use anyhow::{Context, Result, bail, ensure};
-use glam::{DVec3, Vec3};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use glam::DVec3;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
 use selvedge_data::open_scene;
+use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::physics;
-use selvedge_live::protocol;
 use selvedge_sim::{Simulator, Threads};
-use tungstenite::client::IntoClientRequest;
-use tungstenite::{Message, WebSocket};
 
 use crate::arguments::Arguments;
 use crate::fuzz::{SCENE, TRAINING};
 use crate::program::Program;
+use crate::viewer::{self, SILENCE, Shared, Viewer};
 
 /// Looks at the memory of a run.
 const LOOKS: usize = 12;
 /// Growth of memory that is no leak: allocators keep what they had `[kB]`.
 const MOST_GROWTH: u64 = 4 << 10;
-/// A page gives up when nothing comes for so long.
-const SILENCE: Duration = Duration::from_secs(60);
 
 /// Memory over time `[kB]`.
 struct Curve(Vec<u64>);
@@ -91,7 +85,7 @@ pub(crate) fn run(options: &[String]) -> Result<bool> {
         );
         holds &= level;
     };
-    for name in ["physics", "model"] {
+    for name in ["physics", "model", "guard", "corrected"] {
         if is_wanted(name) {
             let started = Instant::now();
             let curve = stepper(name, &program, folder, steps)?;
@@ -121,16 +115,44 @@ fn stepper(name: &str, program: &Program, folder: &Path, steps: u64) -> Result<C
             simulator.set_threads(Threads::One);
             Box::new(simulator)
         }
+        _ => learned(name, program, folder, scene, &start)?,
+    };
+    walk(scene, &mut *stepper, &start, steps)
+}
+
+/// A model that has barely learned, alone; the shipped one under its guard; or the one that
+/// corrects physics.
+fn learned(
+    name: &str,
+    program: &Program,
+    folder: &Path,
+    scene: &Scene,
+    start: &[DVec3],
+) -> Result<Box<dyn Stepper>> {
+    let model = match name {
+        "guard" => NamedModel::open(None)?,
+        "corrected" => NamedModel::open(Some(Path::new(name)))?,
         _ => {
             program.run(folder, "dataset generate tiny --out tiny")?;
             program.run(folder, "train moment.toml --data tiny --out run")?;
-            let model = NamedModel::open(Some(&folder.join("run/model.safetensors")))?;
-            let cloth = Cloth::of_scene(scene, physics::rounded(&start))?;
-            let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
-            Box::new(model.start(graph, cloth.rest_positions(), &Machine::Cpu, scene)?)
+            NamedModel::open(Some(&folder.join("run/model.safetensors")))?
         }
     };
-    walk(scene, &mut *stepper, &start, steps)
+    let cloth = Cloth::of_scene(scene, physics::rounded(start))?;
+    let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
+    let stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu, scene)?;
+    if name != "guard" {
+        return Ok(Box::new(stepper));
+    }
+    let (known, settings) = (Arc::new(scene.clone()), GuardSettings::default());
+    let rate = scene.frame_rate;
+    Ok(Box::new(Guard::new(
+        stepper,
+        &cloth,
+        rate,
+        Some(known),
+        settings,
+    )?))
 }
 
 fn walk(scene: &Scene, stepper: &mut dyn Stepper, start: &[DVec3], steps: u64) -> Result<Curve> {
@@ -155,24 +177,7 @@ fn walk(scene: &Scene, stepper: &mut dyn Stepper, start: &[DVec3], steps: u64) -
     Ok(curve)
 }
 
-/// The time of the viewer, in hundredths of a second, and the end of all pages.
-#[derive(Default)]
-struct Shared {
-    now: AtomicU32,
-    stop: AtomicBool,
-}
-
-/// A program that is ended when it is no longer needed.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// The viewer with so many pages until its cloth has moved for `span`.
+/// The memory of the viewer with so many pages until its cloth has moved for `span`.
 fn viewer(
     program: &Program,
     folder: &Path,
@@ -180,24 +185,14 @@ fn viewer(
     pages: u32,
     seed: u64,
 ) -> Result<Curve> {
-    // A port that is free now.
-    let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
-    let address = SocketAddr::from(([127, 0, 0, 1], port));
-    let call = format!("view push.toml --show physics --address {address} --recordings kept");
-    let mut child = Running(program.command(folder, &call).spawn()?);
-    let process = child.0.id().to_string();
-    let until = Instant::now() + SILENCE;
-    while TcpStream::connect(address).is_err() {
-        ensure!(child.0.try_wait()?.is_none(), "the viewer ended early");
-        ensure!(Instant::now() < until, "the viewer does not answer");
-        thread::sleep(Duration::from_millis(50));
-    }
+    let mut viewer = Viewer::start(program, folder)?;
+    let (address, process) = (viewer.address, viewer.process());
     let shared = Shared::default();
     let mut curve = Curve(Vec::new());
     thread::scope(|scope| -> Result<()> {
         let shared = &shared;
         let hands: Vec<_> = (0..pages)
-            .map(|number| scope.spawn(move || page(address, number, seed, shared)))
+            .map(|number| scope.spawn(move || viewer::page(address, number, seed, shared)))
             .collect();
         let watched = watch(&process, span, shared, &mut curve);
         shared.stop.store(true, Ordering::SeqCst);
@@ -209,7 +204,7 @@ fn viewer(
         }
         watched
     })?;
-    ensure!(child.0.try_wait()?.is_none(), "the viewer ended early");
+    ensure!(viewer.is_alive()?, "the viewer ended early");
     Ok(curve)
 }
 
@@ -233,57 +228,4 @@ fn watch(process: &str, span: Duration, shared: &Shared, curve: &mut Curve) -> R
         curve.push(process)?;
     }
     Ok(())
-}
-
-/// A page that takes up frames and pulls handles about.
-fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared) -> Result<()> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(u64::from(number));
-    let mut request = format!("ws://{address}/socket").into_client_request()?;
-    let protocol = format!("selvedge.v{}", protocol::VERSION).parse()?;
-    request
-        .headers_mut()
-        .insert("Sec-WebSocket-Protocol", protocol);
-    let stream = TcpStream::connect(address)?;
-    stream.set_read_timeout(Some(SILENCE))?;
-    let (mut socket, _) = tungstenite::client(request, stream)
-        .map_err(|error| anyhow::anyhow!("page {number}: {error}"))?;
-    if number == 0 {
-        send(&mut socket, 19, br#"{"do":"rate","rate":4.0}"#)?;
-    }
-    let mut drags = 0_u32;
-    while !shared.stop.load(Ordering::SeqCst) {
-        let Message::Binary(bytes) = socket.read()? else {
-            continue;
-        };
-        if bytes.get(1) != Some(&4) {
-            continue;
-        }
-        let word = |k: usize| -> [u8; 4] {
-            let part = bytes.get(4 + 4 * k..8 + 4 * k).unwrap_or(&[0; 4]);
-            <[u8; 4]>::try_from(part).unwrap_or_default()
-        };
-        shared.now.fetch_max(
-            (100.0 * f32::from_le_bytes(word(2))) as u32,
-            Ordering::SeqCst,
-        );
-        send(&mut socket, 16, &word(1))?;
-        let handles = u32::from_le_bytes(word(5));
-        if handles > 0 && rng.random_ratio(1, 20) {
-            let chosen = 8 + 4 * rng.random_range(0..handles as usize);
-            let goal = Vec3::from_array([1, 2, 3].map(|k| f32::from_le_bytes(word(chosen + k))));
-            let shift = Vec3::from_array([0; 3].map(|_| rng.random_range(-0.02..0.02)));
-            drags += 1;
-            let mut drag = [drags.to_le_bytes(), 1_u32.to_le_bytes(), word(chosen)].concat();
-            let goal = (goal + shift).clamp(Vec3::splat(-1.0), Vec3::splat(1.0));
-            drag.extend(goal.to_array().map(f32::to_le_bytes).concat());
-            send(&mut socket, 17, &drag)?;
-        }
-    }
-    Ok(())
-}
-
-fn send(socket: &mut WebSocket<TcpStream>, kind: u8, body: &[u8]) -> Result<()> {
-    let message = [&[protocol::VERSION, kind, 0, 0], body].concat();
-    Ok(socket.send(Message::Binary(message.into()))?)
 }

@@ -41,6 +41,7 @@ fn main() -> ExitCode {
 
 fn answer(cli: &Cli) -> anyhow::Result<End> {
     interrupt::install()?;
+    selvedge_cloth::observe_long_work(progress::observe);
     if !cli.no_cache {
         cache::open();
     }

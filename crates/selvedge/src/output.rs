@@ -11,6 +11,34 @@ use serde_json::Value;
 
 pub(crate) use selvedge_lab::End;
 pub(crate) use selvedge_lab::numbers::{length, percent};
+use selvedge_sim::DividedFrames;
+
+/// Items of a list that people are shown.
+const SHOWN: usize = 12;
+
+/// A list for people: the first items, and how many more there are.
+pub(crate) fn folded<T: Display>(items: impl IntoIterator<Item = T>) -> String {
+    let mut items = items.into_iter();
+    let shown: Vec<String> = items.by_ref().take(SHOWN).map(|i| i.to_string()).collect();
+    let text = shown.join(", ");
+    match items.count() {
+        0 if text.is_empty() => "none".to_owned(),
+        0 => text,
+        more => format!("{text} and {more} more"),
+    }
+}
+
+/// Words on frames that took more substeps than asked for; none where none did.
+pub(crate) fn divided(frames: DividedFrames) -> Option<String> {
+    let DividedFrames {
+        frames,
+        most_substeps,
+    } = frames;
+    let unit = if frames == 1 { "frame" } else { "frames" };
+    (frames > 0).then(|| {
+        format!("{frames} {unit} took more substeps than the scene asks for, up to {most_substeps}")
+    })
+}
 
 /// The answer of a command at its end.
 pub(crate) struct Answer {
@@ -190,6 +218,29 @@ mod tests {
         table.row(["mean".to_owned(), "12.00 mm".to_owned()]);
         let expected = "motion      error\n-----------------\nforward   1.50 mm\n-----------------\nmean     12.00 mm\n";
         assert_eq!(table.to_string(), expected);
+    }
+
+    #[test]
+    fn long_lists_are_folded() {
+        assert_eq!(folded([0; 0]), "none");
+        assert_eq!(folded([3, 5]), "3, 5");
+        assert_eq!(
+            folded(0..13),
+            "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 and 1 more"
+        );
+    }
+
+    #[test]
+    fn divided_frames_are_counted_in_words() {
+        let words = |frames, most_substeps| {
+            divided(DividedFrames {
+                frames,
+                most_substeps,
+            })
+        };
+        assert_eq!(words(0, 0), None);
+        let one = "1 frame took more substeps than the scene asks for, up to 16";
+        assert_eq!(words(1, 16).as_deref(), Some(one));
     }
 
     #[test]

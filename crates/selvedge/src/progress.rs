@@ -8,9 +8,11 @@ use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
+use std::thread::ThreadId;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use selvedge_cloth::LongWork;
 use selvedge_lab::{Event, Goal};
 
 use crate::interrupt;
@@ -77,8 +79,14 @@ impl Progress {
         self
     }
 
-    /// One more is done.
+    /// One more is done, which is a result that is to be kept.
     pub(crate) fn advance(&self) {
+        interrupt::keep_results();
+        self.count();
+    }
+
+    /// One more is done; nothing is lost where the program ends now.
+    pub(crate) fn count(&self) {
         match &self.form {
             Form::Bar(bar) => {
                 if bar.is_hidden() && self.started.elapsed() >= PATIENCE {
@@ -145,6 +153,36 @@ impl Progress {
     }
 }
 
+/// The work of a library without a listener that is shown, and the thread that does it.
+static SHOWN: Mutex<Option<(ThreadId, Progress)>> = Mutex::new(None);
+
+/// Shows the work of a library that has no listener of its own, one at a time, and stops it after
+/// Ctrl-C.
+pub(crate) fn observe(word: LongWork<'_>) -> ControlFlow<()> {
+    let mut shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let own = std::thread::current().id();
+    let is_own = shown.as_ref().is_some_and(|(thread, _)| *thread == own);
+    match word {
+        LongWork::Begun { what, most } if shown.is_none() => {
+            let goal = Goal::Count(most as u64);
+            let progress = Progress::start(what.to_owned(), goal, "rounds at most");
+            *shown = Some((own, progress));
+        }
+        LongWork::Advanced if is_own => {
+            if let Some((_, progress)) = &*shown {
+                progress.count();
+            }
+        }
+        LongWork::Ended if is_own => *shown = None,
+        _ => {}
+    }
+    match word {
+        LongWork::Advanced => interrupt::flow(),
+        // Nobody listens to the answer.
+        _ => ControlFlow::Continue(()),
+    }
+}
+
 /// Says a line on standard error, which may be closed; that is no reason to stop.
 pub(crate) fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
@@ -152,19 +190,36 @@ pub(crate) fn say(line: &str) {
 
 /// Shows the events of an operation and stops it after Ctrl-C.
 pub(crate) fn listener() -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
+    listening(Progress::advance)
+}
+
+/// As [`listener`], of an operation that has in files what it is to keep.
+pub(crate) fn listener_of_files() -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
+    listening(Progress::count)
+}
+
+fn listening(advance: fn(&Progress)) -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
     let mut shown: Option<Progress> = None;
     move |event| {
         match (event, &shown) {
             (Event::Begun { task, goal, unit }, _) => {
                 shown = Some(Progress::start(task.to_owned(), goal, unit));
             }
-            (Event::Advanced, Some(progress)) => progress.advance(),
+            (Event::Advanced, Some(progress)) => match progress.goal {
+                // A search: its steps are of no use without its end.
+                Goal::Open => progress.count(),
+                Goal::Count(_) | Goal::Time(_) => advance(progress),
+            },
             (Event::Noted(note), Some(progress)) => progress.note(note),
             (Event::Ended, _) => shown = None,
             (Event::Remarked(line), _) => say(line),
             (Event::Advanced | Event::Noted(_) | Event::Asked, _) => {}
         }
-        interrupt::flow()
+        match event {
+            Event::Advanced | Event::Asked => interrupt::flow(),
+            // Nobody listens to the answer.
+            _ => ControlFlow::Continue(()),
+        }
     }
 }
 

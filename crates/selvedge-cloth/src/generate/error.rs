@@ -23,6 +23,8 @@ pub enum GenerateError {
     Area { area: f64, around: f64 },
     #[error("the sheet cannot be triangulated: {why}")]
     Triangulation { why: String },
+    #[error("interrupted while the mesh was being made")]
+    Interrupted,
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }

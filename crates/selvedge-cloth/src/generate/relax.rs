@@ -16,6 +16,7 @@ use super::boundary::{Boundary, is_within};
 use super::error::GenerateError;
 use super::scatter::unit;
 use crate::geometry::signed_area_2d;
+use crate::long_work::Underway;
 
 /// Relaxation steps between two looks at the faces.
 const ROUND: usize = 6;
@@ -43,8 +44,13 @@ pub(super) fn relaxed(
     points.extend(inside);
     let mut faces = triangulate(&points, &boundary.segments)?;
     let (mut best, mut fewest_bad) = (points.clone(), usize::MAX);
+    let what = format!("making a mesh of {} vertices", points.len());
+    let work = Underway::begin(&what, MOST_ROUNDS * ROUND);
     for _ in 0..MOST_ROUNDS {
         for _ in 0..ROUND {
+            if work.advance().is_break() {
+                return Err(GenerateError::Interrupted);
+            }
             relax_once(loops, &mut points, &faces, first_inner);
             faces = triangulate(&points, &boundary.segments)?;
         }

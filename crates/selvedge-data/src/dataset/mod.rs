@@ -18,6 +18,7 @@ use crate::dataset::problem::{FolderProblem, IndexProblem};
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
+use crate::formats::input::{read_file, read_text};
 use crate::formats::unique::Unique;
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
@@ -312,7 +313,7 @@ pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
 /// Reads an index file and checks format and version first, so that another version is named as
 /// such.
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Result<T, DatasetError> {
-    let text = std::fs::read_to_string(path).map_err(|source| DatasetError::Read {
+    let text = read_text(path).map_err(|source| DatasetError::Read {
         path: path.to_owned(),
         source,
     })?;
@@ -341,7 +342,7 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
 
 /// The bytes of an entry's file, if they are those of the index.
 pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|source| ReadTrajectoryError {
+    let bytes = read_file(path).map_err(|source| ReadTrajectoryError {
         path: path.to_owned(),
         source: TrajectoryFileError::Read(source),
     })?;

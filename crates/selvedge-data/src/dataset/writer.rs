@@ -13,6 +13,7 @@ use crate::dataset::{
     VERSION, read_checked, read_index, read_json,
 };
 use crate::formats::atomic::write_atomically;
+use crate::formats::input::read_file;
 use crate::trajectory::Trajectory;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -108,7 +109,7 @@ impl DatasetWriter {
         let file = file_of(split, motion);
         let path = self.folder.join(&file);
         trajectory.write(&path)?;
-        let bytes = std::fs::read(&path).map_err(|source| DatasetError::Read {
+        let bytes = read_file(&path).map_err(|source| DatasetError::Read {
             path: path.clone(),
             source,
         })?;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::error::{ForeignError, ForeignProblem};
+use crate::formats::input::read_file;
 use crate::formats::npy;
 
 /// Numbers and their shape.
@@ -35,7 +36,7 @@ fn read<T>(
     numbers: impl Fn(&npy::Array) -> Result<Vec<T>, ForeignProblem>,
 ) -> Result<Array<T>, ForeignError> {
     let array = || {
-        let array = npy::Array::parse(&std::fs::read(path).map_err(ForeignProblem::Read)?)?;
+        let array = npy::Array::parse(&read_file(path).map_err(ForeignProblem::Read)?)?;
         let values = numbers(&array)?;
         array.expect_shape(shape)?;
         let shape = array.shape;

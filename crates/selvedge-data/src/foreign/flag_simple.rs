@@ -20,6 +20,7 @@ use super::example::{Example, Feature, decode};
 use super::options::{ForeignFormat, ImportOptions, RestSource, positive, refuse};
 use super::tfrecord::{self, RecordPlace};
 use crate::UpAxis;
+use crate::formats::input::read_text;
 use crate::formats::obj::read_obj;
 
 pub(super) const META: &str = "meta.json";
@@ -82,7 +83,7 @@ impl FlagSimple {
             path: path.clone(),
             problem,
         };
-        let text = std::fs::read_to_string(&path).map_err(|e| at(ForeignProblem::Read(e)))?;
+        let text = read_text(&path).map_err(|e| at(ForeignProblem::Read(e)))?;
         let meta: Meta = serde_json::from_str(&text).map_err(|e| {
             at(ForeignProblem::Layout(format!(
                 "is no meta.json of flag_simple: {e}"

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::error::{ForeignError, ForeignProblem};
 use crate::UpAxis;
 use crate::formats::hash::hash;
+use crate::formats::input::read_file;
 
 /// A format that can be imported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -87,7 +88,7 @@ impl RestSource {
 
 /// The file of an option as the configuration names it: with the hash of its bytes.
 pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
-    let bytes = std::fs::read(path).map_err(|error| ForeignError {
+    let bytes = read_file(path).map_err(|error| ForeignError {
         path: path.to_owned(),
         problem: ForeignProblem::Read(error),
     })?;

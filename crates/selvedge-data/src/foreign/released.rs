@@ -14,6 +14,7 @@ use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::META;
 use super::options::{ForeignFormat, ImportOptions, positive, refuse};
 use crate::UpAxis;
+use crate::formats::input::read_text;
 use crate::formats::mesh_file::read_mesh;
 use crate::formats::obj::{read_obj, read_obj_positions};
 use crate::formats::polygons::MeshOptions;
@@ -146,7 +147,7 @@ impl Released {
             path: meta.clone(),
             problem,
         };
-        let text = match std::fs::read_to_string(&meta) {
+        let text = match read_text(&meta) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(PAPER_RATE),
             Err(error) => return Err(at(ForeignProblem::Read(error))),

@@ -2,7 +2,6 @@
 //! of them read when it is wanted.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -16,6 +15,7 @@ use crate::dataset::Split;
 use crate::dataset::check::folder_of;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
+use crate::formats::input::open_file;
 use crate::trajectory::Trajectory;
 
 /// Foreign data that can be read.
@@ -221,7 +221,7 @@ fn records(folder: &Path) -> Result<Vec<ForeignRun>, ForeignError> {
     };
     let mut runs = Vec::new();
     for path in record_files(folder).map_err(|problem| at(folder, problem))? {
-        let places = File::open(&path)
+        let places = open_file(&path)
             .map_err(ForeignProblem::Read)
             .and_then(|mut file| tfrecord::scan(&mut file))
             .map_err(|problem| at(&path, problem))?;

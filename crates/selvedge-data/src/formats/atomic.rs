@@ -10,6 +10,7 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tempfile::{Builder, NamedTempFile};
 use thiserror::Error;
@@ -29,6 +30,32 @@ pub struct WriteError {
 
 /// Links that are followed before they are taken to go round in a circle, as Linux does.
 const MOST_LINKS: usize = 40;
+
+/// Files and folders under way.
+static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
+
+/// Returns true while a file or a folder is being written: a process that ends now leaves what was
+/// there before, and a `.part` beside it.
+#[must_use]
+pub fn is_writing() -> bool {
+    UNDER_WAY.load(Ordering::SeqCst) > 0
+}
+
+/// One file or folder under way, until this is dropped.
+struct Writing(());
+
+impl Writing {
+    fn begin() -> Self {
+        UNDER_WAY.fetch_add(1, Ordering::SeqCst);
+        Self(())
+    }
+}
+
+impl Drop for Writing {
+    fn drop(&mut self) {
+        UNDER_WAY.fetch_sub(1, Ordering::SeqCst);
+    }
+}
 
 /// Removes what writers that were killed left in `folder`: hidden files and folders that end in
 /// `.part`. Nobody may be writing there now. Returns what was removed.
@@ -77,6 +104,7 @@ pub fn write_atomically(
             source,
         }
     };
+    let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
     let folder = folder_of(&target.path);
     let temporary =
@@ -109,6 +137,7 @@ pub fn write_folder_atomically<E: From<WriteError>>(
             source,
         }
     };
+    let _writing = Writing::begin();
     let is_free = check_free(path).map_err(fail("make the folder"))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let prefix = format!(".{name}.");
@@ -173,6 +202,7 @@ pub fn write_beside<E: From<WriteError>>(
             source,
         }
     };
+    let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
     let temporary = create_beside(&target.path, folder_of(&target.path))
         .map_err(fail("create a file in its folder"))?;

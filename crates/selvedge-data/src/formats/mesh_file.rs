@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
+use crate::formats::input::read_file;
 use crate::rig::RigError;
 use crate::rig::mesh::polygons;
 
@@ -18,7 +19,7 @@ const COINCIDENT: f64 = 1e-6;
 /// # Errors
 /// [`ReadMeshError`] names the file, and the line, face or vertex that cannot be used.
 pub fn read_mesh(path: &Path, options: MeshOptions) -> Result<ReadMesh, ReadMeshError> {
-    std::fs::read(path)
+    read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| parse_mesh_bytes(path, &bytes, options, &Sewing::default()))
         .map_err(|source| ReadMeshError {

@@ -1,9 +1,10 @@
-//! Containers and plain formats that the files of this crate are made of: atomic writing,
+//! Containers and plain formats that the files of this crate are made of: reading, atomic writing,
 //! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that
 //! points up.
 
 pub(crate) mod atomic;
 pub(crate) mod hash;
+pub(crate) mod input;
 pub(crate) mod mesh_file;
 pub(crate) mod npy;
 pub(crate) mod npz;

@@ -18,6 +18,7 @@ mod usda;
 
 use std::path::Path;
 
+use crate::formats::input::read_file;
 use glam::DMat4;
 
 pub(crate) use self::bodies::read_body;
@@ -33,7 +34,7 @@ impl Rig {
     pub fn read(path: &Path) -> Result<Self, RigError> {
         let extension = path.extension().and_then(|e| e.to_str());
         let rig = match extension {
-            Some("glb" | "usda") => std::fs::read(path).map_err(RigError::Read),
+            Some("glb" | "usda") => read_file(path).map_err(RigError::Read),
             _ => Err(RigError::Extension),
         };
         let rig = rig.and_then(|bytes| match extension {

@@ -10,6 +10,7 @@ use thiserror::Error;
 
 use super::strained::Times;
 use crate::formats::hash::hash;
+use crate::formats::input::read_file;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
     FabricNames, MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles,
@@ -390,7 +391,7 @@ impl Transform {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ReadMeshError> {
-    std::fs::read(path).map_err(|source| ReadMeshError {
+    read_file(path).map_err(|source| ReadMeshError {
         path: path.to_owned(),
         source: MeshFileError::Read(source),
     })

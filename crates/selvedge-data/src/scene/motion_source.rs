@@ -14,6 +14,7 @@ use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
 use super::text::{parse_toml, read_text};
 use crate::export::handle_positions;
+use crate::formats::input::read_file;
 use crate::rig::{Followers, Rig};
 
 /// One way to say how the handles move; paths are relative to the file that names them.
@@ -126,7 +127,7 @@ fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String>
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
     {
-        let bytes = std::fs::read(path).map_err(|error| format!("could not be read: {error}"))?;
+        let bytes = read_file(path).map_err(|error| format!("could not be read: {error}"))?;
         return handle_positions(&bytes, frame_rate).map_err(|error| error.to_string());
     }
     let text = read_text(path).map_err(|error| error.to_string())?;

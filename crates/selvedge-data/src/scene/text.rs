@@ -5,11 +5,12 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use super::problem::SceneProblem;
+use crate::formats::input;
 
 pub(crate) fn parse_toml<T: DeserializeOwned>(text: &str) -> Result<T, SceneProblem> {
     toml::from_str(text).map_err(|error| SceneProblem::Toml(Box::new(error)))
 }
 
 pub(crate) fn read_text(path: &Path) -> Result<String, SceneProblem> {
-    std::fs::read_to_string(path).map_err(SceneProblem::Read)
+    input::read_text(path).map_err(SceneProblem::Read)
 }

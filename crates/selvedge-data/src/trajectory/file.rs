@@ -24,6 +24,7 @@ use selvedge_cloth::{
 use thiserror::Error;
 
 use crate::formats::atomic::WriteError;
+use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 use crate::trajectory::obstacle_file::{self, ObstacleTensors};
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
@@ -107,7 +108,7 @@ impl Trajectory {
     /// # Errors
     /// [`ReadTrajectoryError`] names the file, and what in it is missing or wrong.
     pub fn read(path: &Path) -> Result<Self, ReadTrajectoryError> {
-        std::fs::read(path)
+        read_file(path)
             .map_err(TrajectoryFileError::Read)
             .and_then(|bytes| Self::from_bytes(&bytes))
             .map_err(|source| ReadTrajectoryError {

@@ -73,7 +73,7 @@ pub(super) fn path(
 /// The kept run of `case` in the file `path` up to frame `last`; none where there is none that
 /// fits. A run that is there and does not fit is warned of.
 pub(super) fn open(path: &Path, case: &Case, method: &Method, last: usize) -> Option<Reference> {
-    let bytes = std::fs::read(path).ok()?;
+    let bytes = selvedge_data::read_file(path).ok()?;
     let unfit = |problem: String| {
         tracing::warn!("{}: {problem}: it is made again", path.display());
         None

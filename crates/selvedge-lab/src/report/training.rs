@@ -48,7 +48,7 @@ impl TrainingLog {
     /// # Errors
     /// When it cannot be read, with the line that is none.
     pub fn read(path: &Path) -> Result<Self, ReadLogError> {
-        let text = std::fs::read_to_string(path).map_err(|source| {
+        let text = selvedge_data::read_text(path).map_err(|source| {
             let path = path.to_owned();
             ReadLogError::Read { path, source }
         })?;

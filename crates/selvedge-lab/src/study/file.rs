@@ -220,7 +220,7 @@ pub fn open(name: &str) -> Result<Study, StudyError> {
     }
     let path = Path::new(name);
     let known = STUDIES.map(|study| study.0).join(", ");
-    let text = std::fs::read_to_string(path)
+    let text = selvedge_data::read_text(path)
         .of(|| format!("{name}: could not be read, and is none of the shipped studies {known}"))?;
     parse(&text, path.parent().unwrap_or(Path::new("")), name)
 }
@@ -258,7 +258,7 @@ impl Study {
         let path = self.folder.join(&entry.config);
         let text = match assets::training(&entry.config) {
             Some(text) => text.to_owned(),
-            None => std::fs::read_to_string(&path).of(|| {
+            None => selvedge_data::read_text(&path).of(|| {
                 format!(
                     "{}: could not be read, and is no shipped configuration",
                     path.display()

@@ -16,7 +16,8 @@ use crate::machine::PROCESSOR;
 /// # Errors
 /// When it cannot be read.
 pub(super) fn hash_of(path: &Path) -> Result<String, StudyError> {
-    let bytes = std::fs::read(path).of(|| format!("{}: could not be read", path.display()))?;
+    let bytes =
+        selvedge_data::read_file(path).of(|| format!("{}: could not be read", path.display()))?;
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
@@ -25,7 +26,7 @@ pub(super) fn hash_of(path: &Path) -> Result<String, StudyError> {
 /// # Errors
 /// A file that is not what was written there.
 pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, StudyError> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match selvedge_data::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => {

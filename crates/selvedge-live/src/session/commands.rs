@@ -205,7 +205,6 @@ impl Session {
         self.stop_recording();
         if let Some(live) = self.showing.live_mut() {
             live.set_mover(mover)?;
-            self.remark();
             self.publish_frame();
         }
         Ok(())
@@ -223,7 +222,6 @@ impl Session {
         if wind != live.hold().environment.wind {
             live.set_wind(wind)?;
             self.end_recording("a recording has the same wind from start to end: ");
-            self.remark();
         }
         Ok(())
     }
@@ -305,7 +303,6 @@ impl Session {
         let places = live.places(&live.hold().handles);
         self.lead.hands = self.lead.hands.rearranged(&places, &kept);
         self.end_recording("a recording has the same handles from start to end: ");
-        self.remark();
         self.outlets.tell_soon();
         self.publish_frame();
         Ok(())

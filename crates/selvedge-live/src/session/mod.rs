@@ -300,10 +300,12 @@ impl Session {
         });
     }
 
-    /// Tells something to all pages.
     /// Says what there is to say of the mover under the present handles and wind, once.
     fn remark(&mut self) {
-        let live = self.showing.live();
+        let live = match self.showing.player() {
+            Some(_) => None,
+            None => self.showing.live(),
+        };
         let remark = live.and_then(|live| live.ready().remark_on(live.mover(), live.hold()));
         if remark != self.remarked {
             self.remarked.clone_from(&remark);
@@ -313,12 +315,14 @@ impl Session {
         }
     }
 
+    /// Tells something to all pages.
     fn notify(&mut self, level: Level, text: impl Into<String>) {
         self.outlets.notify(level, text);
     }
 
     /// Tells the state to all pages.
     fn tell(&mut self) {
+        self.remark();
         let state = self.state();
         self.outlets
             .publish_state(protocol::json(protocol::kind::STATE, &state));
@@ -346,6 +350,7 @@ impl Session {
             can_replay: self.recordings.tape.is_some(),
             can_live: self.showing.player().is_some(),
             busy: self.busy.clone(),
+            remark: self.remarked.clone(),
             notice: self.outlets.notice().cloned(),
             viewers: self.viewers,
         }

@@ -189,7 +189,7 @@ pub(super) fn joined<'a>(
 
 /// The bytes of a file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
-    std::fs::read(path).map_err(|source| ResumeError::Read {
+    selvedge_data::read_file(path).map_err(|source| ResumeError::Read {
         path: path.to_owned(),
         source,
     })

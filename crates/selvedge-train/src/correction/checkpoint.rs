@@ -135,10 +135,11 @@ impl CorrectionTrainer {
     /// What of the file does not fit.
     pub fn resume(cfg: CorrectionConfig, path: &Path) -> Result<Self, ResumeCorrectionError> {
         cfg.validate().map_err(CorrectionTrainError::from)?;
-        let bytes = std::fs::read(path).map_err(|source| ResumeCorrectionError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let bytes =
+            selvedge_data::read_file(path).map_err(|source| ResumeCorrectionError::Read {
+                path: path.to_owned(),
+                source,
+            })?;
         let file = Checkpoint::open(path, &bytes)?;
         file.check(&cfg)?;
         let state: State = file.json("state")?;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use selvedge_cloth::PhysicsSettings;
 use selvedge_data::UpAxis;
 use selvedge_data::foreign::{ForeignFormat, ImportOptions, Purpose, RestSource};
 
@@ -56,6 +57,9 @@ pub(crate) struct ImportArgs {
     /// Trajectories to test on, separated by commas (released, without folders train and test).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) test: Vec<String>,
+    /// The largest strain of an edge that is taken for that of a cloth.
+    #[arg(long, value_name = "NUMBER", default_value_t = PhysicsSettings::default().max_strain)]
+    pub(crate) max_strain: f64,
     /// Import only what is to be tested on; without this, nothing to train on is an error.
     #[arg(long)]
     pub(crate) test_only: bool,

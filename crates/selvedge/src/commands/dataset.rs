@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use selvedge_data::DatasetPreset;
 use selvedge_lab::generation;
+use selvedge_sim::DividedFrames;
 use serde::Serialize;
 
 use crate::cli::GenerateArgs;
@@ -19,6 +20,8 @@ struct Report {
     test: usize,
     samples: usize,
     frames_made: usize,
+    /// Those of them that took more substeps than their scene asks for.
+    divided_frames: u64,
     trajectories_kept: usize,
     trajectories_missing: usize,
     seconds: f64,
@@ -36,7 +39,12 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         tracing::warn!("{}: {warning}", args.preset);
     }
     let threads = args.threads.map(usize::from);
-    let made = generation::generate(&preset, &args.out, threads, &mut progress::listener())?;
+    let made = generation::generate(
+        &preset,
+        &args.out,
+        threads,
+        &mut progress::listener_of_files(),
+    )?;
     let report = Report {
         name: made.name.clone(),
         out: args.out.clone(),
@@ -44,15 +52,16 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         test: made.test,
         samples: made.samples,
         frames_made: made.frames_made,
+        divided_frames: made.divided.frames,
         trajectories_kept: made.kept,
         trajectories_missing: made.missing,
         seconds: started.elapsed().as_secs_f64(),
         interrupted: made.end() == End::Interrupted,
     };
-    Ok(Answer::new(text(&report), &report)?.ended(made.end()))
+    Ok(Answer::new(text(&report, made.divided), &report)?.ended(made.end()))
 }
 
-fn text(report: &Report) -> Facts {
+fn text(report: &Report, made: DividedFrames) -> Facts {
     let mut facts = Facts::new();
     facts.add("data set", &report.name);
     facts.add(
@@ -66,6 +75,9 @@ fn text(report: &Report) -> Facts {
         "simulated",
         format!("{} frames in {:.1} s", report.frames_made, report.seconds),
     );
+    if let Some(words) = crate::output::divided(made) {
+        facts.add("divided", words);
+    }
     if report.interrupted {
         let missing = report.trajectories_missing;
         facts.add(

@@ -6,8 +6,9 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use selvedge_data::DatasetWriter;
+use anyhow::{Context, bail};
 use selvedge_data::foreign::ForeignSource;
+use selvedge_data::{DatasetWriter, Trajectory, metrics};
 use selvedge_lab::folder;
 use serde::Serialize;
 
@@ -42,7 +43,7 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let _claimed = folder::claim_folder(&args.out)?;
     let mut writer = DatasetWriter::open(&args.out, plan)?;
     let missing = writer.missing().len();
-    if let Err(error) = write(&source, &mut writer) {
+    if let Err(error) = write(&source, &mut writer, args.max_strain) {
         writer.withdraw();
         return Err(error);
     }
@@ -71,7 +72,11 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
 }
 
 /// Reads and writes what is missing, one trajectory after another, until an end is asked for.
-fn write(source: &ForeignSource, writer: &mut DatasetWriter) -> anyhow::Result<()> {
+fn write(
+    source: &ForeignSource,
+    writer: &mut DatasetWriter,
+    max_strain: f64,
+) -> anyhow::Result<()> {
     let progress = Progress::new("importing", writer.missing().len(), "trajectories");
     for run in source.runs() {
         if interrupt::requested() {
@@ -81,10 +86,27 @@ fn write(source: &ForeignSource, writer: &mut DatasetWriter) -> anyhow::Result<(
             continue;
         }
         let trajectory = source.read(run)?;
+        check_strain(&trajectory, max_strain)
+            .with_context(|| format!("trajectory {}", run.name))?;
         writer.add(run.split, &run.name, &trajectory)?;
         progress.advance();
     }
     Ok(())
+}
+
+/// Checks that no edge is strained beyond what cloth can.
+fn check_strain(trajectory: &Trajectory, bound: f64) -> anyhow::Result<()> {
+    let lengths = metrics::material_edge_lengths(trajectory.cloth());
+    let topology = trajectory.topology();
+    let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
+    let beyond = strains.iter().position(|strain| *strain > bound);
+    let Some(frame) = beyond else {
+        return Ok(());
+    };
+    let most = strains.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    bail!(
+        "from frame {frame} on an edge is strained beyond the bound of {bound}, by {most:.3} at most: cloth does not stretch so far; check the units and the rest pose (--rest, --flat), leave this trajectory out, or raise --max-strain"
+    )
 }
 
 fn text(report: &Report) -> Facts {

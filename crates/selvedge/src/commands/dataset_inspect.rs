@@ -4,12 +4,14 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use selvedge_data::{Dataset, DatasetIndex, Distribution, Distributions, Split, write_atomically};
 use selvedge_lab::{folder, generation};
 use selvedge_view::Image;
 use selvedge_view::plot::{HistogramPlot, histogram_page};
 use serde::Serialize;
 
+use crate::interrupt;
 use crate::output::{Answer, Facts, Table, length};
 use crate::pictures::{Show, write_sheet};
 use crate::progress::Progress;
@@ -68,6 +70,9 @@ fn read_all(
     let mut drawn = Vec::new();
     for (split, name) in SPLITS {
         for entry in dataset.entries(split) {
+            if interrupt::requested() {
+                bail!("interrupted before every trajectory was read");
+            }
             let trajectory = dataset.read(entry)?;
             distributions.add(&trajectory);
             if let Some(out) = pictures {

@@ -8,7 +8,7 @@ use selvedge_data::{
 };
 use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
-use selvedge_sim::{SaggedRest, Threads};
+use selvedge_sim::{DividedFrames, SaggedRest, Threads};
 use serde::Serialize;
 
 use crate::cli::{SimulateArgs, Start};
@@ -16,7 +16,7 @@ use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
 use crate::progress::{self, Progress};
-use crate::{exporting, interrupt, pictures, place, scenes};
+use crate::{exporting, interrupt, output, pictures, place, scenes};
 
 #[derive(Serialize)]
 struct SimulateReport {
@@ -35,6 +35,8 @@ struct SimulateReport {
     final_speed: f64,
     /// Substeps by what they came to; none with an integrator of first order.
     substeps: Option<SubstepReport>,
+    /// Frames that took more substeps than the scene asks for.
+    divided_frames: u64,
     clip: Option<PathBuf>,
     exported: Vec<PathBuf>,
     /// Wishes of the scene that cannot be met, or are likely mistakes.
@@ -107,11 +109,12 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         largest_strain: physics::largest_strain(&trajectory)?,
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
         substeps,
+        divided_frames: run.divided.frames,
         exported,
         warnings: loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
     };
-    Ok(Answer::new(text(&report, frames + 1), &report)?.ended(end))
+    Ok(Answer::new(text(&report, frames + 1, run.divided), &report)?.ended(end))
 }
 
 /// Warns of a run of second order with many substeps of first order, and says what helps.
@@ -271,7 +274,7 @@ fn frames_left(all: usize, passed: usize) -> anyhow::Result<usize> {
     }
 }
 
-fn text(report: &SimulateReport, wanted: usize) -> Facts {
+fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts {
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);
     facts.add("vertices", report.vertices);
@@ -301,6 +304,9 @@ fn text(report: &SimulateReport, wanted: usize) -> Facts {
                 substeps.all, substeps.started_anew, substeps.fell_back
             ),
         );
+    }
+    if let Some(words) = output::divided(divided) {
+        facts.add("divided", words);
     }
     facts.add("wrote", report.out.display());
     if let Some(clip) = &report.clip {

@@ -104,7 +104,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
 fn text_of(config: &str) -> Result<String, ConfigError> {
     match assets::training(config) {
         Some(text) => Ok(text.to_owned()),
-        None => std::fs::read_to_string(config).map_err(|source| ConfigError::Read {
+        None => selvedge_data::read_text(Path::new(config)).map_err(|source| ConfigError::Read {
             path: config.into(),
             source,
         }),

@@ -64,6 +64,8 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
         )
     })?;
     let address = announce(&server, args);
+    // A recording may be under way.
+    interrupt::keep_results();
     while !interrupt::requested() {
         std::thread::sleep(Duration::from_millis(50));
     }

@@ -15,6 +15,7 @@ mod evaluation;
 mod export;
 mod goldens;
 mod guard;
+mod interrupts;
 mod learned;
 mod parity;
 mod physics;

@@ -19,6 +19,7 @@ use glam::DVec3;
 use selvedge_cloth::generate::Sheet;
 
 use super::polygons::{MeshFileError, MeshOptions, Polygons, ReadMesh, ReadMeshError, assemble};
+use crate::formats::input::read_file;
 pub use write::write_obj;
 pub(crate) use write::{ObjFrame, write_obj_frame};
 
@@ -27,7 +28,7 @@ pub(crate) use write::{ObjFrame, write_obj_frame};
 /// # Errors
 /// [`ReadMeshError`] names the file, and the line or vertex that cannot be used.
 pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
-    std::fs::read(path)
+    read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| parse_obj(&String::from_utf8_lossy(&bytes)))
         .map_err(|source| ReadMeshError {
@@ -38,7 +39,7 @@ pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
 
 /// Reads the vertices of a mesh only `[m]`, `[vertices]`; faces may be of any kind.
 pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshError> {
-    let positions = std::fs::read(path)
+    let positions = read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| Ok(parse::parse(&String::from_utf8_lossy(&bytes))?.positions));
     positions.map_err(|source| ReadMeshError {

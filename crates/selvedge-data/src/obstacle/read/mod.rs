@@ -11,6 +11,7 @@ use selvedge_cloth::bodies::Body;
 use super::error::Problem;
 use crate::export::{BodyPoints, body_points};
 use crate::formats::hash::hash;
+use crate::formats::input::read_file;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::polygons::triangles_in_space;
 use crate::rig::read_body;
@@ -64,7 +65,7 @@ pub(super) fn bytes_of(field: &'static str, path: &str, folder: &Path) -> Result
     if let Some(bytes) = shipped(path) {
         return Ok(bytes.to_vec());
     }
-    std::fs::read(folder.join(path)).map_err(|error| {
+    read_file(&folder.join(path)).map_err(|error| {
         let names: Vec<&str> = SHIPPED.iter().map(|body| body.0).collect();
         let problem = match Kind::of(path) {
             Some(_) => format!("{path} could not be read: {error}"),

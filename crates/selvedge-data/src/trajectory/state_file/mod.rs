@@ -21,6 +21,7 @@ use self::container::{Container, Floats, LARGEST, VERSION, wrong_shape};
 pub use self::error::{ReadStateError, StateError};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
+use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
 
@@ -142,7 +143,7 @@ impl SavedState {
             path: full.clone(),
             source,
         };
-        let bytes = std::fs::read(&full).map_err(|e| within(StateError::Read(e)))?;
+        let bytes = read_file(&full).map_err(|e| within(StateError::Read(e)))?;
         let container = Container::open(&full, &bytes, choice.frame_rate).map_err(within)?;
         let (state, [positions, velocities]) =
             select(&container, choice, vertices).map_err(within)?;

@@ -16,6 +16,7 @@ use super::{median, median_ratio, threads, time};
 use crate::cli::EngineArgs;
 use crate::interrupt;
 use crate::output::{Answer, End, Table, percent};
+use crate::progress::Progress;
 
 /// Measures of a frame or of a step.
 #[derive(Serialize)]
@@ -75,13 +76,15 @@ impl What {
 pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
     let variants = named(&args.variant)?;
     let (pool, threads) = threads(args.threads)?;
+    let passes = 2 * variants.len() + PAIRS.len();
+    let progress = Progress::new("measuring", passes * usize::from(args.runs), "runs at most");
     let mut rows = Vec::new();
     for variant in &variants {
         for what in [What::Frame, What::Step] {
             if interrupt::requested() {
                 break;
             }
-            let row = pool.install(|| measure(variant, what, args, threads))?;
+            let row = pool.install(|| measure(variant, what, args, threads, &progress))?;
             rows.push(row);
         }
     }
@@ -91,9 +94,10 @@ pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
         if let [Some(a), Some(b)] = pair.map(of)
             && !interrupt::requested()
         {
-            pairs.push(pool.install(|| beside([a, b], args))?);
+            pairs.push(pool.install(|| beside([a, b], args, &progress))?);
         }
     }
+    drop(progress);
     let end = if interrupt::requested() {
         End::Interrupted
     } else {
@@ -150,7 +154,7 @@ struct Beside {
     gflop_times_the_other: f64,
 }
 
-fn beside(pair: [&Variant; 2], args: &EngineArgs) -> anyhow::Result<Beside> {
+fn beside(pair: [&Variant; 2], args: &EngineArgs, progress: &Progress) -> anyhow::Result<Beside> {
     let mut engines = Vec::new();
     let mut gflop = Vec::new();
     for variant in pair {
@@ -161,6 +165,10 @@ fn beside(pair: [&Variant; 2], args: &EngineArgs) -> anyhow::Result<Beside> {
     }
     let mut elapsed: [Vec<f64>; 2] = Default::default();
     for _ in 0..args.runs {
+        if interrupt::requested() && !elapsed[0].is_empty() {
+            break;
+        }
+        progress.count();
         for (engine, elapsed) in engines.iter_mut().zip(&mut elapsed) {
             elapsed.push(rested(|| Ok(time(|| engine.frame())))?);
         }
@@ -184,6 +192,7 @@ fn measure(
     what: What,
     args: &EngineArgs,
     threads: usize,
+    progress: &Progress,
 ) -> anyhow::Result<Row> {
     let spec = &variant.spec;
     let topology = cloth(variant.vertices)?;
@@ -211,6 +220,7 @@ fn measure(
             rested(|| Ok(time(|| products.ours())))?,
             rested(|| Ok(time(|| products.faer())))?,
         ];
+        progress.count();
         let peers = peer.as_mut().map(|peer| rested(|| peer.run(what.name())));
         Ok((elapsed, peers.transpose()?))
     })?;

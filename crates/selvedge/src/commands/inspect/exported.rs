@@ -13,7 +13,7 @@ use crate::output::{Answer, Facts};
 /// # Errors
 /// When it is none, or damaged.
 pub(super) fn read_npz(path: &Path) -> anyhow::Result<Trajectory> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
     Trajectory::from_npz(&bytes).with_context(|| path.display().to_string())
 }
 

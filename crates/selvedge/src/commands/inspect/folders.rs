@@ -8,7 +8,7 @@ use selvedge_train::{CorrectionConfig, TrainConfig, files};
 use serde_json::{Value, json};
 
 use crate::commands::dataset_inspect;
-use crate::output::{Answer, Facts};
+use crate::output::{Answer, Facts, folded};
 
 /// The kind of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub(super) struct Configured {
 /// The configuration in the folder of a training, on data or by a teacher.
 pub(super) fn config_in(folder: &Path) -> anyhow::Result<Configured> {
     let path = folder.join(files::CONFIG);
-    let text = std::fs::read_to_string(&path)
+    let text = selvedge_data::read_text(&path)
         .with_context(|| format!("{}: could not be read", path.display()))?;
     if CorrectionConfig::is_meant(&text) {
         let cfg = CorrectionConfig::parse_with(&text, &path, &[])?;
@@ -123,7 +123,7 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("kind", "study");
     facts.add("folder", folder.display());
-    facts.add("trainings", trainings.join(", "));
+    facts.add("trainings", folded(&trainings));
     facts.add("evaluations", evaluations.len());
     let is_done = report.exists();
     if is_done {

@@ -10,7 +10,7 @@ use selvedge_lab::physics;
 use serde_json::{Value, json};
 
 use super::{box_of, exported};
-use crate::output::{Answer, Facts};
+use crate::output::{Answer, Facts, folded};
 
 /// Worst edges that are named.
 const NAMED: usize = 5;
@@ -40,7 +40,7 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
     facts.add("area", format!("{area:.4} m²"));
     facts.add("from", format!("{low} m"));
     facts.add("to", format!("{high} m"));
-    facts.add("labels", format!("{labels:?}"));
+    facts.add("labels", folded(&labels));
     if read.is_own_shape {
         facts.add("pattern", "none: each face rests as it stands");
     }
@@ -99,7 +99,7 @@ pub(super) fn facts(facts: &mut Facts, mesh: &Mesh) -> Value {
     }
     let fabrics = &mesh.fabrics().names;
     if !fabrics.is_empty() {
-        facts.add("fabrics", format!("{fabrics:?}"));
+        facts.add("fabrics", folded(fabrics));
     }
     for edge in &worst {
         facts.add("longest edge", edge);

@@ -20,8 +20,8 @@ use anyhow::{Context, bail};
 use glam::Vec3;
 use selvedge_cloth::Handles;
 use selvedge_data::{
-    LoadedScene, MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, metrics,
-    read_mesh, shipped_scenes,
+    LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory,
+    TrajectoryFileError, metrics, read_mesh, shipped_scenes,
 };
 use selvedge_lab::{physics, study};
 use selvedge_model::{MODEL_FORMAT, Model, Network};
@@ -30,7 +30,7 @@ use serde_json::{Value, json};
 
 use super::dataset_plan;
 use crate::cli::InspectArgs;
-use crate::output::{Answer, Facts, length, percent};
+use crate::output::{Answer, Facts, folded, length, percent};
 use crate::{place, scenes};
 
 /// Says what a path is, and draws it where that is wanted.
@@ -66,6 +66,7 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
         Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
         Some("glb" | "usda") => match read_mesh(path, MeshOptions::default()) {
             Ok(read) => mesh::inspect(&read, path, true),
+            Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
             // What has no mesh to read has nodes, for handles to follow.
             Err(error) => {
                 if !error.source.is_without_mesh() {
@@ -82,7 +83,7 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
 
 fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
     let text =
-        std::fs::read_to_string(path).with_context(|| format!("{name}: could not be read"))?;
+        selvedge_data::read_text(path).with_context(|| format!("{name}: could not be read"))?;
     // What is no TOML is a scene that says where it is wrong.
     let table: toml::Table = toml::from_str(&text).unwrap_or_default();
     if table.contains_key("setting") {
@@ -151,7 +152,7 @@ fn inspect_correction(cfg: &CorrectionConfig, name: &str) -> anyhow::Result<Answ
         "teacher",
         format!("{} solves per frame", cfg.teacher.substeps),
     );
-    facts.add("scenes", cfg.teacher.scenes.join(", "));
+    facts.add("scenes", folded(&cfg.teacher.scenes));
     let report = json!({ "kind": "correction-training", "file": name, "config": cfg });
     Answer::new(facts, &report)
 }
@@ -174,7 +175,7 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
 
 /// A trajectory, or a model if the file says so.
 fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
     match Trajectory::from_bytes(&bytes) {
         Ok(trajectory) => inspect_trajectory(&trajectory, path),
         Err(TrajectoryFileError::Metadata { name, found, .. })
@@ -260,7 +261,7 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
     facts.add("vertices", trajectory.vertex_count());
     facts.add("faces", trajectory.topology().faces().len());
     facts.add("edges", trajectory.topology().edges().len());
-    facts.add("handles", format!("{handles:?}"));
+    facts.add("handles", folded(&handles));
     facts.add("from", format!("{low} m"));
     facts.add("to", format!("{high} m"));
     facts.add(
@@ -336,7 +337,7 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
     facts.add("vertices", topology.vertex_count());
     facts.add("faces", topology.faces().len());
     let seen = mesh::facts(&mut facts, &scene.mesh);
-    facts.add("handles", format!("{handles:?}"));
+    facts.add("handles", folded(&handles));
     facts.add(
         "material",
         format!("{}, {} kg/m²", scene.material.name, scene.material.density),

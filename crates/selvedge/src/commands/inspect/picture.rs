@@ -64,7 +64,7 @@ pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
 }
 
 fn draw_container(path: &Path, to: &Path) -> anyhow::Result<()> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
     let format = match Trajectory::from_bytes(&bytes) {
         Ok(trajectory) => return draw_run(&trajectory, path, to),
         Err(TrajectoryFileError::Metadata { name, found, .. }) if name == "format" => found,

@@ -1,0 +1,96 @@
+//! Frames of the shipped models allocate nothing once they have begun: alone, under a guard, and
+//! where physics is corrected. The physics and the networks have such a test of their own.
+//!
+//! The counter is of the whole process, so this program has one test.
+#![allow(unsafe_code, reason = "a counting allocator is an unsafe trait")]
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test that cannot be set up fails there"
+)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
+use selvedge_data::open_scene;
+use selvedge_guard::{Guard, GuardSettings};
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::{self, NamedModel};
+use selvedge_lab::physics;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Frames of a round, of which one without an allocation is looked for.
+const ROUND: usize = 20;
+
+/// Steps with the handles on a circle, until a round allocates nothing or many have.
+fn quiet_round(scene: &Scene, stepper: &mut dyn Stepper, start: &[DVec3]) -> Vec<usize> {
+    let held = scene.handles.select(start);
+    let targets: Vec<HandleTargets> = (0..10 * ROUND)
+        .map(|frame| {
+            let angle = 0.05 * frame as f64;
+            let shift = DVec3::new(angle.cos() - 1.0, 0.0, angle.sin()) * 0.1;
+            HandleTargets::at_frame_end(held.iter().map(|p| *p + shift).collect()).unwrap()
+        })
+        .collect();
+    let mut counts = Vec::with_capacity(10);
+    for round in targets.chunks(ROUND) {
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        for target in round {
+            stepper.step(target).unwrap();
+        }
+        counts.push(ALLOCATIONS.load(Ordering::Relaxed) - before);
+        if counts.last() == Some(&0) {
+            break;
+        }
+    }
+    counts
+}
+
+#[test]
+fn frames_after_the_first_allocate_nothing() {
+    let loaded = open_scene("default").unwrap();
+    let scene = &loaded.scene;
+    let rest = physics::rest_pose(scene, &mut |_| ControlFlow::Continue(())).unwrap();
+    let cloth = Cloth::of_scene(scene, physics::rounded(&rest.positions)).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.unwrap();
+    for (name, is_guarded) in [("small", false), ("small", true), ("corrected", false)] {
+        let model = NamedModel::open(Some(Path::new(name))).unwrap();
+        let graph = models::graph_of_scene(scene, &cloth, &model.model).unwrap();
+        let start = model.start(graph, cloth.rest_positions(), &Machine::Cpu, scene);
+        let mut stepper: Box<dyn Stepper + Send> = match is_guarded {
+            false => Box::new(start.unwrap()),
+            true => {
+                let (known, settings) = (Arc::new(scene.clone()), GuardSettings::default());
+                let rate = scene.frame_rate;
+                Box::new(Guard::new(start.unwrap(), &cloth, rate, Some(known), settings).unwrap())
+            }
+        };
+        let counts = pool.install(|| quiet_round(scene, &mut *stepper, &rest.positions));
+        assert_eq!(counts.last(), Some(&0), "{name}, {is_guarded}: {counts:?}");
+    }
+}
