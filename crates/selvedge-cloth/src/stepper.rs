@@ -41,8 +41,8 @@ pub trait Correctable: Stepper {
     /// them. The frame count stays.
     ///
     /// # Errors
-    /// [`StepError::NonFinite`] or [`StepError::Device`], with the number of the newest frame; the
-    /// cloth is left as it was.
+    /// [`StepError::NonFinite`], [`StepError::Intersections`] or [`StepError::Device`], with the
+    /// number of the newest frame; the cloth is left as it was.
     ///
     /// # Panics
     /// When there are not as many positions as vertices.
@@ -132,6 +132,14 @@ pub enum StepError {
         gap: f64,
     },
     #[error(
+        "frame {frame}: the cloth meets in {count} places ({pairs}): give a frame in which nothing meets, or remove `contact` from the scene"
+    )]
+    Intersections {
+        frame: usize,
+        count: usize,
+        pairs: String,
+    },
+    #[error(
         "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}: cloth does not stretch so far; use less wind, slower or nearer handles, or raise physics.max_strain"
     )]
     Overstretched {
@@ -158,6 +166,7 @@ impl StepError {
             | Self::Solve { frame, .. }
             | Self::Strain { frame, .. }
             | Self::Contact { frame, .. }
+            | Self::Intersections { frame, .. }
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::EndOfRecording { frame, .. } => frame,
@@ -173,6 +182,7 @@ impl StepError {
             | Self::Solve { frame, .. }
             | Self::Strain { frame, .. }
             | Self::Contact { frame, .. }
+            | Self::Intersections { frame, .. }
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::EndOfRecording { frame, .. } => *frame = number,

@@ -7,6 +7,11 @@
 //! its caller (targets that do not fit, a recording that has ended) or for a device. Edges stay too
 //! long where handles are farther apart than the cloth can reach.
 //!
+//! Where the scene has contact, every frame that is corrected or good is held to it too: on its way
+//! from the last frame no pair of features meets. Pairs that would are pushed apart; where that
+//! does not end, the frame is lost. So no frame intersects, if the first one does not. Where the
+//! physics cannot go on either, as with a handle led into an obstacle, the step fails.
+//!
 //! No failure of the physics is silent: it is in [`Trust::physics_failed`] and, with its reason, in
 //! [`Guard::physics_failure`].
 
@@ -16,7 +21,7 @@ use glam::Vec3;
 use selvedge_cloth::{
     Cloth, Correctable, HandleTargets, Scene, StepError, Stepper, VertexId, check_target_count,
 };
-use selvedge_sim::SimulatorError;
+use selvedge_sim::{Led, SimulatorError};
 use thiserror::Error;
 
 use crate::carry::carry;
@@ -24,7 +29,7 @@ use crate::gauge::Gauge;
 use crate::limiter::{EdgeLimiter, LimitedEdge};
 use crate::rescue::Physics;
 use crate::settings::{Correction, GuardSettings, SettingsError, When};
-use crate::trust::{Moved, Replacement, Trust, Verdict};
+use crate::trust::{ContactWord, Moved, Replacement, Trust, Verdict};
 
 /// Reason why a cloth cannot be guarded.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -50,6 +55,8 @@ pub enum GuardError {
     OtherScene { what: &'static str },
     #[error("the physics that is to correct frames cannot be set up: {0}")]
     Physics(#[source] SimulatorError),
+    #[error("frames cannot be held to contact: {0}")]
+    Start(#[source] StepError),
 }
 
 /// Failure of the physics beside a guard.
@@ -74,6 +81,8 @@ pub struct Guard<S> {
     /// lost frame.
     physics: Option<Result<Physics, SimulatorError>>,
     physics_failure: Option<PhysicsFailure>,
+    /// True if frames are held to contact.
+    is_held_apart: bool,
     /// The last two frames that were given on, the newest last `[m]`, `[vertices]`.
     last: [Vec<Vec3>; 2],
     next: Vec<Vec3>,
@@ -99,12 +108,17 @@ impl<S: Correctable> Guard<S> {
             check_scene(scene, &inner)?;
         }
         let lengths = check_cloth(cloth, &inner)?;
+        let has_contact = scene.as_ref().is_some_and(|scene| scene.contact.is_some());
+        let is_held_apart = has_contact && settings.correction != Correction::None;
         let physics = match (settings.correction, &scene) {
             (Correction::Physics, None) => return Err(GuardError::NoScene),
-            (Correction::Physics, Some(scene)) => {
-                Some(Ok(Physics::new(scene).map_err(GuardError::Physics)?))
+            (correction, Some(scene)) if correction == Correction::Physics || is_held_apart => {
+                let physics = Physics::new(scene).map_err(GuardError::Physics)?;
+                let apart = physics.check_apart(inner.frame(), inner.positions());
+                apart.map_err(GuardError::Start)?;
+                Some(Ok(physics))
             }
-            (Correction::None | Correction::Limit, _) => None,
+            _ => None,
         };
         let edges = inner.topology().edges().iter();
         let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
@@ -127,6 +141,7 @@ impl<S: Correctable> Guard<S> {
             settings,
             scene,
             physics,
+            is_held_apart,
             physics_failure: None,
             trust: Trust::default(),
         };
@@ -170,6 +185,7 @@ impl<S: Correctable> Guard<S> {
                 (false, false) => Verdict::Corrected,
             },
             physics_failed: false,
+            contact: ContactWord::Free,
             predicted,
             given,
             correction: predicted.map(|_| Moved::default()),
@@ -178,11 +194,19 @@ impl<S: Correctable> Guard<S> {
         self.next.extend_from_slice(found);
         let is_always =
             self.settings.when == When::Always && self.settings.correction == Correction::Physics;
-        if self.settings.correction == Correction::None || (holds && !is_always) {
+        if self.settings.correction == Correction::None {
             return Ok(());
         }
-        if self.trust.verdict.is_lost() || !self.correct(targets) {
-            self.replace(targets);
+        if !holds || is_always {
+            if self.trust.verdict.is_lost() || !self.correct(targets) {
+                self.replace(targets);
+            }
+            self.keep_apart(targets)?;
+        } else {
+            self.keep_apart(targets)?;
+            if self.trust.contact == ContactWord::Free {
+                return Ok(());
+            }
         }
         let moved = moved(self.inner.positions(), &self.next);
         self.trust.correction = predicted.map(|_| moved);
@@ -197,13 +221,59 @@ impl<S: Correctable> Guard<S> {
             ..Trust::default()
         };
         self.replace(targets);
+        self.keep_apart(targets)?;
         self.trust.given = self.gauge.measure(&self.last[1], &self.next);
         self.inner.take_frame(&self.next)
+    }
+
+    /// Holds the next frame to contact on its way from the last one: certified, or pushed apart, or
+    /// else replaced. A frame of the physics is free of contact already. Where that failed too, the
+    /// step fails.
+    fn keep_apart(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        let is_physics = |guard: &Self| {
+            let physics = Some(Replacement::Physics);
+            guard.trust.verdict.replaced_by() == physics
+        };
+        if !self.is_held_apart || is_physics(self) {
+            return Ok(());
+        }
+        let word = match self.lead() {
+            Ok(word) => word,
+            Err(_) => {
+                self.replace(targets);
+                if !is_physics(self) {
+                    self.lead()?;
+                }
+                ContactWord::Lost
+            }
+        };
+        self.trust.contact = word;
+        if word == ContactWord::Pushed && self.trust.verdict == Verdict::Held {
+            self.trust.verdict = Verdict::Corrected;
+        }
+        Ok(())
+    }
+
+    /// Leads the next frame from the last one, pushing apart what would meet.
+    fn lead(&mut self) -> Result<ContactWord, StepError> {
+        let frame = self.trust.frame.saturating_sub(1);
+        let Some(Ok(physics)) = &mut self.physics else {
+            return Ok(ContactWord::Free);
+        };
+        let led = physics.lead(frame, &self.last[1], &mut self.next)?;
+        Ok(match led {
+            Led::Free => ContactWord::Free,
+            Led::Pushed => ContactWord::Pushed,
+        })
     }
 
     /// Corrects the next frame as the settings say. Returns false if it is lost after all.
     fn correct(&mut self, targets: &HandleTargets) -> bool {
         if self.settings.correction == Correction::Physics {
+            // Solves with contact begin where nothing meets.
+            if self.is_held_apart && self.lead().is_err() {
+                return false;
+            }
             self.relax(targets);
         }
         let within = self.limiter.apply(&mut self.next, self.settings.sweeps);
@@ -250,12 +320,17 @@ impl<S: Correctable> Guard<S> {
         if replaced_by == Replacement::Carry {
             carry(self.inner.handles(), &last[1], targets.end(), &mut next);
         }
+        self.trust.verdict = Verdict::Lost { replaced_by };
+        if self.is_held_apart && replaced_by == Replacement::Physics {
+            // Nothing meets in it, if nothing is moved.
+            (self.last, self.next) = (last, next);
+            return;
+        }
         // The handles of a physics with springs end beside their targets.
         for (vertex, target) in self.inner.handles().vertices().iter().zip(targets.end()) {
             next[vertex.index()] = target.as_vec3();
         }
         self.limiter.apply(&mut next, self.settings.sweeps);
-        self.trust.verdict = Verdict::Lost { replaced_by };
         (self.last, self.next) = (last, next);
     }
 
@@ -325,6 +400,7 @@ fn is_callers(error: &StepError) -> bool {
         | StepError::Solve { .. }
         | StepError::Strain { .. }
         | StepError::Contact { .. }
+        | StepError::Intersections { .. }
         | StepError::Overstretched { .. } => false,
     }
 }

@@ -89,4 +89,4 @@ mod trust;
 pub use gauge::Measured;
 pub use guard::{Guard, GuardError, PhysicsFailure};
 pub use settings::{Correction, GuardSettings, SettingsError, When};
-pub use trust::{Moved, Replacement, Tally, Trust, Verdict};
+pub use trust::{ContactWord, Moved, Replacement, Tally, Trust, Verdict};

@@ -6,7 +6,7 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Substepping};
-use selvedge_sim::{Simulator, SimulatorError, Threads};
+use selvedge_sim::{Led, Simulator, SimulatorError, Threads};
 
 /// A simulator with buffers for its states.
 pub(crate) struct Physics {
@@ -85,6 +85,22 @@ impl Physics {
         self.positions
             .copy_from_slice(self.simulator.positions_f64());
         Ok(())
+    }
+
+    /// Checks that nothing meets in `positions` `[m]`, `[vertices]`, of frame `frame`.
+    pub(crate) fn check_apart(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
+        self.simulator.check_apart(frame, positions)
+    }
+
+    /// Holds `to`, the frame after `frame`, to contact on its way from `from`
+    /// ([`Simulator::lead`]).
+    pub(crate) fn lead(
+        &mut self,
+        frame: usize,
+        from: &[Vec3],
+        to: &mut [Vec3],
+    ) -> Result<Led, StepError> {
+        self.simulator.lead(frame, from, to)
     }
 
     fn put(&mut self, positions: &[Vec3]) {

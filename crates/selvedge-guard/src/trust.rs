@@ -55,6 +55,30 @@ impl Verdict {
     }
 }
 
+/// Contact of a frame with obstacles and with itself, where its scene has some.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ContactWord {
+    /// Nothing met on the way from the last frame, or the scene has no contact.
+    #[default]
+    Free,
+    /// Vertices were pushed apart.
+    Pushed,
+    /// Pushing did not end: the frame counts as lost.
+    Lost,
+}
+
+impl ContactWord {
+    /// Name for reports: `free`, `pushed` or `lost`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Pushed => "pushed",
+            Self::Lost => "lost",
+        }
+    }
+}
+
 impl Replacement {
     /// Name for reports: `nothing`, `physics` or `carry`.
     #[must_use]
@@ -86,6 +110,8 @@ pub struct Trust {
     /// The physics was asked for this frame and failed. A correction then went without relaxation,
     /// a lost frame was carried. [`crate::Guard::physics_failure`] has the reason.
     pub physics_failed: bool,
+    /// Contact on the way to this frame.
+    pub contact: ContactWord,
     /// Measures of the prediction; none if it failed or is not finite.
     pub predicted: Option<Measured>,
     /// Measures of the frame that was given on.
@@ -107,6 +133,10 @@ pub struct Tally {
     pub lost_to_physics: usize,
     /// Frames for which the physics was asked and failed.
     pub physics_failures: usize,
+    /// Frames in which vertices were pushed apart, because they would have met.
+    pub pushed_apart: usize,
+    /// Frames that were lost because pushing did not end.
+    pub lost_to_contact: usize,
     /// Largest move of a vertex in a frame that was not lost `[m]`.
     pub largest_correction: f64,
 }
@@ -116,6 +146,8 @@ impl Tally {
     pub fn add(&mut self, trust: &Trust) {
         self.frames += 1;
         self.physics_failures += usize::from(trust.physics_failed);
+        self.pushed_apart += usize::from(trust.contact == ContactWord::Pushed);
+        self.lost_to_contact += usize::from(trust.contact == ContactWord::Lost);
         match trust.verdict {
             Verdict::Held => {}
             Verdict::Corrected => self.corrected += 1,
@@ -138,6 +170,8 @@ impl Tally {
             lost: self.lost + other.lost,
             lost_to_physics: self.lost_to_physics + other.lost_to_physics,
             physics_failures: self.physics_failures + other.physics_failures,
+            pushed_apart: self.pushed_apart + other.pushed_apart,
+            lost_to_contact: self.lost_to_contact + other.lost_to_contact,
             largest_correction: self.largest_correction.max(other.largest_correction),
         }
     }

@@ -417,6 +417,8 @@ mod tests {
                 lost: 1,
                 lost_to_physics: 1,
                 physics_failures: 0,
+                pushed_apart: 0,
+                lost_to_contact: 0,
                 largest_correction: 0.001 * number as f64,
             },
             beyond: Vec::new(),

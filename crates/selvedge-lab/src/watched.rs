@@ -48,6 +48,12 @@ pub struct GuardSummary {
     /// Frames for which the physics was asked and failed.
     #[serde(default)]
     pub physics_failures: usize,
+    /// Frames in which vertices were pushed apart, because they would have met.
+    #[serde(default)]
+    pub pushed_apart: usize,
+    /// Frames that were lost because pushing did not end.
+    #[serde(default)]
+    pub lost_to_contact: usize,
     /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
     pub largest_correction: f64,
 }
@@ -92,6 +98,8 @@ impl WatchedModel {
             lost: tally.lost,
             lost_to_physics: tally.lost_to_physics,
             physics_failures: tally.physics_failures,
+            pushed_apart: tally.pushed_apart,
+            lost_to_contact: tally.lost_to_contact,
             largest_correction: tally.largest_correction,
         }
     }
@@ -106,6 +114,8 @@ impl GuardSummary {
             lost: a.lost + b.lost,
             lost_to_physics: a.lost_to_physics + b.lost_to_physics,
             physics_failures: a.physics_failures + b.physics_failures,
+            pushed_apart: a.pushed_apart + b.pushed_apart,
+            lost_to_contact: a.lost_to_contact + b.lost_to_contact,
             largest_correction: a.largest_correction.max(b.largest_correction),
         })
     }
@@ -126,6 +136,19 @@ impl GuardSummary {
             text += &format!(", the physics failed in {physics_failures}");
         }
         text
+    }
+
+    /// Frames that were held to contact; none if no frame had to be.
+    pub fn contact_in_words(&self) -> Option<String> {
+        let Self {
+            pushed_apart,
+            lost_to_contact,
+            ..
+        } = self;
+        let is_needed = pushed_apart + lost_to_contact > 0;
+        is_needed.then(|| {
+            format!("{pushed_apart} frames pushed apart where the cloth would have met, {lost_to_contact} lost to it")
+        })
     }
 
     /// Share of the frames that were corrected or replaced.
@@ -153,7 +176,7 @@ pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Resul
     write_atomically(path, |out| {
         writeln!(
             out,
-            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed,beyond"
+            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed,contact,beyond"
         )?;
         for (frame, trust) in log.iter().enumerate() {
             let beyond = match beyond {
@@ -173,10 +196,10 @@ pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Resul
             let largest = text(trust.correction.map(|m| m.largest));
             let verdict = trust.verdict.name();
             let replaced_by = trust.verdict.replaced_by().map_or("", Replacement::name);
-            let failed = trust.physics_failed;
+            let (failed, contact) = (trust.physics_failed, trust.contact.name());
             writeln!(
                 out,
-                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest},{replaced_by},{failed},{beyond}",
+                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest},{replaced_by},{failed},{contact},{beyond}",
                 trust.frame
             )?;
         }
@@ -191,8 +214,11 @@ fn names(aspects: &[Aspect]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
     use selvedge_cloth::conformance::{HandlesEnd, check};
+    use selvedge_cloth::{ContactSettings, Obstacle, bodies};
     use selvedge_guard::Correction;
+    use selvedge_sim::Simulator;
 
     use super::*;
     use crate::machine::Machine;
@@ -201,7 +227,10 @@ mod tests {
 
     /// The shipped model on a small square, under a guard.
     fn watched(correction: Correction) -> WatchedModel {
-        let scene = hanging();
+        watched_in(hanging(), correction)
+    }
+
+    fn watched_in(scene: Scene, correction: Correction) -> WatchedModel {
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect()).unwrap();
         let model = NamedModel::open(None).unwrap();
@@ -220,6 +249,48 @@ mod tests {
             let make = || watched(correction);
             assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()), "{correction:?}");
         }
+    }
+
+    /// A ball beside the small square, towards which it is led.
+    fn with_ball() -> Scene {
+        let mut scene = hanging();
+        let positions = scene.mesh.positions();
+        let middle = positions.iter().sum::<DVec3>() / positions.len() as f64;
+        let body = bodies::sphere(0.15, 0.05);
+        let points = body.points.iter().map(|p| *p + middle + 0.3 * DVec3::X);
+        let ball = Obstacle::new("ball", points.collect(), body.faces).unwrap();
+        scene.obstacles = vec![ball];
+        scene.contact = Some(ContactSettings::default());
+        scene
+    }
+
+    #[test]
+    fn a_network_led_through_a_ball_writes_no_frame_that_intersects() {
+        let scene = with_ball();
+        let oracle = Simulator::new(&scene).unwrap();
+        let mut free = watched_in(scene.clone(), Correction::None);
+        let mut held = watched_in(scene.clone(), Correction::default());
+        let start = scene.handles.select(scene.mesh.positions());
+        let mut passes_through = 0;
+        for frame in 1..=60 {
+            let led = start
+                .iter()
+                .map(|p| *p + 0.012 * f64::from(frame) * DVec3::X);
+            let targets = HandleTargets::at_frame_end(led.collect()).unwrap();
+            free.step(&targets).unwrap();
+            held.step(&targets).unwrap();
+            let frame = frame as usize;
+            oracle.check_apart(frame, held.positions()).unwrap();
+            passes_through += usize::from(oracle.check_apart(frame, free.positions()).is_err());
+        }
+        let summary = held.summary();
+        assert!(passes_through > 10, "{passes_through}");
+        assert!(
+            summary.pushed_apart + summary.lost_to_contact > 10,
+            "{summary:?}"
+        );
+        assert!(summary.contact_in_words().is_some());
+        assert_eq!(free.summary().contact_in_words(), None);
     }
 
     #[test]

@@ -145,6 +145,31 @@ impl ActiveHandles {
         self.limit_after(gamma, state).map(|_| ())
     }
 
+    /// As [`Self::advance`], whatever the limits of the material.
+    pub(crate) fn advance_unlimited(
+        &mut self,
+        dt: f64,
+        state: &mut State,
+        history: &mut History,
+        targets: &[DVec3],
+    ) -> Result<(), SolveError> {
+        let system = &mut self.system;
+        let advanced = self.formula.advance(system, dt, state, history, targets);
+        advanced.map(|_| ())
+    }
+
+    /// As [`Self::advance_first_order`], whatever the limits of the material.
+    pub(crate) fn advance_first_order_unlimited(
+        &mut self,
+        dt: f64,
+        state: &mut State,
+        targets: &[DVec3],
+    ) -> Result<(), SolveError> {
+        let system = &mut self.system;
+        let advanced = self.formula.advance_first_order(system, dt, state, targets);
+        advanced.map(|_| ())
+    }
+
     /// Moves `state`, the end of a substep, within the limits of the material. Returns true if that
     /// was needed.
     fn limit_after(&self, gamma: f64, state: &mut State) -> Result<bool, SolveError> {
@@ -161,18 +186,6 @@ impl ActiveHandles {
     /// Returns true if a substep depends on the state before the last one.
     pub(crate) fn looks_back(&self) -> bool {
         self.formula.looks_back()
-    }
-
-    /// Returns true if the material has limits.
-    pub(crate) fn has_limits(&self) -> bool {
-        self.limiter.is_some()
-    }
-
-    /// Moves `state` towards the limits of the material, by one sweep over the faces.
-    pub(crate) fn limit_once(&self, dt: f64, state: &mut State) {
-        if let Some(limiter) = &self.limiter {
-            limiter.sweep(dt, state);
-        }
     }
 
     /// Moves `state` within the limits of the material. Returns true if that was needed.

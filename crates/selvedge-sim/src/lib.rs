@@ -87,5 +87,5 @@ pub use contact::ContactCounts;
 pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
-pub use simulator::{DividedFrames, PreviousSubstep, Simulator, SimulatorError};
+pub use simulator::{DividedFrames, Led, PreviousSubstep, Simulator, SimulatorError};
 pub use threads::Threads;

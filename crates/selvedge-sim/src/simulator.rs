@@ -18,6 +18,8 @@ use crate::solver::SolveError;
 use crate::state::State;
 use crate::strain_watch::{Overstrained, Overstretched, StrainWatch};
 use crate::threads::Threads;
+pub use contact::Led;
+use contact::Part;
 pub use divided_frames::DividedFrames;
 pub use previous::PreviousSubstep;
 use substep_error::SubstepError;
@@ -27,6 +29,10 @@ mod correctable;
 mod divided_frames;
 mod previous;
 mod substep_error;
+
+/// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
+/// while its neighbours go on is strained, and what is strained meets again.
+const BEFORE_HOLDING: u32 = 8;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
@@ -199,8 +205,8 @@ impl Simulator {
     /// All handles hold and count as on their paths.
     ///
     /// # Errors
-    /// [`SimulatorError`] for a count that does not match or a value that is not finite in f32; the
-    /// cloth is left as it was.
+    /// [`SimulatorError`] for a count that does not match, a value that is not finite in f32, or
+    /// positions that intersect in a scene with contact; the cloth is left as it was.
     pub fn resume(
         &mut self,
         frame: usize,
@@ -210,6 +216,7 @@ impl Simulator {
         let vertices = self.rounded.len();
         check_state("positions", "position", positions, vertices)?;
         check_state("velocities", "velocity", velocities, vertices)?;
+        self.check_meeting(frame, positions)?;
         if !self.active.holds_all() {
             self.active =
                 ActiveHandles::all(&self.scene).map_err(|cause| SimulatorError::Analysis {
@@ -337,7 +344,11 @@ impl Simulator {
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         self.enter_frame();
-        let still = Part { from: 0.0, to: 0.0 };
+        let still = Part {
+            from: 0.0,
+            to: 0.0,
+            may_hold: true,
+        };
         if let Err(error) = threads.run(|| self.solve(dt, still)) {
             self.restore();
             return Err(self.step_error(error, 1));
@@ -404,7 +415,13 @@ impl Simulator {
             let path = |h: usize| targets.at(h, fraction, reached[h]);
             self.active.put_targets(&mut self.targets, path);
             let from = f64::from(substep - 1) / f64::from(substeps);
-            self.solve(dt, Part { from, to: fraction })?;
+            let part = Part {
+                from,
+                to: fraction,
+                may_hold: substeps >= self.scene.physics.substeps * BEFORE_HOLDING
+                    || 2 * substeps > self.scene.physics.most_substeps(),
+            };
+            self.solve(dt, part)?;
         }
         let began = &self.saved.0.positions;
         Ok(self.watch.check_frame(began, &self.state.positions)?)
@@ -426,6 +443,7 @@ impl Simulator {
                     to: part.to,
                     targets: &self.targets,
                     threads: self.threads.for_cloth(state.positions.len()),
+                    may_hold: part.may_hold,
                 };
                 contact.advance(span, &mut self.active, state, history)?;
             }
@@ -506,13 +524,6 @@ impl Simulator {
         let frame = self.frame + 1;
         Err(StepError::NonFinite { frame, vertex })
     }
-}
-
-/// Part of a frame.
-#[derive(Clone, Copy)]
-struct Part {
-    from: f64,
-    to: f64,
 }
 
 impl Stepper for Simulator {

@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    Cloth, ClothArrays, Environment, HandleSchedule, Handles, Material, Motion, PhysicsSettings,
-    SagSettings, Topology,
+    Cloth, ClothArrays, ContactSettings, Environment, HandleSchedule, Handles, Material, Motion,
+    Obstacle, PhysicsSettings, SagSettings, Topology, bodies,
 };
 use selvedge_sim::Simulator;
 
@@ -140,6 +140,93 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
             }
         }
     }
+}
+
+/// The scene with a ball that stands where the cloth swings.
+fn with_ball() -> Scene {
+    let mut scene = scene();
+    let positions = scene.mesh.positions();
+    let middle = positions.iter().sum::<DVec3>() / positions.len() as f64;
+    let body = bodies::sphere(0.15, 0.08);
+    let at = |p: &DVec3| *p + middle + DVec3::new(0.25, -0.2, 0.05);
+    let points = body.points.iter().map(at).collect();
+    let ball = Obstacle::new("ball", points, body.faces).unwrap();
+    scene.obstacles = vec![ball];
+    scene.contact = Some(ContactSettings {
+        thickness: 2e-3,
+        ..ContactSettings::default()
+    });
+    scene
+}
+
+#[test]
+fn whatever_a_stepper_does_no_frame_intersects() {
+    let scene = with_ball();
+    let oracle = Simulator::new(&scene).unwrap();
+    let (mut pushed, mut lost, mut unguarded) = (0, 0, 0);
+    let both = [Correction::Limit, Correction::Physics];
+    for (corrections, errs) in [
+        (&both[..1], Error::Never),
+        (&both, Error::Grows),
+        (&both[..1], Error::NotANumber),
+        (&both[..1], Error::Fails),
+        (&both[..1], Error::Jumps),
+        (&both, Error::Trembles),
+    ] {
+        for correction in corrections {
+            let settings = GuardSettings::with(*correction);
+            let mut guard = watched(errs, settings, Some(scene.clone()));
+            let mut alone = Double::new(errs);
+            let mut tally = crate::Tally::default();
+            for frame in 1..=40 {
+                let targets = targets(&scene, frame);
+                guard.step(&targets).unwrap();
+                tally.add(guard.trust());
+                oracle.check_apart(frame, guard.positions()).unwrap();
+                let held = guard.handles().of(guard.positions());
+                assert!(
+                    held.zip(targets.end())
+                        .all(|(p, target)| p == target.as_vec3())
+                );
+                let is_bad = alone.step(&targets).is_err()
+                    || oracle.check_apart(frame, alone.positions()).is_err();
+                unguarded += u32::from(is_bad);
+            }
+            pushed += tally.pushed_apart;
+            lost += tally.lost_to_contact;
+        }
+    }
+    assert!(unguarded > 50, "{unguarded}");
+    assert!(pushed > 50, "{pushed} {lost}");
+}
+
+#[test]
+fn a_start_that_intersects_is_refused() {
+    let mut scene = with_ball();
+    let double = Double::new(Error::Never);
+    let cloth = cloth(&scene);
+    let mut moved = double.last[1].clone();
+    moved.iter_mut().for_each(|p| *p += 0.25 * Vec3::X);
+    let mut inside = Double::new(Error::Never);
+    inside.last = [moved.clone(), moved];
+    let settings = GuardSettings::default();
+    let error = Guard::new(
+        inside,
+        &cloth,
+        60.0,
+        Some(Arc::new(scene.clone())),
+        settings,
+    );
+    let Err(error @ GuardError::Start(StepError::Intersections { .. })) = error.map(|_| ()) else {
+        panic!("it was not refused");
+    };
+    assert!(
+        error.to_string().contains("of obstacle \"ball\""),
+        "{error}"
+    );
+    scene.contact = None;
+    scene.obstacles.clear();
+    assert!(Guard::new(double, &cloth, 60.0, Some(Arc::new(scene)), settings).is_ok());
 }
 
 #[test]

@@ -89,6 +89,8 @@ pub(crate) struct Span<'a> {
     /// Targets of the active handles at the end `[m]`.
     pub(crate) targets: &'a [DVec3],
     pub(crate) threads: Threads,
+    /// True if vertices may be held back where pushing does not end.
+    pub(crate) may_hold: bool,
 }
 
 /// Friction that a vertex has left from the substep before.
@@ -262,10 +264,10 @@ impl Contact {
         for _ in 0..self.settings.max_divisions {
             let left = span.dt * (1.0 - done);
             let now = span.from + (span.to - span.from) * done;
-            self.put_start(state, now, span.to);
-            self.solve(left, span, active, state, history)?;
+            self.put_start(&state.positions, now, span.to);
+            let mut is_limited = self.solve(left, span, active, state, history)?;
             let mut repeats = 0;
-            while !self.certify_solve(span.threads, state)
+            while !self.certify_solve(span.threads, &state.positions)
                 && repeats < REPEATS
                 && self.catch(&mut active.system.touches)
             {
@@ -273,11 +275,13 @@ impl Contact {
                 self.counts.repeated += 1;
                 history.forget();
                 state.copy_from(&self.before);
-                active.advance_first_order(left, state, span.targets)?;
+                active.advance_first_order_unlimited(left, state, span.targets)?;
+                is_limited = false;
             }
-            match self.separate(left, span.threads, active, state)? {
+            match self.separate(left, span, state)? {
                 separation::Outcome::Settled { moved } => {
-                    if moved {
+                    let is_shifted = !is_limited && self.limit(left, span, active, state)?;
+                    if moved || is_shifted {
                         history.forget();
                         active.system.forget_changes();
                     }
@@ -297,14 +301,28 @@ impl Contact {
                 }
             }
         }
-        let pair = self.room.worst.as_ref();
-        Err(ContactError::Unseparated(Unseparated {
-            pair: pair.map_or_else(String::new, |worst| self.name(&worst.pair)),
-            gap: pair.map_or(0.0, |worst| worst.gap),
-        }))
+        Err(ContactError::Unseparated(self.unseparated()))
     }
 
-    /// One linear solve over `left` `[s]`, with what touches in it.
+    /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
+    /// whole frame, where pairs that have no certificate are pushed apart. Returns true if vertices
+    /// were moved. Handles of `active` are not.
+    pub(crate) fn lead(
+        &mut self,
+        threads: Threads,
+        active: &ActiveHandles,
+        from: &[DVec3],
+        to: &mut [DVec3],
+    ) -> Result<bool, Unseparated> {
+        self.update_inverse(active);
+        self.put_start(from, 0.0, 1.0);
+        let was_moved = self.push_apart(threads, to)?;
+        to.copy_from_slice(&self.end[..to.len()]);
+        Ok(was_moved)
+    }
+
+    /// One linear solve over `left` `[s]`, with what touches in it. Returns true if its end is
+    /// within the limits of the material; where something touches, those come later.
     fn solve(
         &mut self,
         left: f64,
@@ -312,7 +330,7 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
         let (touches, set) = self.find_touches();
         self.counts.solves += 1;
@@ -326,35 +344,35 @@ impl Contact {
         self.before.copy_from(state);
         if active.system.touches.is_empty() && !changed {
             active.advance(left, state, history, span.targets)?;
-        } else {
-            let looks_back = active.looks_back();
-            if looks_back && !changed && history.fits(left) {
-                active.advance(left, state, history, span.targets)?;
-            } else {
-                if looks_back {
-                    self.counts.fell_back += 1;
-                    history.counts.all += 1;
-                    history.counts.fell_back += 1;
-                }
-                active.advance_first_order(left, state, span.targets)?;
-                if changed || !looks_back {
-                    history.forget();
-                } else {
-                    history.keep(&self.before, left);
-                }
-            }
+            return Ok(true);
         }
-        Ok(())
+        let looks_back = active.looks_back();
+        if looks_back && !changed && history.fits(left) {
+            active.advance_unlimited(left, state, history, span.targets)?;
+            return Ok(false);
+        }
+        if looks_back {
+            self.counts.fell_back += 1;
+            history.counts.all += 1;
+            history.counts.fell_back += 1;
+        }
+        active.advance_first_order_unlimited(left, state, span.targets)?;
+        if changed || !looks_back {
+            history.forget();
+        } else {
+            history.keep(&self.before, left);
+        }
+        Ok(false)
     }
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
-    fn put_start(&mut self, state: &State, now: f64, end: f64) {
-        let cloth = state.positions.len();
+    fn put_start(&mut self, positions: &[DVec3], now: f64, end: f64) {
+        let cloth = positions.len();
         let mut put = |p: usize, place: DVec3| {
             self.clearances.travelled[p] += self.start[p].distance(place);
             self.start[p] = place;
         };
-        for (p, place) in state.positions.iter().enumerate() {
+        for (p, place) in positions.iter().enumerate() {
             put(p, *place);
         }
         let [from, to] = &self.frame;

@@ -1,12 +1,16 @@
 //! Rounds after a solve, in which pairs without a certificate are pushed apart: by mass, with
-//! friction, together with the limits of strain. Pairs that this does not settle are held back
-//! towards their start, or the substep is divided.
+//! friction. Pairs that this does not settle are held back towards their start, or the substep is
+//! divided.
+//!
+//! Limits of strain come last, and give way: a vertex of a pair that would meet by its shift onto
+//! the limits stays where it was ([`Contact::limit`]). A sweep of theirs between two rounds undoes
+//! what the rounds did, and before them it brings together what the solve kept apart.
 
 use glam::DVec3;
 use selvedge_contact::{Approach, Kind, Pair, Path, certify, certify_straight, gap, push};
 
 use super::friction::along_surface;
-use super::{Contact, ContactCounts, ContactError, Unseparated};
+use super::{Contact, ContactCounts, ContactError, Span, Unseparated};
 use crate::active_handles::ActiveHandles;
 use crate::solver::SolveError;
 use crate::state::State;
@@ -114,14 +118,18 @@ impl Contact {
     pub(super) fn separate(
         &mut self,
         left: f64,
-        threads: Threads,
-        active: &ActiveHandles,
+        span: Span<'_>,
         state: &mut State,
     ) -> Result<Outcome, ContactError> {
         let rounds = self.settings.rounds;
-        for round in 0..=rounds + HOLDING {
+        let last = if span.may_hold {
+            rounds + HOLDING
+        } else {
+            rounds
+        };
+        for round in 0..=last {
             if round > 0 {
-                self.certify(threads, false);
+                self.certify(span.threads, false);
             }
             if self.room.failed.is_empty() {
                 let moved = round > 0;
@@ -146,20 +154,80 @@ impl Contact {
             }
             if round - rounds.min(round) <= HALVES {
                 self.project(round);
-                self.limit(left, active, state);
             }
         }
-        let worst = self.room.worst.as_ref();
-        Err(ContactError::Unseparated(Unseparated {
-            pair: worst.map_or_else(String::new, |worst| self.name(&worst.pair)),
-            gap: worst.map_or(0.0, |worst| worst.gap),
-        }))
+        Err(ContactError::Unseparated(self.unseparated()))
     }
 
-    /// Certifies all candidates on their way to `state`, the end of a solve. Returns true if none
-    /// fails.
-    pub(super) fn certify_solve(&mut self, threads: Threads, state: &State) -> bool {
-        self.end[..state.positions.len()].copy_from_slice(&state.positions);
+    /// Pushes pairs apart that have no certificate on their way to `end` `[m]`, `[vertices]`, but
+    /// holds nothing back. Returns true if there were some.
+    pub(super) fn push_apart(
+        &mut self,
+        threads: Threads,
+        end: &[DVec3],
+    ) -> Result<bool, Unseparated> {
+        if self.certify_solve(threads, end) {
+            return Ok(false);
+        }
+        for round in 0..2 * self.settings.rounds {
+            self.project(round);
+            self.certify(threads, false);
+            if self.room.failed.is_empty() {
+                return Ok(true);
+            }
+        }
+        Err(self.unseparated())
+    }
+
+    /// Moves `state`, the end of a solve over `left` `[s]` in which all pairs are certified, within
+    /// the limits of the material, as far as that leaves them certified. Returns true if it moved.
+    pub(super) fn limit(
+        &mut self,
+        left: f64,
+        span: Span<'_>,
+        active: &ActiveHandles,
+        state: &mut State,
+    ) -> Result<bool, SolveError> {
+        let mut limited = state.clone();
+        if !active.limit(left, &mut limited) {
+            return Ok(false);
+        }
+        limited.check_finite()?;
+        // A pair whose vertices all stay is certified, as it was.
+        let mut is_certified = self.certify_solve(span.threads, &limited.positions);
+        let mut rounds = 0;
+        while !is_certified {
+            rounds += 1;
+            if rounds > HOLDING {
+                return Ok(false);
+            }
+            for (pair, ..) in &self.room.failed {
+                for p in pair.corners.map(|p| p as usize) {
+                    if let Some(solved) = state.positions.get(p) {
+                        self.end[p] = *solved;
+                    }
+                }
+            }
+            self.certify(span.threads, false);
+            is_certified = self.room.failed.is_empty();
+        }
+        self.take(left, state)?;
+        Ok(true)
+    }
+
+    /// The pair that is safe for the shortest part, in words.
+    pub(super) fn unseparated(&self) -> Unseparated {
+        let worst = self.room.worst.as_ref();
+        Unseparated {
+            pair: worst.map_or_else(String::new, |worst| self.name(&worst.pair)),
+            gap: worst.map_or(0.0, |worst| worst.gap),
+        }
+    }
+
+    /// Certifies all candidates on their way to `end` `[m]`, `[vertices]`, the end of a solve.
+    /// Returns true if none fails.
+    pub(super) fn certify_solve(&mut self, threads: Threads, end: &[DVec3]) -> bool {
+        self.end[..end.len()].copy_from_slice(end);
         self.room.stirred.clear();
         self.room.stirred.resize(self.end.len(), true);
         self.certify(threads, true);
@@ -275,24 +343,6 @@ impl Contact {
                 }
             }
         }
-    }
-
-    /// Brings the faces that were stirred within the limits of strain, in one sweep.
-    fn limit(&mut self, left: f64, active: &ActiveHandles, state: &mut State) {
-        if !active.has_limits() {
-            return;
-        }
-        let cloth = state.positions.len();
-        let kept = state.clone();
-        state.positions.copy_from_slice(&self.end[..cloth]);
-        active.limit_once(left, state);
-        for (p, (place, end)) in state.positions.iter().zip(&mut self.end).enumerate() {
-            if *place != *end {
-                *end = *place;
-                self.room.stirred[p] = true;
-            }
-        }
-        state.copy_from(&kept);
     }
 
     /// Moves `state` to the end that is certified; velocities follow the moves.

@@ -156,6 +156,31 @@ impl Touches {
         })
     }
 
+    /// Vertices of each touch that couples some; in the place of an obstacle's point stands the
+    /// first of them.
+    pub(crate) fn stencils(&self) -> impl Iterator<Item = [u32; 4]> {
+        self.list.iter().filter_map(|touch| {
+            let has_weight = touch.weights.map(|weight| weight != 0.0);
+            let first = has_weight.iter().position(|has| *has)?;
+            let own = |k: usize| touch.corners[if has_weight[k] { k } else { first }];
+            Some([own(0), own(1), own(2), own(3)])
+        })
+    }
+
+    /// Each two vertices of a touch and the block that couples them `[kg]`.
+    pub(crate) fn couplings(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+        const TWO: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+        let two = self
+            .list
+            .iter()
+            .flat_map(|touch| TWO.map(|two| (touch, two)));
+        two.filter_map(|(touch, two)| {
+            let [a, b] = two.map(|k| touch.weights[k]);
+            let block = touch.response.block * (a * b);
+            (a * b != 0.0).then(|| (two.map(|k| touch.corners[k]), block))
+        })
+    }
+
     /// `product` = the part beside the diagonal in the scaled space of an incomplete factor: C⁻¹ E
     /// C⁻ᵀ `solved` times `scale`. `unknown` gives the unknown of a vertex; the count of unknowns
     /// where it is held.

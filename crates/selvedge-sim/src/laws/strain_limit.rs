@@ -104,7 +104,7 @@ impl StrainLimiter {
     }
 
     /// One sweep over the faces. Returns true if it moved any.
-    pub(crate) fn sweep(&self, dt: f64, state: &mut State) -> bool {
+    fn sweep(&self, dt: f64, state: &mut State) -> bool {
         let mut moved = false;
         for face in &self.faces {
             moved |= face.limit(face.limits, dt, state);

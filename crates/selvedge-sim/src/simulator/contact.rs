@@ -1,9 +1,29 @@
-//! Contact of a simulator: its checks at the start, the places of obstacles, and what it counted.
+//! Contact of a simulator: its checks at the start and of frames that were made elsewhere, the
+//! places of obstacles, and what it counted.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use selvedge_cloth::StepError;
 
 use super::{Simulator, SimulatorError};
-use crate::contact::ContactCounts;
+use crate::contact::{ContactCounts, Unseparated};
+
+/// A frame made elsewhere, held to contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Led {
+    /// Nothing meets on the way: the frame stays as it was, bit for bit.
+    Free,
+    /// Vertices were pushed apart.
+    Pushed,
+}
+
+/// Part of a frame.
+#[derive(Clone, Copy)]
+pub(super) struct Part {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    /// True if contact may hold vertices back; else the frame is divided first.
+    pub(super) may_hold: bool,
+}
 
 impl Simulator {
     /// Puts obstacles on their way from this frame to the next.
@@ -24,10 +44,28 @@ impl Simulator {
         if thickness > 0.25 * edge {
             return Err(SimulatorError::Thickness { thickness, edge });
         }
-        let rate = self.scene.frame_rate;
-        let found = contact.intersections(&self.state.positions, self.frame, rate);
+        self.check_meeting(self.frame, &self.state.positions)
+    }
+
+    /// Checks that nothing meets in `positions` `[m]`, `[vertices]`, of frame `frame`.
+    pub(super) fn check_meeting(
+        &self,
+        frame: usize,
+        positions: &[DVec3],
+    ) -> Result<(), SimulatorError> {
+        match self.meeting(frame, positions) {
+            None => Ok(()),
+            Some(Meeting { count, pairs }) => Err(SimulatorError::Intersections { count, pairs }),
+        }
+    }
+
+    /// Faces that meet in `positions` `[m]`, `[vertices]`, of frame `frame`; none where there are
+    /// none, or the scene has no contact.
+    fn meeting(&self, frame: usize, positions: &[DVec3]) -> Option<Meeting> {
+        let contact = self.contact.as_ref()?;
+        let found = contact.intersections(positions, frame, self.scene.frame_rate);
         if found.is_empty() {
-            return Ok(());
+            return None;
         }
         let pair = |faces: &[u32; 2]| {
             let [a, b] = faces.map(|face| contact.face_name(face));
@@ -35,9 +73,65 @@ impl Simulator {
         };
         let shown: Vec<String> = found.iter().take(5).map(|f| pair(&f.faces)).collect();
         let more = if found.len() > 5 { ", and more" } else { "" };
-        let pairs = shown.join(", ") + more;
-        let count = found.len();
-        Err(SimulatorError::Intersections { count, pairs })
+        Some(Meeting {
+            count: found.len(),
+            pairs: shown.join(", ") + more,
+        })
+    }
+
+    /// Checks that nothing meets in `positions` `[m]`, `[vertices]`, made elsewhere as frame
+    /// `frame`: exactly, of faces at that time. Without contact in the scene there is nothing to
+    /// check.
+    ///
+    /// # Errors
+    /// [`StepError::Intersections`] names faces that meet.
+    pub fn check_apart(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
+        if self.contact.is_none() {
+            return Ok(());
+        }
+        let positions: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
+        match self.meeting(frame, &positions) {
+            None => Ok(()),
+            Some(Meeting { count, pairs }) => Err(StepError::Intersections {
+                frame,
+                count,
+                pairs,
+            }),
+        }
+    }
+
+    /// Holds a frame that was made elsewhere to contact. From `from`, the frame `frame`, in which
+    /// nothing meets, the cloth goes to `to` on straight ways, both `[m]`, `[vertices]`. Pairs of
+    /// features that are not certified to stay apart for the whole way are pushed apart, by mass
+    /// and with friction. Active handles stay where `to` has them. The simulator's own state stays.
+    /// Without contact in the scene every frame is free.
+    ///
+    /// # Errors
+    /// [`StepError::Contact`], of the frame after `frame`, if pushing does not end; `to` is left as
+    /// it was.
+    pub fn lead(&mut self, frame: usize, from: &[Vec3], to: &mut [Vec3]) -> Result<Led, StepError> {
+        let Some(contact) = &mut self.contact else {
+            return Ok(Led::Free);
+        };
+        contact.enter_frame(frame, self.scene.frame_rate);
+        let wide = |frame: &[Vec3]| frame.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>();
+        let (from, mut end) = (wide(from), wide(to));
+        let threads = self.threads.for_cloth(end.len());
+        let active = &self.active;
+        let led = threads.run(|| contact.lead(threads, active, &from, &mut end));
+        match led {
+            Ok(false) => Ok(Led::Free),
+            Ok(true) => {
+                for (to, end) in to.iter_mut().zip(end) {
+                    *to = end.as_vec3();
+                }
+                Ok(Led::Pushed)
+            }
+            Err(Unseparated { pair, gap }) => {
+                let frame = frame + 1;
+                Err(StepError::Contact { frame, pair, gap })
+            }
+        }
     }
 
     pub(super) fn forget_touches(&mut self) {
@@ -64,4 +158,11 @@ impl Simulator {
         let rate = self.scene.frame_rate;
         contact.intersections(&rounded, self.frame, rate).len()
     }
+}
+
+/// Faces that meet.
+struct Meeting {
+    count: usize,
+    /// The first of them in words.
+    pairs: String,
 }

@@ -7,7 +7,7 @@ use super::{Simulator, Undo};
 use crate::state::State;
 
 impl Simulator {
-    /// Checks the number of positions, and that all of them are finite.
+    /// Checks the number of positions, that all of them are finite, and that nothing meets.
     fn check_frame(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
         assert_eq!(positions.len(), self.rounded.len(), "positions");
         match positions.iter().position(|p| !p.is_finite()) {
@@ -15,13 +15,14 @@ impl Simulator {
                 frame,
                 vertex: VertexId(vertex as u32),
             }),
-            None => Ok(()),
+            None => self.check_apart(frame, positions),
         }
     }
 }
 
 /// A frame that is replaced moves at the velocities of before, plus that of the way from the old
 /// places to the new ones in one frame. One that is taken moves as it came from the frame before.
+/// Where the scene has contact, a frame in which something meets is refused.
 impl Correctable for Simulator {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame, positions)?;

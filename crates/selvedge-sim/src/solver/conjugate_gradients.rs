@@ -84,6 +84,8 @@ struct Beside<'a> {
 struct Start {
     size: f64,
     part: f64,
+    /// Iterations of the solve at most.
+    most: u32,
 }
 
 /// Vectors of the iteration in the scaled space, `[unknowns]` each.
@@ -96,6 +98,9 @@ struct Vectors {
     /// The matrix times the direction.
     product: Vec<Vec3A>,
 }
+
+/// Iterations at most where touches couple vertices. A complete factor is not slower.
+const COUPLED_ITERATIONS: u32 = 500;
 
 /// Factor by which the residual falls before it is computed anew. Rounding in f32 is well below.
 const CYCLE: f64 = 1e-4;
@@ -208,6 +213,10 @@ impl ConjugateGradients {
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
+        let most = match beside {
+            None => self.settings.max_iterations,
+            Some(_) => self.settings.max_iterations.min(COUPLED_ITERATIONS),
+        };
         let mut last: Option<Cycle> = None;
         loop {
             residual_of(changes, &mut self.residual);
@@ -221,7 +230,7 @@ impl ConjugateGradients {
                 });
             }
             let is_stuck = last.is_some_and(|last| size > STUCK * last.start);
-            if is_stuck || self.iterations >= self.settings.max_iterations {
+            if is_stuck || self.iterations >= most {
                 return Err(IterationError::NotConverged {
                     iterations: self.iterations,
                     error: (size / unit).sqrt(),
@@ -231,7 +240,8 @@ impl ConjugateGradients {
             let truthful = last.filter(|last| size <= TRUSTED * last.end);
             let part = truthful.map_or(0.0, |last| size / last.before_end);
             let cycle_goal = goal.max(size * CYCLE * CYCLE);
-            let cycle = self.cycle(threads, beside, Start { size, part }, cycle_goal)?;
+            let start = Start { size, part, most };
+            let cycle = self.cycle(threads, beside, start, cycle_goal)?;
             self.give_solution(threads, pattern, changes);
             if cycle.end <= goal {
                 return Ok(());
@@ -249,10 +259,14 @@ impl ConjugateGradients {
         start: Start,
         goal: f64,
     ) -> Result<Cycle, IterationError> {
-        let Start { size, mut part } = start;
+        let Start {
+            size,
+            mut part,
+            most,
+        } = start;
         self.vectors.solution.fill(Vec3A::ZERO);
         let (mut before, mut now) = (size, size);
-        while now > goal && self.iterations < self.settings.max_iterations {
+        while now > goal && self.iterations < most {
             if self.stop.is_wanted() {
                 return Err(IterationError::Stopped {
                     iterations: self.iterations,

@@ -1,13 +1,17 @@
 //! The linear system of a time step and its solvers.
 //!
 //! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves the
-//! equations of a [`stage`]. A small cloth is factorised completely ([`pattern`], [`ordering`],
-//! [`blocks`], [`cholesky`]), a large one iterated ([`conjugate_gradients`], [`incomplete`]).
+//! equations of a [`stage`]. A small cloth is factorised completely ([`direct`], [`pattern`],
+//! [`ordering`], [`blocks`], [`cholesky`]), a large one iterated ([`conjugate_gradients`],
+//! [`incomplete`]). Touches are iterated ([`coupled`]), and where that fails factorised
+//! ([`complete`]).
 
 mod blocks;
 mod cholesky;
+mod complete;
 mod conjugate_gradients;
 mod coupled;
+mod direct;
 mod elements;
 mod incomplete;
 mod ordering;

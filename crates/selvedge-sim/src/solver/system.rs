@@ -9,7 +9,7 @@
 //! velocity that takes them to their targets, as their column of A would contribute. The pattern of
 //! A is made once; assembling and solving allocate nothing.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use selvedge_cloth::{
     AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, VertexId,
 };
@@ -17,10 +17,11 @@ use thiserror::Error;
 
 use crate::contact::Touches;
 use crate::laws::external::AirResistance;
-use crate::solver::blocks::Contributions;
-use crate::solver::cholesky::{Cholesky, FactorError};
+use crate::solver::cholesky::FactorError;
+use crate::solver::complete::{Complete, Coupling};
 use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
-use crate::solver::coupled::{CoupledError, Factor, Springs, Whole, solve_coupled};
+use crate::solver::coupled::{CoupledError, Springs, Whole, solve_coupled};
+use crate::solver::direct::Direct;
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
@@ -101,6 +102,8 @@ pub(crate) struct System {
     solved_span: f64,
     saved_changes: (Vec<DVec3>, f64),
     solver: Solver,
+    /// A factor of the whole, where conjugate gradients with touches do not converge.
+    complete: Complete,
     /// Pairs that push in the solves that follow.
     pub(crate) touches: Touches,
 }
@@ -109,16 +112,6 @@ pub(crate) struct System {
 enum Solver {
     Direct(Box<Direct>),
     Iterative(Box<ConjugateGradients>),
-}
-
-struct Direct {
-    contributions: Contributions,
-    /// Resistance of the air to each face `[kg]`.
-    air: Vec<DMat3>,
-    blocks: Vec<DMat3>,
-    values: Vec<f64>,
-    solution: Vec<f64>,
-    cholesky: Cholesky,
 }
 
 impl System {
@@ -150,7 +143,8 @@ impl System {
             Some(_) => Ordering::Banded,
         };
         let triangles = mesh.topology().face_indices();
-        let pattern = Pattern::new(ordering, &held, &triangles, &hinge_stencils(mesh))?;
+        let hinges = hinge_stencils(mesh);
+        let pattern = Pattern::new(ordering, &held, &triangles, &hinges)?;
         let elements = Elements::new(scene);
         Ok(Self {
             solver: match settings {
@@ -161,6 +155,7 @@ impl System {
             },
             elements,
             pattern,
+            complete: Complete::new(held, triangles, hinges),
             handles: scene.handles.clone(),
             constraint,
             air: scene.physics.air,
@@ -331,24 +326,41 @@ impl System {
     /// about within `span` `[s]`, which scales the last solution to a first guess.
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
+        match self.solve_as_set(span) {
+            Err(SolveError::Iteration(error))
+                if self.touches.couple() && !matches!(error, IterationError::Stopped { .. }) =>
+            {
+                let dt = self.elements.time_step();
+                let coupling = Coupling {
+                    threads: self.threads,
+                    elements: &self.elements,
+                    springs: springs(self.constraint, &self.handles, dt),
+                    touches: &self.touches,
+                };
+                let (impulses, changes) = (&self.impulses, &mut self.changes);
+                self.complete.solve(&coupling, impulses, changes)?;
+            }
+            other => other?,
+        }
+        self.solved_span = span;
+        Ok(())
+    }
+
+    /// As [`Self::solve`], by the solver of the settings.
+    fn solve_as_set(&mut self, span: f64) -> Result<(), SolveError> {
         let dt = self.elements.time_step();
-        let springs = Springs {
-            vertices: match self.constraint {
-                HandleConstraint::Exact => &[],
-                HandleConstraint::Spring => self.handles.vertices(),
-            },
-            stiffness: dt * dt * HANDLE_STIFFNESS,
-        };
+        let springs = springs(self.constraint, &self.handles, dt);
         let (pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
-        let touches = &self.touches;
+        let (threads, touches) = (self.threads, &self.touches);
+        let elements = &mut self.elements;
         match &mut self.solver {
             Solver::Direct(direct) => {
-                direct.gather(self.threads, pattern, &self.elements, springs);
+                direct.gather(threads, pattern, elements, springs);
                 direct.add(pattern, touches);
                 if touches.couple() {
                     let mut whole = Whole {
-                        threads: self.threads,
-                        elements: &mut self.elements,
+                        threads,
+                        elements,
                         springs,
                         touches,
                     };
@@ -358,7 +370,6 @@ impl System {
                 }
             }
             Solver::Iterative(solver) => {
-                let threads = self.threads;
                 // A change of velocity is about an acceleration times its span.
                 let scale = if self.solved_span > 0.0 {
                     span / self.solved_span
@@ -366,23 +377,21 @@ impl System {
                     0.0
                 };
                 changes.iter_mut().for_each(|change| *change *= scale);
-                let stiff = springs.vertices.iter().map(|v| (v.0, springs.stiffness));
-                solver.prepare(threads, pattern, &self.elements, stiff, touches);
-                let elements = &mut self.elements;
+                let stiff = springs.stiff();
+                solver.prepare(threads, pattern, elements, stiff, touches);
                 let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
                     elements.multiply(threads, changes, residual);
                     for (residual, impulse) in residual.iter_mut().zip(impulses) {
                         *residual = *impulse - *residual;
                     }
-                    for v in springs.vertices.iter().map(|v| v.index()) {
-                        residual[v] -= changes[v] * springs.stiffness;
+                    for (v, stiffness) in springs.stiff() {
+                        residual[v as usize] -= changes[v as usize] * stiffness;
                     }
                     touches.multiply(-1.0, changes, residual);
                 };
                 solver.solve(threads, pattern, touches, changes, residual)?;
             }
         }
-        self.solved_span = span;
         Ok(())
     }
 
@@ -465,85 +474,14 @@ impl System {
     }
 }
 
-impl Direct {
-    fn new(pattern: &Pattern, elements: &Elements) -> Result<Self, FactorError> {
-        let (starts, rows) = pattern.scalar_columns();
-        Ok(Self {
-            contributions: Contributions::new(pattern, elements),
-            air: vec![DMat3::ZERO; elements.faces.faces.len()],
-            blocks: vec![DMat3::ZERO; pattern.slot_count()],
-            values: vec![0.0; rows.len()],
-            solution: vec![0.0; 3 * pattern.unknown_count()],
-            cholesky: Cholesky::new(starts, rows)?,
-        })
-    }
-
-    fn gather(
-        &mut self,
-        threads: Threads,
-        pattern: &Pattern,
-        elements: &Elements,
-        springs: Springs<'_>,
-    ) {
-        self.contributions
-            .gather(threads, elements, &mut self.air, &mut self.blocks);
-        for vertex in springs.vertices {
-            let added = DMat3::from_diagonal(DVec3::splat(springs.stiffness));
-            self.blocks[pattern.unknown(vertex.0) as usize] += added;
-        }
-    }
-
-    /// Adds the diagonal blocks of what touches.
-    fn add(&mut self, pattern: &Pattern, touches: &Touches) {
-        for (vertex, block) in touches.diagonal() {
-            let unknown = pattern.unknown(vertex) as usize;
-            if unknown < pattern.unknown_count() {
-                self.blocks[unknown] += block;
-            }
-        }
-    }
-
-    fn solve(
-        &mut self,
-        pattern: &Pattern,
-        impulses: &[DVec3],
-        changes: &mut [DVec3],
-    ) -> Result<(), FactorError> {
-        self.take(pattern, impulses);
-        pattern.expand(&self.blocks, &mut self.values);
-        self.cholesky.solve(&self.values, &mut self.solution)?;
-        self.give(pattern, changes);
-        Ok(())
-    }
-
-    fn take(&mut self, pattern: &Pattern, impulses: &[DVec3]) {
-        let entries = self.solution.chunks_exact_mut(3);
-        for (entry, &vertex) in entries.zip(pattern.vertices()) {
-            entry.copy_from_slice(&impulses[vertex as usize].to_array());
-        }
-    }
-
-    fn give(&self, pattern: &Pattern, changes: &mut [DVec3]) {
-        for (entry, &vertex) in self.solution.chunks_exact(3).zip(pattern.vertices()) {
-            changes[vertex as usize] = DVec3::from_slice(entry);
-        }
-    }
-}
-
-impl Factor for Direct {
-    fn solve(
-        &mut self,
-        pattern: &Pattern,
-        impulses: &[DVec3],
-        changes: &mut [DVec3],
-    ) -> Result<(), FactorError> {
-        self.solve(pattern, impulses, changes)
-    }
-
-    fn solve_again(&mut self, pattern: &Pattern, impulses: &[DVec3], changes: &mut [DVec3]) {
-        self.take(pattern, impulses);
-        self.cholesky.solve_again(&mut self.solution);
-        self.give(pattern, changes);
+/// Springs of `handles` in a solve over `dt` `[s]`.
+fn springs(constraint: HandleConstraint, handles: &Handles, dt: f64) -> Springs<'_> {
+    Springs {
+        vertices: match constraint {
+            HandleConstraint::Exact => &[],
+            HandleConstraint::Spring => handles.vertices(),
+        },
+        stiffness: dt * dt * HANDLE_STIFFNESS,
     }
 }
 

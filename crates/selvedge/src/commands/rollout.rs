@@ -243,7 +243,7 @@ fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
         loaded.state = None;
     }
     if loaded.scene.contact.is_some() {
-        let warning = "contact: a learned model does not see obstacles, nor where the cloth touches itself: its cloth passes through both";
+        let warning = "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (with --guard none its cloth passes through both)";
         tracing::warn!("{scene}: {warning}");
         loaded.warnings.push(warning.to_owned());
     }
@@ -361,9 +361,13 @@ fn guard_line(report: &RolloutReport) -> String {
     let farthest = length(largest_correction);
     match report.guard {
         "none" => format!("none ({} frames beyond bounds)", corrected + lost),
-        name => format!(
-            "{name}: {corrected} frames corrected, by {farthest} at most; {lost_in_words} lost"
-        ),
+        name => {
+            let contact = report.guarded.contact_in_words();
+            let contact = contact.map_or_else(String::new, |words| format!("; {words}"));
+            format!(
+                "{name}: {corrected} frames corrected, by {farthest} at most; {lost_in_words} lost{contact}"
+            )
+        }
     }
 }
 

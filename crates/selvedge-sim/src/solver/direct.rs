@@ -1,0 +1,116 @@
+//! The matrix of a cloth factorised completely.
+
+use glam::{DMat3, DVec3};
+
+use crate::contact::Touches;
+use crate::solver::blocks::Contributions;
+use crate::solver::cholesky::{Cholesky, FactorError};
+use crate::solver::coupled::{Factor, Springs};
+use crate::solver::elements::Elements;
+use crate::solver::pattern::Pattern;
+use crate::threads::Threads;
+
+/// A complete factor, with the room to gather its matrix.
+pub(super) struct Direct {
+    contributions: Contributions,
+    /// Resistance of the air to each face `[kg]`.
+    air: Vec<DMat3>,
+    pub(super) blocks: Vec<DMat3>,
+    values: Vec<f64>,
+    solution: Vec<f64>,
+    cholesky: Cholesky,
+}
+
+impl Direct {
+    /// A factor of matrices of this pattern.
+    pub(super) fn new(pattern: &Pattern, elements: &Elements) -> Result<Self, FactorError> {
+        let (starts, rows) = pattern.scalar_columns();
+        Ok(Self {
+            contributions: Contributions::new(pattern, elements),
+            air: vec![DMat3::ZERO; elements.faces.faces.len()],
+            blocks: vec![DMat3::ZERO; pattern.slot_count()],
+            values: vec![0.0; rows.len()],
+            solution: vec![0.0; 3 * pattern.unknown_count()],
+            cholesky: Cholesky::new(starts, rows)?,
+        })
+    }
+
+    /// Gathers the matrix from the evaluated `elements`, with `springs` on its diagonal.
+    pub(super) fn gather(
+        &mut self,
+        threads: Threads,
+        pattern: &Pattern,
+        elements: &Elements,
+        springs: Springs<'_>,
+    ) {
+        self.contributions
+            .gather(threads, elements, &mut self.air, &mut self.blocks);
+        for vertex in springs.vertices {
+            let added = DMat3::from_diagonal(DVec3::splat(springs.stiffness));
+            self.blocks[pattern.unknown(vertex.0) as usize] += added;
+        }
+    }
+
+    /// Adds the diagonal blocks of what touches.
+    pub(super) fn add(&mut self, pattern: &Pattern, touches: &Touches) {
+        for (vertex, block) in touches.diagonal() {
+            let unknown = pattern.unknown(vertex) as usize;
+            if unknown < pattern.unknown_count() {
+                self.blocks[unknown] += block;
+            }
+        }
+    }
+
+    /// Adds the blocks by which touches couple vertices; the pattern has them.
+    pub(super) fn add_couplings(&mut self, pattern: &Pattern, touches: &Touches) {
+        for ([a, b], block) in touches.couplings() {
+            if let Some(slot) = pattern.slot(a, b) {
+                self.blocks[slot as usize] += block;
+            }
+        }
+    }
+
+    /// Factorises, and solves for `changes`.
+    pub(super) fn solve(
+        &mut self,
+        pattern: &Pattern,
+        impulses: &[DVec3],
+        changes: &mut [DVec3],
+    ) -> Result<(), FactorError> {
+        self.take(pattern, impulses);
+        pattern.expand(&self.blocks, &mut self.values);
+        self.cholesky.solve(&self.values, &mut self.solution)?;
+        self.give(pattern, changes);
+        Ok(())
+    }
+
+    fn take(&mut self, pattern: &Pattern, impulses: &[DVec3]) {
+        let entries = self.solution.chunks_exact_mut(3);
+        for (entry, &vertex) in entries.zip(pattern.vertices()) {
+            entry.copy_from_slice(&impulses[vertex as usize].to_array());
+        }
+    }
+
+    fn give(&self, pattern: &Pattern, changes: &mut [DVec3]) {
+        for (entry, &vertex) in self.solution.chunks_exact(3).zip(pattern.vertices()) {
+            changes[vertex as usize] = DVec3::from_slice(entry);
+        }
+    }
+}
+
+impl Factor for Direct {
+    fn solve(
+        &mut self,
+        pattern: &Pattern,
+        impulses: &[DVec3],
+        changes: &mut [DVec3],
+    ) -> Result<(), FactorError> {
+        self.solve(pattern, impulses, changes)
+    }
+
+    fn solve_again(&mut self, pattern: &Pattern, impulses: &[DVec3], changes: &mut [DVec3]) {
+        self.take(pattern, impulses);
+        self.cholesky.solve_again(&mut self.solution);
+        self.give(pattern, changes);
+    }
+}
