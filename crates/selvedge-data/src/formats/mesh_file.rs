@@ -35,13 +35,14 @@ pub(crate) fn parse_mesh_bytes(
     mut options: MeshOptions,
     sewing: &Sewing,
 ) -> Result<ReadMesh, MeshFileError> {
+    let is_sewn = !sewing.seams.is_empty();
     let is_glb = match path.extension().and_then(|e| e.to_str()) {
         Some("glb") => true,
         Some("usda") => false,
         Some("obj") | None => {
             let mut polygons = parse_obj_polygons(bytes)?;
             sew(&mut polygons, sewing)?;
-            return assemble(polygons, options);
+            return assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn));
         }
         Some(_) => {
             let problem = "is no kind of mesh that can be read: .obj, .glb or .usda".to_owned();
@@ -59,7 +60,7 @@ pub(crate) fn parse_mesh_bytes(
     options
         .weld
         .get_or_insert(COINCIDENT * extent(&polygons.positions));
-    assemble(polygons, options)
+    assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn))
 }
 
 /// Longest side of the box around `positions`.

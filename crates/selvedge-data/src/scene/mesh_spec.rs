@@ -275,7 +275,13 @@ impl MeshSpec {
             }
             sheet.mesh = sheet.mesh.with_seam_stiffness(factor)?;
         }
-        check_units(&sheet.mesh)?;
+        let loose = read.loose;
+        let loose = loose.map(|loose| loose.moved(|p| self.transform.place(p)));
+        match &loose {
+            // Panels that are to be sewn may be far from each other.
+            Some(loose) => check_units(&loose.mesh(&sheet.mesh)?)?,
+            None => check_units(&sheet.mesh)?,
+        }
         let turn = self.transform.turn();
         let velocities = read.velocities.map(|velocities| {
             let turned = |v: DVec3| turn * (self.transform.scale * v);
@@ -284,9 +290,7 @@ impl MeshSpec {
         Ok(BuiltMesh {
             sheet,
             velocities,
-            loose: read
-                .loose
-                .map(|loose| loose.moved(|p| self.transform.place(p))),
+            loose,
             warnings: read.warnings,
         })
     }

@@ -4,7 +4,7 @@
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
-use selvedge_data::{Provenance, Trajectory, UpAxis, read_obj};
+use selvedge_data::{LoadedScene, Provenance, Trajectory, UpAxis, parse_scene, read_obj};
 use serde_json::Value;
 use std::path::Path;
 
@@ -188,4 +188,69 @@ fn a_gltf_of_a_sewn_cloth_is_split_along_its_seams_with_a_way_back() {
     let change = view(&primitive["targets"][0]["POSITION"]);
     assert_eq!(change.len(), 24);
     assert_eq!(f32::from_le_bytes(change[22]), 0.5);
+}
+
+/// A scene of two flat panels of 3 by 3 vertices beside each other, 0.1 m apart, the second moved
+/// `away` along z `[m]`, with this table of seams.
+fn two_panels(away: f64, seams: &str) -> Result<LoadedScene, String> {
+    let mut text = String::new();
+    for panel in 0..2 {
+        for k in 0..9 {
+            let x = 0.3 * f64::from(panel) + 0.1 * f64::from(k % 3);
+            text += &format!("v {x} {} 0\n", -0.1 * f64::from(k / 3));
+        }
+    }
+    for panel in 0..2 {
+        let vertex = |i: i32, j: i32| 9 * panel + 3 * j + i + 1;
+        text += &format!("o panel{panel}\n");
+        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let corners = [(i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)];
+            let [a, b, c, d] = corners.map(|(i, j)| vertex(i, j));
+            text += &format!("f {a} {b} {c} {d}\n");
+        }
+        for (name, ends) in [
+            ("left", [(0, 0), (0, 1), (0, 2)]),
+            ("right", [(2, 0), (2, 1), (2, 2)]),
+            ("top", [(0, 0), (1, 0), (2, 0)]),
+        ] {
+            let [a, b, c] = ends.map(|(i, j)| vertex(i, j));
+            text += &format!("g {name}{panel}\nl {a} {b} {c}\n");
+        }
+        text += "g rest\n";
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("flat.obj"), text).unwrap();
+    let scene = format!(
+        "name = \"panels\"\nmaterial = \"gray-interlock\"\nstart = \"fit\"\n\
+         handles = {{ vertices = [0] }}\nmotion = {{ named = \"forward\" }}\n\
+         mesh = {{ file = \"flat.obj\", panels = [{{ panel = \"panel1\", translation = [0, 0, {away}] }}] }}\n\
+         seams = [{seams}]\n"
+    );
+    parse_scene(&scene, folder.path(), "panels").map_err(|error| error.to_string())
+}
+
+#[test]
+fn panels_are_sewn_over_any_distance() {
+    let seam = "{ a = \"right0\", b = \"left1\" }";
+    for away in [-0.2, 40.0] {
+        let loaded = two_panels(away, seam).unwrap();
+        assert_eq!(loaded.scene.mesh.positions().len(), 15);
+        assert!(loaded.loose.is_some());
+    }
+}
+
+#[test]
+fn seams_that_make_no_cloth_are_said_to_be_at_fault() {
+    for (seams, problem) in [
+        // Two borders that meet in a corner: the face there would collapse.
+        ("{ a = \"left0\", b = \"top0\" }", "names vertex"),
+        (
+            "{ a = \"left0\", b = \"left1\" }, { a = \"left0\", b = \"right1\" }",
+            "more than two faces",
+        ),
+    ] {
+        let error = two_panels(-0.2, seams).unwrap_err();
+        assert!(error.contains(problem), "{error}");
+        assert!(error.contains("once the seams are sewn"), "{error}");
+    }
 }

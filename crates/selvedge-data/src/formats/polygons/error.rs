@@ -29,9 +29,7 @@ pub enum MeshFileError {
     Line { line: usize, problem: String },
     #[error("{problem}")]
     Content { problem: String },
-    #[error(
-        "has no faces, only {vertices} vertices: a cloth needs at least one; export it as a mesh, not as points, lines or curves"
-    )]
+    #[error("has no faces{}", without_faces(*vertices))]
     NoFaces { vertices: usize },
     #[error(
         "has no faces left once vertices within {tolerance} of each other are one: give a smaller mesh.weld, in the file's own unit of length"
@@ -93,6 +91,10 @@ pub enum MeshFileError {
     Border { name: String },
     #[error("seams need a pattern: texture coordinates, or panels that lie flat in one plane")]
     NotFlat,
+    #[error(
+        "{0}. That is so once the seams are sewn: name borders of panels that lie along each other, each in one seam"
+    )]
+    Sewn(#[source] Box<MeshFileError>),
     #[error("mesh.weld must be finite and not negative, found {found}")]
     Weld { found: f64 },
     #[error("mesh.thread must be a direction, found {found}")]
@@ -101,7 +103,33 @@ pub enum MeshFileError {
     Mesh(#[from] MeshError),
 }
 
+/// The rest of a message on a file without faces.
+fn without_faces(vertices: usize) -> String {
+    match vertices {
+        0 => " and no vertices: it is empty, or no mesh of the kind that its name says".to_owned(),
+        some => format!(
+            ", only {some} vertices: a cloth needs at least one; export it as a mesh, not as points, lines or curves"
+        ),
+    }
+}
+
 impl MeshFileError {
+    /// The same error, of a mesh whose borders `were_sewn`, if it can be theirs.
+    #[must_use]
+    pub(crate) fn of_sewn(self, were_sewn: bool) -> Self {
+        match self {
+            Self::RepeatedVertex { .. }
+            | Self::NonManifold { .. }
+            | Self::Twisted { .. }
+            | Self::Duplicate { .. }
+                if were_sewn =>
+            {
+                Self::Sewn(Box::new(self))
+            }
+            other => other,
+        }
+    }
+
     /// Returns true where the file is of a kind that has meshes, but this one has none.
     #[must_use]
     pub fn is_without_mesh(&self) -> bool {
