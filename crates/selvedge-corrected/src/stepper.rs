@@ -8,7 +8,8 @@ use selvedge_cloth::{
     VertexId,
 };
 use selvedge_model::{
-    Corrector, Familiarity, GraphError, Model, MotionState, NoBase, PhysicsBase, PredictedFrame,
+    Corrector, Familiarity, GraphError, Instructions, Model, MotionState, NoBase, PhysicsBase,
+    PredictedFrame,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -97,6 +98,13 @@ impl CorrectedStepper {
     #[must_use]
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.simulator = self.simulator.at_frame(frame);
+        self
+    }
+
+    /// The same with the products of the network by these instructions.
+    #[must_use]
+    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
+        self.corrector = self.corrector.with_instructions(instructions);
         self
     }
 

@@ -14,7 +14,9 @@ use selvedge_corrected::{CorrectedError, CorrectedStepper, FrameState};
 use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
 #[cfg(feature = "gpu")]
 use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
-use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError, opening_frames};
+use selvedge_model::{
+    ClothGraph, Instructions, LearnedStepper, Model, RolloutError, opening_frames,
+};
 use selvedge_train::{EngineMaker, OnProcessor};
 use thiserror::Error;
 
@@ -93,6 +95,8 @@ pub type Mover = Box<dyn Correctable + Send>;
 pub enum Machine {
     /// The processor.
     Cpu,
+    /// The processor, with products of numbers rounded to bf16 in inference.
+    CpuHalf,
     /// A GPU.
     #[cfg(feature = "gpu")]
     Gpu(Arc<dyn Device>, Precision),
@@ -103,11 +107,16 @@ pub enum Machine {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MachineError {
     #[error(
-        "--precision {}: the processor multiplies in full precision: name a GPU with --device, or \
-         leave out --precision",
+        "--precision {}: the processor multiplies in full precision here: name a GPU with --device, \
+         or leave out --precision",
         precision.name()
     )]
     Precision { precision: PrecisionName },
+    #[error(
+        "--precision half: this processor has no products of bf16 (AVX512-BF16): leave out \
+         --precision"
+    )]
+    NoHalf,
     #[error(
         "--device: this selvedge was built without GPUs: build it with cargo build --release \
          --features gpu, or leave out --device"
@@ -147,14 +156,38 @@ impl Machine {
     /// A device that is not there, with what is missing, or a precision that it does not have.
     pub fn open(device: DeviceName, precision: PrecisionName) -> Result<Self, MachineError> {
         match device {
-            DeviceName::Cpu if precision != PrecisionName::Full => {
-                Err(MachineError::Precision { precision })
-            }
-            DeviceName::Cpu => Ok(Self::Cpu),
+            DeviceName::Cpu => match precision {
+                PrecisionName::Full => Ok(Self::Cpu),
+                PrecisionName::Half if Instructions::has_half() => Ok(Self::CpuHalf),
+                PrecisionName::Half => Err(MachineError::NoHalf),
+                PrecisionName::Tensor => Err(MachineError::Precision { precision }),
+            },
             #[cfg(feature = "gpu")]
             name => Ok(Self::Gpu(open_device(name)?, precision_of(precision))),
             #[cfg(not(feature = "gpu"))]
             DeviceName::Cuda(_) | DeviceName::Host => Err(MachineError::BuiltWithout),
+        }
+    }
+
+    /// As [`Self::open`], for a training: there the processor multiplies in full precision.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_to_train(
+        device: DeviceName,
+        precision: PrecisionName,
+    ) -> Result<Self, MachineError> {
+        if device == DeviceName::Cpu && precision != PrecisionName::Full {
+            return Err(MachineError::Precision { precision });
+        }
+        Self::open(device, precision)
+    }
+
+    /// The instructions of products on the processor.
+    fn instructions(&self) -> Instructions {
+        match self {
+            Self::CpuHalf => Instructions::Half,
+            _ => Instructions::Detected,
         }
     }
 
@@ -178,7 +211,10 @@ impl Machine {
             return Ok(Box::new(stepper));
         }
         match self {
-            Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
+            Self::Cpu | Self::CpuHalf => {
+                let stepper = LearnedStepper::new(model, graph, start)?;
+                Ok(Box::new(stepper.with_instructions(self.instructions())))
+            }
             #[cfg(feature = "gpu")]
             Self::Gpu(device, precision) => {
                 let (device, precision) = (device.as_ref(), *precision);
@@ -194,20 +230,21 @@ impl Machine {
         start: &[&[Vec3]],
         scene: Option<&Scene>,
     ) -> Result<CorrectedStepper, StartError> {
-        if !matches!(self, Self::Cpu) {
+        if !matches!(self, Self::Cpu | Self::CpuHalf) {
             return Err(StartError::PhysicsOnGpu);
         }
         let scene = scene.ok_or(StartError::NoScene)?;
         let frames = opening_frames(model.spec(), scene.mesh.positions().len(), start)?;
         let state = FrameState::of_frames(&frames, scene.frame_rate);
-        Ok(CorrectedStepper::new(model, scene, state)?)
+        let stepper = CorrectedStepper::new(model, scene, state)?;
+        Ok(stepper.with_instructions(self.instructions()))
     }
 
     /// The maker of a training's engine; on the processor its micro-batches have `micro_batch`
     /// samples.
     pub fn engine(&self, micro_batch: usize) -> Box<dyn EngineMaker + '_> {
         match self {
-            Self::Cpu => Box::new(OnProcessor { micro_batch }),
+            Self::Cpu | Self::CpuHalf => Box::new(OnProcessor { micro_batch }),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, precision) => Box::new(selvedge_gpu::training::OnDevice {
                 device: device.as_ref(),
@@ -220,6 +257,7 @@ impl Machine {
     pub fn name(&self) -> String {
         match self {
             Self::Cpu => PROCESSOR.to_owned(),
+            Self::CpuHalf => format!("{PROCESSOR}, precision half"),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, Precision::Full) => device.name(),
             #[cfg(feature = "gpu")]

@@ -15,14 +15,27 @@ pub enum Instructions {
     Detected,
     /// Instructions that every machine of the architecture has.
     Plain,
+    /// The widest vectors, and for inference in f32 products of numbers rounded to bf16, summed in
+    /// f32, where the processor has them ([`Self::has_half`]); elsewhere as [`Self::Detected`].
+    Half,
 }
 
 impl Instructions {
+    /// Returns true where this processor multiplies bf16 (AVX512-BF16).
+    #[must_use]
+    pub fn has_half() -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return std::arch::is_x86_feature_detected!("avx512bf16")
+            && pulp::x86::V4::try_new().is_some();
+        #[cfg(not(target_arch = "x86_64"))]
+        return false;
+    }
+
     /// Runs a kernel compiled for these instructions.
     #[inline(always)]
     pub(crate) fn run<K: WithSimd>(self, kernel: K) -> K::Output {
         match self {
-            Self::Detected => Arch::new().dispatch(kernel),
+            Self::Detected | Self::Half => Arch::new().dispatch(kernel),
             // What is detected where there is nothing wide. Not one of `pulp`'s emulated vectors:
             // their fused products are calls of a function.
             Self::Plain => kernel.with_simd(Scalar),
@@ -56,6 +69,10 @@ pub(crate) const MOST_LANES: usize = 16;
 
 /// A scalar with vectors.
 pub trait Lanes: Copy + 'static {
+    /// The slice, if its numbers are f32.
+    fn as_f32s(slice: &[Self]) -> Option<&[f32]>;
+    /// The slice, if its numbers are f32.
+    fn as_f32s_mut(slice: &mut [Self]) -> Option<&mut [f32]>;
     /// A vector of the instruction set `S`.
     type Vector<S: Simd>: Copy;
 
@@ -101,6 +118,12 @@ pub trait Lanes: Copy + 'static {
 }
 
 impl Lanes for f32 {
+    fn as_f32s(slice: &[Self]) -> Option<&[f32]> {
+        Some(slice)
+    }
+    fn as_f32s_mut(slice: &mut [Self]) -> Option<&mut [f32]> {
+        Some(slice)
+    }
     type Vector<S: Simd> = S::f32s;
 
     #[inline(always)]
@@ -176,6 +199,12 @@ impl Lanes for f32 {
 }
 
 impl Lanes for f64 {
+    fn as_f32s(_: &[Self]) -> Option<&[f32]> {
+        None
+    }
+    fn as_f32s_mut(_: &mut [Self]) -> Option<&mut [f32]> {
+        None
+    }
     type Vector<S: Simd> = S::f64s;
 
     #[inline(always)]

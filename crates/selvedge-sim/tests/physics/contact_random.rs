@@ -4,6 +4,7 @@
 //! Scenes that start with an intersection are refused, which the tests count apart. So are those
 //! whose handle is led into an obstacle: nothing can move then but what is prescribed, and the
 //! error is the right end.
+#![allow(clippy::print_stdout, reason = "the counts, for the docs")]
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::generate::{SquareSpec, square};

@@ -1,4 +1,5 @@
 //! Sewn cloth: seams that are none, mirrored panels, and a tube under its own weight.
+#![allow(clippy::print_stdout, reason = "margins, for the docs")]
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
@@ -261,14 +262,14 @@ fn panels_of_their_own_damping_move_as_cloths_of_that_damping() {
     // both.
     for (integrator, solver, crumple) in [
         (Integrator::Linearised, LinearSolver::Cholesky, 0.004),
-        (Integrator::Linearised, iterative.clone(), 0.004),
+        (Integrator::Linearised, iterative, 0.004),
         (Integrator::SecondOrder, LinearSolver::Cholesky, 0.0),
         (Integrator::SecondOrder, iterative, 0.0),
     ] {
         let run = |damping: [f64; 2]| {
             let mut scene = two_sheets(&one, damping);
             scene.physics.integrator = integrator;
-            scene.physics.solver = solver.clone();
+            scene.physics.solver = solver;
             moved_from(&scene, 60, crumple)
         };
         let mixed = run([0.0, 0.05]);

@@ -48,8 +48,8 @@ pub(crate) struct EngineArgs {
     /// A program that runs the same networks, with its arguments.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) against: Option<String>,
-    /// Instructions of the engine: the widest that are detected, or those that every machine of its
-    /// kind has (on x86-64 no AVX).
+    /// Instructions of the engine: the widest that are detected, those that every machine of its
+    /// kind has (on x86-64 no AVX), or the widest with products of bf16.
     #[arg(long, value_enum, default_value_t = InstructionsName::Detected)]
     instructions: InstructionsName,
 }
@@ -60,6 +60,7 @@ impl EngineArgs {
         match self.instructions {
             InstructionsName::Detected => Instructions::Detected,
             InstructionsName::Plain => Instructions::Plain,
+            InstructionsName::Half => Instructions::Half,
         }
     }
 }
@@ -71,6 +72,8 @@ enum InstructionsName {
     Detected,
     /// The instructions that every machine of its architecture has.
     Plain,
+    /// The widest, with products of bf16 in frames where the machine has them (AVX512-BF16).
+    Half,
 }
 
 /// Time a frame of larger and larger cloth, and the memory that it takes.

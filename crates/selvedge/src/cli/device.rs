@@ -11,8 +11,8 @@ pub(crate) struct DeviceArgs {
     /// The device of the model: cpu, or a GPU as cuda or cuda:N (the N-th, counted from 0).
     #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = DeviceName::from_str)]
     pub(crate) device: DeviceName,
-    /// Precision of products on a GPU; sums are always in single precision. The processor
-    /// multiplies in full.
+    /// Precision of products; sums are always in single precision. On a processor `half` needs
+    /// AVX512-BF16, and there is no `tensor`; it trains in `full`.
     #[arg(long, value_enum, default_value_t = PrecisionFlag::Full)]
     precision: PrecisionFlag,
 }
@@ -24,6 +24,14 @@ impl DeviceArgs {
     /// A device that is not there, or a precision that it does not have.
     pub(crate) fn open(&self) -> Result<Machine, MachineError> {
         Machine::open(self.device, self.precision())
+    }
+
+    /// Opens the machine that is asked for, for a training.
+    ///
+    /// # Errors
+    /// A device that is not there, or a precision in which it does not train.
+    pub(crate) fn open_to_train(&self) -> Result<Machine, MachineError> {
+        Machine::open_to_train(self.device, self.precision())
     }
 
     /// Returns true where the processor is asked for.

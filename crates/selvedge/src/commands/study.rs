@@ -44,7 +44,7 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
 /// What of the study, a training, a model, a data set or a file went wrong.
 fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
-    let machine = device.open()?;
+    let machine = device.open_to_train()?;
     let _claimed = folder::claim_folder(&args.out)?;
     let outcome = study::run(
         &study,

@@ -58,7 +58,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         return super::correction::run(args, &written);
     }
     let cfg = config(args, &written)?;
-    let machine = args.machine.open()?;
+    let machine = args.machine.open_to_train()?;
     let Some(data) = &args.data else {
         bail!(
             "--data is missing: {} learns from a data set; `selvedge dataset generate` makes one",

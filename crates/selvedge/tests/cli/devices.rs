@@ -37,14 +37,42 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
 }
 
 #[test]
-fn the_processor_has_no_precision_but_its_own() {
+fn the_processor_has_no_tensor_products_and_trains_in_full() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
+    desk.fails(
+        "rollout push.toml --precision tensor",
+        1,
+        &["--precision tensor", "--device"],
+    );
     for precision in ["tensor", "half"] {
-        let call = format!("rollout push.toml --precision {precision}");
+        let call = format!("train moment.toml --data nowhere --out run --precision {precision}");
         desk.fails(&call, 1, &["--precision", precision, "--device"]);
     }
     assert_eq!(desk.names(), ["push.toml"]);
+}
+
+#[test]
+fn a_rollout_in_half_precision_stays_near_where_the_processor_has_it() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let call = "rollout push.toml --frames 10 --no-clip --guard none --no-truth";
+    if !selvedge_model::Instructions::has_half() {
+        desk.fails(&format!("{call} --precision half"), 1, &["AVX512-BF16"]);
+        return;
+    }
+    desk.json(&format!("{call} --out full"));
+    let report = desk.json(&format!("{call} --precision half --out half"));
+    assert_eq!(report["device"], "cpu, precision half");
+    let read = |name: &str| {
+        let path = desk.path(name).join("rollout.safetensors");
+        selvedge_data::Trajectory::read(&path).expect("a rollout")
+    };
+    let (full, half) = (read("full"), read("half"));
+    let pairs = full.positions().iter().zip(half.positions());
+    let apart = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    // Rounded to 8 bits, so not the same, and near: a frame of the network moves by millimetres.
+    assert!((1e-7..5e-3).contains(&apart), "{apart} m");
 }
 
 #[cfg(feature = "gpu")]

@@ -178,3 +178,86 @@ fn outer_products_add_the_sums_they_stand_for() {
         }
     }
 }
+
+/// The nearest bf16, by arithmetic and not by bits.
+fn rounded(value: f64) -> f64 {
+    if value == 0.0 {
+        return 0.0;
+    }
+    let unit = 2.0_f64.powi(value.abs().log2().floor() as i32 - 7);
+    (value / unit).round_ties_even() * unit
+}
+
+#[test]
+fn products_of_halves_are_those_of_rounded_numbers() {
+    let narrow = |values: &[f64]| values.iter().map(|x| *x as f32).collect::<Vec<_>>();
+    for (rows, columns, depth) in SHAPES.into_iter().chain([(13, 70, 300), (6, 64, 257)]) {
+        let using = Instructions::Half;
+        let (a, b) = (numbers(rows * depth, 1), numbers(rows * (depth + 2), 2));
+        let [p, q] = [3, 4].map(|seed| numbers(depth * columns, seed));
+        let pack_f32 = |matrix: &[f64]| {
+            let slot = Slot {
+                offset: 0,
+                depth,
+                columns,
+            };
+            let mut out = vec![f32::NAN; slot.length()];
+            let entry = |l: usize, j: usize| matrix[l * columns + j] as f32;
+            pack(using, slot, entry, &mut out);
+            out
+        };
+        let (packed_p, packed_q) = (pack_f32(&p), pack_f32(&q));
+        let (a32, b32) = (narrow(&a), narrow(&b));
+        let terms = [
+            Term {
+                rows: Columns::all(&a32, depth),
+                packed: &packed_p,
+            },
+            Term {
+                rows: Columns::all(&b32, depth + 2).part(1, depth),
+                packed: &packed_q,
+            },
+        ];
+        let bias = narrow(&numbers(columns, 6));
+        let mut out = vec![f32::NAN; rows * columns];
+        multiply(using, &terms, columns, Epilogue::Bias(&bias), &mut out);
+        // Where the processor has no such products they are those of f32.
+        let round = |x: f64| {
+            if Instructions::has_half() {
+                rounded(f64::from(x as f32))
+            } else {
+                x
+            }
+        };
+        for (k, found) in out.iter().enumerate() {
+            let (i, j) = (k / columns, k % columns);
+            let of = |l: usize| {
+                round(a[i * depth + l]) * round(p[l * columns + j])
+                    + round(b[i * (depth + 2) + 1 + l]) * round(q[l * columns + j])
+            };
+            let expected = (0..depth).map(of).sum::<f64>() + f64::from(bias[j]);
+            // Sums of f32: 600 of them below a quarter.
+            assert!(
+                (f64::from(*found) - expected).abs() < 2e-5,
+                "{rows}x{columns}x{depth}, {k}: {found} {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn halves_are_of_no_effect_on_products_of_f64() {
+    let (rows, depth, columns) = (7, 9, 5);
+    let (a, p) = (numbers(rows * depth, 1), numbers(depth * columns, 3));
+    let product = |using: Instructions| {
+        let packed = packed(using, &p, columns);
+        let term = Term {
+            rows: Columns::all(&a, depth),
+            packed: &packed,
+        };
+        let mut out = vec![0.0; rows * columns];
+        multiply(using, &[term], columns, Epilogue::Set, &mut out);
+        out
+    };
+    assert_eq!(product(Instructions::Half), product(Instructions::Detected));
+}
