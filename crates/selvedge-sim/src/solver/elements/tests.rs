@@ -1,4 +1,5 @@
 //! Forces of a sewn cloth against the gradient of its energy, panels, seam and fabrics included.
+#![allow(clippy::print_stdout, reason = "margins, for the docs")]
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
