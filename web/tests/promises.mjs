@@ -78,18 +78,18 @@ test("wind beyond training is said for as long as it blows", async () => {
 test("one handle or none is said, and again after a reset", async () => {
   const [one, other] = await handles();
   await letGo(one);
-  await remark("there are 1");
+  await remark("1 handle held");
   await home();
   await noRemark();
   await until(page, () => window.selvedge.stage.frame.goals.length === 2);
   await letGo(other);
-  await remark("there are 1");
+  await remark("1 handle held");
   await letGo(one);
-  await remark("nothing holds the cloth");
+  await remark("0 handles held");
   await page.click("[data-mover=physics]");
   await noRemark();
   await page.click("[data-mover=model]");
-  await remark("nothing holds the cloth");
+  await remark("0 handles held");
   await home();
   await noRemark();
 });

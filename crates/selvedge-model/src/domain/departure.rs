@@ -143,7 +143,8 @@ impl Domain {
     fn of_handles(&self, scene: &Self) -> Option<Departure> {
         let (own, bounds) = (scene.handles, self.handles);
         found(Aspect::Handles, !bounds.hold(own, 0.0), || {
-            format!("{own} handles hold at once, trained with {bounds}")
+            let plural = if own == Bounds::of(1.0) { "" } else { "s" };
+            format!("{own} handle{plural} held at once, trained with {bounds}")
         })
     }
 

@@ -138,7 +138,7 @@ fn each_departure_is_found_alone_and_says_both_numbers() {
         }),
         (
             Aspect::Handles,
-            "1 to 2 handles hold at once, trained with 2",
+            "1 to 2 handles held at once, trained with 2",
             |s| {
                 s.schedule.releases.push(Release {
                     handles: vec![1],

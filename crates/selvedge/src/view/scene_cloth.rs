@@ -5,10 +5,11 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
-use selvedge_lab::{assets, physics};
+use selvedge_lab::physics;
 use selvedge_live::{
     Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
 };
+use selvedge_model::{Bounds, Domain, Model};
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};
 
@@ -59,7 +60,7 @@ impl ReadyCloth for SceneCloth {
 
     fn remark_on(&self, mover: Mover, hold: &Hold) -> Option<String> {
         let is_moved_by_it = mover.kinds().contains(&MoverKind::Model);
-        let beyond = untrained(&self.model_name, hold);
+        let beyond = untrained(&self.model_name, &self.model.model, hold);
         beyond.filter(|_| is_moved_by_it)
     }
 
@@ -110,29 +111,21 @@ impl ReadyCloth for SceneCloth {
     }
 }
 
-/// Handles that the shipped model was trained with.
-const TRAINED_HANDLES: usize = 2;
-
-/// The parts of `hold` that the model called `model` was not trained in; none where there are none,
-/// or where it is not known what it was trained in.
-fn untrained(model: &str, hold: &Hold) -> Option<String> {
-    if model != assets::MODEL.0 {
-        return None;
-    }
-    let handles = hold.handles.len();
-    let mut beyond = Vec::new();
-    if hold.environment.wind != DVec3::ZERO {
-        beyond.push("in still air".to_owned());
-    }
-    match handles {
-        TRAINED_HANDLES => {}
-        0 => beyond.push("with two handles, and now nothing holds the cloth".to_owned()),
-        _ => beyond.push(format!("with two handles, and there are {handles}")),
-    }
-    (!beyond.is_empty()).then(|| {
+/// The parts of `hold` that a model was not trained in; none where there are none, or where its
+/// file does not say what it was trained in.
+fn untrained(name: &str, model: &Model, hold: &Hold) -> Option<String> {
+    let trained = model.domain()?;
+    let now = Domain {
+        handles: Bounds::of(hold.handles.len() as f64),
+        wind: hold.environment.wind.length(),
+        ..trained.clone()
+    };
+    let departures = trained.departures(&now);
+    let words: Vec<&str> = departures.iter().map(|d| d.words.as_str()).collect();
+    (!words.is_empty()).then(|| {
         format!(
-            "the shipped model was trained {}: what it shows now is a guess, and the physics knows better",
-            beyond.join(" and ")
+            "{}: what the model {name} shows now is a guess, and the physics knows better",
+            words.join(" and ")
         )
     })
 }
@@ -157,11 +150,13 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use selvedge_cloth::Handles;
+    use selvedge_lab::models::NamedModel;
+
+    use super::*;
 
     #[test]
-    fn what_the_shipped_model_has_not_seen_is_said() {
+    fn what_a_model_has_not_seen_is_said() {
         let hold = |handles: &[u32], wind: f64| Hold {
             handles: Handles::new(handles, 9).unwrap(),
             environment: Environment {
@@ -169,20 +164,26 @@ mod tests {
                 ..Environment::default()
             },
         };
-        let (shipped, own) = (assets::MODEL.0, "own.safetensors");
-        assert_eq!(untrained(shipped, &hold(&[0, 2], 0.0)), None);
-        assert_eq!(untrained(own, &hold(&[], 9.0)), None);
+        let NamedModel { name, model } = NamedModel::open(None).unwrap();
+        assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
+        let mut silent = Model::clone(&model);
+        silent.training = String::new();
+        assert_eq!(untrained(&name, &silent, &hold(&[], 9.0)), None);
         for (held, wind, words) in [
-            (&[0, 2][..], 3.0, "in still air:"),
-            (&[0][..], 0.0, "there are 1:"),
-            (&[][..], 0.0, "nothing holds"),
+            (
+                &[0, 2][..],
+                3.0,
+                "wind of up to 3.0 m/s, trained in still air:",
+            ),
+            (&[0][..], 0.0, "1 handle held at once, trained with 2:"),
+            (&[][..], 0.0, "0 handles held"),
             (
                 &[0, 1, 2][..],
                 2.0,
-                "in still air and with two handles, and there are 3:",
+                "3 handles held at once, trained with 2 and wind",
             ),
         ] {
-            let text = untrained(shipped, &hold(held, wind)).unwrap();
+            let text = untrained(&name, &model, &hold(held, wind)).unwrap();
             assert!(text.contains(words), "{text}");
         }
     }
