@@ -40,6 +40,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
 fn the_processor_has_no_tensor_products_and_trains_in_full() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
+    desk.write("moment.toml", TRAINING);
     desk.fails(
         "rollout push.toml --precision tensor",
         1,
@@ -49,7 +50,7 @@ fn the_processor_has_no_tensor_products_and_trains_in_full() {
         let call = format!("train moment.toml --data nowhere --out run --precision {precision}");
         desk.fails(&call, 1, &["--precision", precision, "--device"]);
     }
-    assert_eq!(desk.names(), ["push.toml"]);
+    assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
 }
 
 #[test]
