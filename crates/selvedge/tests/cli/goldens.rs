@@ -3,15 +3,25 @@
 //!
 //! `SELVEDGE_GOLDENS=write cargo test -p selvedge --test cli goldens` keeps those of this machine.
 //! They may change with the C library, too, whose sines and cosines are in them.
+//!
+//! Those of other instructions come from an emulator: `SELVEDGE_THROUGH="qemu-x86_64 -cpu Haswell"`
+//! runs the program through it, and `SELVEDGE_INSTRUCTIONS=x86_64-avx2` names what it has
+//! (`-cpu Nehalem` is `x86_64-plain`).
 
 use std::path::Path;
+use std::process::Command;
 
 use crate::common::{Desk, PUSH, TRAINING, contents};
 
 const KEPT: &str = include_str!("../goldens.txt");
 
-/// The instructions that the kernels choose on this machine.
-fn instructions() -> &'static str {
+/// The instructions that the kernels choose on this machine, or in the emulator.
+fn instructions() -> String {
+    let named = std::env::var("SELVEDGE_INSTRUCTIONS");
+    named.unwrap_or_else(|_| detected().to_owned())
+}
+
+fn detected() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     {
         if std::arch::is_x86_feature_detected!("avx512f") {
@@ -20,7 +30,9 @@ fn instructions() -> &'static str {
         if std::arch::is_x86_feature_detected!("avx2") {
             return "x86_64-avx2";
         }
+        "x86_64-plain"
     }
+    #[cfg(not(target_arch = "x86_64"))]
     std::env::consts::ARCH
 }
 
@@ -44,13 +56,34 @@ fn hash(path: &Path) -> String {
     hasher.finalize().to_hex()[..32].to_owned()
 }
 
+/// The same call through the emulator, where one is named.
+fn through_emulator(command: Command) -> Command {
+    let Ok(emulator) = std::env::var("SELVEDGE_THROUGH") else {
+        return command;
+    };
+    let mut words = emulator.split_whitespace();
+    let mut emulated = Command::new(words.next().unwrap());
+    emulated.args(words).arg(command.get_program());
+    emulated.args(command.get_args());
+    for (name, value) in command.get_envs() {
+        match value {
+            Some(value) => emulated.env(name, value),
+            None => emulated.env_remove(name),
+        };
+    }
+    if let Some(folder) = command.get_current_dir() {
+        emulated.current_dir(folder);
+    }
+    emulated
+}
+
 /// Makes everything on so many threads. Returns names and hashes.
 fn make(threads: usize) -> Vec<(&'static str, String)> {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
     desk.write("steps.toml", TRAINING.replace("steps = 6", "steps = 50"));
     let run = |arguments: &str| {
-        let mut command = desk.command(arguments);
+        let mut command = through_emulator(desk.command(arguments));
         let output = command
             .env("RAYON_NUM_THREADS", threads.to_string())
             .output();
@@ -81,12 +114,16 @@ fn results_are_those_that_are_kept_for_any_number_of_threads() {
         assert_eq!(make(threads), found, "{threads} threads");
     }
     let own = instructions();
+    let own = own.as_str();
     let line = |(name, hash): &(&str, String)| format!("{own} | {name} | {hash}");
     if std::env::var_os("SELVEDGE_GOLDENS").is_some_and(|word| word == "write") {
-        let others = KEPT.lines().filter(|kept| !kept.starts_with(own));
+        let mine = format!("{own} |");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/goldens.txt");
+        // As it is now: several may be written one after another.
+        let kept = std::fs::read_to_string(&path).unwrap();
+        let others = kept.lines().filter(|line| !line.starts_with(&mine));
         let mut text: Vec<String> = others.map(str::to_owned).collect();
         text.extend(found.iter().map(line));
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/goldens.txt");
         std::fs::write(path, text.join("\n") + "\n").unwrap();
         return;
     }
