@@ -24,10 +24,6 @@ fn instructions() -> String {
 fn detected() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     {
-        // Rollouts take its products where it is there.
-        if std::arch::is_x86_feature_detected!("avx512bf16") {
-            return "x86_64-avx512-bf16";
-        }
         if std::arch::is_x86_feature_detected!("avx512f") {
             return "x86_64-avx512";
         }
