@@ -1,7 +1,7 @@
 //! Boxes along the axes, and a binary tree of them over the faces of a body. The tree is made once
 //! and refitted, so that faces are visited in the same order however they move.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 
 /// A box along the axes `[m]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,9 +58,55 @@ impl Bounds {
     }
 }
 
+/// A box along the axes in f32 `[m]`, around the one in f64 that it was made of. Two of them are
+/// compared in four instructions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rough {
+    least: Vec3A,
+    greatest: Vec3A,
+}
+
+/// Rounding of a number to f32, relative to it, and a little more.
+const ROUNDING: f32 = 1.2e-7;
+
+impl From<Bounds> for Rough {
+    #[inline]
+    fn from(bounds: Bounds) -> Self {
+        let outward = |v: DVec3| {
+            let v = v.as_vec3a();
+            (v, v.abs() * ROUNDING)
+        };
+        let (least, below) = outward(bounds.least);
+        let (greatest, above) = outward(bounds.greatest);
+        Self {
+            least: least - below,
+            greatest: greatest + above,
+        }
+    }
+}
+
+impl Rough {
+    /// The least box around both.
+    #[inline]
+    pub(crate) fn around(self, other: Self) -> Self {
+        Self {
+            least: self.least.min(other.least),
+            greatest: self.greatest.max(other.greatest),
+        }
+    }
+
+    /// Returns true if the boxes have a point in common.
+    #[inline]
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        let overlap =
+            self.least.cmple(other.greatest).bitmask() & other.least.cmple(self.greatest).bitmask();
+        overlap == 0b111
+    }
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    bounds: Bounds,
+    bounds: Rough,
     /// Second child of an inner node (the first follows it), or the face of a leaf.
     link: u32,
     /// Faces below; a leaf has one.
@@ -69,14 +115,14 @@ struct Node {
 
 /// The tree of a body's faces. Children stand after their parent.
 #[derive(Clone, Debug)]
-pub struct Tree {
+pub(crate) struct Tree {
     nodes: Vec<Node>,
 }
 
 impl Tree {
     /// A tree over `faces`, each with its place `[m]`, halved at medians along the longest side.
     #[must_use]
-    pub fn new(faces: impl Iterator<Item = (u32, DVec3)>) -> Self {
+    pub(crate) fn new(faces: impl Iterator<Item = (u32, DVec3)>) -> Self {
         let mut faces: Vec<(u32, DVec3)> = faces.collect();
         let mut nodes = Vec::with_capacity(2 * faces.len());
         if !faces.is_empty() {
@@ -86,7 +132,7 @@ impl Tree {
     }
 
     /// Gives every face the box that `bounds` has for it, and every node one around its faces.
-    pub fn refit(&mut self, bounds: impl Fn(u32) -> Bounds) {
+    pub(crate) fn refit(&mut self, bounds: impl Fn(u32) -> Rough) {
         for k in (0..self.nodes.len()).rev() {
             let Node { link, count, .. } = self.nodes[k];
             self.nodes[k].bounds = match count {
@@ -99,7 +145,7 @@ impl Tree {
     }
 
     /// Calls `found` for each two faces of the tree whose boxes meet.
-    pub fn own_pairs(&self, mut found: impl FnMut(u32, u32)) {
+    pub(crate) fn own_pairs(&self, mut found: impl FnMut(u32, u32)) {
         let mut open: Vec<Two> = Vec::with_capacity(64);
         if !self.nodes.is_empty() {
             open.push(Two {
@@ -120,7 +166,7 @@ impl Tree {
     }
 
     /// Calls `found` for each face of this tree and each of `other` whose boxes meet.
-    pub fn pairs(&self, other: &Self, mut found: impl FnMut(u32, u32)) {
+    pub(crate) fn pairs(&self, other: &Self, mut found: impl FnMut(u32, u32)) {
         let mut open: Vec<Two> = Vec::with_capacity(64);
         if !self.nodes.is_empty() && !other.nodes.is_empty() {
             open.push(Two {
@@ -166,7 +212,7 @@ fn visit(
 fn build(nodes: &mut Vec<Node>, faces: &mut [(u32, DVec3)]) {
     let own = nodes.len();
     nodes.push(Node {
-        bounds: Bounds::of(DVec3::ZERO),
+        bounds: Bounds::of(DVec3::ZERO).into(),
         link: faces[0].0,
         count: faces.len() as u32,
     });
@@ -190,6 +236,22 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     #[test]
+    fn a_rough_box_is_around_the_exact_one() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        for _ in 0..1000 {
+            let mut number = || rng.random_range(-1.0_f64..1.0) * 10_f64.powi(3);
+            let mut point = || DVec3::new(number(), number() * 1e-3, number() * 1e-6);
+            let exact = Bounds::of(point()).around(Bounds::of(point()));
+            let rough = Rough::from(exact);
+            assert!(rough.least.as_dvec3().cmple(exact.least).all());
+            assert!(rough.greatest.as_dvec3().cmpge(exact.greatest).all());
+            assert!(rough.meets(&Bounds::of(exact.least).into()));
+            let beside = exact.least - DVec3::splat(1e-3);
+            assert!(!rough.meets(&Bounds::of(beside).into()));
+        }
+    }
+
+    #[test]
     fn pairs_are_those_of_brute_force_in_an_order_of_their_own() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut point =
@@ -209,8 +271,8 @@ mod tests {
                         .widened(0.01)
                 })
                 .collect();
-            first.refit(|f| boxes[f as usize]);
-            second.refit(|f| boxes[f as usize]);
+            first.refit(|f| boxes[f as usize].into());
+            second.refit(|f| boxes[f as usize].into());
             let (mut own, mut across) = (Vec::new(), Vec::new());
             first.own_pairs(|a, b| own.push((a.min(b), a.max(b))));
             first.pairs(&second, |a, b| across.push((a, b)));

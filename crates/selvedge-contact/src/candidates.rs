@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::boxes::{Bounds, Tree};
+use crate::boxes::{Bounds, Rough, Tree};
 use crate::pair::Pair;
 use crate::surface::{NONE, Surface};
 
@@ -16,9 +16,9 @@ pub struct Candidates {
     /// Boxes that the points must not leave while the pairs hold.
     allowed: Vec<Bounds>,
     /// Boxes of faces, in room that is kept.
-    faces: Vec<Bounds>,
-    edges: Vec<Bounds>,
-    points: Vec<Bounds>,
+    faces: Vec<Rough>,
+    edges: Vec<Rough>,
+    points: Vec<Rough>,
 }
 
 /// Distances in a search for candidates `[m]`.
@@ -63,7 +63,7 @@ impl Candidates {
                     (face, (bounds.least + bounds.greatest) * 0.5)
                 };
                 let mut tree = Tree::new(body.faces.clone().map(middle));
-                tree.refit(&bounds);
+                tree.refit(|face| bounds(face).into());
                 tree
             })
             .collect()
@@ -103,7 +103,7 @@ impl Candidates {
         for (from, to) in from.iter().zip(to) {
             let path = Bounds::of(*from).around(Bounds::of(*to));
             self.allowed.push(path.widened(reach.slack));
-            self.points.push(path.widened(margin));
+            self.points.push(path.widened(margin).into());
         }
         let points = &self.points;
         let around = |corners: &[u32]| {
@@ -143,9 +143,9 @@ impl Candidates {
 /// The search among the features of two faces.
 struct Finder<'a> {
     surface: &'a Surface,
-    points: &'a [Bounds],
-    faces: &'a [Bounds],
-    edges: &'a [Bounds],
+    points: &'a [Rough],
+    faces: &'a [Rough],
+    edges: &'a [Rough],
     pairs: &'a mut Vec<Pair>,
 }
 

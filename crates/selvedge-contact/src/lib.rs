@@ -27,7 +27,7 @@ mod pair;
 mod separate;
 mod surface;
 
-pub use boxes::{Bounds, Tree};
+pub use boxes::Bounds;
 pub use candidates::{Candidates, Reach};
 pub use certificate::{Approach, Path, certify, certify_straight};
 pub use closest::{Gap, gap};

@@ -97,9 +97,11 @@ fn tell(before: &ContactCounts, now: &ContactCounts, iterations: Option<u32>) {
     let solves = (now.solves - before.solves).max(1) as f64;
     let per = |of: fn(&ContactCounts) -> u64| (of(now) - of(before)) as f64 / solves;
     println!(
-        "  per solve: {:.0} pairs certified by one direction, {:.1} by more, {:.2} not; \
+        "  {:.1} solves per frame, {:.2} of each in first order; per solve: {:.0} pairs certified by one direction, {:.1} by more, {:.2} not; \
          {:.2} repeats, {:.2} pushes, {:.3} rounds held back, {:.4} divisions; {} touch, {:?} \
          iterations",
+        (now.solves - before.solves) as f64 / f64::from(FRAMES),
+        per(|c| c.fell_back),
         per(|c| c.certified),
         per(|c| c.halved),
         per(|c| c.uncertified),

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_data::export::{
-    ExportEnd, ExportFormat, ExportOptions, FrameSpan, Normals, export, planned_bytes,
+    ExportEnd, ExportFormat, ExportOptions, FrameSpan, Normals, export, files_beside, planned_bytes,
 };
 use selvedge_data::{Trajectory, UpAxis};
 
@@ -136,7 +136,16 @@ impl Wish {
         Ok(self.choice.frames.of(frames)?.len())
     }
 
-    /// All that is written.
+    /// All that is written of `trajectory`, with the obstacles beside it.
+    pub(crate) fn outputs_of(&self, trajectory: &Trajectory) -> Vec<PathBuf> {
+        let beside = match self.kind {
+            Kind::Numbers(format) => files_beside(trajectory, format, &self.path),
+            _ => Vec::new(),
+        };
+        std::iter::once(self.path.clone()).chain(beside).collect()
+    }
+
+    /// All that is written whatever the trajectory has beside its cloth.
     pub(crate) fn outputs(&self) -> Vec<PathBuf> {
         let mut outputs = vec![self.path.clone()];
         if self.kind == Kind::Numbers(ExportFormat::Pc2) {
@@ -267,7 +276,7 @@ pub(crate) fn fulfil(
         }
         end = wish.fulfil(trajectory)?;
         if end == End::Complete {
-            wrote.extend(wish.outputs());
+            wrote.extend(wish.outputs_of(trajectory));
         }
     }
     Ok(end)

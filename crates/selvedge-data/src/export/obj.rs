@@ -65,7 +65,7 @@ pub(super) fn write_all(
 /// Writes every obstacle as it is in the first frame beside `path`, as `x.NAME.obj`.
 pub(super) fn write_obstacles(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
     for obstacle in take.obstacles() {
-        let beside = path.with_extension(format!("{}.obj", obstacle.name));
+        let beside = obstacle.beside(path, "obj");
         write_body(&obstacle, take, 0, &beside)?;
     }
     Ok(())

@@ -1,8 +1,12 @@
 //! Obstacles of the frames that are taken: their names in files, and their points.
 
+use std::path::{Path, PathBuf};
+
 use glam::{Quat, Vec3};
 
+use super::options::ExportFormat;
 use super::take::Take;
+use crate::trajectory::Trajectory;
 use crate::trajectory::obstacles::ObstacleTrack;
 
 /// An obstacle, as a file has it.
@@ -15,8 +19,36 @@ pub(super) struct TakenObstacle<'a> {
 impl<'a> Take<'a> {
     /// The obstacles beside the cloth.
     pub(super) fn obstacles(&self) -> Vec<TakenObstacle<'a>> {
-        let mut taken: Vec<TakenObstacle<'a>> = Vec::new();
-        for track in self.trajectory().obstacles() {
+        TakenObstacle::all(self.trajectory())
+    }
+}
+
+/// Files that an export of `trajectory` to `path` writes beside it: the mesh of each obstacle, and
+/// for point caches their caches and the cloth's mesh.
+#[must_use]
+pub fn files_beside(trajectory: &Trajectory, format: ExportFormat, path: &Path) -> Vec<PathBuf> {
+    let is_cache = format == ExportFormat::Pc2;
+    if !is_cache && format != ExportFormat::Obj {
+        return Vec::new();
+    }
+    let mut files = Vec::new();
+    if is_cache {
+        files.push(path.with_extension("obj"));
+    }
+    for obstacle in TakenObstacle::all(trajectory) {
+        files.push(obstacle.beside(path, "obj"));
+        if is_cache && !obstacle.is_still() {
+            files.push(obstacle.beside(path, "pc2"));
+        }
+    }
+    files
+}
+
+impl<'a> TakenObstacle<'a> {
+    /// The obstacles of `trajectory`.
+    fn all(trajectory: &'a Trajectory) -> Vec<Self> {
+        let mut taken: Vec<Self> = Vec::new();
+        for track in trajectory.obstacles() {
             let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
             let mut name: String = track.name().chars().map(plain).collect();
             // USD's names begin with a letter; "sheet" and "handle_0" are the cloth's.
@@ -38,6 +70,11 @@ impl<'a> Take<'a> {
 }
 
 impl TakenObstacle<'_> {
+    /// Its file beside `path`, `x.NAME.EXTENSION`.
+    pub(super) fn beside(&self, path: &Path, extension: &str) -> PathBuf {
+        path.with_extension(format!("{}.{extension}", self.name))
+    }
+
     pub(super) fn faces(&self) -> &[[u32; 3]] {
         self.track.faces()
     }

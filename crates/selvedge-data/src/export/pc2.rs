@@ -57,7 +57,7 @@ fn write_obstacle(
     obstacle: &TakenObstacle<'_>,
     path: &Path,
 ) -> Result<(), ExportError> {
-    let beside = path.with_extension(format!("{}.pc2", obstacle.name));
+    let beside = obstacle.beside(path, "pc2");
     Ok(write_atomically(&beside, |out| {
         write_header(take, obstacle.point_count(), out)?;
         for number in 0..take.len() {

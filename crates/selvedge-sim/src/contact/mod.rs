@@ -31,6 +31,10 @@ const REPEATS: usize = 3;
 /// Distance that points may stray from their expected way, as a part of the thickness.
 const SLACK: f64 = 2.0;
 
+/// Solves ahead for which candidates are found, should all points go on as they go: fewer searches
+/// for more candidates, of which most are never looked at.
+const AHEAD: f64 = 4.0;
+
 /// Work that contact has taken since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactCounts {
@@ -142,6 +146,8 @@ pub(crate) struct Contact {
     /// All points at the start and the end of a solve `[m]`.
     start: Vec<DVec3>,
     end: Vec<DVec3>,
+    /// Points some solves later, if they go on as they go `[m]`.
+    ahead: Vec<DVec3>,
     /// State at the start of a solve.
     before: State,
     memory: Memory,
@@ -177,6 +183,7 @@ impl Contact {
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
             start: points.clone(),
+            ahead: Vec::with_capacity(count),
             end: points,
             before: State::at_origin(mass.len()),
             memory: Memory::default(),
@@ -403,8 +410,12 @@ impl Contact {
             return false;
         }
         let reach = self.reach();
+        self.ahead.clear();
+        let ways = self.start.iter().zip(&self.end);
+        self.ahead
+            .extend(ways.map(|(start, end)| *start + (*end - *start) * AHEAD));
         self.candidates
-            .find(&self.surface, &self.start, &self.end, reach);
+            .find(&self.surface, &self.start, &self.ahead, reach);
         self.clearances.reset(self.candidates.pairs().len());
         true
     }

@@ -241,6 +241,35 @@ fn friction_above_the_slope_holds_without_creep() {
 }
 
 #[test]
+fn a_resumed_sheet_slips_once_for_the_pull_that_its_anchors_lost() {
+    let slope = 20_f64.to_radians();
+    let resting = || {
+        let mut simulator = on_slope(5, slope, 1.02 * slope.tan(), 0.4, 0.0);
+        run(&mut simulator, 60);
+        simulator
+    };
+    let (mut straight, mut resumed) = (resting(), resting());
+    let (from, _) = downhill(&straight, slope);
+    // A state file has positions and velocities.
+    let (positions, velocities) = (
+        resumed.positions_f64().to_vec(),
+        resumed.velocities_f64().to_vec(),
+    );
+    resumed.resume(60, &positions, &velocities).unwrap();
+    run(&mut straight, 60);
+    run(&mut resumed, 60);
+    let [held, slipped] = [straight, resumed].map(|s| downhill(&s, slope).0 - from);
+    // An anchor gives way by g sin θ dt². Where none is left, the sheet gains g sin θ dt in one
+    // substep, which 2 % of g sin θ take from it again: 25 times as far.
+    let give = GRAVITY * slope.sin() / 240.0 / 240.0;
+    assert!(held.abs() < 0.1 * give, "{held}");
+    assert!(
+        slipped > 0.1 * give && slipped < 25.0 * give,
+        "{slipped} {give}"
+    );
+}
+
+#[test]
 fn friction_below_the_slope_slides_as_coulomb_has_it() {
     for (side, degrees, turn) in [
         (5, 10.0_f64, 0.0),

@@ -31,16 +31,15 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         up: args.up(),
         normals: args.normals(),
     });
-    let outputs = wish.outputs();
-    let outputs: Vec<_> = outputs.iter().map(|to| ("--to", to.as_path())).collect();
-    place::check_outputs(&outputs, &[("the trajectory", args.trajectory.as_path())])?;
+    check_places(args, &wish.outputs())?;
     let trajectory = Trajectory::read(&args.trajectory)?;
+    check_places(args, &wish.outputs_of(&trajectory))?;
     wish.check(trajectory.frame_count())?;
     let started = Instant::now();
     let end = wish.fulfil(&trajectory)?;
     let seconds = started.elapsed().as_secs_f64();
     let wrote = match end {
-        End::Complete => wish.outputs(),
+        End::Complete => wish.outputs_of(&trajectory),
         End::Interrupted => Vec::new(),
     };
     let report = Report {
@@ -52,6 +51,12 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Checks that nothing is written over the trajectory or over something else that is written.
+fn check_places(args: &ExportArgs, outputs: &[PathBuf]) -> anyhow::Result<()> {
+    let outputs: Vec<_> = outputs.iter().map(|to| ("--to", to.as_path())).collect();
+    place::check_outputs(&outputs, &[("the trajectory", args.trajectory.as_path())])
 }
 
 fn text(report: &Report) -> Facts {

@@ -9,7 +9,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export, files_beside};
 use crate::formats::npz::Npz;
 use crate::obstacle::ObstacleFile;
 use crate::trajectory::obstacles::ObstacleTrack;
@@ -161,6 +161,26 @@ fn other_formats_have_them_in_files_of_their_own() {
 
     let folder = written(ExportFormat::Obj, "x.obj", UpAxis::Y);
     assert_is(&read(folder.path(), "mesh = \"x.bending.obj\""), 2, 2..3);
+}
+
+#[test]
+fn files_beside_are_all_that_is_written_but_the_file_itself() {
+    for (format, name) in [
+        (ExportFormat::Pc2, "x.pc2"),
+        (ExportFormat::Obj, "x.obj"),
+        (ExportFormat::Npz, "x.npz"),
+    ] {
+        let folder = written(format, name, UpAxis::Y);
+        let path = folder.path().join(name);
+        let mut expected = files_beside(&trajectory(), format, &path);
+        assert_eq!(expected.is_empty(), format == ExportFormat::Npz);
+        expected.push(path);
+        expected.sort();
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let mut found: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+        found.sort();
+        assert_eq!(found, expected);
+    }
 }
 
 #[test]
