@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail};
 use glam::DVec3;
-use selvedge_cloth::generate::{NamedSheet, Shape, named_sheets};
+use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
@@ -17,8 +17,9 @@ use selvedge_data::{
 use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{assets, physics, rest_pose};
+use selvedge_lab::{domain, physics, rest_pose};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
+use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
 
 use super::movers::ModelOnMachine;
@@ -91,15 +92,13 @@ impl ViewWorkshop {
         let mut remarks = std::mem::take(&mut loaded.warnings);
         change(&mut loaded, order, &mut remarks)?;
         let (rest, start) = self.rest_and_start(&loaded, progress, &mut remarks)?;
-        if let Some(remark) = beyond_training(&name, &loaded) {
-            remarks.push(remark);
-        }
         let LoadedScene { spec, scene, .. } = loaded;
         let led = Scene {
             motion: Motion::still(1.0),
             schedule: HandleSchedule::default(),
             ..scene.clone()
         };
+        remarks.extend(beyond_training(&name, &model, &led)?);
         Ok(SceneCloth {
             cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?),
             spec,
@@ -311,20 +310,17 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A remark where the shipped model meets a cloth that it was not trained on.
-fn beyond_training(model: &str, loaded: &LoadedScene) -> Option<String> {
-    let trained = GeneratorSpec {
-        kind: Shape::Square,
-        vertices: 400,
-        size: 1.0,
-        seed: 1,
+/// A remark where `model` meets a cloth that it was not trained on; none where its file does not
+/// say what it was trained on.
+fn beyond_training(name: &str, model: &Model, scene: &Scene) -> anyhow::Result<Option<String>> {
+    let Some(beyond) = domain::of_scene(model, scene, 1)? else {
+        return Ok(None);
     };
-    let setting = &loaded.spec.setting;
-    let known = setting.mesh.source == MeshSource::Generator(trained)
-        && setting.material.name == "gray-interlock";
-    (model == assets::MODEL.0 && !known).then(|| {
-        "the shipped model was trained on one cloth, a square of 400 vertices of gray-interlock: what \
-         it makes of this one is a guess"
-            .to_owned()
-    })
+    let words: Vec<&str> = beyond.departures.iter().map(|d| d.words.as_str()).collect();
+    Ok((!words.is_empty()).then(|| {
+        format!(
+            "the model {name} was not trained on such a cloth: {}; what it makes of it is a guess",
+            words.join("; ")
+        )
+    }))
 }
