@@ -17,9 +17,9 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::motion::named::by_name;
 use selvedge_cloth::{
-    AdaptiveSubsteps, BendingLaw, ConjugateGradients, Environment, HandleConstraint,
-    HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsMode, PhysicsSettings,
-    SagSettings, Scene, StepError, Stepper, StretchLookup, Substepping,
+    AdaptiveSubsteps, BendingLaw, ConjugateGradients, Environment, GeneralisedAlpha,
+    HandleConstraint, HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsMode,
+    PhysicsSettings, SagSettings, Scene, StepError, Stepper, StretchLookup, Substepping,
 };
 use selvedge_sim::{Simulator, sag};
 
@@ -74,8 +74,8 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
     let solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
     let (handles, bending) = (HandleConstraint::Spring, BendingLaw::Arcsim);
     let stretch_lookup = StretchLookup::Exact;
-    let bdf2 = PhysicsSettings {
-        integrator: Integrator::SecondOrder,
+    let less_damped = PhysicsSettings {
+        integrator: Integrator::GeneralisedAlpha(GeneralisedAlpha::default()),
         ..usual
     };
     let undamped = PhysicsSettings {
@@ -83,12 +83,12 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
         ..usual
     };
     vec![
-        ("default: generalised-alpha, 2 substeps", usual),
+        ("default: second order, 2 substeps", usual),
         ("1 substep", one),
         ("4 substeps", substeps(4)),
         ("8 substeps", substeps(8)),
-        ("BDF2", bdf2),
-        ("BDF2, Newton", newton(usual, Integrator::SecondOrderNewton)),
+        ("generalised-alpha", less_damped),
+        ("Newton", newton(usual, Integrator::SecondOrderNewton)),
         ("first order, 1 substep", first_order(1)),
         ("first order, 2 substeps", first_order(2)),
         ("first order, 4 substeps", first_order(4)),

@@ -53,10 +53,13 @@ fn any_number_of_threads_gives_the_same_bytes() {
     for (solver, integrator) in [
         (iterative, Integrator::Linearised),
         (iterative, Integrator::SecondOrder),
-        (iterative, Integrator::default()),
+        (iterative, Integrator::GeneralisedAlpha(Default::default())),
         (LinearSolver::Cholesky, Integrator::Linearised),
         (LinearSolver::Cholesky, Integrator::SecondOrder),
-        (LinearSolver::Cholesky, Integrator::default()),
+        (
+            LinearSolver::Cholesky,
+            Integrator::GeneralisedAlpha(Default::default()),
+        ),
     ] {
         scene.physics.solver = solver;
         scene.physics.integrator = integrator;
@@ -108,7 +111,7 @@ fn integrators_have_their_order() {
         Integrator::Linearised,
         newton,
         Integrator::SecondOrder,
-        Integrator::default(),
+        Integrator::GeneralisedAlpha(Default::default()),
         corrected,
     ];
     for integrator in all {
@@ -191,7 +194,7 @@ fn implicit_air_takes_energy_where_explicit_air_adds_it() {
     for integrator in [
         Integrator::Linearised,
         Integrator::SecondOrder,
-        Integrator::default(),
+        Integrator::GeneralisedAlpha(Default::default()),
     ] {
         scene.physics.integrator = integrator;
         assert!(energies(&scene, 20).is_sorted_by(|a, b| a > b));
@@ -240,7 +243,7 @@ fn conjugate_gradients_end_however_few_the_unknowns_and_however_small_the_tolera
         for integrator in [
             Integrator::Linearised,
             Integrator::SecondOrder,
-            Integrator::default(),
+            Integrator::GeneralisedAlpha(Default::default()),
         ] {
             scene.physics.integrator = integrator;
             scene.physics.substeps = 1;

@@ -97,7 +97,7 @@ pub(crate) struct ConvergenceArgs {
         long,
         value_name = "NAMES",
         value_delimiter = ',',
-        default_value = "linearised,second-order,generalised-alpha"
+        default_value = "linearised,second-order"
     )]
     integrators: Vec<NamedIntegrator>,
     /// Their numbers of substeps per frame, separated by commas.
@@ -108,7 +108,7 @@ pub(crate) struct ConvergenceArgs {
     #[arg(long = "model", value_name = "FILE")]
     pub(crate) models: Vec<PathBuf>,
     /// The integrator of the truth.
-    #[arg(long, value_name = "NAME", default_value = "generalised-alpha")]
+    #[arg(long, value_name = "NAME", default_value = "second-order")]
     reference_integrator: NamedIntegrator,
     /// The truth's substeps per frame, an even number.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1000))]
