@@ -236,7 +236,7 @@ fn no_random_scene_of_the_last_fifty_ever_intersects() {
 #[ignore = "takes an hour: two thousand scenes of sixty frames"]
 fn no_scene_of_two_thousand_ever_intersects() {
     let ends = follow_all(0..2000, 60);
-    println!("{ends:?}");
+    eprintln!("{ends:?}");
     assert!(
         f64::from(ends.stopped) <= 0.01 * f64::from(ends.whole),
         "{ends:?}"
