@@ -1,5 +1,5 @@
-//! Frames of the shipped model allocate nothing once they have begun, alone and under a guard. Where
-//! physics is corrected a frame takes seven buffers and gives them back. The physics and the
+//! Frames of the shipped model allocate nothing once they have begun, alone and under a guard.
+//! Where physics is corrected a frame takes seven buffers and gives them back. The physics and the
 //! networks have such a test of their own.
 //!
 //! The counter is of the whole process, so this program has one test.
