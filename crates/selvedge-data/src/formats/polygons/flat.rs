@@ -45,7 +45,7 @@ fn mean_normal(polygons: &Polygons) -> DVec3 {
             let corner = &polygon.corners[k % polygon.corners.len()];
             polygons.positions[corner.vertex as usize]
         };
-        for k in 1..polygon.corners.len() - 1 {
+        for k in 1..polygon.corners.len().saturating_sub(1) {
             sum += (corner(k) - corner(0)).cross(corner(k + 1) - corner(0));
         }
     }
