@@ -10,7 +10,7 @@ but Python 3:
 
 """
 
-import sys
+import argparse
 from math import cos, exp, pi, sin
 from pathlib import Path
 
@@ -377,13 +377,16 @@ def vest(folder):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit(__doc__)
-    target = Path(sys.argv[1])
-    target.mkdir(parents=True, exist_ok=True)
-    if "--broken" in sys.argv:
-        broken(target)
-    elif "--flat" in sys.argv:
-        vest(target)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("folder", type=Path, help="where the files go; it is made")
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--broken", action="store_true", help="garments with faults instead")
+    kinds.add_argument("--flat", action="store_true", help="a pattern of flat panels and its scene instead")
+    wanted = parser.parse_args()
+    wanted.folder.mkdir(parents=True, exist_ok=True)
+    if wanted.broken:
+        broken(wanted.folder)
+    elif wanted.flat:
+        vest(wanted.folder)
     else:
-        everything(target)
+        everything(wanted.folder)
