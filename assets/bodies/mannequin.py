@@ -3,8 +3,8 @@
 The form is a smooth union of capsules, cut into triangles by surface nets, evened out on the
 surface, and bound to thirteen joints. It stands on the ground y = 0 and looks along +z; its left is
 +x. The animations `stand`, `turn`, `walk` (on the spot) and `raise-arms` all begin and end in the
-same stance, at rest; `hold-arms-out` stays with the arms at the height of the shoulders. Needs
-nothing but Python 3:
+same stance, at rest; `hold-arms-out` stays with the arms at the height of the shoulders; `wear`
+begins so, and then turns and raises its arms. Needs nothing but Python 3:
 
     python3 mannequin.py > mannequin.glb
     python3 mannequin.py 0.02 > finer.glb        # length of an edge, metres; 0.03 unless given
@@ -281,6 +281,16 @@ def hold_arms_out(t):
     return stance(90.0)
 
 
+def wear(t):
+    """Arms out, as one stands to be dressed; then down, and once about itself, arms raised and let
+    down again on the way."""
+    down = eased((t - 0.3) / 0.9)
+    up = eased((t - 1.4) / 1.4) - eased((t - 3.2) / 1.4)
+    pose = stance(90.0 + (STAND_ARMS - 90.0) * down + (HIGH_ARMS - STAND_ARMS) * up)
+    pose["pelvis"] = turn(Y, 360 * eased((t - 1.2) / 3.4))
+    return pose
+
+
 def walk(t):
     """Steps on the spot, one in half a second; they grow and fade over a second each."""
     much = eased(t) * (1 - eased(t - 4.0))
@@ -297,7 +307,7 @@ def walk(t):
 
 
 MOTIONS = {"stand": (stand, 5.0), "turn": (spin, 5.0), "walk": (walk, 5.0),
-           "raise-arms": (raise_arms, 5.25), "hold-arms-out": (hold_arms_out, 5.0)}
+           "raise-arms": (raise_arms, 5.25), "hold-arms-out": (hold_arms_out, 5.0), "wear": (wear, 5.0)}
 
 
 def frames(pose, lift):

@@ -7,6 +7,7 @@ but Python 3:
     python3 garments.py FOLDER             # every garment, each with a scene that hangs and swings it
     python3 garments.py FOLDER --broken    # the same files spoilt in ways that happen
     python3 garments.py FOLDER --flat      # a vest as flat panels with seams, which is sewn at the start
+    python3 garments.py FOLDER --worn      # shirt, trousers and skirt, open around the mannequin
 
 """
 
@@ -66,10 +67,10 @@ class Garment:
         Path(path).write_text("\n".join(lines + texture + body) + "\n")
 
 
-def layers(garment, cells, step, shared, pattern, group=lambda x, y: "body", fabric=None):
+def layers(garment, cells, step, shared, pattern, group=lambda x, y: "body", fabric=None, depth=None):
     """Two layers of square cells in the plane: cells(side) gives (i, j), side 1 is the front.
 
-    shared(i, j): front and back have this vertex together. pattern(side, x, y): panel and point.
+    They are opened by a little, or by depth(i, j) to either side all over. shared(i, j): front and back have this vertex together. pattern(side, x, y): panel and point.
     """
     edge = [(i, j) for side in (1, -1) for a, b in cells(side) for i in (a, a + 1) for j in (b, b + 1)]
     seam = sorted({corner for corner in edge if shared(*corner)})
@@ -77,6 +78,8 @@ def layers(garment, cells, step, shared, pattern, group=lambda x, y: "body", fab
     def place(side, i, j):
         if shared(i, j):
             return (i * step, j * step, 0.0)
+        if depth:
+            return (i * step, j * step, side * depth(i, j))
         far = min(((i - a) ** 2 + (j - b) ** 2) ** 0.5 for a, b in seam) * step
         return (i * step, j * step, side * OPEN * (1 - exp(-((far / SOFT) ** 2))))
 
@@ -95,7 +98,7 @@ def layers(garment, cells, step, shared, pattern, group=lambda x, y: "body", fab
             garment.quad(panel, group(*middle), made, name)
 
 
-def shirt(step=0.02):
+def shirt(step=0.02, depth=None):
     """A T-shirt with set-in sleeves: front, back and two sleeves, ten seams."""
     width, height, arm, sleeve, neck = (round(x / step) for x in (0.5, 0.64, 0.2, 0.2, 0.18))
     half, top = width // 2, height
@@ -135,13 +138,15 @@ def shirt(step=0.02):
     garment = Garment("shirt")
     group = lambda x, y: "sleeves" if abs(x) > half * step else "body"
     fabric = lambda panel: "Sleeve rib" if panel.startswith("sleeve") else "Cotton"
-    layers(garment, cells, step, shared, pattern, group, fabric)
+    layers(garment, cells, step, shared, pattern, group, fabric, depth)
     return garment
 
 
-def trousers(step=0.025):
-    """Four panels: outer, inner, front and back seams."""
-    leg, rise, inner = (round(x / step) for x in (0.25, 0.25, 0.7))
+def trousers(step=0.025, sizes=(0.25, 0.25, 0.7), depth=None, band=1.0):
+    """Four panels: outer, inner, front and back seams. Half a leg around, rise and inner seam [m].
+    The two upper rows are an elastic band, `band` times as long at rest."""
+    leg, rise, inner = (round(x / step) for x in sizes)
+    top = inner + rise
 
     def cells(side):
         upper = [(i, j) for i in range(-leg, leg) for j in range(inner, inner + rise)]
@@ -163,6 +168,9 @@ def trousers(step=0.025):
         def place(side, i, j):
             gap = 0.004 * which * min(1.0, (inner - j) * step / 0.1) if i == 0 and j < inner else 0.0
             across = min(leg - abs(i), abs(i) if j <= inner else leg) * step
+            if depth:
+                is_seam = across == 0 or (i == 0 and j <= inner)
+                return (i * step + gap, j * step, 0.0 if is_seam else side * depth)
             return (i * step + gap, j * step, side * OPEN * (1 - exp(-((across / SOFT) ** 2))))
 
         for side in (1, -1):
@@ -172,26 +180,30 @@ def trousers(step=0.025):
                     corners.reverse()
                 panel = f"{'front' if side > 0 else 'back'}-{'left' if which > 0 else 'right'}"
                 shift = (1.2 if side > 0 else -1.2) + 0.4 * which
-                made = [(key(side, a, b), place(side, a, b), (a * step + shift, b * step)) for a, b in corners]
-                garment.quad(panel, "waist" if j == inner + rise - 1 else "legs", made, "Denim")
+                is_band = band < 1.0 and j >= top - 2
+                panel, wide = (panel + "-band", band * step) if is_band else (panel, step)
+                made = [(key(side, a, b), place(side, a, b), (a * wide + shift, b * step)) for a, b in corners]
+                garment.quad(panel, "waist" if j == top - 1 else "legs", made, "Denim")
     return garment
 
 
-def skirt(step=0.025):
-    """A straight skirt of one panel with four darts and a seam in the back; stands as a tube."""
-    darts, each, rows, deep = 4, 9, round(0.6 / step), round(0.15 / step)
+def skirt(step=0.025, each=9, tube=None, dart=0.035):
+    """A straight skirt of one panel with four darts and a seam in the back; stands as a tube, of
+    the half axes `tube` if they are given."""
+    darts, rows, deep = 4, round(0.6 / step), round(0.15 / step)
     gore = each * step
     garment = Garment("skirt")
 
     def taken(j):
-        return max(0.0, 0.035 * (j - (rows - deep)) / deep)
+        return max(0.0, dart * (j - (rows - deep)) / deep)
 
     def corner(g, k, j):
         narrow = gore - taken(j)
         radius = darts * narrow / (2 * pi)
         column = (g * each + k) % (darts * each)
         angle = 2 * pi * column / (darts * each)
-        place = (radius * cos(angle), j * step, -radius * sin(angle))
+        across, along = tube or (radius, radius)
+        place = (across * cos(angle), j * step, -along * sin(angle))
         # Each gore has half a dart on either side; below the darts they touch.
         return (column, j), place, (g * gore + taken(j) / 2 + k / each * narrow, j * step)
 
@@ -376,17 +388,44 @@ def vest(folder):
     (folder / "vest.toml").write_text(VEST.replace("HANDLES", handles))
 
 
+WORN = """# {what}, put on by the mannequin, which turns and raises its arms. The garment stands open
+# around it at the start, and is fitted there.
+name = "{name}"
+mesh = {{ file = "{name}.obj", transform = {{ translation = [0, {height}, 0] }} }}
+material = "gray-interlock"
+handles = {{ vertices = [] }}
+start = "fit"
+motion = {{ inline = {{ kind = "keyframes", duration = 5.0, groups = [] }} }}
+contact = {{ friction = 0.5 }}
+obstacles = [{{ name = "mannequin", mesh = "mannequin", motion = {{ animation = "wear" }} }}]
+"""
+
+
+def worn(folder):
+    # Half the depth of the mannequin and a little more; less where its arms are.
+    body = shirt(depth=lambda i, j: 0.15 if abs(i) <= 12 else 0.09)
+    legs = trousers(sizes=(0.3, 0.25, 0.625), depth=0.17, band=0.62)
+    around = skirt(each=10, tube=(0.22, 0.16), dart=0.058)
+    for garment, what, height in ((body, "A T-shirt", 0.82), (legs, "Trousers", 0.155), (around, "A skirt", 0.455)):
+        garment.write(folder / f"{garment.name}.obj")
+        text = WORN.format(name=garment.name, what=what, height=height)
+        (folder / f"{garment.name}.toml").write_text(text)
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("folder", type=Path, help="where the files go; it is made")
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--broken", action="store_true", help="garments with faults instead")
     kinds.add_argument("--flat", action="store_true", help="a pattern of flat panels and its scene instead")
+    kinds.add_argument("--worn", action="store_true", help="garments around the shipped mannequin instead")
     wanted = parser.parse_args()
     wanted.folder.mkdir(parents=True, exist_ok=True)
     if wanted.broken:
         broken(wanted.folder)
     elif wanted.flat:
         vest(wanted.folder)
+    elif wanted.worn:
+        worn(wanted.folder)
     else:
         everything(wanted.folder)

@@ -4,7 +4,7 @@
 import * as three from "three";
 import type { Link } from "./link";
 import * as protocol from "./protocol";
-import type { Hit, Stage } from "./stage";
+import type { BodyHit, Hit, Stage } from "./stage";
 
 interface Grip {
   hit: Hit;
@@ -16,12 +16,30 @@ interface Grip {
   hasMoved: boolean;
 }
 
+/** A body that is led. */
+interface BodyGrip {
+  body: number;
+  plane: three.Plane;
+  from: three.Vector3;
+  /** Its middle when it was taken hold of. */
+  middle: three.Vector3;
+}
+
+/** The speed of a throw, m/s, and how far before the cloth the ball begins, m. */
+const THROW = 5;
+const BEFORE = 1.2;
+
 export class Hands {
+  /** True where the next click throws the ball. */
+  throws = false;
+  /** Told when the ball was thrown. */
+  onThrown = () => {};
   /** True where a vertex that was taken hold of is let go with the pointer. */
   letsGo = false;
   /** The last drag that was sent, and when its event happened. */
   readonly sent: { number: number; at: number }[] = [];
   private readonly grips = new Map<number, Grip>();
+  private readonly led = new Map<number, BodyGrip>();
   private readonly held = new Set<string>();
   private number = 0;
   private push = "";
@@ -56,6 +74,17 @@ export class Hands {
   private down(event: PointerEvent): void {
     if (event.target !== this.canvas || event.button !== 0 || !this.canDrag()) return;
     const { x, y } = this.at(event);
+    if (this.throws) {
+      event.stopPropagation();
+      this.throw(x, y);
+      return;
+    }
+    const body = this.stage.pickBody(x, y);
+    if (body && !this.stage.pickHandle(x, y, 10)) {
+      event.stopPropagation();
+      this.takeBody(event.pointerId, body);
+      return;
+    }
     const hit = this.stage.pick(x, y, event.pointerType === "touch" ? 28 : 16);
     if (!hit) return;
     event.stopPropagation();
@@ -83,7 +112,53 @@ export class Hands {
     this.canvas.style.cursor = "grabbing";
   }
 
+  /** Throws the ball from before the cloth, or the middle of the view, to where the pointer is. */
+  throw(x: number, y: number): void {
+    const { stage } = this;
+    const ray = stage.ray(x, y).ray;
+    const hit = stage.pick(x, y, 0);
+    const middle = stage.controls.target;
+    const distance = hit ? hit.point.distanceTo(ray.origin) : middle.distanceTo(ray.origin);
+    const goal = ray.at(distance, new three.Vector3());
+    const from = ray.at(Math.max(distance - BEFORE, 0.1), new three.Vector3());
+    const seconds = goal.distanceTo(from) / THROW;
+    const velocity = goal.clone().sub(from).divideScalar(seconds);
+    // It falls on its way.
+    velocity.y += 0.5 * 9.8 * seconds;
+    this.link.command({ do: "throw", from: from.toArray(), velocity: velocity.toArray() });
+    this.throws = false;
+    this.onThrown();
+  }
+
+  private takeBody(pointer: number, { body, point }: BodyHit): void {
+    this.canvas.setPointerCapture(pointer);
+    this.stage.controls.enabled = false;
+    this.stage.dragging = true;
+    const normal = this.stage.camera.getWorldDirection(new three.Vector3());
+    this.led.set(pointer, {
+      body,
+      plane: new three.Plane().setFromNormalAndCoplanarPoint(normal, point),
+      from: point.clone(),
+      middle: this.stage.bodies.middle(body),
+    });
+    this.canvas.style.cursor = "grabbing";
+  }
+
+  private lead(event: PointerEvent, grip: BodyGrip): void {
+    const { x, y } = this.at(event);
+    const point = this.stage.ray(x, y).ray.intersectPlane(grip.plane, new three.Vector3());
+    if (!point) return;
+    const middle = grip.middle.clone().add(point).sub(grip.from);
+    this.link.command({ do: "body", number: grip.body, middle: middle.toArray() });
+  }
+
   private move(event: PointerEvent): void {
+    const led = this.led.get(event.pointerId);
+    if (led) {
+      event.stopPropagation();
+      this.lead(event, led);
+      return;
+    }
     const grip = this.grips.get(event.pointerId);
     if (!grip) {
       if (event.target === this.canvas && event.buttons === 0 && event.pointerType === "mouse") this.hover(event);
@@ -112,23 +187,31 @@ export class Hands {
 
   private hover(event: PointerEvent): void {
     const { x, y } = this.at(event);
-    const hit = this.canDrag() ? this.stage.pick(x, y, 16) : null;
-    this.canvas.style.cursor = hit ? "grab" : "";
+    const hit = this.canDrag() ? (this.stage.pick(x, y, 16) ?? this.stage.pickBody(x, y)) : null;
+    this.canvas.style.cursor = this.throws ? "crosshair" : hit ? "grab" : "";
   }
 
   private up(event: PointerEvent): void {
+    if (this.led.delete(event.pointerId)) {
+      event.stopPropagation();
+      this.rest();
+    }
     const grip = this.grips.get(event.pointerId);
     if (!grip) return;
     event.stopPropagation();
     this.grips.delete(event.pointerId);
-    if (this.grips.size === 0) {
-      this.stage.controls.enabled = true;
-      this.stage.dragging = false;
-      this.canvas.style.cursor = "";
-    }
+    this.rest();
     if (grip.isNew && grip.hasMoved && this.letsGo) {
       this.link.command({ do: "let-go", vertices: [grip.hit.vertex] });
     }
+  }
+
+  /** Gives the view back where no pointer holds anything. */
+  private rest(): void {
+    if (this.grips.size + this.led.size > 0) return;
+    this.stage.controls.enabled = true;
+    this.stage.dragging = false;
+    this.canvas.style.cursor = "";
   }
 
   private release(event: MouseEvent): void {

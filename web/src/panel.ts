@@ -140,6 +140,7 @@ export class Panel {
     for (const button of element("mover").querySelectorAll<HTMLButtonElement>("button")) {
       button.addEventListener("click", () => this.command({ do: "mover", mover: button.dataset.mover as Mover }));
     }
+    input("touches").addEventListener("change", () => this.order(false));
     for (const id of ["scene", "mesh", "vertices", "material", "model"]) {
       select(id).addEventListener("change", () => this.order(id === "scene"));
     }
@@ -156,6 +157,7 @@ export class Panel {
       mesh: mesh === "" ? null : { name: mesh, vertices: Number(select("vertices").value) },
       material: another ? null : select("material").value || null,
       model: select("model").value,
+      touches: input("touches").checked && !input("touches").disabled,
     };
     this.command({ do: "order", order });
   }
@@ -166,6 +168,9 @@ export class Panel {
     input("speed").addEventListener("input", limits);
     input("acceleration").addEventListener("input", limits);
     input("lets-go").addEventListener("change", () => (this.hands.letsGo = input("lets-go").checked));
+    onClick("throw", () => this.arm(!this.hands.throws));
+    this.hands.onThrown = () => this.arm(false);
+    onClick("drop", () => this.command({ do: "drop" }));
     const wind = () => {
       const speed = Number(input("wind").value);
       const from = (Number(input("wind-from").value) * Math.PI) / 180;
@@ -176,6 +181,13 @@ export class Panel {
     input("wind").addEventListener("input", wind);
     input("wind-from").addEventListener("input", wind);
     this.windValues();
+  }
+
+  /** Has the next click throw the ball, or no longer. */
+  private arm(throws: boolean): void {
+    this.hands.throws = throws;
+    element("throw").setAttribute("aria-pressed", String(throws));
+    element("canvas").style.cursor = throws ? "crosshair" : "";
   }
 
   private windValues(): void {
@@ -189,6 +201,7 @@ export class Panel {
     select("colouring").addEventListener("change", () => {
       const colouring = select("colouring").value as Colouring;
       this.stage.colouring = colouring;
+      this.command({ do: "gaps", shown: colouring === "gap" });
       if (colouring !== "plain") this.stage.most = SCALES[colouring].most * SCALES[colouring].factor;
       if (colouring === "difference" && this.state?.tracks.length === 1 && this.isLive) {
         this.command({ do: "mover", mover: "both" });
@@ -221,7 +234,7 @@ export class Panel {
   }
 
   private shortcuts(): void {
-    const keys: Record<string, string> = { " ": "pause", ".": "step", Home: "reset", r: "record" };
+    const keys: Record<string, string> = { " ": "pause", ".": "step", Home: "reset", r: "record", b: "throw", d: "drop" };
     window.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || event.repeat || isTyping(event.target, event.key)) return;
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
@@ -270,6 +283,12 @@ export class Panel {
       select("material").value = order.material ?? "";
       select("model").value = order.model;
     }
+    // A scene that has contact of its own keeps it.
+    input("touches").checked = state.order.touches || state.touches;
+    input("touches").disabled = state.touches && !state.order.touches;
+    for (const id of ["throw", "drop"]) element(id).toggleAttribute("disabled", !live || (id === "throw" && !state.touches));
+    element("touch-hint").textContent =
+      state.touches && state.mover !== "physics" ? "A learned model does not see bodies: the physics can throw and lead them." : "";
     element("vertices-row").hidden = select("mesh").value === "";
     const motion = element("play-motion");
     motion.textContent = state.motion ? "Stop" : "Play";

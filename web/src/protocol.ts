@@ -1,8 +1,8 @@
 // The messages of the socket, as crates/selvedge-live/src/protocol/mod.rs documents them:
 // little-endian, each beginning with [version u8, kind u8, 0 u16].
 
-export const VERSION = 2;
-export const SUBPROTOCOL = "selvedge.v2";
+export const VERSION = 3;
+export const SUBPROTOCOL = "selvedge.v3";
 
 const HELLO = 1;
 const CLOTH = 2;
@@ -37,6 +37,16 @@ export interface Cloth {
   corners: Uint32Array;
   /** [points, 2], m */
   material: Float32Array;
+  bodies: Body[];
+}
+
+/** A body beside the cloth. */
+export interface Body {
+  /** 0 a thing, 1 the floor, 2 the ball. */
+  kind: number;
+  points: number;
+  /** [faces, 3], among its own points */
+  faces: Uint32Array;
 }
 
 export interface Goal {
@@ -56,6 +66,10 @@ export interface Frame {
   goals: Goal[];
   /** Per track [vertices, 3], m. */
   tracks: Float32Array[];
+  /** The points of all bodies, [points, 3], m. */
+  bodies: Float32Array;
+  /** Per track the smallest gap of each vertex, [vertices], m; empty where there are none. */
+  gaps: Float32Array[];
 }
 
 export type Mover = "model" | "physics" | "both";
@@ -65,6 +79,7 @@ export interface Order {
   mesh: { name: string; vertices: number } | null;
   material: string | null;
   model: string;
+  touches: boolean;
 }
 
 export interface Track {
@@ -95,6 +110,8 @@ export interface State {
   motion: { name: string; frame: number; frames: number } | null;
   recording: { frames: number; most: number } | null;
   recorded: string[];
+  touches: boolean;
+  gaps: boolean;
   can_replay: boolean;
   can_live: boolean;
   busy: string | null;
@@ -118,7 +135,11 @@ export type Command =
   | { do: "hold" | "let-go"; vertices: number[] }
   | { do: "motion"; name: string }
   | { do: "seek"; frame: number }
-  | { do: "rate"; rate: number };
+  | { do: "rate"; rate: number }
+  | { do: "body"; number: number; middle: [number, number, number] }
+  | { do: "throw"; from: [number, number, number]; velocity: [number, number, number] }
+  | { do: "drop" }
+  | { do: "gaps"; shown: boolean };
 
 export function decode(buffer: ArrayBuffer): Message {
   const view = new DataView(buffer);
@@ -155,7 +176,24 @@ function cloth(view: DataView, buffer: ArrayBuffer): Cloth {
     faces: new Uint32Array(buffer, 20, 3 * faces),
     corners: new Uint32Array(buffer, 20 + 12 * faces, 3 * faces),
     material: new Float32Array(buffer, 20 + 24 * faces, 2 * points),
+    bodies: bodies(view, buffer, 20 + 24 * faces + 8 * points),
   };
+}
+
+function bodies(view: DataView, buffer: ArrayBuffer, at: number): Body[] {
+  const count = view.getUint32(at, true);
+  at += 4;
+  const found: Body[] = [];
+  for (let body = 0; body < count; body++) {
+    const faces = view.getUint32(at + 8, true);
+    found.push({
+      kind: view.getUint32(at, true),
+      points: view.getUint32(at + 4, true),
+      faces: new Uint32Array(buffer, at + 12, 3 * faces),
+    });
+    at += 12 + 12 * faces;
+  }
+  return found;
 }
 
 function frame(view: DataView, buffer: ArrayBuffer): Frame {
@@ -165,7 +203,7 @@ function frame(view: DataView, buffer: ArrayBuffer): Frame {
   const vertices = word(8);
   const goals: Goal[] = [];
   for (let handle = 0; handle < handles; handle++) {
-    const at = 36 + 16 * handle;
+    const at = 44 + 16 * handle;
     goals.push({
       vertex: view.getUint32(at, true),
       x: view.getFloat32(at + 4, true),
@@ -173,11 +211,13 @@ function frame(view: DataView, buffer: ArrayBuffer): Frame {
       z: view.getFloat32(at + 12, true),
     });
   }
-  const tracks: Float32Array[] = [];
-  for (let track = 0; track < count; track++) {
-    const at = 36 + 16 * handles + 12 * vertices * track;
-    tracks.push(new Float32Array(buffer, at, 3 * vertices));
-  }
+  const start = 44 + 16 * handles;
+  const after = start + 12 * vertices * count;
+  const points = word(9);
+  const each = (size: number, from: number) =>
+    Array.from({ length: count }, (_, track) => new Float32Array(buffer, from + 4 * size * track, size));
+  const tracks = each(3 * vertices, start);
+  const gaps = word(10) === vertices * count ? each(vertices, after + 12 * points) : [];
   return {
     generation: word(1),
     number: word(2),
@@ -186,6 +226,8 @@ function frame(view: DataView, buffer: ArrayBuffer): Frame {
     drag: word(5),
     goals,
     tracks,
+    bodies: new Float32Array(buffer, after, 3 * points),
+    gaps,
   };
 }
 

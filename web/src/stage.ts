@@ -2,6 +2,7 @@
 
 import * as three from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { BodyObjects } from "./bodies";
 import { ClothObject, weave, type Shared } from "./cloth";
 import { Floor } from "./floor";
 import { HandleMarks } from "./handles";
@@ -17,6 +18,13 @@ export interface Hit {
   /** The place in the room. */
   point: three.Vector3;
   isHandle: boolean;
+}
+
+/** A body that is hit. */
+export interface BodyHit {
+  body: number;
+  /** The place in the room. */
+  point: three.Vector3;
 }
 
 export class Stage {
@@ -44,6 +52,7 @@ export class Stage {
   private readonly quality = new Quality(new URLSearchParams(location.search).has("full"));
   private readonly shared: Shared = { map: colourMap(), weave: weave() };
   private readonly marks = new HandleMarks();
+  readonly bodies = new BodyObjects();
   private cloth: Cloth | null = null;
   private edges: Edges | null = null;
   private objects: ClothObject[] = [];
@@ -70,7 +79,7 @@ export class Stage {
     // Arrows move the handles, not the camera.
     this.controls.keys = { LEFT: "", UP: "", RIGHT: "", BOTTOM: "" };
     this.light();
-    this.scene.add(this.sun, this.sun.target, this.sky, this.floor.group, this.marks.group);
+    this.scene.add(this.sun, this.sun.target, this.sky, this.floor.group, this.marks.group, this.bodies.group);
     this.setTheme("light");
     if (isSoftware(this.renderer.getContext()) && this.quality.begin(LEAST)) this.lower();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
@@ -83,6 +92,7 @@ export class Stage {
     this.floor.look(this.theme);
     this.renderer.toneMappingExposure = this.theme.exposure;
     this.marks.look(this.theme.handle);
+    this.bodies.look(this.theme.body);
   }
 
   /** Another cloth; its frames are to come. */
@@ -95,6 +105,7 @@ export class Stage {
     this.selected.clear();
     this.cloth = cloth;
     this.edges = new Edges(cloth);
+    this.bodies.set(cloth.bodies);
     this.frame = this.before = null;
     this.fitted = false;
   }
@@ -140,9 +151,7 @@ export class Stage {
     if (!this.frame) return null;
     const handle = this.pickHandle(x, y, reach);
     if (handle) return handle;
-    const ray = new three.Raycaster();
-    const size = this.canvas.getBoundingClientRect();
-    ray.setFromCamera(new three.Vector2((x / size.width) * 2 - 1, 1 - (y / size.height) * 2), this.camera);
+    const ray = this.ray(x, y);
     let best: Hit | null = null;
     let nearest = Infinity;
     this.objects.forEach((object, track) => {
@@ -157,6 +166,28 @@ export class Stage {
       best = { vertex, track, point: this.point(track, vertex), isHandle: false };
     });
     return best ?? this.pickBeside(x, y, reach);
+  }
+
+  /** The body under a point of the screen, in pixels, where no handle and no cloth is before it. */
+  pickBody(x: number, y: number): BodyHit | null {
+    if (!this.frame) return null;
+    const ray = this.ray(x, y);
+    const hit = this.bodies.hit(ray);
+    if (!hit) return null;
+    for (const object of this.objects) {
+      object.surface.geometry.boundingSphere = null;
+      const cloth = ray.intersectObject(object.surface, false)[0];
+      if (cloth && cloth.distance < hit.distance) return null;
+    }
+    return hit;
+  }
+
+  /** The ray from the eye through a point of the screen, in pixels. */
+  ray(x: number, y: number): three.Raycaster {
+    const ray = new three.Raycaster();
+    const size = this.canvas.getBoundingClientRect();
+    ray.setFromCamera(new three.Vector2((x / size.width) * 2 - 1, 1 - (y / size.height) * 2), this.camera);
+    return ray;
   }
 
   /** The vertex nearest on the screen to a point beside the cloth: a corner is hard to hit. */
@@ -208,6 +239,7 @@ export class Stage {
       object.group.visible = true;
     });
     if (box.isEmpty()) return;
+    this.bodies.around(box);
     const center = box.getCenter(new three.Vector3());
     const size = box.getSize(new three.Vector3());
     const vertical = Math.tan((this.camera.fov * Math.PI) / 360);
@@ -216,7 +248,8 @@ export class Stage {
     const direction = new three.Vector3(1, 0.16, this.objects.length > 1 ? 0.12 : 0.42).normalize();
     this.controls.target.copy(center).add(new three.Vector3(0, -0.02 * size.y, 0));
     this.camera.position.copy(this.controls.target).addScaledVector(direction, distance);
-    this.floor.group.position.set(center.x, box.min.y - 0.3 * Math.max(size.y, 0.5), center.z);
+    const below = box.min.y - 0.3 * Math.max(size.y, 0.5);
+    this.floor.group.position.set(center.x, this.bodies.floor ?? below, center.z);
     this.center.copy(this.handleCenter());
     this.shine(center);
     const reach = Math.max(size.z, size.y, 1) * 1.5 + 0.8;
@@ -329,6 +362,9 @@ export class Stage {
       this.colour(object, frame, track);
       object.look(looks[track % looks.length]!, this.edgesShown, lines);
     });
+    this.bodies.place(frame.bodies);
+    // Bodies stand beside one cloth only.
+    this.bodies.group.position.z = frame.tracks.length > 1 ? this.offset(0) : 0;
     this.arrangeHandles(frame);
   }
 
@@ -347,6 +383,12 @@ export class Stage {
         const before = this.before?.tracks[track];
         const seconds = this.before ? frame.time - this.before.time : 0;
         if (before && seconds > 0) speed(positions, before, seconds, object.field);
+        break;
+      }
+      case "gap": {
+        const gaps = frame.gaps[track];
+        if (!gaps) return object.colour(null);
+        object.field.set(gaps);
         break;
       }
       case "difference": {
@@ -379,7 +421,7 @@ export class Stage {
     this.marks.end();
   }
 
-  private pickHandle(x: number, y: number, reach: number): Hit | null {
+  pickHandle(x: number, y: number, reach: number): Hit | null {
     let best: Hit | null = null;
     let nearest = reach;
     for (let track = 0; track < this.objects.length; track++) {

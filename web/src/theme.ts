@@ -16,6 +16,8 @@ export interface Theme {
   grid: string;
   lines: string;
   handle: string;
+  /** Obstacles. */
+  body: string;
   looks: [Look, Look];
   /** Darkness of shadows on the floor, 0 to 1. */
   shadow: number;
@@ -31,6 +33,7 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     grid: "#b9b1a4",
     lines: "#1c2733",
     handle: "#d1495b",
+    body: "#8f969e",
     looks: [
       { front: colour("#d9a25f"), back: colour("#3f6f9f") },
       { front: colour("#d9a25f"), back: colour("#4e8368") },
@@ -44,6 +47,7 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     grid: "#4a5361",
     lines: "#e6edf5",
     handle: "#ff6b7d",
+    body: "#6d7683",
     looks: [
       { front: colour("#e0ac68"), back: colour("#5b93c9") },
       { front: colour("#e0ac68"), back: colour("#63a585") },

@@ -96,3 +96,24 @@ export function position(page, vertex, track = 0) {
 
 /** Waits until `check`, evaluated in the page with `argument`, holds. */
 export const until = (page, check, argument = null) => page.waitForFunction(check, argument, { timeout: patience });
+
+/**
+ * Presses Home and waits until the scene has begun anew. Each frame is looked at as it arrives: one
+ * that is polled for could be over before a busy page looks again, and a scene that has just begun
+ * has no earlier time to go back to, so that its first tenth of a second is waited for.
+ */
+export async function home(page) {
+  await page.locator("#canvas").focus();
+  await until(page, () => window.selvedge.stage.frame.time > 0.1);
+  await page.evaluate(() => {
+    const { stage } = window.selvedge;
+    window.beganAnew = false;
+    stage.take = (frame) => {
+      if (frame.time < stage.frame.time) window.beganAnew = true;
+      Object.getPrototypeOf(stage).take.call(stage, frame);
+      if (window.beganAnew) delete stage.take;
+    };
+  });
+  await page.keyboard.press("Home");
+  await until(page, () => window.beganAnew);
+}

@@ -4,7 +4,7 @@ import { existsSync, mkdtempSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, open, place, position, start, until } from "./browser.mjs";
+import { browser, home, open, place, position, start, until } from "./browser.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "selvedge-recordings-"));
 let served, chrome, page;
@@ -104,9 +104,7 @@ test("keys move all handles, and stop with the key", async () => {
 });
 
 test("reset brings it back to rest", async () => {
-  const time = await page.evaluate(() => window.selvedge.stage.frame.time);
-  await page.keyboard.press("Home");
-  await until(page, (before) => window.selvedge.stage.frame.time < before, time);
+  await home(page);
   assert.ok(await page.evaluate(() => window.selvedge.state.tracks[0].strain < 0.4));
 });
 

@@ -2,7 +2,7 @@
 // nothing covers what it should not, and hands meet resistance. Part of npm test.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { browser, open, place, start, until } from "./browser.mjs";
+import { browser, home, open, place, start, until } from "./browser.mjs";
 
 let served, chrome, page;
 const errors = [];
@@ -59,13 +59,6 @@ const box = (id) =>
   }, id);
 const overlap = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 
-async function home() {
-  await page.locator("#canvas").focus();
-  const time = await page.evaluate(() => window.selvedge.stage.frame.time);
-  await page.keyboard.press("Home");
-  await until(page, (t) => window.selvedge.stage.frame.time < t, time);
-}
-
 test("wind beyond training is said for as long as it blows", async () => {
   await slide("wind", 3);
   await remark("in still air");
@@ -79,7 +72,7 @@ test("one handle or none is said, and again after a reset", async () => {
   const [one, other] = await handles();
   await letGo(one);
   await remark("1 handle held");
-  await home();
+  await home(page);
   await noRemark();
   await until(page, () => window.selvedge.stage.frame.goals.length === 2);
   await letGo(other);
@@ -90,18 +83,18 @@ test("one handle or none is said, and again after a reset", async () => {
   await noRemark();
   await page.click("[data-mover=model]");
   await remark("0 handles held");
-  await home();
+  await home(page);
   await noRemark();
 });
 
 test("Home brings back the view of the start", async () => {
   const view = () => page.evaluate(() => window.selvedge.stage.camera.position.toArray());
-  await home();
+  await home(page);
   await page.waitForTimeout(500);
   const first = await view();
   await page.evaluate(() => window.selvedge.stage.camera.position.set(3, 2, 3));
   await page.evaluate(() => window.selvedge.stage.controls.update());
-  await home();
+  await home(page);
   await until(
     page,
     (wanted) => Math.hypot(...window.selvedge.stage.camera.position.toArray().map((x, k) => x - wanted[k])) < 0.05,
@@ -155,7 +148,7 @@ test("a notice covers no handle on a phone", async () => {
 });
 
 test("a handle that is pulled farther than the cloth is long resists", async () => {
-  await home();
+  await home(page);
   const [one, other] = await handles();
   const apart = () =>
     page.evaluate(
@@ -181,7 +174,7 @@ test("a handle that is pulled farther than the cloth is long resists", async () 
   await page.waitForTimeout(1500);
   assert.ok((await apart()) < 1.11, String(await apart()));
   assert.ok(await page.evaluate(() => window.selvedge.state.tracks[0].strain < 0.35));
-  await home();
+  await home(page);
 });
 
 test("a free corner is taken hold of from beside it", async () => {

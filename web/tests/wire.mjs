@@ -13,7 +13,7 @@ const sleep = (seconds) => new Promise((done) => setTimeout(done, 1000 * seconds
 const median = (numbers) => numbers.toSorted((a, b) => a - b)[Math.floor(numbers.length / 2)];
 
 function message(kind, ...parts) {
-  return Buffer.concat([Buffer.from([1, kind, 0, 0]), ...parts]);
+  return Buffer.concat([Buffer.from([3, kind, 0, 0]), ...parts]);
 }
 
 function words(...numbers) {
@@ -24,7 +24,7 @@ function words(...numbers) {
 
 /** A client that takes up every frame. */
 async function client(url) {
-  const socket = new WebSocket(url.replace("http", "ws") + "socket", "selvedge.v2");
+  const socket = new WebSocket(url.replace("http", "ws") + "socket", "selvedge.v3");
   socket.binaryType = "arraybuffer";
   const now = { frames: 0, state: null, onFrame: () => undefined };
   socket.onmessage = ({ data }) => {
@@ -74,8 +74,8 @@ async function drags() {
   const order = { ...now.state.order, mesh: { name: "square", vertices: 400 } };
   command({ do: "order", order });
   await until(() => now.state.order.mesh?.vertices === 400 && !now.state.busy);
-  const [vertex, handles] = [now.frame.readUInt32LE(36), now.frame.readUInt32LE(24)];
-  const home = [0, 1, 2].map((k) => now.frame.readFloatLE(40 + 4 * k));
+  const [vertex, handles] = [now.frame.readUInt32LE(44), now.frame.readUInt32LE(24)];
+  const home = [0, 1, 2].map((k) => now.frame.readFloatLE(48 + 4 * k));
   const sent = new Map();
   const latencies = [];
   now.onFrame = (frame) => {
@@ -94,10 +94,38 @@ async function drags() {
     await sleep(0.013 + 0.01 * Math.random());
   }
   const answer = {
-    vertices: (now.frame.length - 36 - 16 * handles) / 12,
+    vertices: (now.frame.length - 44 - 16 * handles) / 12,
     step_ms: now.state.tracks[0].step_ms,
     drags_followed: latencies.length,
     median_ms: median(latencies),
+    frames_per_second: await kept,
+  };
+  socket.close();
+  await served.stop();
+  return answer;
+}
+
+/** A ball thrown into a hanging sheet of 400 vertices again and again, its sides by turns. */
+async function throws() {
+  const served = await start(["--show", "physics"]);
+  const { socket, now, until, command } = await client(served.url);
+  await until(() => now.state && now.frames > 0);
+  const order = { ...now.state.order, mesh: { name: "square", vertices: 400 }, touches: true };
+  command({ do: "order", order });
+  await until(() => now.state.touches && now.state.order.mesh?.vertices === 400 && !now.state.busy);
+  const steps = [];
+  now.onFrame = () => steps.push(now.state.tracks[0].step_ms);
+  const kept = rate(now, 12);
+  for (let k = 0; k < 6; k++) {
+    const side = k % 2 === 0 ? 1 : -1;
+    command({ do: "throw", from: [1.2 * side, -0.5, 0.1 * (k - 2.5)], velocity: [-5 * side, 1.2, 0] });
+    await sleep(2);
+  }
+  const answer = {
+    vertices: 400,
+    step_ms: median(steps),
+    most_ms: Math.max(...steps),
+    stopped: now.state.tracks[0].stopped,
     frames_per_second: await kept,
   };
   socket.close();
@@ -123,5 +151,6 @@ const load = () => readFileSync("/proc/loadavg", "utf8").split(" ")[0];
 console.log("load", load());
 console.log("start", await startTime());
 console.log("drag", await drags());
+console.log("throw", await throws());
 console.log("playback", await playback());
 console.log("load", load());

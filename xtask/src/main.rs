@@ -1,7 +1,9 @@
 //! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
 //! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask fuzz`,
-//! `faults`, `kill`, `soak` and `load` the trials that take longer, of the crate `selvedge-trials`.
+//! `guided`, `faults`, `kill`, `soak` and `load` the trials that take longer, of the crate
+//! `selvedge-trials`, `cargo xtask sanitize` and `miri` tests under nightly's checks,
+//! `cargo xtask header` makes the header of the library for C (see [`header`]).
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
 #![allow(
@@ -10,7 +12,9 @@
 )]
 
 mod book;
+mod header;
 mod metadata;
+mod nightly;
 mod rust;
 mod tidy;
 mod tree;
@@ -19,6 +23,8 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail};
+
+use nightly::Sanitizer;
 
 const HELP: &str = "\
 usage: cargo xtask COMMAND
@@ -31,11 +37,18 @@ usage: cargo xtask COMMAND
             --write          bring quotes and the commands reference up to date
             --no-run         parse the quick commands, too, instead of running them
             --program PATH   ask this program instead of building one
+  header  check that the header of the library for C is what its sources make, by cbindgen
+            --write          write it
   fuzz    damaged files for every reader (--for 10m; see docs/src/contributing/trials.md)
-  faults  calls on files that fail under every writer
-  kill    long commands, ended at random times
+  guided  the same with libFuzzer, which keeps inputs that reach new code
+  faults  calls on files, and for memory, that fail under every command
+  kill    long commands, or one of their ranks, ended at random times
   soak    steppers and the viewer for a long time
   load    the viewer under many connections
+  sanitize address|thread
+          tests of what has unsafe code or threads under a sanitizer of nightly Rust; arguments of
+          `cargo test` choose others
+  miri    tests of the kernels under Miri, likewise
   help    print this text";
 
 fn main() -> ExitCode {
@@ -45,9 +58,13 @@ fn main() -> ExitCode {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
         [
-            trial @ ("fuzz" | "faults" | "kill" | "soak" | "load"),
+            trial @ ("fuzz" | "guided" | "faults" | "kill" | "soak" | "load"),
             options @ ..,
         ] => trials(trial, options),
+        ["header"] => header::run(false),
+        ["header", "--write"] => header::run(true),
+        ["miri", tests @ ..] => nightly::miri(tests),
+        ["sanitize", name, tests @ ..] if let Some(one) = Sanitizer::named(name) => one.run(tests),
         ["book", options @ ..] => match book::Options::parse(options) {
             Some(options) => book::run(&options),
             None => {
@@ -81,14 +98,18 @@ fn trials(trial: &str, options: &[&str]) -> Result<()> {
         let status = command.args(arguments).current_dir(&root).status();
         Ok(status.context("cannot start cargo")?.success())
     };
-    let is_built = cargo(&[
+    let mut build = vec![
         "build",
         "--quiet",
         "-p",
         "selvedge",
         "-p",
         "selvedge-trials",
-    ])?;
+    ];
+    if options.contains(&"--ranks") {
+        build.extend(["--features", "selvedge/mpi"]);
+    }
+    let is_built = cargo(&build)?;
     let run = ["run", "--quiet", "-p", "selvedge-trials", "--", trial];
     if !is_built || !cargo(&[&run[..], options].concat())? {
         bail!("the trial failed");

@@ -4,11 +4,16 @@
 //! Two steppers made alike take the same good steps. One of them is also given steps that must
 //! fail; from then on the two must still agree to the last bit.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
 use crate::{
-    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Topology, VertexId,
+    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
 };
 
 /// Position of the handles after a step.
@@ -81,14 +86,17 @@ pub enum Breach {
 
 /// Distance that a handle moves per good step `[m]`.
 const STEP: DVec3 = DVec3::new(0.001, 0.0005, -0.0008);
+/// Times after the beginning of a step at which it is to stop `[µs]`.
+const WAITS: [u64; 4] = [0, 30, 200, 1000];
 /// A coordinate that is finite in f64, but not in f32 `[m]`.
 const FAR: f64 = 1e39;
 
 /// Checks the steppers that `make` makes, all alike and at their start.
 ///
-/// Five steps follow small moves of the handles, so a recording needs at least six frames. Between
-/// them come steps with too few and too many targets, with targets too far away for f32, and
-/// with a handle let go (which a stepper may refuse).
+/// Up to thirteen steps follow small moves of the handles, so a recording needs at least fourteen
+/// frames. Between them come steps with too few and too many targets, with targets too far away for
+/// f32, steps that are to stop, before they begin or in the middle (which a stepper need not hear),
+/// and one with a handle let go (which a stepper may refuse).
 ///
 /// # Errors
 /// The first [`Breach`].
@@ -103,10 +111,32 @@ pub fn check<S: Stepper>(make: impl Fn() -> S, handles_end: HandlesEnd) -> Resul
         pair.far("target beyond f32")?;
     }
     pair.good("step after failures")?;
+    for wait in WAITS {
+        pair.stopped("step that is to stop", Duration::from_micros(wait))?;
+        pair.good("step after one that was to stop")?;
+    }
+    // Last: a handle that takes hold again may be elsewhere.
     if let Some(last) = pair.start.len().checked_sub(1) {
         pair.release("step that lets the last handle go", last)?;
     }
     Ok(())
+}
+
+/// Checks that steps of a stepper that `make` makes end with [`StepError::Stopped`] while that is
+/// wanted. Every stepper may do without, which [`check`] allows.
+///
+/// # Errors
+/// The first [`Breach`].
+pub fn check_stop<S: Stepper>(make: impl Fn() -> S) -> Result<(), Breach> {
+    let trial = "step that is to stop";
+    let mut pair = Pair::new(&make, HandlesEnd::Elsewhere);
+    pair.good("first step")?;
+    let frame = pair.tried.frame();
+    pair.stopped(trial, Duration::ZERO)?;
+    match pair.tried.frame() == frame {
+        true => pair.good("step after one that was to stop"),
+        false => Err(Breach::Accepted { trial }),
+    }
 }
 
 /// Checks correctable steppers as [`check`] does; also steps that are undone and frames that are
@@ -244,6 +274,24 @@ impl<S: Stepper> Pair<S> {
         match self.refused(trial, self.next(), Some(handle))? {
             None => Ok(()),
             Some(StepError::Handles { .. }) => self.good("step after a refused release"),
+            Some(source) => Err(Breach::OtherReason { trial, source }),
+        }
+    }
+
+    /// A step that is to stop `wait` after its beginning. It is made whole or not at all.
+    fn stopped(&mut self, trial: &'static str, wait: Duration) -> Result<(), Breach> {
+        let flag = Arc::new(AtomicBool::new(wait.is_zero()));
+        self.tried.stop_by(Arc::clone(&flag).into());
+        let refused = thread::scope(|scope| {
+            scope.spawn(|| {
+                thread::sleep(wait);
+                flag.store(true, Ordering::Relaxed);
+            });
+            self.refused(trial, self.next(), None)
+        });
+        self.tried.stop_by(Stop::default());
+        match refused? {
+            None | Some(StepError::Stopped { .. }) => Ok(()),
             Some(source) => Err(Breach::OtherReason { trial, source }),
         }
     }

@@ -21,6 +21,28 @@ pub struct ContactSettings {
     pub floor: f64,
     /// An error after this many parts of a substep.
     pub max_divisions: u32,
+    /// Law of what touches.
+    #[serde(skip_serializing_if = "ContactLaw::is_default")]
+    pub law: ContactLaw,
+}
+
+/// Law by which near pairs push each other and rub.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContactLaw {
+    /// A stiffness in proportion to mass over time squared, and friction that holds.
+    #[default]
+    Barrier,
+    /// As ARCSim has it, for comparisons with it: a stiffness of 1e9 N/m³ times an area, and
+    /// friction that creeps. Needs backward Euler, which `physics = "arcsim"` has.
+    Arcsim,
+}
+
+impl ContactLaw {
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A setting of contact that cannot be used.
@@ -41,6 +63,7 @@ impl Default for ContactSettings {
             rounds: 8,
             floor: 2e-5,
             max_divisions: 64,
+            law: ContactLaw::default(),
         }
     }
 }

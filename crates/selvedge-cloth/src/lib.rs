@@ -59,6 +59,7 @@ mod long_work;
 mod loose_panels;
 mod material;
 mod mesh;
+mod modes;
 pub mod motion;
 mod obstacle;
 mod pattern;
@@ -66,10 +67,11 @@ mod physics;
 mod scene;
 mod schedule;
 mod stepper;
+mod stop;
 mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
-pub use contact::{ContactError, ContactSettings};
+pub use contact::{ContactError, ContactLaw, ContactSettings};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};
@@ -79,6 +81,7 @@ pub use long_work::{LongWork, LongWorkObserver, observe_long_work};
 pub use loose_panels::LoosePanels;
 pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
+pub use modes::Modes;
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
     PaceError, PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup,
@@ -94,4 +97,5 @@ pub use physics::{
 pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};
 pub use stepper::{Correctable, StepError, Stepper, check_target_count, check_targets_hold};
+pub use stop::Stop;
 pub use topology::{Arc, Edge, Topology, TopologyError};

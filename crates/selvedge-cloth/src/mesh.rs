@@ -61,6 +61,14 @@ pub enum MeshError {
         value: String,
     },
     #[error(
+        "{what} of vertex {vertex} is {value}, farther from the origin than 1e15 m, as no cloth is: check the unit of length, and the factors of the mesh"
+    )]
+    Far {
+        what: &'static str,
+        vertex: VertexId,
+        value: String,
+    },
+    #[error(
         "face {face} has no area in material space ({area:e} m²): remove it, or mend its texture coordinates"
     )]
     ZeroArea { face: FaceId, area: f64 },
@@ -78,8 +86,8 @@ impl Mesh {
     /// clockwise in material space, as those of a mirrored panel are.
     ///
     /// # Errors
-    /// A defect of the topology, a count that does not match, a value that is not finite, or a
-    /// face without area in material space.
+    /// A defect of the topology, a count that does not match, a value that is not finite or beyond
+    /// 10¹⁵ m, or a face without area in material space.
     pub fn new(
         faces: &[[u32; 3]],
         material_coordinates: Vec<DVec2>,
@@ -126,7 +134,7 @@ impl Mesh {
         corners: Option<Vec<[u32; 3]>>,
         positions: Vec<DVec3>,
     ) -> Result<Self, MeshError> {
-        check_finite("the position", &positions, |p| p.is_finite())?;
+        check_positions(&positions)?;
         if let Some(corners) = &corners {
             check_corners(&topology, points.len(), corners)?;
         }
@@ -191,7 +199,7 @@ impl Mesh {
     /// The same mesh at other start positions `[m]`, `[vertices]`.
     ///
     /// # Errors
-    /// [`MeshError::Count`] or [`MeshError::NonFinite`].
+    /// [`MeshError::Count`], [`MeshError::NonFinite`] or [`MeshError::Far`].
     pub fn with_positions(self, positions: Vec<DVec3>) -> Result<Self, MeshError> {
         if positions.len() != self.positions.len() {
             return Err(MeshError::Count {
@@ -200,14 +208,15 @@ impl Mesh {
                 found: positions.len(),
             });
         }
-        check_finite("the position", &positions, |p| p.is_finite())?;
+        check_positions(&positions)?;
         Ok(Self { positions, ..self })
     }
 
     /// The same mesh with its pattern `scale` times as large.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`] or [`MeshError::ZeroArea`] where a number is lost.
+    /// [`MeshError::NonFinite`] or [`MeshError::ZeroArea`] where a number is lost, or
+    /// [`MeshError::Far`].
     pub fn with_pattern_scaled(mut self, scale: f64) -> Result<Self, MeshError> {
         self.points.iter_mut().for_each(|point| *point *= scale);
         check_points(self.pattern())?;
@@ -308,30 +317,54 @@ impl Mesh {
     }
 }
 
-fn check_finite<T: std::fmt::Debug>(
-    what: &'static str,
-    values: &[T],
-    is_finite: impl Fn(&T) -> bool,
-) -> Result<(), MeshError> {
-    match values.iter().position(|value| !is_finite(value)) {
-        Some(vertex) => Err(MeshError::NonFinite {
-            what,
-            vertex: VertexId(vertex as u32),
-            value: format!("{:?}", values[vertex]),
-        }),
-        None => Ok(()),
+/// Magnitude up to which a coordinate is taken `[m]`: areas of cloths of such a size are far from
+/// overflow, in f32 too.
+const FARTHEST: f64 = 1e15;
+
+fn check_positions(positions: &[DVec3]) -> Result<(), MeshError> {
+    for (vertex, position) in (0_u32..).zip(positions) {
+        let largest = position.abs().max_element();
+        let is_finite = position.is_finite();
+        check_coordinate("the position", vertex, is_finite, largest, position)?;
     }
+    Ok(())
 }
 
 fn check_points(pattern: Pattern<'_, DVec2>) -> Result<(), MeshError> {
-    let bad = pattern.points().iter().position(|point| !point.is_finite());
-    bad.map_or(Ok(()), |bad| {
-        Err(MeshError::NonFinite {
-            what: "the material coordinate",
-            vertex: VertexId(pattern.vertices()[bad]),
-            value: format!("{:?}", pattern.points()[bad]),
-        })
-    })
+    for (point, vertex) in pattern.points().iter().zip(pattern.vertices()) {
+        let (is_finite, largest) = (point.is_finite(), point.abs().max_element());
+        check_coordinate("the material coordinate", vertex, is_finite, largest, point)?;
+    }
+    Ok(())
+}
+
+/// Checks the coordinates `found` of a vertex, of which the `largest` magnitude counts.
+fn check_coordinate(
+    what: &'static str,
+    vertex: u32,
+    is_finite: bool,
+    largest: f64,
+    found: &dyn std::fmt::Debug,
+) -> Result<(), MeshError> {
+    let vertex = VertexId(vertex);
+    let value = || format!("{found:?}");
+    if !is_finite {
+        let value = value();
+        return Err(MeshError::NonFinite {
+            what,
+            vertex,
+            value,
+        });
+    }
+    if largest > FARTHEST {
+        let value = value();
+        return Err(MeshError::Far {
+            what,
+            vertex,
+            value,
+        });
+    }
+    Ok(())
 }
 
 fn check_areas(pattern: Pattern<'_, DVec2>) -> Result<(), MeshError> {

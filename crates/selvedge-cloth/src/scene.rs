@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::{
-    ContactError, ContactSettings, Environment, EnvironmentError, FaceId, HandleError, HandlePath,
-    HandleSchedule, Handles, Material, MaterialError, Mesh, Motion, MotionError, Obstacle,
-    PhysicsError, PhysicsSettings, RestShape, SagSettings, ScheduleError,
+    ContactError, ContactLaw, ContactSettings, Environment, EnvironmentError, FaceId, HandleError,
+    HandlePath, HandleSchedule, Handles, Integrator, Material, MaterialError, Mesh, Motion,
+    MotionError, Obstacle, PhysicsError, PhysicsSettings, RestShape, SagSettings, ScheduleError,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -66,6 +66,10 @@ pub enum SceneError {
     #[error("the scene has obstacles but no `contact`: add `contact = {{}}`, or remove them")]
     NoContact,
     #[error(
+        "contact.law is \"arcsim\", which needs an integrator of first order without iterations: set physics = \"arcsim\", or remove contact.law"
+    )]
+    ContactLaw,
+    #[error(
         "fabrics: no face of the mesh has a fabric named {name:?}; it has [{known}], the names of its usemtl statements"
     )]
     Fabric { name: String, known: String },
@@ -92,7 +96,13 @@ impl Scene {
         self.physics.validate()?;
         self.sag.validate()?;
         match &self.contact {
-            Some(contact) => contact.validate()?,
+            Some(contact) => {
+                contact.validate()?;
+                let is_arcsim = contact.law == ContactLaw::Arcsim;
+                if is_arcsim && self.physics.integrator != Integrator::Linearised {
+                    return Err(SceneError::ContactLaw);
+                }
+            }
             None if !self.obstacles.is_empty() => return Err(SceneError::NoContact),
             None => {}
         }
@@ -262,6 +272,18 @@ mod tests {
         }] {
             assert!(matches!(error(spoil), SceneError::Physics(_)));
         }
+        let arcsim = |s: &mut Scene| {
+            let law = ContactLaw::Arcsim;
+            s.contact = Some(ContactSettings {
+                law,
+                ..ContactSettings::default()
+            });
+        };
+        assert_eq!(error(arcsim), SceneError::ContactLaw);
+        let mut compared = scene();
+        arcsim(&mut compared);
+        compared.physics = PhysicsSettings::in_mode(crate::PhysicsMode::Arcsim);
+        assert_eq!(compared.validate(), Ok(()));
         let found = 0.5;
         assert_eq!(
             error(|s| s.frame_rate = 0.5),

@@ -8,7 +8,7 @@
 use glam::Vec3;
 use thiserror::Error;
 
-use crate::{HandleError, HandleTargets, Handles, Topology, VertexId};
+use crate::{HandleError, HandleTargets, Handles, Stop, Topology, VertexId};
 
 /// A cloth that moves one frame at a time.
 ///
@@ -33,6 +33,12 @@ pub trait Stepper {
     /// [`StepError`], which names the frame that could not be reached. The cloth is left as it was
     /// before the step: the frames that follow are those of a cloth whose step was never tried.
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError>;
+
+    /// Lets steps end with [`StepError::Stopped`] from when `stop` is wanted, within a frame where
+    /// a frame takes long. A stepper whose frames are short need not hear it.
+    fn stop_by(&mut self, stop: Stop) {
+        let _ = stop;
+    }
 }
 
 /// A [`Stepper`] that continues from frames made elsewhere. A guard corrects through it.
@@ -81,6 +87,10 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         (**self).step(targets)
+    }
+
+    fn stop_by(&mut self, stop: Stop) {
+        (**self).stop_by(stop);
     }
 }
 
@@ -152,6 +162,8 @@ pub enum StepError {
     },
     #[error("frame {frame}: the device that computes it failed: {reason}")]
     Device { frame: usize, reason: String },
+    #[error("frame {frame}: stopped, as was asked, before it was reached")]
+    Stopped { frame: usize },
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
 }
@@ -169,6 +181,7 @@ impl StepError {
             | Self::Intersections { frame, .. }
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
+            | Self::Stopped { frame }
             | Self::EndOfRecording { frame, .. } => frame,
         }
     }
@@ -185,6 +198,7 @@ impl StepError {
             | Self::Intersections { frame, .. }
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
+            | Self::Stopped { frame }
             | Self::EndOfRecording { frame, .. } => *frame = number,
         }
         self
@@ -243,6 +257,10 @@ macro_rules! delegate_stepper {
 
         fn frame(&self) -> usize {
             self.$inner.frame()
+        }
+
+        fn stop_by(&mut self, stop: $crate::Stop) {
+            self.$inner.stop_by(stop);
         }
     };
 }

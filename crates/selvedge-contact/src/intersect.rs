@@ -226,6 +226,65 @@ mod tests {
         assert!((10_000..90_000).contains(&meeting), "{meeting}");
     }
 
+    /// The parts of two cones with a common tip, each between two directions, have one in common.
+    fn cones_meet(a: [Whole; 2], b: [Whole; 2]) -> bool {
+        let normals = [cross(a[0], a[1]), cross(b[0], b[1])];
+        let line = cross(normals[0], normals[1]);
+        let within = |cone: [Whole; 2], normal: Whole, v: Whole| {
+            dot(cross(cone[0], v), normal) >= 0 && dot(cross(v, cone[1]), normal) >= 0
+        };
+        if line == [0; 3] {
+            let in_a = b.iter().any(|v| within(a, normals[0], *v));
+            return in_a || a.iter().any(|v| within(b, normals[1], *v));
+        }
+        let back = line.map(|x| -x);
+        [line, back]
+            .into_iter()
+            .any(|v| within(a, normals[0], v) && within(b, normals[1], v))
+    }
+
+    /// As above, with a common corner, or a common side: what two triangles have in common beside
+    /// a corner is seen from that corner.
+    #[test]
+    fn signs_of_neighbours_agree_with_whole_numbers() {
+        let mut rng = ChaCha8Rng::seed_from_u64(8);
+        let (mut meeting, mut tested) = (0, 0);
+        while tested < 100_000 {
+            let size = [1, 2, 5, 1000][tested % 4];
+            let flat = tested % 8 == 3;
+            let shares_side = tested % 3 == 0;
+            let mut point = || -> Whole {
+                let mut p: Whole = [0; 3].map(|_| i128::from(rng.random_range(-size..=size)));
+                p[2] *= i128::from(!flat);
+                p
+            };
+            let [tip, a, b, c, mut d] = [0; 5].map(|_| point());
+            if shares_side {
+                d = a;
+            }
+            let [u, v, w, x] = [a, b, c, d].map(|p| minus(p, tip));
+            if cross(u, v) == [0; 3] || cross(w, x) == [0; 3] {
+                continue;
+            }
+            let places = [tip, a, b, c, d].map(|p| DVec3::from_array(p.map(|x| x as f64 * 0.25)));
+            let (found, expected) = if shares_side {
+                let (own, other) = (cross(u, v), cross(u, w));
+                let folded = cross(own, other) == [0; 3] && dot(own, other) > 0;
+                (triangles_meet(&places, [0, 1, 2], [3, 0, 1]), folded)
+            } else {
+                let expected = cones_meet([u, v], [w, x]);
+                (triangles_meet(&places, [0, 1, 2], [3, 4, 0]), expected)
+            };
+            assert_eq!(
+                found, expected,
+                "{shares_side} {tip:?} {a:?} {b:?} {c:?} {d:?}"
+            );
+            tested += 1;
+            meeting += i32::from(found);
+        }
+        assert!((10_000..90_000).contains(&meeting), "{meeting}");
+    }
+
     #[test]
     fn neighbours_meet_only_elsewhere() {
         let grid = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);

@@ -1,11 +1,12 @@
 //! Corrected physics as a [`Stepper`].
 
+use std::mem;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Cloth, ClothError, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Topology,
-    VertexId,
+    Cloth, ClothError, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Stop,
+    Topology, VertexId,
 };
 use selvedge_model::{
     Corrector, Familiarity, GraphError, Instructions, Model, MotionState, NoBase, PhysicsBase,
@@ -36,12 +37,6 @@ pub enum CorrectedError {
     Graph(#[from] GraphError),
 }
 
-/// States of before a step.
-struct Undo {
-    now: FrameState,
-    before: Option<FrameState>,
-}
-
 /// A cloth that cheap physics moves and a network corrects.
 pub struct CorrectedStepper {
     base: PhysicsBase,
@@ -50,14 +45,19 @@ pub struct CorrectedStepper {
     corrector: Corrector,
     /// The state before the next step.
     now: FrameState,
-    /// The state one frame before; the model is told that there is none where it is not known.
-    before: Option<FrameState>,
-    /// The states before the last step, while that can be undone.
-    undo: Option<Undo>,
+    /// The state one frame before, where it is known.
+    before: FrameState,
+    /// True where it is known; the model is told where it is not.
+    knows_before: bool,
+    /// The state before that, while the last step can be undone; the next one is made in it.
+    spare: FrameState,
+    /// While the last step can be undone: true where `spare` was known.
+    undo: Option<bool>,
     /// True for each vertex that a handle holds, `[vertices]`.
     held: Vec<bool>,
     /// The last frame's.
     familiarity: Familiarity,
+    stop: Stop,
 }
 
 impl CorrectedStepper {
@@ -85,11 +85,14 @@ impl CorrectedStepper {
             base,
             simulator: Simulator::with_state(&scene, positions, velocities)?,
             corrector,
+            before: start.clone(),
+            knows_before: false,
+            spare: start.clone(),
             now: start,
-            before: None,
             undo: None,
             held: scene.handles.mask(scene.mesh.positions().len()),
             familiarity: Familiarity::default(),
+            stop: Stop::default(),
             scene,
         })
     }
@@ -126,56 +129,40 @@ impl CorrectedStepper {
     }
 
     /// Predicts a frame by physics.
-    fn predict(&mut self, targets: &HandleTargets) -> Result<FrameState, StepError> {
+    fn predict(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         if self.base.forgets {
             self.simulator.forget_previous();
         }
-        self.simulator.step(targets)?;
-        Ok(FrameState {
-            positions: self.simulator.positions_f64().to_vec(),
-            velocities: self.simulator.velocities_f64().to_vec(),
-        })
+        self.simulator.step(targets)
     }
 
-    /// The state that the model makes of a predicted one.
-    fn correct(&mut self, frame: usize, predicted: &FrameState) -> FrameState {
-        let mut next = predicted.clone();
+    /// Makes the next state in `spare`, of the one that physics predicted.
+    fn correct(&mut self, frame: usize) {
+        self.spare.copy_of(&self.simulator);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
-        let before = if self.base.forgets {
-            None
-        } else {
-            self.before.as_ref()
-        };
+        let has_before = self.knows_before && !self.base.forgets;
         let predicted = PredictedFrame {
-            before: before.map(FrameState::as_motion),
+            before: has_before.then(|| self.before.as_motion()),
             last: self.now.as_motion(),
-            predicted: predicted.as_motion(),
+            predicted: MotionState {
+                positions: self.simulator.positions_f64(),
+                velocities: self.simulator.velocities_f64(),
+            },
             wind: environment.wind,
             gravity: environment.gravity,
             held: &self.held,
         };
+        let next = &mut self.spare;
         self.familiarity =
             self.corrector
                 .correct(&predicted, &mut next.positions, &mut next.velocities);
-        next
     }
 
     fn hold(&mut self, targets: &HandleTargets) {
         for (handle, vertex) in self.scene.handles.vertices().iter().enumerate() {
             self.held[vertex.index()] = targets.holds(handle);
         }
-    }
-
-    /// Makes the simulator's state the newest one, which has no known frame before it.
-    fn begin_anew(&mut self) {
-        self.now
-            .positions
-            .copy_from_slice(self.simulator.positions_f64());
-        self.now
-            .velocities
-            .copy_from_slice(self.simulator.velocities_f64());
-        self.before = None;
     }
 }
 
@@ -195,6 +182,12 @@ impl FrameState {
             velocities: moves.map(|(p, q)| rate * (*p - q)).collect(),
             positions,
         }
+    }
+
+    /// Takes the state of a simulator of as many vertices.
+    fn copy_of(&mut self, simulator: &Simulator) {
+        self.positions.copy_from_slice(simulator.positions_f64());
+        self.velocities.copy_from_slice(simulator.velocities_f64());
     }
 
     /// As the columns of a model take it.
@@ -227,9 +220,14 @@ impl Stepper for CorrectedStepper {
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.undo = None;
         let frame = self.frame();
-        let predicted = self.predict(targets)?;
+        self.predict(targets)?;
         self.hold(targets);
-        let next = self.correct(frame, &predicted);
+        self.correct(frame);
+        if self.stop.is_wanted() {
+            self.simulator.undo_step();
+            return Err(StepError::Stopped { frame: frame + 1 });
+        }
+        let next = &self.spare;
         if let Err(error) = self.simulator.correct(&next.positions, &next.velocities) {
             let vertex = match error {
                 SimulatorError::NonFinite { vertex, .. } => vertex,
@@ -239,36 +237,44 @@ impl Stepper for CorrectedStepper {
             let frame = frame + 1;
             return Err(StepError::NonFinite { frame, vertex });
         }
-        let now = std::mem::replace(&mut self.now, next);
-        let before = self.before.replace(now.clone());
-        self.undo = Some(Undo { now, before });
+        // The next state becomes that of now, which becomes that before, which becomes the spare.
+        mem::swap(&mut self.now, &mut self.spare);
+        mem::swap(&mut self.before, &mut self.spare);
+        self.undo = Some(mem::replace(&mut self.knows_before, true));
         Ok(())
+    }
+
+    /// Heard within the physics and within the network.
+    fn stop_by(&mut self, stop: Stop) {
+        self.simulator.stop_by(stop.clone());
+        self.corrector.stop_by(stop.clone());
+        self.stop = stop;
     }
 }
 
 impl Correctable for CorrectedStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.simulator.replace_frame(positions)?;
-        let before = self.before.take();
-        self.begin_anew();
-        self.before = before;
+        self.now.copy_of(&self.simulator);
         Ok(())
     }
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.simulator.take_frame(positions)?;
         self.undo = None;
-        self.begin_anew();
+        self.now.copy_of(&self.simulator);
+        self.knows_before = false;
         Ok(())
     }
 
     fn undo_step(&mut self) {
-        let Some(Undo { now, before }) = self.undo.take() else {
+        let Some(knew_before) = self.undo.take() else {
             return;
         };
         self.simulator.undo_step();
-        self.now = now;
-        self.before = before;
+        mem::swap(&mut self.before, &mut self.spare);
+        mem::swap(&mut self.now, &mut self.spare);
+        self.knows_before = knew_before;
     }
 }
 

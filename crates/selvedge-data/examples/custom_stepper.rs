@@ -13,7 +13,7 @@ use glam::Vec3;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
 use selvedge_data::metrics::{Comparison, compare};
 use selvedge_data::{Drive, Frames, Provenance, Trajectory, UpAxis, record};
 
@@ -113,6 +113,7 @@ pub(crate) fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
         frames: FrameSpan::default(),
         up: UpAxis::Y,
         normals: Normals::LeftOut,
+        velocities: Velocities::LeftOut,
     };
     export(
         &trajectory,

@@ -59,22 +59,24 @@ mod rig;
 mod scene;
 mod trajectory;
 
+pub use dataset::merge::{DatasetParts, Merged};
 pub use dataset::plan::DatasetPlan;
 pub use dataset::preset::{
     DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
 };
-pub use dataset::problem::{FolderProblem, IndexProblem};
+pub use dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::atomic::{
-    WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
+    WriteError, is_writing, write_atomically, write_beside, write_folder_atomically,
 };
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;
 pub use formats::obj::{parse_obj, parse_obj_with, read_obj, write_obj};
+pub use formats::parts::remove_parts;
 pub use formats::polygons::{
     FabricNames, MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh,
     ReadMeshError, RestAngles, SeamPair, Seams, Sewing, TextureUnit,

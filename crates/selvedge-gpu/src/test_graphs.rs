@@ -15,8 +15,8 @@ use selvedge_model::{
 use crate::device::Device;
 use crate::device::host::Host;
 
-/// The arcs of squares of so many vertices, side by side.
-pub(crate) fn squares(counts: &[usize]) -> Connectivity {
+/// The arcs of squares of so many vertices, side by side, and some modes of each.
+pub(crate) fn squares(counts: &[usize], modes: usize) -> Connectivity {
     let parts: Vec<Connectivity> = counts
         .iter()
         .map(|&vertices| {
@@ -26,7 +26,11 @@ pub(crate) fn squares(counts: &[usize]) -> Connectivity {
                 seed: vertices as u64,
             };
             let sheet = square(&spec).expect("a square");
-            Connectivity::of(sheet.mesh.topology())
+            let handles = Handles::new(&[0], vertices).expect("a handle");
+            let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).expect("a cloth");
+            let graph = ClothGraph::new(&cloth, Environment::default(), 60.0);
+            let graph = graph.expect("a graph").with_modes(modes);
+            graph.connectivity().clone()
         })
         .collect();
     Connectivity::union(&parts)
@@ -61,6 +65,10 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         physical(Encoder::Gru { window: 4 }, 24, 2),
         physical(Encoder::NodeGru { window: 3 }, 36, 2),
         physical(Encoder::StreamingGru { window: 2 }, 16, 2),
+        ModelSpec {
+            filter_modes: 7,
+            ..physical(Encoder::NodeGru { window: 2 }, 20, 2)
+        },
     ]
 }
 
@@ -130,6 +138,7 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
             EdgeFeature::CoarseRestVector,
         ]);
         spec.coarse_levels = 1;
+        spec.filter_modes = 5;
         spec.integration = integration;
         specs.push(spec);
     }

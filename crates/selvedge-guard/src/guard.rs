@@ -19,7 +19,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Cloth, Correctable, HandleTargets, Scene, StepError, Stepper, VertexId, check_target_count,
+    Cloth, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Stop, Topology,
+    VertexId, check_target_count,
 };
 use selvedge_sim::{Led, SimulatorError};
 use thiserror::Error;
@@ -81,6 +82,7 @@ pub struct Guard<S> {
     /// lost frame.
     physics: Option<Result<Physics, SimulatorError>>,
     physics_failure: Option<PhysicsFailure>,
+    stop: Stop,
     /// True if frames are held to contact.
     is_held_apart: bool,
     /// The last two frames that were given on, the newest last `[m]`, `[vertices]`.
@@ -143,6 +145,7 @@ impl<S: Correctable> Guard<S> {
             physics,
             is_held_apart,
             physics_failure: None,
+            stop: Stop::default(),
             trust: Trust::default(),
         };
         guard.trust.frame = guard.inner.frame();
@@ -208,6 +211,7 @@ impl<S: Correctable> Guard<S> {
                 return Ok(());
             }
         }
+        self.check_stop()?;
         let moved = moved(self.inner.positions(), &self.next);
         self.trust.correction = predicted.map(|_| moved);
         self.trust.given = self.gauge.measure(&self.last[1], &self.next);
@@ -222,8 +226,19 @@ impl<S: Correctable> Guard<S> {
         };
         self.replace(targets);
         self.keep_apart(targets)?;
+        self.check_stop()?;
         self.trust.given = self.gauge.measure(&self.last[1], &self.next);
         self.inner.take_frame(&self.next)
+    }
+
+    /// Drops a frame whose physics may have been stopped.
+    fn check_stop(&self) -> Result<(), StepError> {
+        match self.stop.is_wanted() {
+            true => Err(StepError::Stopped {
+                frame: self.trust.frame,
+            }),
+            false => Ok(()),
+        }
     }
 
     /// Holds the next frame to contact on its way from the last one: certified, or pushed apart, or
@@ -337,7 +352,10 @@ impl<S: Correctable> Guard<S> {
     /// The physics, set up if that was not tried before; none without a scene.
     fn physics(&mut self) -> Option<Result<&mut Physics, PhysicsFailure>> {
         if let (None, Some(scene)) = (&self.physics, &self.scene) {
-            self.physics = Some(Physics::new(scene));
+            self.physics = Some(Physics::new(scene).map(|mut physics| {
+                physics.stop_by(self.stop.clone());
+                physics
+            }));
         }
         let physics = self.physics.as_mut()?.as_mut();
         Some(physics.map_err(|error| PhysicsFailure::SetUp(error.clone())))
@@ -345,6 +363,10 @@ impl<S: Correctable> Guard<S> {
 
     /// Records that the physics failed for the frame in hand.
     fn note(&mut self, failure: PhysicsFailure) {
+        if self.stop.is_wanted() {
+            // It was stopped, and the frame will be dropped.
+            return;
+        }
         self.trust.physics_failed = true;
         self.physics_failure = Some(failure);
     }
@@ -357,7 +379,30 @@ impl<S: Correctable> Guard<S> {
 }
 
 impl<S: Correctable> Stepper for Guard<S> {
-    selvedge_cloth::delegate_stepper!(inner);
+    fn topology(&self) -> &Topology {
+        self.inner.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        self.inner.handles()
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        self.inner.positions()
+    }
+
+    fn frame(&self) -> usize {
+        self.inner.frame()
+    }
+
+    /// Heard by the inner stepper and by the physics beside it.
+    fn stop_by(&mut self, stop: Stop) {
+        self.inner.stop_by(stop.clone());
+        if let Some(Ok(physics)) = &mut self.physics {
+            physics.stop_by(stop.clone());
+        }
+        self.stop = stop;
+    }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         check_target_count(self, targets)?;
@@ -393,9 +438,10 @@ fn check_within_f32(stepper: &impl Stepper, targets: &HandleTargets) -> Result<(
 /// Returns true if a step failed for its caller, or for the machine that it ran on.
 fn is_callers(error: &StepError) -> bool {
     match error {
-        StepError::Handles { .. } | StepError::EndOfRecording { .. } | StepError::Device { .. } => {
-            true
-        }
+        StepError::Handles { .. }
+        | StepError::EndOfRecording { .. }
+        | StepError::Device { .. }
+        | StepError::Stopped { .. } => true,
         StepError::NonFinite { .. }
         | StepError::Solve { .. }
         | StepError::Strain { .. }

@@ -5,7 +5,7 @@
 //! afterwards.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Substepping};
+use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Stop, Substepping};
 use selvedge_sim::{Led, Simulator, SimulatorError, Threads};
 
 /// A simulator with buffers for its states.
@@ -34,6 +34,11 @@ impl Physics {
             positions: Vec::new(),
             velocities: Vec::new(),
         })
+    }
+
+    /// Lets solves end with an error from when `stop` is wanted.
+    pub(crate) fn stop_by(&mut self, stop: Stop) {
+        self.simulator.stop_by(stop);
     }
 
     /// Computes the frame after `frame`. `current` `[m]`, `[vertices]`, is that frame and

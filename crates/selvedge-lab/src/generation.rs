@@ -5,24 +5,33 @@
 //! number of threads. A finished trajectory is in the index at once, so that an interrupted run
 //! loses at most the scenes under way. A run that ends before the first leaves nothing behind: its
 //! preset may be another the next time.
+//!
+//! With several ranks, rank 0 finds the rest poses and writes the files; the scenes are handed out,
+//! and trajectories travel as the bytes of their files.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cloth::MotionError;
+use selvedge_cluster::{ClusterError, Shard};
 use selvedge_data::{
-    Dataset, DatasetError, DatasetPreset, DatasetWriter, LoadedScene, SceneSpecError, Split,
+    Dataset, DatasetError, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged,
+    SceneSpecError, Split,
 };
 use selvedge_sim::{DividedFrames, Threads};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::event::{End, OnEvent, Reporter};
 use crate::folder::{self, FolderError};
+use crate::folder_kind::FolderKind;
 use crate::physics::{self, RestPoseError, RunTrajectoryError, SimulationError};
-use crate::workers::WorkerError;
+use crate::workers::{self, Crew, Outcome, WorkerError};
 
 /// A data set that cannot be made.
 #[derive(Debug, Error)]
@@ -39,6 +48,9 @@ pub enum GenerateError {
     Simulation(#[from] SimulationError),
     Trajectory(#[from] RunTrajectoryError),
     Threads(#[from] WorkerError),
+    Ranks(#[from] ClusterError),
+    #[error("rank 0 sent what no rank of this version sends: start one program on all ranks")]
+    Foreign,
 }
 
 /// A data set that cannot be opened.
@@ -48,7 +60,8 @@ pub enum GenerateError {
 pub enum OpenDatasetError {
     #[error(
         "{}: this data set is not complete: run again the command that began it, \
-         `selvedge dataset generate` or `selvedge dataset import`: {source}",
+         `selvedge dataset generate` or `selvedge dataset import`; parts are joined by \
+         `selvedge dataset merge`: {source}",
         folder.display()
     )]
     Incomplete {
@@ -77,6 +90,8 @@ pub struct Generated {
     pub kept: usize,
     /// Trajectories that are still to be made.
     pub missing: usize,
+    /// The part of the data set that this is.
+    pub part: Option<Shard>,
 }
 
 impl Generated {
@@ -100,31 +115,85 @@ struct Job {
     frames: usize,
 }
 
-/// Makes the data set of `preset` in `folder`, or goes on with it, on so many threads; as many as
-/// there are processors where none is said.
-///
-/// # Errors
-/// What of a scene, the folder or a file went wrong.
-pub fn generate(
-    preset: &DatasetPreset,
-    folder: &Path,
-    threads: Option<usize>,
-    on_event: &mut OnEvent<'_>,
-) -> Result<Generated, GenerateError> {
-    make_dataset(preset, folder, threads, &Reporter::new(on_event))
+/// A data set to be made.
+#[derive(Clone, Copy)]
+pub struct Order<'a> {
+    /// Its preset.
+    pub preset: &'a DatasetPreset,
+    /// Its folder.
+    pub folder: &'a Path,
+    /// The part of it that is to be made; all without one.
+    pub part: Option<Shard>,
 }
 
-/// As [`generate`], within a longer operation.
+/// Makes a data set or a part of one, or goes on with it. Rank 0 says what was made; the others
+/// return nothing.
+///
+/// # Errors
+/// What of a scene, the folder or a file went wrong, and on which rank.
+pub fn generate(
+    order: Order<'_>,
+    crew: &Crew,
+    on_event: &mut OnEvent<'_>,
+) -> Result<Option<Generated>, GenerateError> {
+    let reporter = Reporter::new(on_event);
+    match crew.ranks.is_first() {
+        true => make_dataset(order, crew, &reporter).map(Some),
+        false => help(order, crew, &reporter).map(|()| None),
+    }
+}
+
+/// The work of a rank that is not the first.
+pub(crate) fn help(
+    order: Order<'_>,
+    crew: &Crew,
+    reporter: &Reporter<'_>,
+) -> Result<(), GenerateError> {
+    let names = of_first::<Vec<(Split, String)>>(crew, &Vec::new())?;
+    let jobs = jobs(order.preset, names)?;
+    let rests = shared_rests(crew, Rests::new())?;
+    simulate_over_ranks(&jobs, &rests, None, crew, reporter)?;
+    Ok(())
+}
+
+/// Gives every rank the value of rank 0.
+pub(crate) fn of_first<T: Serialize + DeserializeOwned>(
+    crew: &Crew,
+    own: &T,
+) -> Result<T, GenerateError> {
+    let told = serde_json::to_vec(own).map_err(|_| GenerateError::Foreign)?;
+    let told = crew.ranks.broadcast(told)?;
+    serde_json::from_slice(&told).map_err(|_| GenerateError::Foreign)
+}
+
+/// The rest poses of rank 0, to the last bit.
+fn shared_rests(crew: &Crew, own: Rests) -> Result<Rests, GenerateError> {
+    let rows = |rest: Vec<DVec3>| rest.iter().map(|p| p.to_array()).collect();
+    let own: Vec<(Option<String>, Vec<[f64; 3]>)> = own
+        .into_iter()
+        .map(|(cloth, rest)| (cloth, rows(rest)))
+        .collect();
+    let all = of_first(crew, &own)?.into_iter();
+    let rest = |rows: Vec<[f64; 3]>| rows.into_iter().map(DVec3::from_array).collect();
+    Ok(all.map(|(cloth, rows)| (cloth, rest(rows))).collect())
+}
+
+/// As [`generate`], on rank 0 and within a longer operation.
 pub(crate) fn make_dataset(
-    preset: &DatasetPreset,
-    folder: &Path,
-    threads: Option<usize>,
+    order: Order<'_>,
+    crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<Generated, GenerateError> {
+    let Order {
+        preset,
+        folder,
+        part,
+    } = order;
     let plan = preset.plan()?;
-    let _claimed = folder::claim_folder(folder)?;
-    let mut writer = DatasetWriter::open(folder, plan)?;
-    let (jobs, divided) = match make(preset, &mut writer, threads, reporter) {
+    let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
+    let mut writer = DatasetWriter::open_part(folder, plan, part)?;
+    let planned = writer.motion_count();
+    let (jobs, divided) = match make(preset, &mut writer, crew, reporter) {
         Ok(made) => made,
         Err(error) => {
             writer.withdraw();
@@ -141,12 +210,13 @@ pub(crate) fn make_dataset(
         samples: 0,
         frames_made: jobs.iter().filter(made).map(|job| job.frames + 1).sum(),
         divided,
-        kept: train + test - jobs.len(),
+        kept: planned - jobs.len(),
         missing,
+        part,
     };
     if missing > 0 {
         writer.withdraw();
-    } else {
+    } else if part.is_none() {
         generated.samples = writer.finish()?.index().statistics.samples;
     }
     Ok(generated)
@@ -156,17 +226,22 @@ pub(crate) fn make_dataset(
 fn make(
     preset: &DatasetPreset,
     writer: &mut DatasetWriter,
-    threads: Option<usize>,
+    crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<(Vec<Job>, DividedFrames), GenerateError> {
-    let jobs = jobs(preset, writer)?;
+    let names = of_first(crew, &writer.missing())?;
+    let jobs = jobs(preset, names)?;
     let rests = rest_poses(&jobs, reporter)?;
-    let divided = simulate_all(&jobs, &rests, writer, threads, reporter)?;
+    let divided = if crew.ranks.are_several() {
+        let rests = shared_rests(crew, rests)?;
+        simulate_over_ranks(&jobs, &rests, Some(writer), crew, reporter)?
+    } else {
+        simulate_all(&jobs, &rests, writer, crew.threads, reporter)?
+    };
     Ok((jobs, divided))
 }
 
-fn jobs(preset: &DatasetPreset, writer: &DatasetWriter) -> Result<Vec<Job>, GenerateError> {
-    let missing = writer.missing();
+fn jobs(preset: &DatasetPreset, missing: Vec<(Split, String)>) -> Result<Vec<Job>, GenerateError> {
     let mut jobs = Vec::with_capacity(missing.len());
     for (split, name) in missing {
         let motion = preset.motions(split).iter().find(|m| m.name == name);
@@ -249,6 +324,80 @@ fn simulate_all(
     })?;
     let (_, divided) = writer.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(divided)
+}
+
+/// Simulates the jobs on all ranks; the writer is that of rank 0.
+fn simulate_over_ranks(
+    jobs: &[Job],
+    rests: &Rests,
+    mut writer: Option<&mut DatasetWriter>,
+    crew: &Crew,
+    reporter: &Reporter<'_>,
+) -> Result<DividedFrames, GenerateError> {
+    let task = reporter.count("simulating", jobs.len(), "trajectories");
+    let simulate = |number: usize| -> Result<Outcome<Vec<u8>>, GenerateError> {
+        let job = &jobs[number];
+        let scene = &job.scene.scene;
+        // There is none where an end was asked for before.
+        let Some(rest) = rests.get(&job.cloth) else {
+            return Ok(Outcome::Stopped);
+        };
+        let run = physics::run(
+            scene,
+            rest.clone(),
+            job.frames,
+            Threads::One,
+            &mut || match task.is_stopped() || crew.ranks.is_halted() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            },
+        )?;
+        if run.end == End::Interrupted {
+            return Ok(Outcome::Stopped);
+        }
+        let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
+        let mut bytes = trajectory.to_bytes();
+        bytes.extend(run.divided.frames.to_le_bytes());
+        bytes.extend(run.divided.most_substeps.to_le_bytes());
+        Ok(Outcome::Answer(bytes))
+    };
+    let mut divided = DividedFrames::default();
+    workers::share_over_ranks(crew, jobs.len(), &simulate, &mut |number, mut bytes| {
+        let tail = bytes
+            .len()
+            .checked_sub(12)
+            .map(|place| bytes.split_off(place));
+        let tail = tail
+            .as_deref()
+            .and_then(|tail| tail.split_first_chunk::<8>());
+        let (Some((frames, most)), Some(writer)) = (tail, &mut writer) else {
+            return Err(GenerateError::Foreign);
+        };
+        divided = divided.and(DividedFrames {
+            frames: u64::from_le_bytes(*frames),
+            most_substeps: u32::from_le_bytes(most.try_into().unwrap_or_default()),
+        });
+        writer.add_file(jobs[number].split, &jobs[number].motion, &bytes)?;
+        // Whoever simulates asks whether to go on.
+        let _ = task.advance();
+        Ok(())
+    })?;
+    Ok(divided)
+}
+
+/// Makes the parts of a data set one, in `folder`.
+///
+/// # Errors
+/// What of the parts does not fit or is missing, or what of the folder or a file went wrong.
+pub fn merge(
+    parts: &DatasetParts,
+    folder: &Path,
+    on_event: &mut OnEvent<'_>,
+) -> Result<Merged, GenerateError> {
+    let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
+    let reporter = Reporter::new(on_event);
+    let task = reporter.count("merging", parts.len(), "trajectories");
+    Ok(parts.merge(folder, &mut || task.advance())?)
 }
 
 /// Opens a complete data set, and says of an incomplete one how to complete it.

@@ -2,7 +2,8 @@
 //!
 //! A **machine** ([`machine`]) runs models, on the processor or on a GPU. The two engines are the
 //! physics ([`physics`]) and a **model** with its name ([`models`]); a model under a guard keeps
-//! the guard's word on every frame ([`watched`]). An **evaluation** ([`evaluation`]) runs
+//! the guard's word on every frame ([`watched`]). [`start`] makes a scene ready for either. An
+//! **evaluation** ([`evaluation`]) runs
 //! *contestants* along the *trajectories* of data sets: models, their naive *rivals*, and the
 //! physics itself. A **report** ([`report`]) makes tables, CSV and plots of it. A **study**
 //! ([`study`]) is a file that says what to train, what to measure and what to ask; its folder keeps
@@ -45,23 +46,29 @@
 //! the program `selvedge` does. It does not know the viewer.
 
 pub mod assets;
+pub mod cache;
 pub mod cause;
+pub mod comparison;
 pub mod convergence;
 pub mod domain;
 pub mod evaluation;
 pub mod event;
 pub mod fitting;
 pub mod folder;
+pub mod folder_kind;
 pub mod folder_lock;
 pub mod generation;
 pub mod machine;
 pub mod models;
 pub mod numbers;
+pub mod parts;
 pub mod physics;
+pub mod pictures;
 pub mod report;
 pub mod rest_pose;
 pub mod rigid;
 pub mod span;
+pub mod start;
 pub mod state_log;
 pub mod stress;
 pub mod study;

@@ -57,6 +57,40 @@ impl FromStr for DeviceName {
     }
 }
 
+impl DeviceName {
+    /// The device of a rank that is number `local`, from 0, of those on its machine: they take the
+    /// GPUs in turn, beginning with the one that is named.
+    ///
+    /// # Errors
+    /// A GPU that is not there, with what is missing.
+    pub fn of_rank(self, local: usize) -> Result<Self, MachineError> {
+        match self {
+            #[cfg(feature = "gpu")]
+            Self::Cuda(first) => {
+                let cards = Cuda::count();
+                let cards = cards.map_err(|source| MachineError::Device { name: self, source })?;
+                Ok(Self::Cuda(card_of(first, local, cards)))
+            }
+            #[cfg(not(feature = "gpu"))]
+            Self::Cuda(_) => Err(MachineError::BuiltWithout),
+            name @ (Self::Cpu | Self::Host) => {
+                let _ = local;
+                Ok(name)
+            }
+        }
+    }
+}
+
+/// The card of rank `local` of a machine with so many cards: one each, beginning with `first`, and
+/// once more from the beginning where there are more ranks. A card that is not there stays so.
+#[cfg(any(feature = "gpu", test))]
+fn card_of(first: usize, local: usize, cards: usize) -> usize {
+    match first < cards {
+        true => (first + local) % cards,
+        false => first,
+    }
+}
+
 /// A name that no device has.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no device {0:?}: there are cpu, cuda and cuda:N")]
@@ -310,6 +344,20 @@ mod tests {
                 problem.contains("there are cpu, cuda and cuda:N"),
                 "{problem}"
             );
+        }
+    }
+
+    #[test]
+    fn ranks_of_a_machine_take_its_cards_in_turn() {
+        let cards = |first, cards| [0, 1, 2, 3, 4].map(|local| card_of(first, local, cards));
+        assert_eq!(cards(0, 4), [0, 1, 2, 3, 0]);
+        assert_eq!(cards(1, 4), [1, 2, 3, 0, 1]);
+        // A launcher that shows each rank one card has chosen already.
+        assert_eq!(cards(0, 1), [0; 5]);
+        // One that is not there is told of when it is opened.
+        assert_eq!(cards(7, 2), [7; 5]);
+        for name in [DeviceName::Cpu, DeviceName::Host] {
+            assert_eq!(name.of_rank(3).unwrap(), name);
         }
     }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
+use selvedge_cloth::{Cloth, HandlePath, Integrator, Scene, StepError, Stepper};
 use selvedge_corrected::cloth_graph;
 use selvedge_data::{Drive, record};
 use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
@@ -31,7 +31,7 @@ pub struct NamedModel {
 pub enum OpenModelError {
     #[error(
         "{name}: there is no such file, and no shipped model of this name; there are: {}",
-        assets::MODELS.map(|model| model.0).join(", ")
+        assets::names(assets::MODELS)
     )]
     NotFound { name: String },
     #[error("{name}: could not be read: {source}")]
@@ -131,6 +131,25 @@ pub fn graph_of_scene(
     })
 }
 
+/// Substeps of the truth that a model of corrected physics is compared with: its teacher's.
+const CONVERGED: u32 = 8;
+
+/// The scene whose physics is the truth of `model`: the scene itself, or for a model that corrects
+/// physics a finer one. Such a model is to be nearer to the motion than the scene's own substeps
+/// are, and a comparison with those would show their error, not its own.
+#[must_use]
+pub fn truth_scene(scene: &Scene, model: &Model) -> Scene {
+    let mut scene = scene.clone();
+    if model.spec().base.is_some() {
+        let physics = &mut scene.physics;
+        physics.integrator = Integrator::default();
+        physics.substeps = physics.substeps.max(CONVERGED);
+        let damping = physics.integrator.least_damping();
+        physics.least_damping.get_or_insert(damping);
+    }
+    scene
+}
+
 /// Steps `stepper` for `frames` along `path`, with one target per frame, and times it.
 ///
 /// # Errors
@@ -149,4 +168,31 @@ pub fn drive(
     let started = Instant::now();
     let recording = record(stepper, drive, frames, &mut |_| on_frame());
     physics::timed(recording, vertices, started)
+}
+
+#[cfg(test)]
+mod tests {
+    use selvedge_data::open_scene;
+
+    use super::*;
+
+    #[test]
+    fn the_truth_of_a_model_that_corrects_physics_is_finer_than_the_scene() {
+        let scene = open_scene("default").unwrap().scene;
+        let open = |name: &str| NamedModel::open(Some(Path::new(name))).unwrap().model;
+        let mut of_scene = scene.clone();
+        of_scene.physics.substeps = 3;
+        of_scene.physics.integrator = Integrator::Linearised;
+        let kept = truth_scene(&of_scene, &open("small")).physics;
+        assert_eq!(kept, of_scene.physics);
+        let finer = truth_scene(&of_scene, &open("corrected")).physics;
+        assert_eq!(
+            (finer.integrator, finer.substeps),
+            (Integrator::default(), CONVERGED)
+        );
+        assert!(finer.validate().is_ok());
+        of_scene.physics.substeps = 20;
+        let kept = truth_scene(&of_scene, &open("corrected")).physics;
+        assert_eq!(kept.substeps, 20);
+    }
 }

@@ -2,6 +2,8 @@
 //! a run makes.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
@@ -12,13 +14,14 @@ use selvedge_data::{
     SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
 };
 use selvedge_sim::{
-    DividedFrames, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts, Threads,
+    ContactCounts, DividedFrames, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts,
+    Threads,
 };
 use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
 use crate::rest_pose;
-use crate::state_log::{StateLog, simulator_in};
+use crate::state_log::{StateLog, simulator_of_run};
 
 /// The program, as the files that it writes name it.
 pub(crate) const MADE_BY: &str = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
@@ -35,6 +38,8 @@ pub struct TimedRun {
     pub substeps: Option<SubstepCounts>,
     /// Frames of physics that took more substeps than the scene asks for.
     pub divided: DividedFrames,
+    /// Work that contact took; all 0 without contact.
+    pub contact: ContactCounts,
 }
 
 /// A rest pose that was not found, or not before the listener asked to stop.
@@ -130,6 +135,7 @@ pub fn run(
         frames,
         keep: Keep::Positions,
         threads,
+        stop: Arc::default(),
     };
     Ok(run_plan(scene, plan, on_frame)?.0)
 }
@@ -153,6 +159,8 @@ pub struct SimulationPlan {
     pub keep: Keep,
     /// The threads; the result is the same on any number.
     pub threads: Threads,
+    /// A flag that ends the run within a frame once it is set.
+    pub stop: Arc<AtomicBool>,
 }
 
 /// Simulates `scene` as `plan` says; also returns the states, where they are kept. `on_frame` hears
@@ -176,11 +184,9 @@ fn simulate(
     plan: SimulationPlan,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<(TimedRun, Option<StateRun>), SimulationProblem> {
-    let start = plan.start;
-    let frame = start.frame;
-    let mut simulator =
-        simulator_in(scene, start).and_then(|simulator| simulator.taken_up_at(frame))?;
+    let mut simulator = simulator_of_run(scene, plan.start)?;
     simulator.set_threads(plan.threads);
+    simulator.stop_by(plan.stop.into());
     let path = scene.handle_path()?;
     let drive = Drive {
         path: &path,
@@ -197,6 +203,7 @@ fn simulate(
         run.substeps = Some(simulator.simulator().substep_counts());
     }
     run.divided = simulator.simulator().divided_frames();
+    run.contact = simulator.simulator().contact_counts();
     Ok((run, simulator.into_states()))
 }
 
@@ -251,6 +258,7 @@ pub(crate) fn timed(
         ms_per_frame: elapsed_ms / steps.max(1) as f64,
         substeps: None,
         divided: DividedFrames::default(),
+        contact: ContactCounts::default(),
     })
 }
 

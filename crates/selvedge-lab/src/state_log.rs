@@ -1,9 +1,10 @@
 //! A simulator with a log of its states: positions and velocities of every frame in f64. A
 //! trajectory has positions in f32 and no velocities.
 
+use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{PreviousState, SavedState, StateRun};
-use selvedge_sim::{PreviousSubstep, Simulator, SimulatorError};
+use selvedge_sim::{Beginning, PreviousSubstep, Simulator, SimulatorError};
 
 /// A simulator and its states so far.
 pub(crate) struct StateLog {
@@ -57,7 +58,34 @@ pub fn saved_state(simulator: &Simulator) -> SavedState {
 /// # Errors
 /// A scene or a state that is not valid.
 pub fn simulator_in(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
-    let simulator = Simulator::with_state(scene, state.positions, state.velocities)?;
+    simulator_among(scene, state, &[])
+}
+
+/// The physics of a run of `scene` from `state` on: as [`simulator_in`], handles and obstacles
+/// where the motion has them by then.
+///
+/// # Errors
+/// As for [`simulator_in`].
+pub fn simulator_of_run(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
+    let frame = state.frame;
+    simulator_in(scene, state)?.taken_up_at(frame)
+}
+
+/// As [`simulator_in`], the first obstacles at `offsets` `[m]` from their own paths.
+///
+/// # Errors
+/// As for [`simulator_in`].
+pub fn simulator_among(
+    scene: &Scene,
+    state: SavedState,
+    offsets: &[DVec3],
+) -> Result<Simulator, SimulatorError> {
+    let beginning = Beginning {
+        frame: state.frame,
+        offsets,
+    };
+    let (positions, velocities) = (state.positions, state.velocities);
+    let simulator = Simulator::beginning(scene, positions, velocities, beginning)?;
     let simulator = match state.previous {
         None => simulator,
         Some(before) => simulator.with_previous(&PreviousSubstep {

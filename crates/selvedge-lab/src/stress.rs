@@ -18,7 +18,7 @@ use selvedge_data::{
 };
 use selvedge_guard::GuardSettings;
 use selvedge_model::Departure;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cause::chain;
@@ -28,7 +28,7 @@ use crate::machine::Machine;
 use crate::models::{NamedModel, SceneGraphError, StartModelError, graph_of_scene};
 use crate::physics::{self, RestPoseError};
 use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchError, WatchedModel};
-use crate::workers::{self, WorkerError};
+use crate::workers::{self, Crew, Packing, WorkerError};
 
 /// A stress test to be made.
 #[derive(Clone, Debug)]
@@ -43,8 +43,8 @@ pub struct StressPlan {
     pub speed: f64,
     /// The guard of the model.
     pub guard: GuardSettings,
-    /// Runs that are made at once; by default one per processor.
-    pub threads: Option<usize>,
+    /// Those who share the runs. Rank 0 has them.
+    pub crew: Crew,
 }
 
 /// Cloths in the place of the scene's own.
@@ -118,7 +118,7 @@ pub struct StressSummary {
 }
 
 /// One run.
-#[derive(Clone, Serialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct StressRun {
     /// The number of its motion.
     pub number: usize,
@@ -238,8 +238,10 @@ pub fn drive(
     on_event: &mut OnEvent<'_>,
 ) -> Result<Vec<StressRun>, WorkerError> {
     let reporter = Reporter::new(on_event);
-    let task = reporter.count("driving", plan.numbers.len() * plan.frames, "frames");
-    let runs = workers::share(plan.threads, &plan.numbers, |&number| {
+    // The share of a rank, about.
+    let numbers = plan.numbers.len().div_ceil(plan.crew.ranks.count());
+    let task = reporter.count("driving", numbers * plan.frames, "frames");
+    let runs = workers::share_with(&plan.crew, &plan.numbers, &PACKING, |&number| {
         let stage = &stages[number % stages.len()];
         let run = Drive {
             plan,
@@ -261,10 +263,49 @@ struct Drive<'a, 'l> {
     task: &'a Task<'a, 'l>,
 }
 
+/// A run as it travels between ranks and is kept in parts: with its time, and with a strain that
+/// JSON may not know.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeptRun {
+    run: StressRun,
+    strain_bits: Option<u64>,
+    ms_per_frame: f64,
+}
+
+impl From<StressRun> for KeptRun {
+    fn from(run: StressRun) -> Self {
+        Self {
+            strain_bits: run.largest_strain.map(f64::to_bits),
+            ms_per_frame: run.ms_per_frame,
+            run,
+        }
+    }
+}
+
+impl From<KeptRun> for StressRun {
+    fn from(kept: KeptRun) -> Self {
+        Self {
+            largest_strain: kept.strain_bits.map(f64::from_bits),
+            ms_per_frame: kept.ms_per_frame,
+            ..kept.run
+        }
+    }
+}
+
+const PACKING: Packing<StressRun> = Packing {
+    pack: |run| serde_json::to_vec(&KeptRun::from(run.clone())).unwrap_or_default(),
+    unpack: |bytes| Some(serde_json::from_slice::<KeptRun>(bytes).ok()?.into()),
+};
+
 impl Drive<'_, '_> {
+    fn is_stopped(&self) -> bool {
+        self.task.is_stopped() || self.plan.crew.ranks.is_halted()
+    }
+
     /// Makes the run of this number; none where the listener asked to stop.
     fn run(&self, number: usize) -> Option<StressRun> {
-        if self.task.is_stopped() {
+        if self.is_stopped() {
             return None;
         }
         let mut run = StressRun {
@@ -279,7 +320,7 @@ impl Drive<'_, '_> {
         };
         let mut strains = Vec::with_capacity(self.plan.frames);
         let driven = self.steps(&mut run, &mut strains);
-        if self.task.is_stopped() {
+        if self.is_stopped() {
             return None;
         }
         // The first strain is that after the first step.
@@ -323,7 +364,7 @@ impl Drive<'_, '_> {
         let started = Instant::now();
         let mut stepped = || -> Result<(), DriveError> {
             for frame in 0..plan.frames {
-                if self.task.is_stopped() {
+                if self.is_stopped() {
                     return Ok(());
                 }
                 watched.step(&path.targets(frame, 1)?)?;

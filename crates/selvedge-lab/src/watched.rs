@@ -72,10 +72,16 @@ impl WatchedModel {
         settings: GuardSettings,
     ) -> Result<Self, WatchError> {
         let guard = Guard::new(stepper, cloth, frame_rate, scene, settings);
-        Ok(Self {
-            guard: guard?,
+        Ok(Self::of(guard?))
+    }
+
+    /// Watches a model that has its guard.
+    #[must_use]
+    pub fn of(guard: Guard<Mover>) -> Self {
+        Self {
+            guard,
             log: Vec::new(),
-        })
+        }
     }
 
     /// The guard's word on each frame that was stepped.

@@ -57,7 +57,13 @@
 //! let (name, trajectory) = ("waving".to_owned(), Arc::new(trajectory()?));
 //! let tape = Tape::new("a recording", vec![NamedTrack { name, trajectory }])?;
 //! let opening = Opening {
-//!     order: Order { scene: "none".to_owned(), mesh: None, material: None, model: String::new() },
+//!     order: Order {
+//!         scene: "none".to_owned(),
+//!         mesh: None,
+//!         material: None,
+//!         model: String::new(),
+//!         touches: false,
+//!     },
 //!     mover: Mover::Physics,
 //!     tape: Some(tape),
 //!     folder: "recordings".into(),
@@ -78,6 +84,7 @@
 #[cfg(test)]
 extern crate self as selvedge_live;
 
+mod body;
 mod hand;
 mod live_cloth;
 mod mover;
@@ -94,6 +101,7 @@ mod strain_gauge;
 mod test_cloth;
 mod workshop;
 
+pub use body::{Body, BodyKind, kind_of};
 pub use hand::{HandLimits, Hands};
 pub use mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
 pub use order::{Catalogue, MeshOrder, Order};

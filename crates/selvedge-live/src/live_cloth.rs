@@ -236,6 +236,47 @@ impl LiveCloth {
         }
     }
 
+    /// Leads the bodies over the next frame to `offsets` `[m]` from their own paths, `[bodies]`.
+    pub(crate) fn lead_bodies(&mut self, offsets: &[DVec3]) {
+        for one in &mut self.all {
+            for (number, offset) in offsets.iter().enumerate() {
+                one.stepper.lead_body(number, *offset);
+            }
+        }
+    }
+
+    /// Puts a body at `offset` `[m]` from its own path at once.
+    pub(crate) fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), MoverError> {
+        let mut each = self.all.iter_mut();
+        each.try_for_each(|one| one.stepper.put_body(number, offset))
+    }
+
+    /// Points of all bodies now `[m]`.
+    pub(crate) fn body_points(&self) -> Vec<Vec3> {
+        let leader = self.leader();
+        leader.map_or_else(Vec::new, |one| one.stepper.body_points())
+    }
+
+    /// Offsets of the bodies where what was led had no room in the last frame.
+    pub(crate) fn blocked(&self) -> Option<Vec<DVec3>> {
+        self.leader().and_then(|one| one.stepper.blocked())
+    }
+
+    /// Momentum that each body received in the last frame `[N s]`, `[bodies]`; empty where there
+    /// are none.
+    pub(crate) fn impulses(&self) -> Vec<DVec3> {
+        let leader = self.leader();
+        leader.map_or_else(Vec::new, |one| one.stepper.impulses())
+    }
+
+    /// Smallest gap of each vertex of each cloth `[m]`, `[tracks][vertices]`; 0 vertices where
+    /// nothing touches.
+    pub(crate) fn gaps(&self) -> Vec<Vec<f32>> {
+        let each = self.all.iter();
+        each.map(|one| one.stepper.gaps().unwrap_or_default())
+            .collect()
+    }
+
     pub(crate) fn tracks(&self) -> Vec<TrackState> {
         self.all.iter().map(Driven::track).collect()
     }

@@ -3,7 +3,7 @@
 
 use std::error::Error;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{Environment, Handles, Stepper};
 use serde::{Deserialize, Serialize};
 
@@ -66,6 +66,41 @@ pub trait LiveStepper: Stepper + Send {
     /// # Errors
     /// [`MoverError`] when this mover cannot continue under `hold`.
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError>;
+
+    /// Leads body `number` over the next step, straight, to `offset` `[m]` from its own path. A
+    /// mover that does not see bodies has nothing to do.
+    fn lead_body(&mut self, _number: usize, _offset: DVec3) {}
+
+    /// Puts body `number` at `offset` `[m]` from its own path at once.
+    ///
+    /// # Errors
+    /// [`MoverError`] where it would meet the cloth, or the mover does not see bodies.
+    fn put_body(&mut self, _number: usize, _offset: DVec3) -> Result<(), MoverError> {
+        Err(MoverError::new("this mover does not see bodies"))
+    }
+
+    /// Points of all bodies now `[m]`, those of the first body first.
+    fn body_points(&self) -> Vec<Vec3> {
+        Vec::new()
+    }
+
+    /// Distances of the bodies from their own paths `[m]`, `[bodies]`, where the last step had no
+    /// room for what was led, so that all of it stayed where it was; none where it had.
+    fn blocked(&self) -> Option<Vec<DVec3>> {
+        None
+    }
+
+    /// Momentum that each body received from the cloth in the last step `[N s]`, `[bodies]`; empty
+    /// where there are none.
+    fn impulses(&self) -> Vec<DVec3> {
+        Vec::new()
+    }
+
+    /// Smallest gap of each vertex to what it may touch `[m]`, `[vertices]`; none where nothing
+    /// touches.
+    fn gaps(&self) -> Option<Vec<f32>> {
+        None
+    }
 }
 
 /// The reason why a mover cannot start or continue, in words for people.

@@ -14,6 +14,9 @@ pub struct Order {
     pub material: Option<String>,
     /// The model.
     pub model: String,
+    /// True where the cloth touches itself, a floor and a ball, also in a scene without contact.
+    #[serde(default)]
+    pub touches: bool,
 }
 
 /// A mesh by the name of its shape and its number of vertices.

@@ -167,6 +167,14 @@ impl Player {
             .collect()
     }
 
+    /// Points of all bodies in the frame that is shown `[m]`.
+    pub(crate) fn body_points(&self) -> Vec<Vec3> {
+        let tracks = self.tape.first().obstacles().iter();
+        tracks
+            .flat_map(|track| track.frame(self.frame()).into_owned())
+            .collect()
+    }
+
     pub(crate) fn show(&self) -> Show {
         Show::Recording {
             name: self.tape.name.clone(),

@@ -37,6 +37,10 @@ pub struct State {
     pub recording: Option<RecordingState>,
     /// Files of the last recording.
     pub recorded: Vec<String>,
+    /// True where the cloth on the table touches what is beside it.
+    pub touches: bool,
+    /// True where frames have the gaps of the vertices.
+    pub gaps: bool,
     /// True where there is a recording to replay.
     pub can_replay: bool,
     /// True while a recording is played: the page may go back to the cloth.

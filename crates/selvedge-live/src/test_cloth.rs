@@ -10,7 +10,8 @@ use selvedge_cloth::{
 };
 use selvedge_data::Provenance;
 use selvedge_live::{
-    Hold, LiveStepper, MoverError, MoverKind, Order, ProvenanceError, ReadyCloth, Start,
+    Body, BodyKind, Hold, LiveStepper, MoverError, MoverKind, Order, ProvenanceError, ReadyCloth,
+    Start,
 };
 use serde_json::Value;
 
@@ -48,6 +49,7 @@ pub(crate) fn order(scene: &str) -> Order {
         mesh: None,
         material: None,
         model: String::new(),
+        touches: false,
     }
 }
 
@@ -62,6 +64,30 @@ pub(crate) struct TestCloth {
     pub(crate) fall: f32,
     /// The time that a step takes.
     pub(crate) cost: Duration,
+    /// The bodies: each has the points of the ball.
+    pub(crate) bodies: Vec<Body>,
+    /// Momentum that each body receives in a frame `[N s]`.
+    pub(crate) push: DVec3,
+}
+
+/// Points of a body `[m]`, their middle at (0, -5, 0), and the place of a body along x beyond which
+/// it has no room.
+const BODY: [Vec3; 3] = [
+    Vec3::new(0.1, -5.0, 0.0),
+    Vec3::new(-0.05, -5.0, 0.0866),
+    Vec3::new(-0.05, -5.0, -0.0866),
+];
+pub(crate) const WALL: f64 = 0.5;
+
+/// A body of that kind.
+#[allow(dead_code, reason = "the tests from outside have none")]
+pub(crate) fn body(kind: BodyKind) -> Body {
+    Body {
+        name: "wedge".to_owned(),
+        kind,
+        points: 3,
+        faces: vec![[0, 1, 2]],
+    }
 }
 
 impl TestCloth {
@@ -72,7 +98,9 @@ impl TestCloth {
             schedule: HandleSchedule::default(),
             start_frame: 0,
             fall: 0.0,
+            push: DVec3::ZERO,
             cost: Duration::ZERO,
+            bodies: Vec::new(),
         }
     }
 }
@@ -108,6 +136,10 @@ impl ReadyCloth for TestCloth {
         &[]
     }
 
+    fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
     fn start(
         &self,
         kind: MoverKind,
@@ -122,7 +154,9 @@ impl ReadyCloth for TestCloth {
         Ok(Box::new(Puppet {
             kind,
             fall: self.fall,
+            push: self.push,
             cost: self.cost,
+            shifts: vec![DVec3::ZERO; self.bodies.len()],
             ..Puppet::new(&self.cloth, hold, positions)
         }))
     }
@@ -141,6 +175,7 @@ impl ReadyCloth for TestCloth {
 struct Puppet {
     kind: MoverKind,
     fall: f32,
+    push: DVec3,
     cost: Duration,
     cloth: Cloth,
     positions: Vec<Vec3>,
@@ -149,6 +184,11 @@ struct Puppet {
     told: Vec<Vec3>,
     held: Vec<bool>,
     offsets: Vec<Vec3>,
+    /// Distances of the bodies from their own paths `[m]`, `[bodies]`, and those of the last frame
+    /// where they had no room in it.
+    shifts: Vec<DVec3>,
+    blocked: Option<Vec<DVec3>>,
+    led: Vec<DVec3>,
 }
 
 impl Puppet {
@@ -157,6 +197,7 @@ impl Puppet {
         Self {
             kind: MoverKind::Physics,
             fall: 0.0,
+            push: DVec3::ZERO,
             cost: Duration::ZERO,
             told: handles.select(&positions),
             held: vec![true; handles.len()],
@@ -164,6 +205,9 @@ impl Puppet {
             cloth: cloth.clone().with_handles(handles).unwrap(),
             positions,
             frame: 0,
+            shifts: Vec::new(),
+            blocked: None,
+            led: Vec::new(),
         }
     }
 }
@@ -193,6 +237,13 @@ impl Stepper for Puppet {
             return Err(StepError::NonFinite { frame, vertex });
         }
         std::thread::sleep(self.cost);
+        let led = std::mem::replace(&mut self.led, self.shifts.clone());
+        self.blocked = None;
+        if led.iter().any(|shift| shift.x > WALL) {
+            self.blocked = Some(self.shifts.clone());
+        } else if led.len() == self.shifts.len() {
+            self.shifts = led;
+        }
         let is_far = targets.end().iter().any(|target| target.x > END_OF_MODEL);
         if self.kind == MoverKind::Model && is_far {
             return Err(StepError::Solve {
@@ -221,12 +272,45 @@ impl Stepper for Puppet {
 }
 
 impl LiveStepper for Puppet {
+    fn lead_body(&mut self, number: usize, offset: DVec3) {
+        self.led.resize(self.shifts.len(), DVec3::ZERO);
+        self.led[number] = offset;
+    }
+
+    fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), MoverError> {
+        if offset.x > WALL {
+            return Err(MoverError::new("the wall is there"));
+        }
+        self.shifts[number] = offset;
+        Ok(())
+    }
+
+    fn body_points(&self) -> Vec<Vec3> {
+        let all = self.shifts.iter();
+        all.flat_map(|shift| BODY.map(|p| p + shift.as_vec3()))
+            .collect()
+    }
+
+    fn blocked(&self) -> Option<Vec<DVec3>> {
+        self.blocked.clone()
+    }
+
+    fn impulses(&self) -> Vec<DVec3> {
+        vec![self.push; self.shifts.len()]
+    }
+
+    fn gaps(&self) -> Option<Vec<f32>> {
+        (!self.shifts.is_empty()).then(|| vec![0.25; self.positions.len()])
+    }
+
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
         let positions = self.positions.clone();
         Ok(Box::new(Self {
             kind: self.kind,
             fall: self.fall,
+            push: self.push,
             cost: self.cost,
+            shifts: self.shifts.clone(),
             ..Self::new(&self.cloth, hold, positions)
         }))
     }

@@ -8,6 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, Environment, HandlePath, MotionError};
 use selvedge_data::Provenance;
 
+use crate::body::Body;
 use crate::mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
 use crate::order::{Catalogue, Order};
 
@@ -50,6 +51,11 @@ pub trait ReadyCloth: Send {
         start: Start<'_>,
         hold: &Hold,
     ) -> Result<Box<dyn LiveStepper>, MoverError>;
+
+    /// The bodies beside the cloth.
+    fn bodies(&self) -> &[Body] {
+        &[]
+    }
 
     /// The provenance of a recording of this cloth with its handles at `handles` `[m]`,
     /// `[frames][handles]`.

@@ -9,15 +9,13 @@ use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Cloth, Environment, HandleTargets, Handles, Stepper};
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
 
-const MODEL: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/../../assets/models/small.safetensors"
-);
+/// The shipped model; a program of yours reads a file: `std::fs::read("model.safetensors")?`.
+const MODEL: &[u8] = selvedge_assets::MODELS[0].1;
 
 /// Carries a square of cloth 30 cm to the side by its upper corners, in one second.
 #[allow(clippy::print_stdout, reason = "the result of the example")]
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
-    let model = Arc::new(Model::from_bytes(&std::fs::read(MODEL)?)?);
+    let model = Arc::new(Model::from_bytes(MODEL)?);
     let sheet = square(&SquareSpec {
         vertices: 150,
         size: 1.0,

@@ -17,8 +17,8 @@
 //! use selvedge_model::{ClothGraph, LearnedStepper, Model};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/models/small.safetensors");
-//! let model = Arc::new(Model::from_bytes(&std::fs::read(file)?)?);
+//! // The bytes of a model file, here of the shipped one.
+//! let model = Arc::new(Model::from_bytes(selvedge_assets::MODELS[0].1)?);
 //!
 //! // A square of cloth, 1 m wide and 150 g/m², held by its upper corners.
 //! let sheet = square(&SquareSpec { vertices: 60, size: 1.0, seed: 1 })?;
@@ -91,7 +91,8 @@ pub use features::{
     node_columns, node_features, node_features_backward, node_groups,
 };
 pub use graph::{
-    ClothGraph, ClothSize, Connectivity, GraphError, Hinge, Link, LocalFrame, Yaw, geometry,
+    ClothGraph, ClothSize, Connectivity, FILTER_TIMES, GraphError, Hinge, Link, LocalFrame, Yaw,
+    geometry,
 };
 pub use kernels::dropout::Dropout;
 pub use kernels::gates::{Gate, GateLayout};

@@ -94,7 +94,7 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
         seed: 1,
     })
     .unwrap();
-    let material = include_str!("../../../assets/materials/gray-interlock.toml");
+    let material = selvedge_assets::materials::GRAY_INTERLOCK;
     Scene {
         name: "forward".to_owned(),
         handles: Handles::new(&sheet.labels["upper-corners"], vertices).unwrap(),

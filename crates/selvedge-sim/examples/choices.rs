@@ -148,7 +148,7 @@ fn scene() -> Scene {
         seed: 1,
     };
     let sheet = square(&spec).unwrap();
-    let material = include_str!("../../../assets/materials/gray-interlock.toml");
+    let material = selvedge_assets::materials::GRAY_INTERLOCK;
     Scene {
         name: "choices".to_owned(),
         handles: Handles::new(&sheet.labels["upper-corners"], spec.vertices).unwrap(),

@@ -17,7 +17,7 @@ use selvedge_sim::{ContactCounts, Simulator, Threads};
 /// Anything that can go wrong.
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-const GRAY: &str = include_str!("../../../assets/materials/gray-interlock.toml");
+const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
 /// Frames that are timed.
 const FRAMES: u32 = 60;
 

@@ -20,10 +20,10 @@ use selvedge_cloth::{
 use selvedge_sim::sag;
 
 const FABRICS: [&str; 4] = [
-    include_str!("../../../assets/materials/gray-interlock.toml"),
-    include_str!("../../../assets/materials/11oz-black-denim.toml"),
-    include_str!("../../../assets/materials/camel-ponte-roma.toml"),
-    include_str!("../../../assets/materials/navy-sparkle-sweat.toml"),
+    selvedge_assets::materials::GRAY_INTERLOCK,
+    selvedge_assets::materials::DENIM,
+    selvedge_assets::materials::CAMEL_PONTE_ROMA,
+    selvedge_assets::materials::NAVY_SPARKLE_SWEAT,
 ];
 
 fn main() {

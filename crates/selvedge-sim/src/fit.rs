@@ -12,14 +12,17 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::DVec3;
-use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, VertexId};
+use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, Stop, VertexId};
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
-use crate::sew::sew;
+use crate::sew::{sew, widest_gap};
+use crate::simulator::SimulatorError;
 use crate::state::State;
-use crate::stop::{self, Stop};
+use crate::stop;
 use crate::strain_watch::WatchedEdges;
+
+mod around;
 
 /// Passes over all edges at most, and those within which something must get better.
 const MOST_PASSES: u32 = 6000;
@@ -75,6 +78,8 @@ pub struct FitProgress {
 pub enum FitError {
     #[error(transparent)]
     Scene(#[from] SceneError),
+    #[error("the cloth cannot relax into its pattern around what is in its way: {0}")]
+    Start(#[from] SimulatorError),
     #[error("stopped, as was asked, while the cloth relaxed into its pattern")]
     Stopped,
     #[error("the cloth cannot relax into its pattern: {cause}")]
@@ -92,17 +97,23 @@ pub(crate) struct Spring {
 /// A callback that sees the progress and may stop the fit.
 pub(crate) type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>;
 
-/// Relaxes the cloth of `scene` into its pattern, its handles where the mesh has them.
+/// Relaxes the cloth of `scene` into its pattern, its handles where the mesh has them. In a scene
+/// with contact nothing meets on the way, and obstacles stand as they do at the start.
 ///
 /// # Errors
-/// A scene that does not validate; [`FitError::Stopped`]; a system that cannot be solved.
+/// A scene that does not validate; one with contact whose mesh intersects; [`FitError::Stopped`]; a
+/// system that cannot be solved.
 pub fn fit(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
     scene.validate()?;
+    if scene.contact.is_some() {
+        return around::fit_around(scene, scene.mesh.positions().to_vec(), progress);
+    }
     fit_from(scene, scene.mesh.positions().to_vec(), 0.0, progress)
 }
 
 /// Sews the `loose` panels of the scene's mesh, pulled together over a second, and relaxes the
-/// cloth into its pattern from there.
+/// cloth into its pattern from there. In a scene with contact they are one from the beginning, each
+/// seam half way between its panels, and shrink onto what is in their way.
 ///
 /// # Errors
 /// As for [`fit`]; panels that are not those of the scene's mesh.
@@ -112,6 +123,11 @@ pub fn sew_and_fit(
     progress: Listener<'_>,
 ) -> Result<Fitted, FitError> {
     scene.validate()?;
+    if scene.contact.is_some() {
+        let mut fitted = fit(scene, progress)?;
+        fitted.gap = Some(widest_gap(scene, loose));
+        return Ok(fitted);
+    }
     let sewn = sew(scene, loose, SEWING, progress)?;
     let mut fitted = fit_from(scene, sewn.positions, SEWING, progress)?;
     fitted.gap = Some(sewn.gap);
@@ -302,7 +318,7 @@ fn relax(
                 strain: before,
                 gap: None,
             };
-            let solved = stop.beside(&mut || progress(now), || {
+            let solved = stop::beside(&stop, &mut || progress(now), || {
                 still_step(&mut active, &bare, positions, &targets, &watched)
             });
             if stop.is_wanted() {

@@ -83,9 +83,11 @@ mod stop;
 mod strain_watch;
 mod threads;
 
-pub use contact::ContactCounts;
+pub use contact::{ContactCounts, ContactGauge, FrameContact};
 pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
-pub use simulator::{DividedFrames, Led, PreviousSubstep, Simulator, SimulatorError};
+pub use simulator::{
+    Beginning, DividedFrames, FAR, Led, PreviousSubstep, Simulator, SimulatorError,
+};
 pub use threads::Threads;

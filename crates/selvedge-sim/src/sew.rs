@@ -7,12 +7,12 @@
 //! (v ← v + Δx/dt). `[eq:sewing]` Held vertices are led to where the sewn mesh has them.
 
 use glam::DVec3;
-use selvedge_cloth::{Handles, LoosePanels, Scene, VertexId};
+use selvedge_cloth::{Handles, LoosePanels, Scene, Stop, VertexId};
 
 use crate::active_handles::ActiveHandles;
 use crate::fit::{FitError, FitProgress, Listener, failed, largest_strain, springs, tell};
 use crate::state::State;
-use crate::stop::Stop;
+use crate::stop;
 
 /// Time in which a seam is closed `[s]`, and the substeps of it.
 const SECONDS: f64 = 1.0;
@@ -73,7 +73,7 @@ pub(crate) fn sew(
         let pairs = starts.iter().zip(&ends);
         let targets: Vec<DVec3> = pairs.map(|(from, to)| from.lerp(*to, part)).collect();
         now.gap = Some(gap * (1.0 - part));
-        let solved = stop.beside(&mut || progress(now), || {
+        let solved = stop::beside(&stop, &mut || progress(now), || {
             active.advance_first_order(dt, &mut state, &targets)
         });
         if stop.is_wanted() {
@@ -150,6 +150,11 @@ fn centre(copies: &[usize], mass: &[f64], positions: &[DVec3]) -> DVec3 {
 fn reach(copies: &[usize], centre: DVec3, positions: &[DVec3]) -> f64 {
     let distances = copies.iter().map(|&copy| positions[copy].distance(centre));
     distances.fold(0.0, f64::max)
+}
+
+/// Largest distance between vertices of the `loose` panels that become one `[m]`.
+pub(crate) fn widest_gap(scene: &Scene, loose: &LoosePanels) -> f64 {
+    widest(&loose.copies(&scene.mesh), loose.positions())
 }
 
 /// Largest distance between vertices that become one.

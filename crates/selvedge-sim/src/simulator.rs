@@ -3,12 +3,12 @@
 //! The state is f64; [`Stepper::positions`] gives its f32 copies. The result depends only on scene,
 //! start and targets: any number of threads gives the same bytes. The wind of a frame is held over
 //! its step. Handles may let go and take hold again between frames.
+//!
+//! [`Stepper`]: selvedge_cloth::Stepper
+//! [`Stepper::positions`]: selvedge_cloth::Stepper::positions
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{
-    HandleError, HandleTargets, Handles, Scene, SceneError, StepError, Stepper, Topology, VertexId,
-    check_target_count,
-};
+use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, Stop, VertexId};
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
@@ -18,16 +18,19 @@ use crate::solver::SolveError;
 use crate::state::State;
 use crate::strain_watch::{Overstrained, Overstretched, StrainWatch};
 use crate::threads::Threads;
-pub use contact::Led;
 use contact::Part;
+pub use contact::{Beginning, FAR, Led};
 pub use divided_frames::DividedFrames;
 pub use previous::PreviousSubstep;
+use state_check::check_state;
 use substep_error::SubstepError;
 
 mod contact;
 mod correctable;
 mod divided_frames;
 mod previous;
+mod state_check;
+mod stepping;
 mod substep_error;
 
 /// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
@@ -48,10 +51,13 @@ pub struct Simulator {
     divided_frames: DividedFrames,
     /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
+    /// The same one frame before, while that can be undone.
+    reached_before: Vec<DVec3>,
     /// Targets of the active handles `[m]`.
     targets: Vec<DVec3>,
     threads: Threads,
     watch: StrainWatch,
+    stop: Stop,
     /// Positions before the substep, for the watch on strains `[m]`.
     before: Vec<DVec3>,
     /// Contact, where the scene has it.
@@ -62,8 +68,6 @@ pub struct Simulator {
 struct Undo {
     /// The active handles before, where they were others.
     active: Option<ActiveHandles>,
-    /// Places of the handles on their paths before `[m]`, `[handles]`.
-    reached: Vec<DVec3>,
 }
 
 /// Reason why a simulator cannot be made or resumed.
@@ -120,6 +124,19 @@ impl Simulator {
         positions: Vec<DVec3>,
         velocities: Vec<DVec3>,
     ) -> Result<Self, SimulatorError> {
+        Self::beginning(scene, positions, velocities, Beginning::default())
+    }
+
+    /// As [`Self::with_state`], with frames counted and obstacles led as `beginning` says.
+    ///
+    /// # Errors
+    /// As for [`Self::with_state`].
+    pub fn beginning(
+        scene: &Scene,
+        positions: Vec<DVec3>,
+        velocities: Vec<DVec3>,
+        beginning: Beginning<'_>,
+    ) -> Result<Self, SimulatorError> {
         scene.validate()?;
         let vertices = scene.mesh.topology().vertex_count();
         check_state("positions", "position", &positions, vertices)?;
@@ -135,13 +152,15 @@ impl Simulator {
         let mut simulator = Self {
             rounded: state.positions.iter().map(|p| p.as_vec3()).collect(),
             reached: scene.handles.select(&state.positions),
+            reached_before: scene.handles.select(&state.positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
             history: History::none(vertices),
             saved: (state.clone(), History::none(vertices)),
             undo: None,
-            frame: 0,
+            frame: beginning.frame,
             divided_frames: DividedFrames::default(),
             threads: Threads::Pool,
+            stop: Stop::default(),
             watch: StrainWatch::new(&scene.physics, &scene.mesh, &scene.handles),
             before: state.positions.clone(),
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
@@ -149,6 +168,7 @@ impl Simulator {
             active,
             state,
         };
+        simulator.shift_obstacles(beginning.offsets);
         simulator.check_contact()?;
         simulator.update_wind();
         Ok(simulator)
@@ -329,8 +349,8 @@ impl Simulator {
     /// method as integrator, the solve is repeated until the equations hold.
     ///
     /// # Errors
-    /// As for [`Stepper::step`], with the number of the frame under way; the cloth is left as it
-    /// was.
+    /// As for [`step`](selvedge_cloth::Stepper::step), with the number of the frame under way; the
+    /// cloth is left as it was.
     pub fn substep(&mut self, dt: f64, targets: &[DVec3]) -> Result<(), StepError> {
         let (expected, found) = (self.scene.handles.len(), targets.len());
         if expected != found {
@@ -399,17 +419,22 @@ impl Simulator {
         if self.active.fits(targets) {
             return Ok(None);
         }
-        let active = self
+        let mut active = self
             .active
             .changed(&self.scene, targets, &self.state, &self.reached)
             .map_err(|cause| self.step_error(SolveError::from(cause).into(), 0))?;
+        active.system.stop_by(self.stop.clone());
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 
     /// Moves the state by a frame in `substeps` substeps. On an error the state is unusable.
     fn advance(&mut self, targets: &HandleTargets, substeps: u32) -> Result<(), SubstepError> {
         let dt = 1.0 / self.scene.frame_rate / f64::from(substeps);
+        self.forget_received();
         for substep in 1..=substeps {
+            if self.stop.is_wanted() {
+                return Err(SubstepError::Stopped);
+            }
             let fraction = f64::from(substep) / f64::from(substeps);
             let reached = &self.reached;
             let path = |h: usize| targets.at(h, fraction, reached[h]);
@@ -461,6 +486,9 @@ impl Simulator {
         let mut substeps = self.scene.physics.substeps;
         while let Err(error) = threads.run(|| self.advance(targets, substeps)) {
             self.restore();
+            if self.stop.is_wanted() {
+                return Err(self.step_error(SubstepError::Stopped, substeps));
+            }
             let is_fixed = !self.watch.is_of_substeps();
             let is_divided = matches!(error, SubstepError::Stretch(_)) || self.contact.is_some();
             let is_final = is_fixed && !is_divided;
@@ -477,6 +505,7 @@ impl Simulator {
     fn step_error(&self, error: SubstepError, substeps: u32) -> StepError {
         let frame = self.frame + 1;
         match error {
+            SubstepError::Stopped => StepError::Stopped { frame },
             SubstepError::Solve(SolveError::NonFinite { vertex }) => {
                 StepError::NonFinite { frame, vertex }
             }
@@ -523,71 +552,5 @@ impl Simulator {
         let vertex = VertexId(vertex as u32);
         let frame = self.frame + 1;
         Err(StepError::NonFinite { frame, vertex })
-    }
-}
-
-impl Stepper for Simulator {
-    fn topology(&self) -> &Topology {
-        self.scene.mesh.topology()
-    }
-
-    fn handles(&self) -> &Handles {
-        &self.scene.handles
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        &self.rounded
-    }
-
-    fn frame(&self) -> usize {
-        self.frame
-    }
-
-    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        self.undo = None;
-        check_target_count(self, targets)?;
-        let before = self.change_active(targets)?;
-        self.update_wind();
-        self.save();
-        if before.is_some() {
-            // The cloth was another one.
-            self.history.forget();
-        }
-        if let Err(error) = self.divided(targets).and_then(|()| self.round_new()) {
-            if let Some(before) = before {
-                self.active = before;
-            }
-            return Err(error);
-        }
-        let reached = std::mem::replace(&mut self.reached, targets.end().to_vec());
-        self.undo = Some(Undo {
-            active: before,
-            reached,
-        });
-        self.frame += 1;
-        Ok(())
-    }
-}
-
-fn check_state(
-    what: &'static str,
-    one: &'static str,
-    values: &[DVec3],
-    expected: usize,
-) -> Result<(), SimulatorError> {
-    if values.len() != expected {
-        return Err(SimulatorError::Count {
-            what,
-            expected,
-            found: values.len(),
-        });
-    }
-    match values.iter().position(|value| !value.as_vec3().is_finite()) {
-        Some(vertex) => Err(SimulatorError::NonFinite {
-            what: one,
-            vertex: VertexId(vertex as u32),
-            value: values[vertex],
-        }),
-        None => Ok(()),
     }
 }

@@ -4,51 +4,40 @@
 //! while the caller goes on asking the listener, and looks at a flag.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
+use selvedge_cloth::Stop;
+
 /// Time between two questions.
 pub(crate) const BEAT: Duration = Duration::from_millis(100);
 
-/// A flag that is set where someone wants to stop.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Stop(Arc<AtomicBool>);
-
-impl Stop {
-    /// Returns true after someone wanted to stop.
-    pub(crate) fn is_wanted(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-
-    /// Runs `work` on another thread, and meanwhile asks `go_on` from time to time. Where that
-    /// breaks the flag is set, and `work` is waited for. Nothing is asked of short work.
-    pub(crate) fn beside<R: Send>(
-        &self,
-        go_on: &mut dyn FnMut() -> ControlFlow<()>,
-        work: impl FnOnce() -> R + Send,
-    ) -> R {
-        let (sender, receiver) = channel();
-        thread::scope(|scope| {
-            let running = scope.spawn(move || {
-                let result = work();
-                // The other end waits until this one is dropped.
-                let _ = sender.send(());
-                result
-            });
-            while receiver.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
-                if !self.is_wanted() && go_on().is_break() {
-                    self.0.store(true, Ordering::Relaxed);
-                }
+/// Runs `work` on another thread, and meanwhile asks `go_on` from time to time. Where that breaks
+/// `stop` is set, and `work` is waited for. Nothing is asked of short work.
+pub(crate) fn beside<R: Send>(
+    stop: &Stop,
+    go_on: &mut dyn FnMut() -> ControlFlow<()>,
+    work: impl FnOnce() -> R + Send,
+) -> R {
+    let (sender, receiver) = channel();
+    thread::scope(|scope| {
+        let running = scope.spawn(move || {
+            let result = work();
+            // The other end waits until this one is dropped.
+            let _ = sender.send(());
+            result
+        });
+        while receiver.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
+            if !stop.is_wanted() && go_on().is_break() {
+                stop.ask();
             }
-            match running.join() {
-                Ok(result) => result,
-                Err(panic) => std::panic::resume_unwind(panic),
-            }
-        })
-    }
+        }
+        match running.join() {
+            Ok(result) => result,
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })
 }
 
 #[cfg(test)]
@@ -60,7 +49,8 @@ mod tests {
     fn long_work_hears_the_wish_and_short_work_is_not_asked() {
         let mut asked = 0;
         let stop = Stop::default();
-        let result = stop.beside(
+        let result = beside(
+            &stop,
             &mut || {
                 asked += 1;
                 ControlFlow::Continue(())
@@ -70,7 +60,7 @@ mod tests {
         assert_eq!((result, stop.is_wanted()), (7, false));
         assert!(asked <= 1);
         let began = Instant::now();
-        let heard = stop.beside(&mut || ControlFlow::Break(()), || {
+        let heard = beside(&stop, &mut || ControlFlow::Break(()), || {
             while !stop.is_wanted() {
                 assert!(began.elapsed() < Duration::from_secs(60));
                 thread::sleep(Duration::from_millis(1));

@@ -7,15 +7,22 @@
 
 mod cpu;
 mod micro_batch;
+mod over_ranks;
+mod slot_bytes;
 mod slot_run;
 
 use std::error::Error;
+use std::ops::Range;
 use std::sync::Arc;
 
+use selvedge_cloth::Stop;
+use selvedge_cluster::Ranks;
 use selvedge_model::{ClothGraph, Network, Normalizers};
 use thiserror::Error;
 
 pub use self::cpu::OnProcessor;
+pub use self::over_ranks::{OverRanks, OverRanksError};
+pub(crate) use self::slot_bytes::{pack_slots, unpack_slots};
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
 use crate::config::TrainConfig;
 use crate::losses::{LossStatistics, LossTerms};
@@ -48,7 +55,8 @@ impl Learned {
 /// The arithmetic of a training.
 pub trait Engine: Send {
     /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the
-    /// slots' losses. Returns the terms of each slot.
+    /// slots' losses. Returns the terms of each slot. Neither means anything where the setup's
+    /// `stop` is wanted.
     ///
     /// # Errors
     /// When the machine that computes fails.
@@ -60,6 +68,19 @@ pub trait Engine: Send {
     /// # Errors
     /// As [`Self::learn`].
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError>;
+
+    /// Adds a range of the gradient of the latest [`Self::learn`] to `sum`: piece after piece,
+    /// where it has kept several.
+    ///
+    /// # Errors
+    /// As [`Self::learn`].
+    fn add_gradient(&mut self, range: Range<usize>, sum: &mut [f32]) -> Result<(), EngineError>;
+
+    /// Takes `gradient` for the next [`Self::update`], in the place of its own.
+    ///
+    /// # Errors
+    /// As [`Self::learn`].
+    fn set_gradient(&mut self, gradient: &[f32]) -> Result<(), EngineError>;
 
     /// The gradient that the latest step took, after clipping.
     ///
@@ -90,6 +111,16 @@ pub trait EngineMaker {
     /// # Errors
     /// When the machine fails or lacks memory.
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError>;
+
+    /// The ranks that share a training.
+    fn ranks(&self) -> Ranks {
+        Ranks::alone()
+    }
+
+    /// The slots of a batch of so many that this rank takes through the network.
+    fn own_slots(&self, samples: usize) -> Range<usize> {
+        0..samples
+    }
 }
 
 /// One step of the optimiser.
@@ -116,6 +147,9 @@ pub struct Setup<'a> {
     pub statistics: &'a LossStatistics,
     /// Weights and optimiser as they are now.
     pub learned: &'a Learned,
+    /// Wanted where the step is to be given up: an engine may then leave its work undone, and
+    /// nothing uses what it gives.
+    pub stop: &'a Stop,
     pub(crate) set: &'a TrainingSet,
 }
 
@@ -130,6 +164,8 @@ impl<'a> Setup<'a> {
 pub struct Batch<'a> {
     setup: Setup<'a>,
     slots: &'a mut [Slot],
+    /// The number of the first of them.
+    first: usize,
     step: u64,
     frames: usize,
 }
@@ -140,8 +176,18 @@ impl<'a> Batch<'a> {
         Self {
             setup,
             slots,
+            first: 0,
             step,
             frames,
+        }
+    }
+
+    /// The same with only some of its slots.
+    fn part(self, own: Range<usize>) -> Self {
+        Self {
+            first: self.first + own.start,
+            slots: &mut self.slots[own],
+            ..self
         }
     }
 
@@ -165,6 +211,7 @@ impl<'a> Batch<'a> {
         let slots = self.slots.iter_mut().enumerate();
         slots
             .map(|(number, slot)| {
+                let number = self.first + number;
                 let random = SlotRandom::new(seed, self.step, number, count);
                 SlotRun::new(setup, frames, slot, random)
             })

@@ -128,8 +128,8 @@ pub use correction::{
     SampleConfig, SampleSource, SaveCorrectionError, TeacherConfig, run_correction,
 };
 pub use engine::{
-    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, Setup, SlotRun,
-    Update, run_slots,
+    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks,
+    OverRanksError, Setup, SlotRun, Update, run_slots,
 };
 pub use fit_normalizers::FitProgress;
 pub use losses::{

@@ -3,6 +3,9 @@
 //!
 //! The folder holds `config.toml` (resolved), `log.jsonl` (a line every `log_every` steps),
 //! `checkpoint.safetensors` (to go on from) and `model.safetensors` (to use), each written whole.
+//!
+//! Of several ranks the first one writes, and all go through the same steps: whether to stop and
+//! when to write is agreed on after each.
 
 use std::fmt;
 use std::fs::OpenOptions;
@@ -17,7 +20,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::losses::LossTerms;
-use crate::trainer::{StepReport, TrainError, Trainer};
+use crate::trainer::{StepReport, TrainError, Trainer, Wishes};
 
 /// File names in the folder of a training.
 pub mod files {
@@ -121,7 +124,8 @@ struct LogLine {
     frames: usize,
 }
 
-/// Trains until the last step, a limit, or until `observe` breaks; it is called after each step.
+/// Trains until the last step, a limit, or until `observe` breaks; it is called after each step. A
+/// step that is given up ([`Trainer::stop_by`]) ends the run too.
 ///
 /// # Errors
 /// [`RunError`]; a checkpoint that was there is then whole.
@@ -133,37 +137,62 @@ pub fn run(
     observe: &mut dyn FnMut(&StepReport) -> ControlFlow<()>,
 ) -> Result<RunEnd, RunError> {
     let log_path = folder.join(files::LOG);
-    trim_log(&log_path, trainer.steps_done())?;
-    write_config(trainer, folder)?;
+    let writes = trainer.ranks().is_first();
+    if writes {
+        trim_log(&log_path, trainer.steps_done())?;
+        write_config(trainer, folder)?;
+    }
     let started = Instant::now();
     let mut saved = Instant::now();
+    let is_over = || limits.time.is_some_and(|time| started.elapsed() >= time);
+    let mut agreed = agree(trainer, folder, is_over(), [false; 2])?;
     let end = loop {
         if trainer.steps_done() >= trainer.config().steps {
             break RunEnd::Finished;
         }
-        if limits.time.is_some_and(|time| started.elapsed() >= time) {
+        if agreed.end {
             break RunEnd::TimeUp;
         }
-        let report = trainer.step().map_err(|source| failed(folder, source))?;
+        let report = match trainer.step() {
+            Ok(report) => report,
+            Err(TrainError::Stopped { .. }) => break RunEnd::Stopped,
+            Err(source) => return Err(failed(folder, source)),
+        };
         let flow = observe(&report);
         trainer.since_line.push(report);
         if trainer
             .steps_done()
             .is_multiple_of(trainer.config().log_every)
         {
-            append(&log_path, LogLine::of(&trainer.since_line))?;
+            if writes {
+                append(&log_path, LogLine::of(&trainer.since_line))?;
+            }
             trainer.since_line.clear();
         }
-        if saved.elapsed() >= limits.checkpoint_every {
+        let is_due = saved.elapsed() >= limits.checkpoint_every;
+        agreed = agree(trainer, folder, is_over(), [flow.is_break(), is_due])?;
+        if agreed.save {
             save(trainer, dataset, folder)?;
             saved = Instant::now();
         }
-        if flow.is_break() {
+        if agreed.stop {
             break RunEnd::Stopped;
         }
     };
     save(trainer, dataset, folder)?;
     Ok(end)
+}
+
+/// Agrees on what all ranks do next; `wishes` are to stop and to save.
+fn agree(
+    trainer: &Trainer,
+    folder: &Path,
+    end: bool,
+    wishes: [bool; 2],
+) -> Result<Wishes, RunError> {
+    let [stop, save] = wishes;
+    let agreed = trainer.agree(Wishes { stop, save, end });
+    agreed.map_err(|source| failed(folder, source))
 }
 
 fn failed(folder: &Path, source: TrainError) -> RunError {
@@ -175,6 +204,9 @@ fn failed(folder: &Path, source: TrainError) -> RunError {
 /// finite, and they must not replace a good checkpoint.
 fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
     trainer.collect().map_err(|source| failed(folder, source))?;
+    if !trainer.ranks().is_first() {
+        return Ok(());
+    }
     let mut account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),

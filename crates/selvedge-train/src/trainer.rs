@@ -1,10 +1,12 @@
 //! The training step, read from top to bottom: every slot shows a sample and is taken forward and
 //! backward by the engine, the slots advance, the optimiser steps.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::Stop;
+use selvedge_cluster::{ClusterError, Ranks};
 use selvedge_data::Dataset;
 use selvedge_model::{
     Domain, Model, ModelError, Network, Normalizers, RunningStatistics, SpecError,
@@ -13,7 +15,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
-use crate::engine::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
+use crate::engine::{
+    Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update, pack_slots, unpack_slots,
+};
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, Need};
@@ -38,6 +42,10 @@ pub struct Trainer {
     /// Steps since the last line of the log, which a checkpoint keeps.
     pub(crate) since_line: Vec<StepReport>,
     engine: Box<dyn Engine>,
+    stop: Stop,
+    /// The ranks of the engine, and the slots that this one moves.
+    ranks: Ranks,
+    own: Range<usize>,
 }
 
 /// Report of a step.
@@ -58,6 +66,17 @@ pub struct StepReport {
     pub frames: usize,
 }
 
+/// Wishes of a rank after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Wishes {
+    /// To stop here.
+    pub(crate) stop: bool,
+    /// To write a checkpoint.
+    pub(crate) save: bool,
+    /// To end, since the time is up.
+    pub(crate) end: bool,
+}
+
 /// A training that cannot start or go on.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -76,8 +95,22 @@ pub enum TrainError {
     Model(#[from] ModelError),
     #[error(transparent)]
     Engine(#[from] EngineError),
+    #[error(transparent)]
+    Ranks(Box<ClusterError>),
+    #[error(
+        "rank {rank} sent slots that are none of this training's: start one program on all ranks"
+    )]
+    Slots { rank: usize },
     #[error("step {step}: the loss is not finite: lower learning_rate or set gradient_clip")]
     NotFinite { step: u64 },
+    #[error("step {step} was given up, as was asked")]
+    Stopped { step: u64 },
+}
+
+impl From<ClusterError> for TrainError {
+    fn from(error: ClusterError) -> Self {
+        Self::Ranks(Box::new(error))
+    }
 }
 
 impl Trainer {
@@ -166,10 +199,14 @@ impl Trainer {
             normalizers: &normalizers,
             statistics: &statistics,
             learned: &parts.learned,
+            stop: &Stop::default(),
             set: &set,
         };
+        let (ranks, own) = (engine.ranks(), engine.own_slots(cfg.batch.samples));
         let engine = engine.make(setup)?;
         Ok(Self {
+            ranks,
+            own,
             network: parts.network,
             learned: parts.learned,
             inputs,
@@ -182,6 +219,7 @@ impl Trainer {
             statistics,
             normalizers,
             engine,
+            stop: Stop::default(),
             cfg,
         })
     }
@@ -192,16 +230,73 @@ impl Trainer {
     /// # Errors
     /// When the engine fails.
     pub fn collect(&mut self) -> Result<(), TrainError> {
-        Ok(self.engine.collect(&mut self.learned)?)
+        self.engine.collect(&mut self.learned)?;
+        if self.ranks.are_several() {
+            self.collect_slots()?;
+        }
+        Ok(())
+    }
+
+    /// Brings the slots that other ranks move to rank 0.
+    fn collect_slots(&mut self) -> Result<(), TrainError> {
+        let all = self
+            .ranks
+            .gather(pack_slots(&self.slots[self.own.clone()]))?;
+        if !self.ranks.is_first() {
+            return Ok(());
+        }
+        let mut slots = Vec::with_capacity(self.slots.len());
+        for (rank, packed) in all.iter().enumerate() {
+            slots.extend(unpack_slots(packed).ok_or(TrainError::Slots { rank })?);
+        }
+        if slots.len() != self.slots.len() {
+            let rank = all.len() - 1;
+            return Err(TrainError::Slots { rank });
+        }
+        self.slots = slots;
+        Ok(())
+    }
+
+    /// The ranks that share the training.
+    #[must_use]
+    pub fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// Agrees on what all ranks do after a step: rank 0 says whether time is up and a checkpoint is
+    /// due, and any of them may stop.
+    pub(crate) fn agree(&self, own: Wishes) -> Result<Wishes, TrainError> {
+        if !self.ranks.are_several() {
+            return Ok(own);
+        }
+        let Wishes { stop, save, end } = own;
+        let told = [stop, save, end].map(u8::from).to_vec();
+        let all = self.ranks.gather_for_all(told)?;
+        let of_first = |wish: usize| all[0].get(wish) == Some(&1);
+        Ok(Wishes {
+            stop: all.iter().any(|told| told.first() == Some(&1)),
+            save: of_first(1),
+            end: of_first(2),
+        })
+    }
+
+    /// Lets [`Self::step`] be given up in the middle from when `stop` is wanted. A rank of several
+    /// does not hear it: the others wait for its part of the step.
+    pub fn stop_by(&mut self, stop: Stop) {
+        if !self.ranks.are_several() {
+            self.stop = stop;
+        }
     }
 
     /// Learns from one batch.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`], or a failure of the engine. The weights are then those before the
+    /// [`TrainError::Stopped`], which leaves the training as it was before; else
+    /// [`TrainError::NotFinite`] or a failure of the engine. The weights are then those before the
     /// step, but the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
+        let slots = self.slots.clone();
         let frames = self.cfg.unroll.at(step);
         let setup = Setup {
             cfg: &self.cfg,
@@ -209,10 +304,16 @@ impl Trainer {
             normalizers: &self.normalizers,
             statistics: &self.statistics,
             learned: &self.learned,
+            stop: &self.stop,
             set: &self.set,
         };
         let batch = Batch::new(setup, &mut self.slots, step, frames);
-        let terms = LossTerms::mean(&self.engine.learn(batch)?);
+        let terms = self.engine.learn(batch)?;
+        if self.stop.is_wanted() {
+            self.slots = slots;
+            return Err(TrainError::Stopped { step: step + 1 });
+        }
+        let terms = LossTerms::mean(&terms);
         let not_finite = TrainError::NotFinite { step: step + 1 };
         if !terms.total.is_finite() {
             return Err(not_finite);
@@ -274,6 +375,16 @@ impl Trainer {
         self.set.images_left_out()
     }
 
+    /// Fewest vertices of a cloth that is learned from.
+    #[must_use]
+    pub fn fewest_vertices(&self) -> usize {
+        let counts = self.set.graphs().map(|graph| graph.topology());
+        counts
+            .map(|topology| topology.vertex_count())
+            .min()
+            .unwrap_or(0)
+    }
+
     /// The trainings whose weights this one began with, the first one first; none where it began
     /// with its own.
     #[must_use]
@@ -320,7 +431,7 @@ pub(crate) fn prepare(
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
-    let set = TrainingSet::load(dataset, cfg.model.coarse_levels, cfg.mirror_images)?;
+    let set = TrainingSet::load(dataset, &cfg.model, cfg.mirror_images)?;
     need.with_slots(cfg, &set, on).check(cfg)?;
     Ok((set, network))
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError};
+use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError, ModelSpec};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -157,13 +157,13 @@ fn handle_tracks(dataset: &Dataset, split: Split) -> Result<Vec<HandleTrack>, Tr
 }
 
 impl TrainingSet {
-    /// Reads the training split of `dataset`, of cloths with so many coarse levels; with
+    /// Reads the training split of `dataset`, of cloths as networks of `spec` see them; with
     /// `mirror_images` the trajectories are followed by their mirror images. Those whose handles go
     /// as in a trajectory to test on have no sections: on its cloth they would be that test,
     /// buckled to the other side.
     pub(crate) fn load(
         dataset: &Dataset,
-        coarse_levels: usize,
+        spec: &ModelSpec,
         mirror_images: bool,
     ) -> Result<Self, TrainingSetError> {
         let tests = match mirror_images {
@@ -184,11 +184,11 @@ impl TrainingSet {
                 let path = HandleTrack::of(&image);
                 is_tested.push(tests.iter().any(|test| path.goes_as(test)));
                 let graph = graph_in(&entry.motion, &image, environment)?;
-                let graph = graph.with_coarse_levels(coarse_levels);
+                let graph = graph.for_spec(spec);
                 images.push(Motion::new(graph, image, &images));
             }
             let graph = graph_in(&entry.motion, &trajectory, environment)?;
-            let graph = graph.with_coarse_levels(coarse_levels);
+            let graph = graph.for_spec(spec);
             motions.push(Motion::new(graph, trajectory, &motions));
         }
         let mut sections = dataset.sections().to_vec();

@@ -1,5 +1,8 @@
 //! Kills of long commands at random times: what they leave is the whole old state or the whole new
-//! one, the same command goes on from it, and its end is that of a run that was never killed.
+//! one, the same command goes on from it, and its end is that of a run that was never killed. On
+//! several ranks one of them is killed.
+
+mod ranks;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -24,6 +27,8 @@ struct Case {
     /// The command; `--resume` is added where `resumes` and there is something to go on from.
     command: &'static str,
     resumes: bool,
+    /// True where several ranks may share it.
+    shares: bool,
     /// True where its results are there as a whole or not at all.
     is_whole: bool,
     /// Folder or file of its results.
@@ -36,6 +41,7 @@ const CASES: [Case; 5] = [
         prepare: &["dataset generate tiny --out tiny"],
         command: "train long.toml --data tiny --out run --checkpoint-every 1s",
         resumes: true,
+        shares: true,
         is_whole: false,
         out: "run",
     },
@@ -44,6 +50,7 @@ const CASES: [Case; 5] = [
         prepare: &[],
         command: "dataset generate many.toml --out many",
         resumes: false,
+        shares: true,
         is_whole: false,
         out: "many",
     },
@@ -52,6 +59,7 @@ const CASES: [Case; 5] = [
         prepare: &["dataset generate tiny --out tiny"],
         command: "study study.toml --out study",
         resumes: false,
+        shares: true,
         is_whole: false,
         out: "study",
     },
@@ -60,6 +68,7 @@ const CASES: [Case; 5] = [
         prepare: &[],
         command: "dataset import flag-simple flag --density 0.5 --out imported",
         resumes: false,
+        shares: false,
         is_whole: false,
         out: "imported",
     },
@@ -68,6 +77,7 @@ const CASES: [Case; 5] = [
         prepare: &["simulate push.toml --from-start --out run.safetensors"],
         command: "export run.safetensors --to frames --format obj",
         resumes: false,
+        shares: false,
         is_whole: true,
         out: "frames",
     },
@@ -84,7 +94,18 @@ struct Tally {
     ended: u32,
     /// Times at which it was killed `[s]`.
     times: Vec<f64>,
+    /// The longest time that the other ranks took to end `[s]`.
+    slowest: f64,
     seconds: f64,
+}
+
+/// Kills that are asked for.
+#[derive(Clone, Copy)]
+struct Order {
+    kills: u32,
+    seed: u64,
+    /// One of so many ranks is killed; 1 without ranks.
+    ranks: usize,
 }
 
 /// Kills the commands that `options` ask for; returns false where something did not hold.
@@ -92,22 +113,29 @@ struct Tally {
 /// # Errors
 /// Options that make no sense, a program that is missing, or what did not hold.
 pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let pairs = ["--kills", "--command", "--seed"];
+    let pairs = ["--kills", "--command", "--seed", "--ranks"];
     let options = Arguments::parse(options, &pairs, &[])?;
-    let kills = u32::try_from(options.number("--kills")?.unwrap_or(20))?;
-    let seed = options.number("--seed")?.unwrap_or(1);
+    let order = Order {
+        kills: u32::try_from(options.number("--kills")?.unwrap_or(20))?,
+        seed: options.number("--seed")?.unwrap_or(1),
+        ranks: usize::try_from(options.number("--ranks")?.unwrap_or(1))?,
+    };
     let wanted = options.all("--command");
     let program = Program::find()?;
     let mut holds = true;
     println!("| command | kills | runs to the end | killed after | seconds | held |");
     println!("|---|---|---|---|---|---|");
     for case in &CASES {
-        if !wanted.is_empty() && !wanted.contains(&case.name) {
+        let is_wanted = wanted.is_empty() || wanted.contains(&case.name);
+        if !is_wanted || (order.ranks > 1 && !case.shares) {
             continue;
         }
         let mut tally = Tally::default();
-        let outcome = trial(case, &program, kills, seed, &mut tally);
+        let outcome = trial(case, &program, order, &mut tally);
         let held = match &outcome {
+            Ok(()) if order.ranks > 1 => {
+                format!("all; the others ended within {:.2} s", tally.slowest)
+            }
             Ok(()) => "all".to_owned(),
             Err(error) => format!("{error:#}"),
         };
@@ -131,12 +159,12 @@ pub(crate) fn run(options: &[String]) -> Result<bool> {
     Ok(holds)
 }
 
-/// Kills one command until it was killed `kills` times.
-fn trial(case: &Case, program: &Program, kills: u32, seed: u64, tally: &mut Tally) -> Result<()> {
+/// Kills one command until it was killed as often as `order` says.
+fn trial(case: &Case, program: &Program, order: Order, tally: &mut Tally) -> Result<()> {
     let started = Instant::now();
     let folder = tempfile::tempdir().context("a folder to work in")?;
     let folder = folder.path();
-    prepare(folder)?;
+    prepare(folder, order.ranks)?;
     for command in case.prepare {
         program.run(folder, command)?;
     }
@@ -145,12 +173,22 @@ fn trial(case: &Case, program: &Program, kills: u32, seed: u64, tally: &mut Tall
     let whole = begun.elapsed();
     let expected = contents(&folder.join(case.out))?;
     remove(&folder.join(case.out))?;
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    while tally.kills < kills {
+    let mut rng = ChaCha8Rng::seed_from_u64(order.seed);
+    while tally.kills < order.kills {
         // Up to a little more than it takes, so that some runs come to their end.
         let after = whole.mul_f64(rng.random_range(0.0..1.1));
-        let mut child = program.command(folder, &command(case, folder)).spawn()?;
-        let was_killed = kill_after(&mut child, after)?;
+        let command = command(case, folder);
+        let was_killed = if order.ranks > 1 {
+            let rank = rng.random_range(0..order.ranks);
+            let mut child = ranks::command(program, order.ranks, folder, &command).spawn()?;
+            let took = ranks::kill_one(&mut child, order.ranks, rank, after)?;
+            let seconds = took.map_or(0.0, |took| took.as_secs_f64());
+            tally.slowest = tally.slowest.max(seconds);
+            took.is_some()
+        } else {
+            let mut child = program.command(folder, &command).spawn()?;
+            kill_after(&mut child, after)?
+        };
         check(case, folder)?;
         if was_killed {
             tally.kills += 1;
@@ -272,7 +310,8 @@ fn all_files(path: &Path) -> Result<BTreeMap<PathBuf, Vec<u8>>> {
     Ok(found)
 }
 
-/// As [`all_files`], without those that say how long something took.
+/// As [`all_files`], without those that say how long something took. Parts of files are among them:
+/// none may outlive the next run.
 fn contents(path: &Path) -> Result<BTreeMap<PathBuf, Vec<u8>>> {
     ensure!(path.exists(), "{} was not made", path.display());
     let mut all = all_files(path)?;
@@ -282,7 +321,8 @@ fn contents(path: &Path) -> Result<BTreeMap<PathBuf, Vec<u8>>> {
             || text.ends_with(".csv")
             || text.ends_with(".svg")
             || text.ends_with(".html");
-        !(is_report || DIFFERS.iter().any(|part| text.contains(part)))
+        let differs = is_report || DIFFERS.iter().any(|part| text.contains(part));
+        text.ends_with(".part") || !differs
     });
     Ok(all)
 }
@@ -294,10 +334,13 @@ fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes the inputs of all commands.
-fn prepare(folder: &Path) -> Result<()> {
+/// Writes the inputs of all commands, for so many ranks.
+fn prepare(folder: &Path, ranks: usize) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let training = crate::fuzz::TRAINING.replace("steps = 2", "steps = 4000");
+    let samples = format!("samples = {}", ranks.max(2));
+    let training = crate::fuzz::TRAINING
+        .replace("steps = 2", "steps = 4000")
+        .replace("samples = 2", &samples);
     fs::write(folder.join("long.toml"), &training)?;
     let short = training.replace("steps = 4000", "steps = 60");
     fs::write(folder.join("short.toml"), short)?;

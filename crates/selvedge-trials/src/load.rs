@@ -75,8 +75,8 @@ fn trial(program: &Program, folder: &Path, load: &Load, seed: u64) -> Result<boo
         for number in 0..load.pages {
             let shared = &shared;
             scope.spawn(move || {
-                let outcome = viewer::page(address, number, seed, shared);
-                if outcome.is_err() {
+                if let Err(error) = viewer::page(address, number, seed, shared) {
+                    eprintln!("{}: {error:#}", load.name);
                     shared.failed.store(true, Ordering::SeqCst);
                 }
             });

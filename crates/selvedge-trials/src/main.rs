@@ -1,80 +1,8 @@
-//! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader,
-//! `faults` has a disk fail under every writer, `kill` ends long commands at random times, `soak`
-//! runs steppers and the viewer for long, `load` puts many connections on the viewer.
-//!
-//! `cargo xtask` starts them. Every trial is made from a seed, says what it did in a row of a
-//! table, and ends with an error where something did not hold.
-#![allow(
-    clippy::print_stdout,
-    reason = "a program that talks to people in a terminal"
-)]
-
-mod arguments;
-mod faults;
-mod fuzz;
-mod kill;
-mod load;
-mod program;
-mod soak;
-mod viewer;
+//! The program of the trials, which `cargo xtask` builds and starts.
 
 use std::process::ExitCode;
 
-use anyhow::Result;
-
-const HELP: &str = "\
-usage: cargo xtask fuzz|faults|kill|soak|load [OPTIONS]
-
-  fuzz    damaged files, texts and messages for every reader
-            --for SPAN       share this time among the targets (30s, 10m, 2h; 30s if not said)
-            --inputs N       instead: so many inputs for every target
-            --target NAME    only this target (repeat for several)
-            --seed N         another sequence of inputs (1 if not said)
-            --from N         the first number of an input: with --inputs 1, repeats a finding
-            --list           names of the targets
-  faults  calls on files that fail under every writer, and cuts of the power
-            --faults N       for every writer (50 if not said)
-            --writer NAME    only this one (repeat for several)
-            --seed N         other calls and kinds
-  kill    ends train, generate, study, import and export by kill -9 at random times
-            --kills N        of each command (20 if not said)
-            --command NAME   only this one (repeat for several)
-            --seed N         other times
-  soak    steppers and the viewer for long; their memory stays level
-            --steps N        of every stepper (20000 if not said)
-            --span SPAN      simulated time of the viewer (30s if not said)
-            --pages N        that watch it and pull at it (30 if not said)
-            --only NAME      physics, model, guard, corrected or viewer (repeat for
-                             several)
-            --seed N         other hands
-  load    connections, pages and requests for the viewer; a page is answered in time
-            --half-open N    connections that say nothing or half a request (400 if not said)
-            --pages N        that watch it and pull at it (30 if not said)
-            --seed N         other hands";
-
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let Some((command, options)) = words.split_first() else {
-        println!("{HELP}");
-        return ExitCode::from(2);
-    };
-    let outcome: Result<bool> = match command.as_str() {
-        "fuzz" => fuzz::run(options),
-        "faults" => faults::run(options),
-        "kill" => kill::run(options),
-        "soak" => soak::run(options),
-        "load" => load::run(options),
-        _ => {
-            eprintln!("{HELP}");
-            return ExitCode::from(2);
-        }
-    };
-    match outcome {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    selvedge_trials::run(&words)
 }

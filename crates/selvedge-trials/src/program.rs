@@ -18,7 +18,7 @@ impl Program {
     /// When there is none.
     pub(crate) fn find() -> Result<Self> {
         let path = match std::env::var_os("SELVEDGE") {
-            Some(path) => PathBuf::from(path),
+            Some(path) => std::path::absolute(path).context("SELVEDGE")?,
             None => {
                 let own = std::env::current_exe().context("the path of this program")?;
                 own.with_file_name("selvedge")
@@ -31,6 +31,11 @@ impl Program {
             );
         }
         Ok(Self(path))
+    }
+
+    /// Its path.
+    pub(crate) fn path(&self) -> &Path {
+        &self.0
     }
 
     /// The program with `arguments`, split at spaces, in `folder`. It says nothing.

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use glam::Vec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -85,15 +85,7 @@ impl Viewer {
 pub(crate) fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared) -> Result<()> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(u64::from(number));
-    let mut request = format!("ws://{address}/socket").into_client_request()?;
-    let protocol = format!("selvedge.v{}", protocol::VERSION).parse()?;
-    request
-        .headers_mut()
-        .insert("Sec-WebSocket-Protocol", protocol);
-    let stream = TcpStream::connect(address)?;
-    stream.set_read_timeout(Some(SILENCE))?;
-    let (mut socket, _) = tungstenite::client(request, stream)
-        .map_err(|error| anyhow::anyhow!("page {number}: {error}"))?;
+    let mut socket = connected(address).with_context(|| format!("page {number}"))?;
     if number == 0 {
         send(&mut socket, 19, br#"{"do":"rate","rate":4.0}"#)?;
     }
@@ -127,6 +119,31 @@ pub(crate) fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared)
         }
     }
     Ok(())
+}
+
+/// A socket of the viewer. Under load a connection may be closed before its request is read, so
+/// that others have room; as a page in a browser does, this tries again.
+fn connected(address: SocketAddr) -> Result<WebSocket<TcpStream>> {
+    let until = Instant::now() + SILENCE;
+    loop {
+        match connect(address) {
+            Err(_) if Instant::now() < until => thread::sleep(Duration::from_millis(100)),
+            outcome => return outcome,
+        }
+    }
+}
+
+fn connect(address: SocketAddr) -> Result<WebSocket<TcpStream>> {
+    let mut request = format!("ws://{address}/socket").into_client_request()?;
+    let protocol = format!("selvedge.v{}", protocol::VERSION).parse()?;
+    request
+        .headers_mut()
+        .insert("Sec-WebSocket-Protocol", protocol);
+    let stream = TcpStream::connect(address)?;
+    stream.set_read_timeout(Some(SILENCE))?;
+    let (socket, _) =
+        tungstenite::client(request, stream).map_err(|error| anyhow::anyhow!("{error}"))?;
+    Ok(socket)
 }
 
 fn send(socket: &mut WebSocket<TcpStream>, kind: u8, body: &[u8]) -> Result<()> {

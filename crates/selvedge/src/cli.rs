@@ -6,6 +6,7 @@ mod evaluate;
 mod export;
 mod guard;
 mod import;
+mod parts;
 mod study;
 mod view;
 
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use selvedge_cluster::Shard;
 use selvedge_lab::span;
 use selvedge_train::Setting;
 
@@ -25,6 +27,7 @@ pub(crate) use self::evaluate::EvaluateArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::guard::{GuardName, StressArgs};
 pub(crate) use self::import::ImportArgs;
+pub(crate) use self::parts::PartArgs;
 pub(crate) use self::study::{ConvergenceArgs, StudyArgs, StudyCommand, StudyFileArgs};
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
@@ -34,7 +37,8 @@ use crate::output::Reader;
 /// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth,
 /// from a graph network that was trained on its own physics simulator.
 #[derive(Debug, Parser)]
-#[command(version, propagate_version = true, after_help = OVERVIEW)]
+#[command(name = "selvedge", version = env!("SELVEDGE_VERSION"))]
+#[command(propagate_version = true, after_help = OVERVIEW)]
 pub(crate) struct Cli {
     /// The command.
     #[command(subcommand)]
@@ -45,6 +49,9 @@ pub(crate) struct Cli {
     /// Find rest poses anew, and keep none for another time.
     #[arg(long, global = true)]
     pub(crate) no_cache: bool,
+    /// Show no progress: standard error has warnings and errors alone.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
     /// Say more about what is being done; twice for still more.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,
@@ -102,9 +109,33 @@ pub(crate) enum Command {
     /// Operations per vertex, per arc and per frame of a cloth of 1024 vertices and 5898 arcs (the
     /// paper's), counted from the spec: two for each multiplication with its addition in a product.
     Presets,
+    Completions(CompletionsArgs),
+    Manual(ManualArgs),
     /// Print this reference as Markdown, for the book.
     #[command(hide = true)]
     Reference(ReferenceArgs),
+}
+
+/// Print what a shell needs to complete commands and options.
+///
+/// The script goes to standard output. Its place for bash is
+/// ~/.local/share/bash-completion/completions/selvedge, for zsh _selvedge in a folder of fpath, for
+/// fish ~/.config/fish/completions/selvedge.fish.
+#[derive(Debug, Args)]
+pub(crate) struct CompletionsArgs {
+    /// The shell.
+    #[arg(value_name = "SHELL")]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+/// Write manual pages, one for each command.
+///
+/// Into ~/.local/share/man/man1 they are found by `man`, as selvedge-rollout.
+#[derive(Debug, Args)]
+pub(crate) struct ManualArgs {
+    /// The folder, made if it is not there.
+    #[arg(value_name = "FOLDER")]
+    pub(crate) folder: PathBuf,
 }
 
 /// Arguments of the hidden command that serves the book.
@@ -164,8 +195,9 @@ pub(crate) struct RolloutArgs {
     /// Do not make a clip.
     #[arg(long)]
     no_clip: bool,
-    /// Also write the model's run in the format of another program, as its name ends: .usda, .glb,
-    /// .pc2, .npz, .gif or .mp4; may stand several times (`selvedge export` has more).
+    /// Also write the model's run in the format of another program, as its name ends: .usda, .usdc,
+    /// .usdz, .abc, .glb, .pc2, .mdd, .npz, .gif or .mp4; may stand several times (`selvedge
+    /// export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
 }
@@ -244,8 +276,9 @@ pub(crate) struct SimulateArgs {
     /// Also keep positions and velocities of every frame in double precision (.safetensors).
     #[arg(long, value_name = "FILE")]
     pub(crate) states: Option<PathBuf>,
-    /// Also write the run in the format of another program, as its name ends: .usda, .glb, .pc2,
-    /// .npz, .gif or .mp4; may stand several times (`selvedge export` has more).
+    /// Also write the run in the format of another program, as its name ends: .usda, .usdc, .usdz,
+    /// .abc, .glb, .pc2, .mdd, .npz, .gif or .mp4; may stand several times (`selvedge export` has
+    /// more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
 }
@@ -312,6 +345,7 @@ pub(crate) struct SagArgs {
 pub(crate) enum DatasetCommand {
     Plan(PlanArgs),
     Generate(GenerateArgs),
+    Merge(MergeArgs),
     Import(ImportArgs),
     Inspect(DatasetInspectArgs),
 }
@@ -324,7 +358,11 @@ pub(crate) enum DatasetCommand {
 #[command(after_help = "\
 Examples:
   selvedge dataset generate first --out data/first
-  selvedge dataset generate my-preset.toml --out data/mine --threads 4")]
+  selvedge dataset generate my-preset.toml --out data/mine --threads 4
+  selvedge dataset generate paper --out parts/3 --shard 3/8
+
+With --shard the folder gets the third of eight parts, by a command that needs no other: for the
+array jobs of a cluster. `selvedge dataset merge` makes the parts one.")]
 pub(crate) struct GenerateArgs {
     /// A preset: a TOML file, or the name of a shipped one.
     pub(crate) preset: String,
@@ -334,6 +372,26 @@ pub(crate) struct GenerateArgs {
     /// Scenes that are simulated at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
+    /// Make only part I of N, counted from 1.
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Shard>,
+}
+
+/// Make the parts of a data set one.
+///
+/// Every part must be there and whole, and be made from the same preset; the data set then has the
+/// same bytes as one that was made by one run. The parts stay as they are.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  selvedge dataset merge parts/1 parts/2 parts/3 --out data/mine")]
+pub(crate) struct MergeArgs {
+    /// The folders of the parts, in any order.
+    #[arg(required = true, value_name = "FOLDER")]
+    pub(crate) parts: Vec<PathBuf>,
+    /// The folder of the data set; it is made.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
 }
 
 /// Say what a preset will make, without making it: trajectories, frames, sections, samples.
@@ -430,7 +488,8 @@ pub(crate) struct CompareArgs {
 /// Say what a file or folder is and what is in it.
 ///
 /// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations,
-/// studies, meshes, exported arrays (.npz), nodes of other programs (.glb, .usda), and the folders
+/// studies, meshes, exported arrays (.npz), nodes of other programs (.glb, USD, .abc), and the
+/// folders
 /// of data sets, trainings and studies.
 #[derive(Debug, Args)]
 #[command(after_help = "\

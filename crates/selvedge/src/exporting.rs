@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_data::export::{
-    ExportEnd, ExportFormat, ExportOptions, FrameSpan, Normals, export, files_beside, planned_bytes,
+    ExportEnd, ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export, files_beside,
+    planned_bytes,
 };
 use selvedge_data::{Trajectory, UpAxis};
 
@@ -35,6 +36,8 @@ pub(crate) struct Choice {
     pub(crate) up: UpAxis,
     /// The choice of normals; none takes what the format has.
     pub(crate) normals: Option<Normals>,
+    /// The choice of velocities; none takes what the format has.
+    pub(crate) velocities: Option<Velocities>,
 }
 
 /// The kind of an export.
@@ -60,14 +63,15 @@ impl Wish {
         let named = extension.and_then(FormatName::of_extension);
         let Some(format) = format.or(named) else {
             return Err(WrongUsage::new(format!(
-                "{}: the name must end in .usda, .glb, .pc2, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
+                "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .mdd, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
                 path.display()
             ))
             .into());
         };
-        if format == FormatName::Pc2 && extension.is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
+        let is_cache = matches!(format, FormatName::Pc2 | FormatName::Mdd);
+        if is_cache && extension.is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
             return Err(WrongUsage::new(format!(
-                "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2",
+                "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2 or .mdd",
                 path.display()
             ))
             .into());
@@ -75,8 +79,12 @@ impl Wish {
         let is_folder = named != Some(format);
         let kind = match format {
             FormatName::Usda => Kind::Numbers(ExportFormat::Usda),
+            FormatName::Usdc => Kind::Numbers(ExportFormat::Usdc),
+            FormatName::Usdz => Kind::Numbers(ExportFormat::Usdz),
             FormatName::Glb => Kind::Numbers(ExportFormat::Glb),
             FormatName::Pc2 => Kind::Numbers(ExportFormat::Pc2),
+            FormatName::Mdd => Kind::Numbers(ExportFormat::Mdd),
+            FormatName::Abc => Kind::Numbers(ExportFormat::Abc),
             FormatName::Npz => Kind::Numbers(ExportFormat::Npz),
             FormatName::Obj if is_folder => Kind::Numbers(ExportFormat::ObjSequence),
             FormatName::Obj => Kind::Numbers(ExportFormat::Obj),
@@ -121,9 +129,21 @@ impl Wish {
             Kind::Numbers(ExportFormat::Glb) if self.choice.up == UpAxis::Z => {
                 wrong("--up z: glTF has y up, and every reader turns it".to_owned())
             }
+            Kind::Numbers(format)
+                if !format.has_velocities()
+                    && self.choice.velocities == Some(Velocities::Written) =>
+            {
+                wrong(format!(
+                    "--velocities: {} has none; USD and Alembic have them",
+                    self.path.display()
+                ))
+            }
             Kind::Numbers(_) => Ok(()),
             _ if self.choice.up == UpAxis::Z => wrong("--up z: a picture has no axes".to_owned()),
             _ if self.choice.normals.is_some() => wrong("--normals: a picture has none".to_owned()),
+            _ if self.choice.velocities.is_some() => {
+                wrong("--velocities: a picture has none".to_owned())
+            }
             _ => Ok(()),
         }
     }
@@ -148,7 +168,7 @@ impl Wish {
     /// All that is written whatever the trajectory has beside its cloth.
     pub(crate) fn outputs(&self) -> Vec<PathBuf> {
         let mut outputs = vec![self.path.clone()];
-        if self.kind == Kind::Numbers(ExportFormat::Pc2) {
+        if let Kind::Numbers(ExportFormat::Pc2 | ExportFormat::Mdd) = self.kind {
             outputs.push(self.path.with_extension("obj"));
         }
         outputs
@@ -179,25 +199,19 @@ impl Wish {
         format: ExportFormat,
         frames: usize,
     ) -> anyhow::Result<End> {
-        let by_format = match format {
-            ExportFormat::Glb => Normals::Written,
-            ExportFormat::Usda
-            | ExportFormat::Pc2
-            | ExportFormat::Obj
-            | ExportFormat::ObjSequence
-            | ExportFormat::Npz => Normals::LeftOut,
-        };
+        let usual = ExportOptions::usual(format);
         let options = ExportOptions {
             format,
             frames: self.choice.frames,
             up: self.choice.up,
-            normals: self.choice.normals.unwrap_or(by_format),
+            normals: self.choice.normals.unwrap_or(usual.normals),
+            velocities: self.choice.velocities.unwrap_or(usual.velocities),
         };
         if let (ExportFormat::Glb, Some(bytes)) = (format, planned_bytes(trajectory, &options)?)
             && bytes > HEAVY
         {
             tracing::warn!(
-                "{}: {:.1} GB, a morph target for each of {frames} frames: --every, .usda or .pc2 are lighter",
+                "{}: {:.1} GB, a morph target for each of {frames} frames: --every, .abc or .pc2 are lighter",
                 self.path.display(),
                 bytes as f64 / 1e9
             );

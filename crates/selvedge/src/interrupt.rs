@@ -8,13 +8,13 @@
 
 use std::io::Write;
 use std::ops::ControlFlow;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, LazyLock, OnceLock};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 /// Time from the press to the last loop that heard of it `[ms]`.
 static HEARD: AtomicU64 = AtomicU64::new(0);
 static PRESSED: OnceLock<Instant> = OnceLock::new();
@@ -22,7 +22,7 @@ static PRESSED: OnceLock<Instant> = OnceLock::new();
 static UNSAVED: AtomicBool = AtomicBool::new(false);
 
 /// Time that a loop has to hear of the press, and the next one after it.
-const PATIENCE: Duration = Duration::from_millis(800);
+const PATIENCE: Duration = Duration::from_millis(500);
 /// Between two looks at whether the program can end.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -70,6 +70,11 @@ fn since_press() -> Duration {
 /// Says that from now on there are results that no file has yet.
 pub(crate) fn keep_results() {
     UNSAVED.store(true, Ordering::SeqCst);
+}
+
+/// The flag that the first press sets.
+pub(crate) fn flag() -> Arc<AtomicBool> {
+    Arc::clone(&REQUESTED)
 }
 
 /// Returns `true` after the first press.

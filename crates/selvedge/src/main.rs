@@ -4,7 +4,6 @@
 //! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
 //! command answers goes to standard output, everything else to standard error.
 
-mod cache;
 mod cli;
 mod commands;
 mod exporting;
@@ -15,6 +14,7 @@ mod output;
 mod pictures;
 mod place;
 mod progress;
+mod ranks;
 mod scenes;
 mod view;
 
@@ -29,24 +29,30 @@ use crate::output::End;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     listen_to_traces(cli.verbose);
-    match answer(&cli) {
-        Ok(End::Complete) => ExitCode::SUCCESS,
-        Ok(End::Interrupted) => ExitCode::from(interrupt::EXIT_CODE),
-        Err(error) => {
-            failure::print(&error);
-            ExitCode::from(failure::exit_code(&error))
-        }
+    if cli.quiet {
+        progress::be_quiet();
     }
+    let answered = answer(&cli);
+    let code = match &answered {
+        Ok(End::Complete) => 0,
+        Ok(End::Interrupted) => interrupt::EXIT_CODE,
+        Err(error) => failure::exit_code(error),
+    };
+    let of_others = ranks::leave(answered.as_ref().err());
+    ExitCode::from(of_others.unwrap_or(code))
 }
 
 fn answer(cli: &Cli) -> anyhow::Result<End> {
     interrupt::install()?;
+    ranks::open(commands::shares(&cli.command))?;
     selvedge_cloth::observe_long_work(progress::observe);
     if !cli.no_cache {
-        cache::open();
+        selvedge_lab::cache::open();
     }
     let answer = commands::run(&cli.command)?;
-    answer.print(cli.reader())?;
+    if ranks::all().is_first() {
+        answer.print(cli.reader())?;
+    }
     answer.outcome()
 }
 

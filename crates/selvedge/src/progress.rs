@@ -7,6 +7,7 @@
 use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::ThreadId;
 use std::time::{Duration, Instant};
@@ -24,6 +25,23 @@ const PLAIN_INTERVAL: Duration = Duration::from_secs(10);
 /// Between two drawings of the bar.
 const DRAWS_PER_SECOND: u8 = 8;
 
+/// True where no progress is shown.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Shows no progress from now on.
+pub(crate) fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Another process talks to people.
+static SILENT: AtomicBool = AtomicBool::new(false);
+
+/// Says nothing from now on.
+pub(crate) fn silence() {
+    SILENT.store(true, Ordering::Relaxed);
+    be_quiet();
+}
+
 /// A count on its way to a total.
 pub(crate) struct Progress {
     what: String,
@@ -36,6 +54,8 @@ pub(crate) struct Progress {
 }
 
 enum Form {
+    /// Nothing is shown.
+    Quiet,
     Bar(ProgressBar),
     Plain(Mutex<Plain>),
 }
@@ -54,7 +74,9 @@ impl Progress {
 
     fn start(what: String, goal: Goal, unit: &'static str) -> Self {
         let started = Instant::now();
-        let form = if std::io::stderr().is_terminal() {
+        let form = if QUIET.load(Ordering::Relaxed) {
+            Form::Quiet
+        } else if std::io::stderr().is_terminal() {
             Form::Bar(hidden_bar(&what, goal, unit))
         } else {
             Form::Plain(Mutex::new(Plain {
@@ -88,6 +110,7 @@ impl Progress {
     /// One more is done; nothing is lost where the program ends now.
     pub(crate) fn count(&self) {
         match &self.form {
+            Form::Quiet => {}
             Form::Bar(bar) => {
                 if bar.is_hidden() && self.started.elapsed() >= PATIENCE {
                     bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(DRAWS_PER_SECOND));
@@ -113,6 +136,7 @@ impl Progress {
     /// A word on what is being done now, beside the bar.
     pub(crate) fn note(&self, note: impl Into<String>) {
         match &self.form {
+            Form::Quiet => {}
             Form::Bar(bar) => bar.set_message(note.into()),
             Form::Plain(plain) => {
                 let mut plain = plain.lock().unwrap_or_else(PoisonError::into_inner);
@@ -185,6 +209,9 @@ pub(crate) fn observe(word: LongWork<'_>) -> ControlFlow<()> {
 
 /// Says a line on standard error, which may be closed; that is no reason to stop.
 pub(crate) fn say(line: &str) {
+    if SILENT.load(Ordering::Relaxed) {
+        return;
+    }
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
@@ -236,7 +263,7 @@ fn hidden_bar(what: &str, goal: Goal, unit: &str) -> ProgressBar {
         Goal::Count(total) => (
             Some(total),
             format!(
-                "{{prefix}} [{{bar:30}}] {{pos}}/{{len}} {unit}, {{rate}}, {{eta}} to go  {{wide_msg}}"
+                "{{prefix}} [{{bar:12}}] {{pos}}/{{len}} {unit}, {{rate}}, {{eta}} to go  {{wide_msg}}"
             ),
         ),
         Goal::Open => (

@@ -2,11 +2,12 @@
 
     python docs/src/python/check_exports.py out/rollout.safetensors exports
 
-The folder has what `selvedge export` made of that run: any of cloth.usda, cloth-z.usda (--up z), cloth.glb,
-cloth.pc2 (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usda (--frames 10.. --every 4).
+The folder has what `selvedge export` made of that run: any of cloth.usda, cloth.usdc, cloth.usdz, cloth-z.usda (--up z),
+cloth.abc, cloth.glb, cloth.pc2 and cloth.mdd (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usda,
+thin.abc (--frames 10.. --every 4).
 docs/src/guides/export.md has the commands. Needs numpy, and what there is of
 
-    bpy        Blender 4.2 as a Python module (Python 3.11)
+    bpy        Blender 4.2 or later as a Python module (Python 3.11)
     usd-core   Pixar's USD
     pygltflib, trimesh
 
@@ -80,6 +81,18 @@ class Check:
             count += 1
         self.say(name, reader, count, worst if count else float("nan"))
 
+    def compare_velocities(self, name, reader, found):
+        """`found` has (frame of the run, velocities with y up); frames with neighbours are compared."""
+        worst, count = 0.0, 0
+        for frame, velocities in found:
+            if 0 < frame < len(self.positions) - 1:
+                expected = (self.positions[frame + 1] - self.positions[frame - 1]) * self.rate / 2
+                worst = max(worst, float(np.abs(np.asarray(velocities, np.float64) - expected).max()))
+                count += 1
+        verdict = "ok" if worst <= LIMIT else "TOO FAR"
+        self.failed |= not worst <= LIMIT
+        print(f"{name:14} {reader:28} {count:3} frames  {worst:9.2e} m/s {verdict}", flush=True)
+
     def path(self, name):
         path = self.folder / name
         return str(path.resolve()) if path.exists() else None
@@ -101,10 +114,10 @@ def check_numpy(check):
 
 
 def check_usd(check):
-    from pxr import Gf, Usd, UsdGeom, UsdValidation
+    from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation
 
     version = ".".join(str(part) for part in Usd.GetVersion()[1:])
-    for name in ["cloth.usda", "cloth-z.usda", "thin.usda"]:
+    for name in ["cloth.usda", "cloth.usdc", "cloth.usdz", "cloth-z.usda", "thin.usda"]:
         path = check.path(name)
         if not path:
             continue
@@ -125,6 +138,12 @@ def check_usd(check):
         st = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st")
         check.expect(name, "st", (np.asarray(st.Get()) == check.material).all())
         check.compare(name, f"usd-core {version}", ((f, turn(points.Get(c))) for f, c in zip(frames, codes)))
+        velocities = mesh.GetVelocitiesAttr()
+        if velocities.GetNumTimeSamples():
+            found = ((f, turn(velocities.Get(c))) for f, c in zip(frames, codes))
+            check.compare_velocities(name, "  velocities", found)
+        material = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()[0]
+        check.expect(name, "material", material and material.ComputeSurfaceSource()[0].GetShaderId() == "UsdPreviewSurface")
         worst = 0.0
         for code in codes:
             boxes = [mesh.GetExtentAttr().Get(code), UsdGeom.Boundable.ComputeExtentFromPlugins(mesh, code)]
@@ -222,7 +241,31 @@ def check_blender(check):
                     worst = max(worst, float(np.abs(place - check.positions[f][vertex]).max()))
                 check.say(name, f"  handle_{number}", len(frames), worst)
 
-    for name in ["cloth.usda", "cloth-z.usda", "thin.usda"]:
+    def sheet_velocities(frames):
+        for f in frames:
+            bpy.context.scene.frame_set(f - frames[0])
+            mesh = sheet().evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+            values = np.empty(3 * len(mesh.vertices), np.float32)
+            mesh.attributes["velocity"].data.foreach_get("vector", values)
+            yield f, y_up(values.reshape(-1, 3))
+
+    for name in ["cloth.abc", "thin.abc"]:
+        if path := check.path(name):
+            fresh()
+            bpy.ops.wm.alembic_import(filepath=path)
+            frames = taken(check, name)
+            if name == "cloth.abc":
+                follow(name, check.frames)
+                check.compare_velocities(name, "  velocities", sheet_velocities(check.frames))
+            else:
+                # Alembic counts seconds, which Blender turns into frames of its scene: every fourth has a sample.
+                follow(name, frames[::5])
+            uv = sheet().data.uv_layers[0].data
+            corner = sheet().data.loops[0].vertex_index
+            check.expect(name, "uv", np.allclose(uv[0].uv, check.material[corner], rtol=0, atol=1e-6))
+            corners = np.array([loop.vertex_index for loop in sheet().data.loops]).reshape(-1, 3)
+            check.expect(name, "faces", (corners == check.faces).all())
+    for name in ["cloth.usda", "cloth.usdc", "cloth.usdz", "cloth-z.usda", "thin.usda"]:
         if path := check.path(name):
             fresh()
             bpy.ops.wm.usd_import(filepath=path)
@@ -241,13 +284,14 @@ def check_blender(check):
             corner = sheet().data.loops[0].vertex_index
             check.expect(name, "texture", np.allclose(uv[0].uv, check.material[corner], rtol=0, atol=1e-6))
             check.expect(name, "two-sided", not sheet().material_slots[0].material.use_backface_culling)
-    if path := check.path("cloth.pc2"):
-        fresh()
-        bpy.ops.wm.obj_import(filepath=check.path("cloth.obj"))
-        cache = sheet().modifiers.new("cloth", "MESH_CACHE")
-        cache.cache_format = "PC2"
-        cache.filepath = path
-        follow("cloth.pc2", check.frames)
+    for name in ["cloth.pc2", "cloth.mdd"]:
+        if path := check.path(name):
+            fresh()
+            bpy.ops.wm.obj_import(filepath=check.path("cloth.obj"))
+            cache = sheet().modifiers.new("cloth", "MESH_CACHE")
+            cache.cache_format = name[-3:].upper()
+            cache.filepath = path
+            follow(name, check.frames)
 
 
 def main():

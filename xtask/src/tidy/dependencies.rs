@@ -7,7 +7,7 @@ use super::violation::Violation;
 use crate::metadata::Graph;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 24] = [
+const FORBIDDEN: [(&str, &str); 30] = [
     ("selvedge-contact", "selvedge-sim"),
     ("selvedge-contact", "selvedge-data"),
     ("selvedge-contact", "selvedge-model"),
@@ -32,6 +32,12 @@ const FORBIDDEN: [(&str, &str); 24] = [
     ("selvedge-gpu", "selvedge-sim"),
     ("selvedge-view", "selvedge-gpu"),
     ("selvedge-live", "selvedge-gpu"),
+    ("selvedge-contact", "selvedge-cluster"),
+    ("selvedge-sim", "selvedge-cluster"),
+    ("selvedge-model", "selvedge-cluster"),
+    ("selvedge-guard", "selvedge-cluster"),
+    ("selvedge-corrected", "selvedge-cluster"),
+    ("selvedge-view", "selvedge-cluster"),
 ];
 
 /// Pairs that not even a test may join.
@@ -40,16 +46,17 @@ const FORBIDDEN_IN_TESTS: [(&str, &str); 2] = [
     ("selvedge-model", "selvedge-sim"),
 ];
 
-/// The package of the nouns, which depends on nothing of ours.
-const NOUNS: &str = "selvedge-cloth";
+/// The packages that depend on nothing of ours: what ships, the nouns, and the ranks of a job.
+const LEAVES: [&str; 3] = ["selvedge-assets", "selvedge-cloth", "selvedge-cluster"];
 
-/// The command line, on which nothing depends.
-const COMMAND_LINE: &str = "selvedge";
+/// The command line and the library for C, on which nothing depends.
+const ENDS: [&str; 2] = ["selvedge", "selvedge-c"];
 
 /// The binding of CUDA, and the members that may reach it: the engine, and its users above.
 const CUDA: &str = "cudarc";
-const KNOW_CUDA: [&str; 4] = [
+const KNOW_CUDA: [&str; 5] = [
     "selvedge",
+    "selvedge-c",
     "selvedge-gpu",
     "selvedge-lab",
     "selvedge-trials",
@@ -73,12 +80,10 @@ const TENSOR_FRAMEWORKS: [&str; 9] = [
 pub(crate) fn check(graph: &Graph) -> Vec<Violation> {
     let mut pairs: Vec<(&str, &str)> = FORBIDDEN.to_vec();
     for member in graph.members.iter().map(String::as_str) {
-        if member != COMMAND_LINE {
-            pairs.push((member, COMMAND_LINE));
-        }
-        if member != NOUNS {
-            pairs.push((NOUNS, member));
-        }
+        let ends = ENDS.into_iter().filter(|end| *end != member);
+        pairs.extend(ends.map(|end| (member, end)));
+        let leaves = LEAVES.into_iter().filter(|leaf| *leaf != member);
+        pairs.extend(leaves.map(|leaf| (leaf, member)));
         if !KNOW_CUDA.contains(&member) {
             pairs.push((member, CUDA));
         }

@@ -196,7 +196,7 @@ fn quoted_paths(line: &str) -> impl Iterator<Item = &str> {
 }
 
 /// `target` seen from `folder`, both relative to the root; none when it leads outside.
-fn resolve(folder: &str, target: &str) -> Option<String> {
+pub(super) fn resolve(folder: &str, target: &str) -> Option<String> {
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
     for part in target.split('/') {
         match part {

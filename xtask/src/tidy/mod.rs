@@ -11,6 +11,7 @@ mod equations;
 mod manifests;
 mod map;
 mod marks;
+mod packages;
 mod page;
 mod prose;
 mod signatures;
@@ -57,6 +58,7 @@ fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     let mut all = dependencies::check(graph);
     all.extend(sizes::check(tree));
     all.extend(manifests::check(tree));
+    all.extend(packages::check(tree));
     all.extend(equations::check(tree));
     all.extend(marks::check(tree));
     all.extend(cards::check(tree));

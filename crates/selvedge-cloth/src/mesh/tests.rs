@@ -55,6 +55,32 @@ fn the_rest_shape_does_not_depend_on_the_pose() {
 }
 
 #[test]
+fn coordinates_that_no_cloth_has_are_named() {
+    for (size, is_taken) in [(1e15, true), (1.1e15, false), (1e160, false)] {
+        let (faces, uv, positions) = quad();
+        let wide: Vec<DVec2> = uv.iter().map(|c| *c * 0.5 * size).collect();
+        let far = positions.iter().map(|p| *p * 0.5 * size).collect();
+        let pattern = Mesh::new(&faces, wide, positions.clone());
+        let placed = Mesh::new(&faces, uv.clone(), far);
+        let mesh = || Mesh::new(&faces, uv.clone(), positions.clone()).unwrap();
+        let scaled = mesh().with_pattern_scaled(0.5 * size);
+        let moved = mesh().with_positions(vec![DVec3::splat(size); 4]);
+        for (made, what) in [
+            (pattern, "the material coordinate of vertex 1"),
+            (placed, "the position of vertex 1"),
+            (scaled, "the material coordinate of vertex 1"),
+            (moved, "the position of vertex 0"),
+        ] {
+            let problem = made.err().map(|error| error.to_string());
+            assert_eq!(problem.is_none(), is_taken, "{size}, {what}: {problem:?}");
+            if let Some(text) = problem {
+                assert!(text.contains(what) && text.contains("1e15 m"), "{text}");
+            }
+        }
+    }
+}
+
+#[test]
 fn defects_are_named() {
     let build = |spoil: fn(&mut Vec<[u32; 3]>, &mut Vec<DVec2>, &mut Vec<DVec3>)| {
         let (mut faces, mut uv, mut positions) = quad();

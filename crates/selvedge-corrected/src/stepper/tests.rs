@@ -2,7 +2,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
     Environment, Gust, HandleSchedule, Integrator, Motion, PhysicsSettings, SagSettings,
@@ -11,7 +11,7 @@ use selvedge_model::{Encoder, ModelSpec, Network, Normalizer, Normalizers};
 
 use super::*;
 
-const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
+const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
 /// Deviation of corrections that do no harm `[m]`.
 const SMALL: f64 = 1e-4;
 
@@ -117,6 +117,7 @@ fn corrected_physics_conforms() {
             let make = || stepper(&scene, base, SMALL);
             let checked = check_correctable(make, HandlesEnd::AtTargets);
             assert_eq!(checked, Ok(()), "{base:?}");
+            assert_eq!(check_stop(make), Ok(()), "{base:?}");
         }
     }
 }

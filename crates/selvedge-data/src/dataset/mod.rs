@@ -8,13 +8,14 @@
 //! the hash (BLAKE3) and size of every file, the sections to learn from and a few statistics.
 
 pub(crate) mod check;
+pub(crate) mod merge;
 pub(crate) mod plan;
 pub(crate) mod preset;
 pub(crate) mod problem;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
-use crate::dataset::problem::{FolderProblem, IndexProblem};
+use crate::dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
@@ -160,6 +161,8 @@ pub enum DatasetError {
         other: Box<Entry>,
     },
     #[error(transparent)]
+    Parts(Box<PartsProblem>),
+    #[error(transparent)]
     Trajectory(#[from] ReadTrajectoryError),
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -167,6 +170,12 @@ pub enum DatasetError {
     Sections(#[from] SectionError),
     #[error(transparent)]
     Metric(#[from] MetricError),
+}
+
+impl From<PartsProblem> for DatasetError {
+    fn from(problem: PartsProblem) -> Self {
+        Self::Parts(Box::new(problem))
+    }
 }
 
 /// A complete data set.

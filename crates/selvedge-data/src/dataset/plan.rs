@@ -1,5 +1,6 @@
 //! The plan of a data set: its configuration, motions and sections.
 
+use selvedge_cluster::Shard;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -32,6 +33,17 @@ impl DatasetPlan {
             Split::Train => &self.train,
             Split::Test => &self.test,
         }
+    }
+
+    /// The motions of a part, the training split first; all of them without one.
+    pub(super) fn of_part(&self, part: Option<Shard>) -> Vec<(Split, &str)> {
+        [Split::Train, Split::Test]
+            .into_iter()
+            .flat_map(|split| self.motions(split).iter().map(move |m| (split, m.as_str())))
+            .enumerate()
+            .filter(|(number, _)| part.is_none_or(|part| part.has(*number)))
+            .map(|(_, motion)| motion)
+            .collect()
     }
 
     /// Returns the difference between the data set of `index` and the one that the plan makes, as

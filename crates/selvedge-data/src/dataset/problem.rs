@@ -1,5 +1,7 @@
 //! Everything that can be wrong with the index of a data set, or with the folder it is made in.
 
+use std::path::PathBuf;
+
 use serde_json::Value;
 use thiserror::Error;
 
@@ -79,8 +81,50 @@ pub enum IndexProblem {
 pub enum FolderProblem {
     #[error("holds a data set that {difference}: choose another folder")]
     Other { difference: String },
+    #[error("holds {found} of this data set, not {asked}: choose another folder")]
+    OtherPart { found: String, asked: String },
     #[error("has files in {name}/ but no index: choose an empty folder")]
     NoIndex { name: &'static str },
     #[error("could not be made: {0}")]
     Make(#[source] std::io::Error),
+}
+
+/// A problem of parts that are to be one data set.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum PartsProblem {
+    #[error("name the folders of the parts")]
+    None,
+    #[error(
+        "{}: is no part of a data set: `selvedge dataset generate --shard I/N` makes one",
+        folder.display()
+    )]
+    NoPart { folder: PathBuf },
+    #[error("{}: is part {part}, and {} is part {other}: take parts of one number", folder.display(), first.display())]
+    OtherCount {
+        folder: PathBuf,
+        part: String,
+        first: PathBuf,
+        other: String,
+    },
+    #[error("{}: does not fit {}, since it {difference}", folder.display(), first.display())]
+    OtherPlan {
+        folder: PathBuf,
+        first: PathBuf,
+        difference: String,
+    },
+    #[error("{}: part {part} lacks {} of its trajectories, as {:?}: run again the command that makes it", folder.display(), missing.len(), missing.first().map_or("", String::as_str))]
+    Incomplete {
+        folder: PathBuf,
+        part: String,
+        missing: Vec<String>,
+    },
+    #[error("parts {} are missing: name their folders, too, or make them", missing.join(", "))]
+    Missing { missing: Vec<String> },
+    #[error("{} and {} are both part {part}", first.display(), second.display())]
+    Twice {
+        first: PathBuf,
+        second: PathBuf,
+        part: String,
+    },
 }

@@ -3,6 +3,9 @@
 //! Until all are there `index.partial.json` holds the plan and what is done, rewritten after every
 //! trajectory; a second run with the same plan keeps what has the right hash. The order in which
 //! trajectories arrive does not change the finished index.
+//!
+//! A part of a data set is such a folder that is never finished: its plan is that of the whole, and
+//! it is to have the trajectories of one shard. `merge` makes parts one.
 
 use crate::dataset::check::{file_of, folder_of};
 use crate::dataset::plan::{DatasetPlan, sections};
@@ -15,22 +18,33 @@ use crate::dataset::{
 use crate::formats::atomic::write_atomically;
 use crate::formats::input::read_file;
 use crate::trajectory::Trajectory;
+use crate::trajectory::file::ReadTrajectoryError;
+use selvedge_cluster::Shard;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-const PARTIAL: &str = "index.partial.json";
+pub(super) const PARTIAL: &str = "index.partial.json";
 
 const PARTIAL_FORMAT: &str = "selvedge-dataset-partial";
 
 /// The contents of `index.partial.json`.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PartialIndex {
+pub(super) struct PartialIndex {
     format: String,
     version: u64,
-    plan: DatasetPlan,
-    done: Splits,
+    pub(super) plan: DatasetPlan,
+    pub(super) done: Splits,
+    /// The shard of a part, as 2/8.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) part: Option<String>,
+}
+
+impl PartialIndex {
+    pub(super) fn read(path: &Path) -> Result<Self, DatasetError> {
+        read_json(path, PARTIAL_FORMAT)
+    }
 }
 
 /// A data set in the making.
@@ -39,6 +53,7 @@ pub struct DatasetWriter {
     folder: PathBuf,
     plan: DatasetPlan,
     done: Splits,
+    part: Option<Shard>,
 }
 
 impl DatasetWriter {
@@ -48,11 +63,25 @@ impl DatasetWriter {
     /// [`DatasetError`] when the folder holds something else, even a data set whose plan differs in
     /// a name, a motion or the order of motions; or when a name cannot be a file's.
     pub fn open(folder: &Path, plan: DatasetPlan) -> Result<Self, DatasetError> {
+        Self::open_part(folder, plan, None)
+    }
+
+    /// The same of a part of a data set: only the trajectories of a shard, counted over the
+    /// training motions and then the test motions.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; also when the folder holds another part.
+    pub fn open_part(
+        folder: &Path,
+        plan: DatasetPlan,
+        part: Option<Shard>,
+    ) -> Result<Self, DatasetError> {
         plan.validate()?;
         let mut writer = Self {
             folder: folder.to_owned(),
             plan,
             done: Splits::default(),
+            part,
         };
         let [partial, finished] = [PARTIAL, INDEX].map(|name| folder.join(name));
         if partial.is_file() {
@@ -74,15 +103,19 @@ impl DatasetWriter {
         done.iter().find(|entry| entry.motion == motion)
     }
 
-    /// The motions that are still to be written, in order.
+    /// The motions that are still to be written, in order; of a part only its own.
     #[must_use]
     pub fn missing(&self) -> Vec<(Split, String)> {
-        [Split::Train, Split::Test]
-            .into_iter()
-            .flat_map(|split| self.plan.motions(split).iter().map(move |m| (split, m)))
-            .filter(|(split, motion)| self.written(*split, motion).is_none())
-            .map(|(split, motion)| (split, motion.clone()))
+        let own = self.plan.of_part(self.part).into_iter();
+        own.filter(|(split, motion)| self.written(*split, motion).is_none())
+            .map(|(split, motion)| (split, motion.to_owned()))
             .collect()
+    }
+
+    /// The number of motions that are to be written and kept here.
+    #[must_use]
+    pub fn motion_count(&self) -> usize {
+        self.plan.of_part(self.part).len()
     }
 
     /// Writes a trajectory, in place of an earlier one of the same motion.
@@ -114,9 +147,32 @@ impl DatasetWriter {
             source,
         })?;
         let entry = Entry::new(motion, &file, &bytes, trajectory)?;
+        self.list(split, entry)
+    }
+
+    /// Writes a trajectory whose file has these bytes, made by another run of the same plan.
+    ///
+    /// # Errors
+    /// As [`Self::add`]; also when the bytes are no trajectory.
+    pub fn add_file(
+        &mut self,
+        split: Split,
+        motion: &str,
+        bytes: &[u8],
+    ) -> Result<(), DatasetError> {
+        let trajectory = Trajectory::from_bytes(bytes).map_err(|source| ReadTrajectoryError {
+            path: file_of(split, motion).into(),
+            source,
+        })?;
+        self.add(split, motion, &trajectory)
+    }
+
+    /// Puts a trajectory that is written on the list of what is done.
+    fn list(&mut self, split: Split, entry: Entry) -> Result<(), DatasetError> {
         let done = self.entries_mut(split);
-        done.retain(|other| other.motion != motion);
+        done.retain(|other| other.motion != entry.motion);
         if let Some(twin) = self.twin_of(&entry) {
+            let path = self.folder.join(&entry.file);
             let (entry, other) = (Box::new(entry), Box::new(twin.clone()));
             // It is in no list: what cannot be taken away is only untidy.
             let _ = std::fs::remove_file(&path);
@@ -168,8 +224,17 @@ impl DatasetWriter {
     }
 
     fn resume_partial(&mut self, path: &Path) -> Result<(), DatasetError> {
-        let partial: PartialIndex = read_json(path, PARTIAL_FORMAT)?;
+        let partial = PartialIndex::read(path)?;
         self.check_same(self.plan.difference_of_plan(&partial.plan))?;
+        let own = self.part.map(|part| part.to_string());
+        if partial.part != own {
+            let name = |part: Option<String>| match part {
+                Some(part) => format!("part {part}"),
+                None => "the whole".to_owned(),
+            };
+            let (found, asked) = (name(partial.part), name(own));
+            return Err(self.folder_error(FolderProblem::OtherPart { found, asked }));
+        }
         self.keep(partial.done);
         Ok(())
     }
@@ -234,6 +299,7 @@ impl DatasetWriter {
             version: VERSION,
             plan: self.plan.clone(),
             done: self.done.clone(),
+            part: self.part.map(|part| part.to_string()),
         };
         self.write_json(PARTIAL, &partial)
     }

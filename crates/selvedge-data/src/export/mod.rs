@@ -1,13 +1,14 @@
-//! A trajectory in the formats of other programs: .usda, .glb, .pc2 with an .obj, .obj by the
-//! frame, .npz. One file per format; all of them write a [`Take`], frames of the trajectory as they
-//! are wanted.
+//! A trajectory in the formats of other programs: .usda, .usdc, .usdz, .abc, .glb, .pc2 or .mdd
+//! with an .obj, .obj by the frame, .npz. One file per format; all of them write a [`Take`], frames
+//! of the trajectory as they are wanted.
 //!
 //! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
 //! beside their place and renamed, folders as a whole. Positions are those of the trajectory, in
 //! metres; the first exported frame is at time 0. Vertices keep their numbers, material coordinates
 //! become texture coordinates. Obstacles stand beside the cloth: in the same file where it has
-//! meshes with names (.usda, .glb) or arrays (.npz), else in files of their own.
+//! meshes with names (USD, .abc, .glb) or arrays (.npz), else in files of their own.
 
+mod abc;
 mod frame_span;
 mod glb;
 mod glb_bodies;
@@ -17,9 +18,9 @@ mod obj;
 mod obstacles;
 mod options;
 mod outcome;
-mod pc2;
+mod point_cache;
 mod take;
-mod usda;
+mod usd;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -28,7 +29,8 @@ pub use self::frame_span::{FrameSpan, FrameSpanError};
 pub use self::npz::NpzTrajectoryError;
 pub(crate) use self::npz::{BodyPoints, body_points, handle_positions};
 pub use self::obstacles::files_beside;
-pub use self::options::{ExportFormat, ExportOptions, Normals};
+use self::options::PointCache;
+pub use self::options::{ExportFormat, ExportOptions, Normals, Velocities};
 pub use self::outcome::ExportError;
 use self::outcome::{Pulse, is_stop};
 pub use self::take::Take;
@@ -56,11 +58,15 @@ pub fn export(
     let take = Take::new(trajectory, options)?;
     let mut pulse = Pulse(observe);
     let written = match options.format {
-        ExportFormat::Usda => usda::write(&take, path, &mut pulse),
+        ExportFormat::Usda => usd::write_text(&take, path, &mut pulse),
+        ExportFormat::Usdc => usd::write_crate(&take, path, &mut pulse),
+        ExportFormat::Usdz => usd::write_package(&take, path, &mut pulse),
         ExportFormat::Glb => glb::write(&take, path, &mut pulse),
-        ExportFormat::Pc2 => pc2::write(&take, path, &mut pulse),
+        ExportFormat::Pc2 => point_cache::write(PointCache::Pc2, &take, path, &mut pulse),
+        ExportFormat::Mdd => point_cache::write(PointCache::Mdd, &take, path, &mut pulse),
         ExportFormat::Obj => obj::write_one(&take, path, &mut pulse),
         ExportFormat::ObjSequence => obj::write_all(&take, path, &mut pulse),
+        ExportFormat::Abc => abc::write(&take, path, &mut pulse),
         ExportFormat::Npz => npz::write(&take, path, &mut pulse),
     };
     match written {
@@ -81,10 +87,15 @@ pub fn planned_bytes(
     let take = Take::new(trajectory, options)?;
     Ok(match options.format {
         ExportFormat::Glb => Some(glb::planned_bytes(&take)),
-        ExportFormat::Pc2 => Some(pc2::planned_bytes(&take)),
-        ExportFormat::Usda | ExportFormat::Obj | ExportFormat::ObjSequence | ExportFormat::Npz => {
-            None
-        }
+        ExportFormat::Pc2 => Some(point_cache::planned_bytes(PointCache::Pc2, &take)),
+        ExportFormat::Mdd => Some(point_cache::planned_bytes(PointCache::Mdd, &take)),
+        ExportFormat::Usda
+        | ExportFormat::Usdc
+        | ExportFormat::Usdz
+        | ExportFormat::Obj
+        | ExportFormat::ObjSequence
+        | ExportFormat::Abc
+        | ExportFormat::Npz => None,
     })
 }
 

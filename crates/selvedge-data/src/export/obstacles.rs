@@ -27,18 +27,18 @@ impl<'a> Take<'a> {
 /// for point caches their caches and the cloth's mesh.
 #[must_use]
 pub fn files_beside(trajectory: &Trajectory, format: ExportFormat, path: &Path) -> Vec<PathBuf> {
-    let is_cache = format == ExportFormat::Pc2;
-    if !is_cache && format != ExportFormat::Obj {
+    let cache = format.point_cache();
+    if cache.is_none() && format != ExportFormat::Obj {
         return Vec::new();
     }
     let mut files = Vec::new();
-    if is_cache {
+    if cache.is_some() {
         files.push(path.with_extension("obj"));
     }
     for obstacle in TakenObstacle::all(trajectory) {
         files.push(obstacle.beside(path, "obj"));
-        if is_cache && !obstacle.is_still() {
-            files.push(obstacle.beside(path, "pc2"));
+        if let Some(cache) = cache.filter(|_| !obstacle.is_still()) {
+            files.push(obstacle.beside(path, cache.extension()));
         }
     }
     files
@@ -51,12 +51,15 @@ impl<'a> TakenObstacle<'a> {
         for track in trajectory.obstacles() {
             let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
             let mut name: String = track.name().chars().map(plain).collect();
-            // USD's names begin with a letter; "sheet" and "handle_0" are the cloth's.
+            // USD's names begin with a letter; "sheet" and "handle_0" are the cloth's, "materials"
+            // a scope of USD's, and "x_mesh" the mesh of x in Alembic.
             if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
                 name.insert_str(0, "obstacle_");
             }
             let is_taken = |name: &str| {
-                let own = name == "sheet" || name == "cloth" || name.starts_with("handle_");
+                let own = ["sheet", "cloth", "materials"].contains(&name)
+                    || name.starts_with("handle_")
+                    || name.ends_with("_mesh");
                 own || taken.iter().any(|other| other.name == name)
             };
             if is_taken(&name) {
@@ -95,6 +98,11 @@ impl TakenObstacle<'_> {
     /// Points in the frame taken as `number` `[m]`, `[points]`.
     pub(super) fn positions(&self, take: &Take<'_>, number: usize) -> Vec<Vec3> {
         take.turned(&self.track.frame(take.frame(number)))
+    }
+
+    /// Velocities of its points in the frame taken as `number` `[m/s]`, `[points]`.
+    pub(super) fn velocities(&self, take: &Take<'_>, number: usize) -> Vec<Vec3> {
+        take.slopes(number, |frame| take.turned(&self.track.frame(frame)))
     }
 
     /// Points of a rigid obstacle before it is placed `[m]`, y up.

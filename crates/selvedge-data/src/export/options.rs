@@ -1,4 +1,4 @@
-//! Choices for an export: format, frames, axis and normals.
+//! Choices for an export: format, frames, axis, normals and velocities.
 
 use super::frame_span::FrameSpan;
 use crate::UpAxis;
@@ -8,14 +8,22 @@ use crate::UpAxis;
 pub enum ExportFormat {
     /// USD as text: a mesh with time samples.
     Usda,
+    /// USD as a binary crate.
+    Usdc,
+    /// USD as an archive of one crate.
+    Usdz,
     /// glTF in one binary file: a mesh with a morph target per frame.
     Glb,
     /// A point cache of all frames, and the mesh of the first beside it (.obj).
     Pc2,
+    /// LightWave's point cache, and the mesh of the first frame beside it (.obj).
+    Mdd,
     /// One frame as a mesh.
     Obj,
     /// A folder with a mesh per frame.
     ObjSequence,
+    /// Alembic, in Ogawa: meshes with samples.
+    Abc,
     /// NumPy's archive of arrays.
     Npz,
 }
@@ -26,7 +34,50 @@ impl ExportFormat {
     pub fn holds_one_frame(self) -> bool {
         match self {
             Self::Obj => true,
-            Self::Usda | Self::Glb | Self::Pc2 | Self::ObjSequence | Self::Npz => false,
+            Self::Usda
+            | Self::Usdc
+            | Self::Usdz
+            | Self::Glb
+            | Self::Pc2
+            | Self::Mdd
+            | Self::ObjSequence
+            | Self::Abc
+            | Self::Npz => false,
+        }
+    }
+
+    /// True for a file that can hold velocities.
+    #[must_use]
+    pub fn has_velocities(self) -> bool {
+        match self {
+            Self::Usda | Self::Usdc | Self::Usdz | Self::Abc => true,
+            Self::Glb | Self::Pc2 | Self::Mdd | Self::Obj | Self::ObjSequence | Self::Npz => false,
+        }
+    }
+
+    /// The kind of point cache that it is.
+    pub(super) fn point_cache(self) -> Option<PointCache> {
+        match self {
+            Self::Pc2 => Some(PointCache::Pc2),
+            Self::Mdd => Some(PointCache::Mdd),
+            _ => None,
+        }
+    }
+}
+
+/// A kind of point cache.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PointCache {
+    Pc2,
+    Mdd,
+}
+
+impl PointCache {
+    /// The ending of a file of its kind.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            Self::Pc2 => "pc2",
+            Self::Mdd => "mdd",
         }
     }
 }
@@ -37,6 +88,17 @@ pub enum Normals {
     /// Normals are written: the mean of the normals of the faces by their areas.
     Written,
     /// Normals are left out: the other program makes its own.
+    #[default]
+    LeftOut,
+}
+
+/// Choice of writing a velocity for each vertex and frame, for motion blur.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Velocities {
+    /// Velocities are written: the slope of the parabola through the frame and its neighbours in
+    /// the trajectory.
+    Written,
+    /// Velocities are left out.
     #[default]
     LeftOut,
 }
@@ -52,4 +114,46 @@ pub struct ExportOptions {
     pub up: UpAxis,
     /// Normals; a point cache has none.
     pub normals: Normals,
+    /// Velocities, of a format that [can hold](ExportFormat::has_velocities) them.
+    pub velocities: Velocities,
+}
+
+impl ExportOptions {
+    /// All frames with y up, and what who opens such a file expects in it.
+    #[must_use]
+    pub fn usual(format: ExportFormat) -> Self {
+        use ExportFormat::{Abc, Glb, Mdd, Npz, Obj, ObjSequence, Pc2, Usda, Usdc, Usdz};
+        Self {
+            format,
+            frames: FrameSpan::default(),
+            up: UpAxis::default(),
+            normals: match format {
+                Glb => Normals::Written,
+                Usda | Usdc | Usdz | Pc2 | Mdd | Obj | ObjSequence | Abc | Npz => Normals::LeftOut,
+            },
+            velocities: match format {
+                Abc | Usdc | Usdz => Velocities::Written,
+                Usda | Glb | Pc2 | Mdd | Obj | ObjSequence | Npz => Velocities::LeftOut,
+            },
+        }
+    }
+
+    /// The usual options of the format whose files end in `.ending`; none for an ending of none.
+    #[must_use]
+    pub fn of_ending(ending: &str) -> Option<Self> {
+        use ExportFormat::{Abc, Glb, Mdd, Npz, Obj, Pc2, Usda, Usdc, Usdz};
+        let formats = [
+            ("usda", Usda),
+            ("usdc", Usdc),
+            ("usdz", Usdz),
+            ("glb", Glb),
+            ("pc2", Pc2),
+            ("mdd", Mdd),
+            ("obj", Obj),
+            ("abc", Abc),
+            ("npz", Npz),
+        ];
+        let found = formats.iter().find(|(name, _)| *name == ending);
+        found.map(|(_, format)| Self::usual(*format))
+    }
 }

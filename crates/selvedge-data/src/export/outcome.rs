@@ -28,6 +28,8 @@ pub enum ExportError {
     OneFrame { frames: usize },
     #[error("glTF has y up: the axis cannot be chosen")]
     YUp,
+    #[error("the format has no velocities: leave them out, or take USD or Alembic")]
+    NoVelocities,
     #[error(transparent)]
     Write(#[from] WriteError),
 }

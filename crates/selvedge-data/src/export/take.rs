@@ -1,10 +1,10 @@
 //! Frames of a trajectory as they are exported: which of them, and which axis points up.
 
-use super::options::{ExportFormat, ExportOptions, Normals};
+use super::options::{ExportFormat, ExportOptions, Normals, Velocities};
 use super::outcome::ExportError;
 use crate::UpAxis;
 use crate::trajectory::Trajectory;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Frames of a trajectory, in the axes of a file.
 #[derive(Clone, Debug)]
@@ -14,6 +14,7 @@ pub struct Take<'a> {
     every: usize,
     up: UpAxis,
     normals: Normals,
+    velocities: Velocities,
 }
 
 impl<'a> Take<'a> {
@@ -29,6 +30,9 @@ impl<'a> Take<'a> {
                 return Err(ExportError::OneFrame { frames });
             }
             ExportFormat::Glb if options.up == UpAxis::Z => return Err(ExportError::YUp),
+            format if !format.has_velocities() && options.velocities == Velocities::Written => {
+                return Err(ExportError::NoVelocities);
+            }
             _ => {}
         }
         Ok(Self {
@@ -37,6 +41,7 @@ impl<'a> Take<'a> {
             every: options.frames.every,
             up: options.up,
             normals: options.normals,
+            velocities: options.velocities,
         })
     }
 
@@ -65,6 +70,11 @@ impl<'a> Take<'a> {
         self.normals == Normals::Written
     }
 
+    /// Returns true when velocities are wanted.
+    pub(super) fn has_velocities(&self) -> bool {
+        self.velocities == Velocities::Written
+    }
+
     /// Frames of the trajectory between the first one taken and the one taken as `number`.
     pub(super) fn frames_since_first(&self, number: usize) -> usize {
         self.frames[number] - self.frames[0]
@@ -78,6 +88,36 @@ impl<'a> Take<'a> {
     /// Positions in the frame taken as `number` `[m]`, `[vertices]`.
     pub(super) fn positions(&self, number: usize) -> Vec<Vec3> {
         self.turned(self.trajectory.frame(self.frames[number]))
+    }
+
+    /// Velocities in the frame taken as `number` `[m/s]`, `[vertices]`.
+    pub(super) fn velocities(&self, number: usize) -> Vec<Vec3> {
+        self.slopes(number, |frame| self.turned(self.trajectory.frame(frame)))
+    }
+
+    /// Velocities `[m/s]` of points whose places `[m]` in every frame of the trajectory `of` gives:
+    /// the slope of the parabola through a frame and its two neighbours, at the ends through the
+    /// three frames there; of two frames their difference, of one zero. Neighbours count whether
+    /// they are taken or not. In double precision, rounded once. `[eq:frame-velocity]`
+    pub(super) fn slopes(&self, number: usize, of: impl Fn(usize) -> Vec<Vec3>) -> Vec<Vec3> {
+        let (frame, last) = (self.frames[number], self.trajectory.frame_count() - 1);
+        let terms: &[(usize, f64)] = match frame {
+            0 if last == 0 => &[(0, 0.0)],
+            _ if last == 1 => &[(0, -1.0), (1, 1.0)],
+            0 => &[(0, -1.5), (1, 2.0), (2, -0.5)],
+            _ if frame == last => &[(last, 1.5), (last - 1, -2.0), (last - 2, 0.5)],
+            _ => &[(frame - 1, -0.5), (frame + 1, 0.5)],
+        };
+        let mut sums = Vec::new();
+        for &(frame, weight) in terms {
+            let points = of(frame);
+            sums.resize(points.len(), DVec3::ZERO);
+            for (sum, point) in sums.iter_mut().zip(points) {
+                *sum += weight * point.as_dvec3();
+            }
+        }
+        let rate = self.trajectory.frame_rate();
+        sums.into_iter().map(|sum| (rate * sum).as_vec3()).collect()
     }
 
     /// The sagged rest pose `[m]`, `[vertices]`.

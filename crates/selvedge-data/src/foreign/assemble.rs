@@ -69,6 +69,7 @@ impl Parts {
         let format = match self.format {
             ForeignFormat::FlagSimple => "flag-simple",
             ForeignFormat::Released => "released",
+            ForeignFormat::Cache => "a cache",
         };
         let provenance = Provenance {
             frame_rate: self.frame_rate,

@@ -1,5 +1,5 @@
 //! Data of other projects, as data sets of ours: the folders of the released code of Libao et al.
-//! 2023 (.npy) and DeepMind's `flag_simple` (meta.json and TFRecord).
+//! 2023 (.npy), DeepMind's `flag_simple` (meta.json and TFRecord), and caches of other programs.
 //!
 //! Foreign data lack some of what a cloth needs. Nothing is made up in silence: what is missing is
 //! an option ([`ImportOptions`]), an error where nobody can know it, a documented default where its
@@ -9,6 +9,7 @@
 
 mod array;
 mod assemble;
+mod cache;
 mod crc32c;
 mod error;
 mod example;

@@ -18,6 +18,8 @@ pub enum ForeignFormat {
     FlagSimple,
     /// The released code of Libao et al. 2023: a folder of .npy files per trajectory.
     Released,
+    /// Caches of other programs: a file per trajectory.
+    Cache,
 }
 
 /// Source of the rest pose.
@@ -46,32 +48,34 @@ pub enum Purpose {
 pub struct ImportOptions {
     /// Name of the data set; else that of the folder.
     pub name: Option<String>,
-    /// Mass per area `[kg/m²]`. `flag_simple` has neither masses nor a material: required there.
-    /// The released code's folders have masses: not allowed there.
+    /// Mass per area `[kg/m²]`. `flag_simple` and caches have neither masses nor a material:
+    /// required there. The released code's folders have masses: not allowed there.
     pub density: Option<f64>,
     /// Frames per second. `flag_simple` has a time step: not allowed there. The released folders:
-    /// by default 60 (Libao et al. 2023, section 3), or the `dt` of their meta.json.
+    /// by default 60 (Libao et al. 2023, section 3), or the `dt` of their meta.json. Caches:
+    /// required, frames are taken at this rate.
     pub frame_rate: Option<f64>,
     /// The held vertices, in the order of their targets. `flag_simple` has node types: not allowed
-    /// there. The released folders do not say: required there.
+    /// there. The released folders and caches do not say: required there.
     pub handles: Option<Vec<u32>>,
     /// The rest pose. `flag_simple` has none: by default [`RestSource::Flat`], the mesh space in
     /// which MeshGraphNets measures rest lengths (Pfaff et al. 2021, appendix A.1). The released
-    /// folders have rest.obj: not allowed there.
+    /// folders have rest.obj: not allowed there. Caches: by default the first frame.
     pub rest: Option<RestSource>,
     /// A mesh file whose material coordinates are taken, for released folders whose rest.obj is
-    /// sagged and has no texture coordinates. `flag_simple` has its own: not allowed there.
+    /// sagged and has no texture coordinates, and for caches without them. `flag_simple` has its
+    /// own: not allowed there.
     pub flat: Option<PathBuf>,
     /// Axis that points up. By default z for `flag_simple`, as in ARCSim, which made it (Narain et
     /// al. 2012), and y for the released folders (Libao et al. 2023, section 5.4: the local frame
-    /// turns about y).
+    /// turns about y). Of caches those that do not say it: by default y.
     pub up: Option<UpAxis>,
     /// Largest number of trajectories of each split.
     pub limit: Option<usize>,
     /// Choice of the trajectories that are imported.
     pub purpose: Purpose,
-    /// Trajectories to test on, by name, for released folders that are not already in `train` and
-    /// `test`.
+    /// Trajectories to test on, by name, for released folders and caches that are not already in
+    /// `train` and `test`.
     pub test: Vec<String>,
 }
 

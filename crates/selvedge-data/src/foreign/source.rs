@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::cache::{Caches, is_cache};
 use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::{FlagSimple, record_files};
 use super::options::{ForeignFormat, ImportOptions, Purpose, describe_file};
@@ -42,12 +43,14 @@ pub struct ForeignRun {
 enum TrajectoryPlace {
     Record(PathBuf, RecordPlace),
     Folder(PathBuf),
+    File(PathBuf),
 }
 
 #[derive(Clone, Debug)]
 enum Reader {
     FlagSimple(FlagSimple),
     Released(Released),
+    Caches(Caches),
 }
 
 impl ForeignSource {
@@ -77,8 +80,15 @@ impl ForeignSource {
             }
             ForeignFormat::Released => {
                 let reader = Released::new(options).map_err(at_folder)?;
-                let runs = folders(folder, &options.test)?;
+                let runs = runs_in(folder, &options.test, FOLDERS)?;
                 (Reader::Released(reader), runs)
+            }
+            ForeignFormat::Cache => {
+                let reader = Caches::new(options).map_err(at_folder)?;
+                (
+                    Reader::Caches(reader),
+                    runs_in(folder, &options.test, CACHES)?,
+                )
             }
         };
         if options.purpose == Purpose::Testing {
@@ -96,6 +106,7 @@ impl ForeignSource {
         let import = match &reader {
             Reader::FlagSimple(reader) => reader.describe()?,
             Reader::Released(reader) => describe_released(reader, &runs)?,
+            Reader::Caches(reader) => reader.describe()?,
         };
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let named = named.file_name().map(|name| name.to_string_lossy());
@@ -142,8 +153,13 @@ impl ForeignSource {
             (Reader::Released(reader), TrajectoryPlace::Folder(path)) => {
                 (path, Ok(reader.read(path)?))
             }
-            (Reader::FlagSimple(_), TrajectoryPlace::Folder(path))
-            | (Reader::Released(_), TrajectoryPlace::Record(path, _)) => {
+            (Reader::Caches(reader), TrajectoryPlace::File(path)) => (path, Ok(reader.read(path)?)),
+            (
+                Reader::FlagSimple(_) | Reader::Caches(_) | Reader::Released(_),
+                TrajectoryPlace::Folder(path)
+                | TrajectoryPlace::File(path)
+                | TrajectoryPlace::Record(path, _),
+            ) => {
                 let problem = format!("{} is of another source", run.name);
                 (path, Err(ForeignProblem::Layout(problem)))
             }
@@ -200,13 +216,13 @@ fn check_purpose(
         (Purpose::Training, ForeignFormat::FlagSimple) => {
             "has nothing to train on, as train.tfrecord is not there: add it, or import what there is with --test-only"
         }
-        (Purpose::Training, ForeignFormat::Released) => {
+        (Purpose::Training, ForeignFormat::Released | ForeignFormat::Cache) => {
             "has nothing to train on: name fewer with --test or add a folder train, or import what there is to test on with --test-only"
         }
         (Purpose::Testing, ForeignFormat::FlagSimple) => {
             "has nothing to test on: add valid.tfrecord or test.tfrecord, or leave --test-only out"
         }
-        (Purpose::Testing, ForeignFormat::Released) => {
+        (Purpose::Testing, ForeignFormat::Released | ForeignFormat::Cache) => {
             "has nothing to test on: name some with --test or add a folder test, or leave --test-only out"
         }
     };
@@ -243,8 +259,29 @@ fn records(folder: &Path) -> Result<Vec<ForeignRun>, ForeignError> {
     Ok(runs)
 }
 
+/// A kind of trajectories that are found by name: how they are found in a folder, and the word
+/// where there is none.
+#[derive(Clone, Copy)]
+struct Found {
+    all: fn(&Path) -> Result<Vec<PathBuf>, ForeignError>,
+    place: fn(PathBuf) -> TrajectoryPlace,
+    none: &'static str,
+}
+
+const FOLDERS: Found = Found {
+    all: trajectory_folders,
+    place: TrajectoryPlace::Folder,
+    none: "has no folder with a cloth_pos.npy",
+};
+
+const CACHES: Found = Found {
+    all: caches_in,
+    place: TrajectoryPlace::File,
+    none: "has no cache: .abc, .usda, .usdc, .usdz, .glb, or .pc2, .mdd, .npz with an .obj",
+};
+
 /// The trajectories in `folder`; those named in `test` become the test split.
-fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignError> {
+fn runs_in(folder: &Path, test: &[String], found: Found) -> Result<Vec<ForeignRun>, ForeignError> {
     let wrong = |problem: String| ForeignError {
         path: folder.to_owned(),
         problem: ForeignProblem::Layout(problem),
@@ -261,7 +298,7 @@ fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
         }
         for (split, path) in [(Split::Train, train_folder), (Split::Test, test_folder)] {
             if path.is_dir() {
-                runs.extend(folders_of(&path, |_| split)?);
+                runs.extend(runs_of(&path, |_| split, found)?);
             }
         }
     } else {
@@ -269,7 +306,7 @@ fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
             true => Split::Test,
             false => Split::Train,
         };
-        runs = folders_of(folder, split)?;
+        runs = runs_of(folder, split, found)?;
         if let Some(name) = test
             .iter()
             .find(|t| !runs.iter().any(|run| run.name == **t))
@@ -278,7 +315,7 @@ fn folders(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
         }
     }
     if runs.is_empty() {
-        return Err(wrong(format!("has no folder with a {POSITIONS}")));
+        return Err(wrong(found.none.to_owned()));
     }
     Ok(runs)
 }
@@ -316,28 +353,67 @@ fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
 }
 
 /// The folders in `folder`, each a trajectory, by name.
-fn folders_of(
-    folder: &Path,
-    split: impl Fn(&str) -> Split,
-) -> Result<Vec<ForeignRun>, ForeignError> {
-    let mut runs = Vec::new();
-    for path in folders_in(folder)? {
-        if !path.join(POSITIONS).is_file() {
+fn trajectory_folders(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
+    let folders = folders_in(folder)?;
+    match folders.iter().find(|path| !path.join(POSITIONS).is_file()) {
+        None => Ok(folders),
+        Some(path) => {
             let problem = format!(
                 "has no file {POSITIONS}: every folder here is taken for a trajectory, so add the file, or move the folder elsewhere"
             );
+            Err(ForeignError {
+                path: path.clone(),
+                problem: ForeignProblem::Layout(problem),
+            })
+        }
+    }
+}
+
+/// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error, unless
+/// its name begins with a dot.
+fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
+    let read = |source| ForeignError {
+        path: folder.to_owned(),
+        problem: ForeignProblem::Read(source),
+    };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(read)? {
+        let path = entry.map_err(read)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with('.') || path.extension().is_some_and(|ending| ending == "obj") {
+            continue;
+        }
+        if path.is_dir() || !is_cache(&path) {
+            let problem = "is no cache that can be read (.abc, .usda, .usdc, .usdz, .glb, .pc2, .mdd, .npz): move it elsewhere";
             return Err(ForeignError {
                 path,
-                problem: ForeignProblem::Layout(problem),
+                problem: ForeignProblem::Layout(problem.to_owned()),
             });
         }
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let name = name.into_owned();
-        runs.push(ForeignRun {
+        files.push(path);
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// The trajectories in `folder`, by name.
+fn runs_of(
+    folder: &Path,
+    split: impl Fn(&str) -> Split,
+    found: Found,
+) -> Result<Vec<ForeignRun>, ForeignError> {
+    let runs = (found.all)(folder)?.into_iter().map(|path| {
+        let place = (found.place)(path.clone());
+        let name = match &place {
+            TrajectoryPlace::File(path) => path.file_stem(),
+            _ => path.file_name(),
+        };
+        let name = name.unwrap_or_default().to_string_lossy().into_owned();
+        ForeignRun {
             split: split(&name),
             name,
-            place: TrajectoryPlace::Folder(path),
-        });
-    }
-    Ok(runs)
+            place,
+        }
+    });
+    Ok(runs.collect())
 }

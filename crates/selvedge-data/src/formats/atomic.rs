@@ -1,7 +1,8 @@
 //! Writing files so that a reader sees either the old file or the whole new one.
 //!
 //! The bytes go to a temporary file in the same folder, are flushed and synced, and the file is
-//! then renamed. A failure (a full disk, an error of the caller) leaves what was there before and
+//! then renamed. A process that is killed leaves its part, which goes when the file is written
+//! again. A failure (a full disk, an error of the caller) leaves what was there before and
 //! nothing else. New files get the usual permissions of the process (its umask), not those of a
 //! private temporary file; a file that takes the place of another gets its permissions. A symbolic
 //! link is written through, even where its file does not exist yet; devices and folders are
@@ -12,8 +13,10 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use tempfile::{Builder, NamedTempFile};
+use tempfile::NamedTempFile;
 use thiserror::Error;
+
+use super::parts::{file_beside, folder_beside};
 
 /// A file that could not be written; whatever was at its path is still there.
 #[derive(Debug, Error)]
@@ -57,30 +60,6 @@ impl Drop for Writing {
     }
 }
 
-/// Removes what writers that were killed left in `folder`: hidden files and folders that end in
-/// `.part`. Nobody may be writing there now. Returns what was removed.
-///
-/// # Errors
-/// A folder that cannot be read, or a leftover that cannot be removed.
-pub fn remove_parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut removed = Vec::new();
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if !(name.starts_with('.') && name.ends_with(".part")) {
-            continue;
-        }
-        let path = entry.path();
-        match entry.file_type()?.is_dir() {
-            true => fs::remove_dir_all(&path)?,
-            false => fs::remove_file(&path)?,
-        }
-        removed.push(path);
-    }
-    Ok(removed)
-}
-
 /// Destination of the bytes.
 struct Target {
     path: PathBuf,
@@ -108,7 +87,7 @@ pub fn write_atomically(
     let target = target_of(path).map_err(fail("write there"))?;
     let folder = folder_of(&target.path);
     let temporary =
-        create_beside(&target.path, folder).map_err(fail("create a file in its folder"))?;
+        file_beside(&target.path, folder).map_err(fail("create a file in its folder"))?;
     if let Some(permissions) = target.permissions {
         // Before the first byte, so that nobody can read what the old file kept private.
         let kept = temporary.as_file().set_permissions(permissions);
@@ -139,27 +118,15 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     };
     let _writing = Writing::begin();
     let is_free = check_free(path).map_err(fail("make the folder"))?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let prefix = format!(".{name}.");
-    let mut builder = Builder::new();
-    builder.prefix(&prefix).suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o777));
-    }
-    let temporary = builder
-        .tempdir_in(folder_of(path))
-        .map_err(fail("make a folder beside it"))?;
-    fill(temporary.path())?;
+    let part = folder_beside(path, folder_of(path)).map_err(fail("make a folder beside it"))?;
+    fill(part.folder.path())?;
     if is_free == FolderContent::EmptyFolder {
         fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
     }
-    let filled = temporary.keep();
-    if let Err(error) = fs::rename(&filled, path) {
-        let _ = fs::remove_dir_all(&filled);
-        return Err(fail("rename the finished folder")(error).into());
-    }
+    let filled = part.folder.path();
+    fs::rename(filled, path).map_err(fail("rename the finished folder"))?;
+    // Nothing is there any more to be removed.
+    let _ = part.folder.keep();
     sync_folder(folder_of(path));
     Ok(())
 }
@@ -204,7 +171,7 @@ pub fn write_beside<E: From<WriteError>>(
     };
     let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
-    let temporary = create_beside(&target.path, folder_of(&target.path))
+    let temporary = file_beside(&target.path, folder_of(&target.path))
         .map_err(fail("create a file in its folder"))?;
     let keep = "keep the permissions of the file that is there";
     #[cfg(unix)]
@@ -262,24 +229,12 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-fn create_beside(target: &Path, folder: &Path) -> io::Result<NamedTempFile> {
-    let name = target.file_name().unwrap_or_default().to_string_lossy();
-    let prefix = format!(".{name}.");
-    let mut builder = Builder::new();
-    builder.prefix(&prefix).suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // What an ordinary new file asks for; the umask takes its bits away.
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(folder)
-}
-
 /// Renames a finished file. By the standard library, so that a trial can let it fail.
 fn put_in_place(temporary: NamedTempFile, path: &Path) -> io::Result<()> {
-    let (_, beside) = temporary.into_parts();
+    let (file, beside) = temporary.into_parts();
     fs::rename(&beside, path)?;
+    // Its lock went with it as long as it was a part.
+    drop(file);
     // Nothing is there any more to be removed.
     let _ = beside.keep();
     Ok(())
@@ -340,24 +295,6 @@ mod tests {
         assert!(error.to_string().contains("a.txt"), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names_in(folder.path()), ["a.txt"]);
-    }
-
-    #[test]
-    fn what_a_killed_writer_left_is_removed_and_nothing_else() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        fs::write(at("a.txt"), "kept").unwrap();
-        fs::write(at("b.part"), "kept: not hidden").unwrap();
-        fs::write(at(".c"), "kept: no part").unwrap();
-        // As a writer leaves it that is killed before it renames.
-        let beside = create_beside(&at("a.txt"), folder.path()).unwrap();
-        let (_, left) = beside.keep().unwrap();
-        fs::create_dir(at(".frames.x.part")).unwrap();
-        fs::write(at(".frames.x.part/0001.obj"), "half").unwrap();
-        let removed = remove_parts(folder.path()).unwrap();
-        assert!(removed.contains(&left) && removed.len() == 2, "{removed:?}");
-        assert_eq!(names_in(folder.path()), [".c", "a.txt", "b.part"]);
-        assert!(remove_parts(&at("missing")).is_err());
     }
 
     #[test]

@@ -7,14 +7,14 @@ use glam::DVec3;
 use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
 use crate::formats::input::read_file;
-use crate::rig::RigError;
 use crate::rig::mesh::polygons;
+use crate::rig::{RigError, RigFormat};
 
 /// Part of a mesh's extent up to which vertices of formats that split them coincide: single
 /// precision at some ten roundings.
 const COINCIDENT: f64 = 1e-6;
 
-/// Reads a mesh from a file (.obj, .glb, .usda), as `options` say.
+/// Reads a mesh from a file (.obj, .glb, USD, .abc), as `options` say.
 ///
 /// # Errors
 /// [`ReadMeshError`] names the file, and the line, face or vertex that cannot be used.
@@ -36,20 +36,22 @@ pub(crate) fn parse_mesh_bytes(
     sewing: &Sewing,
 ) -> Result<ReadMesh, MeshFileError> {
     let is_sewn = !sewing.seams.is_empty();
-    let is_glb = match path.extension().and_then(|e| e.to_str()) {
-        Some("glb") => true,
-        Some("usda") => false,
-        Some("obj") | None => {
+    let extension = path.extension().and_then(|e| e.to_str());
+    let format = match (extension, extension.and_then(RigFormat::of)) {
+        (_, Some(format)) => format,
+        (Some("obj") | None, None) => {
             let mut polygons = parse_obj_polygons(bytes)?;
             sew(&mut polygons, sewing)?;
             return assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn));
         }
-        Some(_) => {
-            let problem = "is no kind of mesh that can be read: .obj, .glb or .usda".to_owned();
+        (Some(_), None) => {
+            let problem =
+                "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc, .usdz or .abc";
+            let problem = problem.to_owned();
             return Err(MeshFileError::Content { problem });
         }
     };
-    let mut polygons = polygons(bytes, is_glb).map_err(|error| match error {
+    let mut polygons = polygons(bytes, format).map_err(|error| match error {
         RigError::NoMesh => MeshFileError::NoMesh,
         other => MeshFileError::Content {
             problem: other.to_string(),

@@ -1,6 +1,6 @@
 //! Containers and plain formats that the files of this crate are made of: reading, atomic writing,
-//! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, the axis that
-//! points up.
+//! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, Alembic's
+//! container, the axis that points up.
 
 pub(crate) mod atomic;
 pub(crate) mod hash;
@@ -9,6 +9,9 @@ pub(crate) mod mesh_file;
 pub(crate) mod npy;
 pub(crate) mod npz;
 pub(crate) mod obj;
+pub(crate) mod ogawa;
+pub(crate) mod packing;
+pub(crate) mod parts;
 pub(crate) mod polygons;
 pub(crate) mod tensor_file;
 pub(crate) mod unique;

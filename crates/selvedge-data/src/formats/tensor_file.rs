@@ -93,12 +93,22 @@ pub fn write_tensors(
     tensors: &[TensorOut<'_>],
     metadata: &BTreeMap<&str, String>,
 ) -> Result<(), WriteError> {
+    write_atomically(path, |writer| put_tensors(writer, tensors, metadata))
+}
+
+/// Writes the bytes of such a file.
+///
+/// # Errors
+/// Those of `writer`.
+pub(crate) fn put_tensors(
+    writer: &mut impl Write,
+    tensors: &[TensorOut<'_>],
+    metadata: &BTreeMap<&str, String>,
+) -> std::io::Result<()> {
     let header = header(tensors, metadata);
-    write_atomically(path, |writer| {
-        writer.write_all(&(header.len() as u64).to_le_bytes())?;
-        writer.write_all(&header)?;
-        tensors.iter().try_for_each(|t| t.values.write(writer))
-    })
+    writer.write_all(&(header.len() as u64).to_le_bytes())?;
+    writer.write_all(&header)?;
+    tensors.iter().try_for_each(|t| t.values.write(writer))
 }
 
 fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u8> {

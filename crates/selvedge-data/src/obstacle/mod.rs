@@ -18,6 +18,7 @@ pub use self::body::BodySpec;
 pub use self::error::ObstacleSpecError;
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 pub(crate) use self::random::RandomObstacles;
+pub(crate) use self::read::moving_points;
 pub use self::spec::{ObstacleSpec, Placement};
 pub(crate) use self::written::ObstacleFile;
 

@@ -52,7 +52,7 @@ pub struct ObstacleKeyframes {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeFile {
-    /// Path of the .glb or .usda file, relative to the scene's folder.
+    /// Path of the .glb, USD or .abc file, relative to the scene's folder.
     pub path: String,
     /// BLAKE3 hash of its bytes, in hexadecimal.
     pub blake3: String,
@@ -168,7 +168,8 @@ impl FramesFile {
         if let Some(sequence) = Sequence::of(&self.path)? {
             return self.sequence(&sequence, folder, frame_rate);
         }
-        let has_times = matches!(Kind::of(&self.path), Some(Kind::Glb | Kind::Usda));
+        let kind = Kind::of(&self.path);
+        let has_times = matches!(kind, Some(Kind::Rig(_) | Kind::Mdd));
         if has_times && self.rate.is_some() {
             return wrong(format!("{}: it has times, leave rate out", self.path));
         }

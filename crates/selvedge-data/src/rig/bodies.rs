@@ -1,12 +1,12 @@
-//! Bodies in the files of rigs (.glb, .usda): all meshes together as they move, baked frame by
-//! frame into our world.
+//! Bodies in the files of rigs (USD, .glb, .abc): all meshes together as they move, baked frame
+//! by frame into our world.
 
 use glam::DVec3;
 
 use super::error::RigError;
 use super::moving_mesh::MovingMesh;
 use super::node::Rig;
-use super::{glb, usda};
+use super::{RigFormat, abc, glb, usda};
 
 /// Frames at most that a body may move.
 const MOST_FRAMES: usize = 100_000;
@@ -22,26 +22,27 @@ pub(crate) struct MovingBody {
     meshes: Vec<MovingMesh>,
 }
 
-/// Reads all meshes in the bytes of a .glb or of a .usda file, with one of its animations; with
-/// none, as they stand, where `is_still`.
+/// Reads all meshes in the bytes of a file, with one of its animations; with none, as they stand,
+/// where `is_still`.
 ///
 /// # Errors
 /// [`RigError`] says what cannot be understood; the file is not named.
 pub(crate) fn read_body(
     bytes: &[u8],
-    is_glb: bool,
+    format: RigFormat,
     animation: Option<&str>,
     is_still: bool,
 ) -> Result<MovingBody, RigError> {
-    let (rig, meshes) = match (is_glb, animation) {
-        (true, _) if is_still => glb::parse_bodies(bytes, glb::Chosen::None)?,
-        (true, Some(name)) => glb::parse_bodies(bytes, glb::Chosen::Named(name))?,
-        (true, None) => glb::parse_bodies(bytes, glb::Chosen::Only)?,
-        (false, None) => usda::parse_bodies(bytes)?,
-        (false, Some(name)) => {
+    let (rig, meshes) = match (format, animation) {
+        (RigFormat::Glb, _) if is_still => glb::parse_bodies(bytes, glb::Chosen::None)?,
+        (RigFormat::Glb, Some(name)) => glb::parse_bodies(bytes, glb::Chosen::Named(name))?,
+        (RigFormat::Glb, None) => glb::parse_bodies(bytes, glb::Chosen::Only)?,
+        (RigFormat::Usd, None) => usda::parse_bodies(bytes)?,
+        (RigFormat::Alembic, None) => abc::parse_bodies(bytes)?,
+        (RigFormat::Usd | RigFormat::Alembic, Some(name)) => {
             return Err(RigError::NoAnimation {
                 name: name.to_owned(),
-                known: "a .usda file has one without a name".to_owned(),
+                known: "only a .glb has animations with names".to_owned(),
             });
         }
     };

@@ -16,16 +16,16 @@ pub enum RigError {
     },
     #[error("could not be read: {0}")]
     Read(#[source] std::io::Error),
-    #[error("the name must end in .glb or .usda")]
+    #[error("the name must end in .glb, .usda, .usdc, .usdz, .usd or .abc")]
     Extension,
+    #[error("{0}")]
+    Archive(String),
     #[error("is no complete .glb file: {0}")]
     Container(&'static str),
     #[error("its JSON cannot be understood: {0}")]
     Json(#[source] serde_json::Error),
     #[error("{what}: {problem}")]
     Part { what: String, problem: String },
-    #[error("is a binary USD file: save it as text, .usda (usdcat in.usd --out out.usda)")]
-    BinaryUsd,
     #[error("line {line}: {problem}")]
     Line { line: usize, problem: String },
     #[error("there is no node called {name:?}; there are [{known}]")]

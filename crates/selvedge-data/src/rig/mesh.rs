@@ -1,5 +1,5 @@
-//! Meshes in the files of rigs (.glb, .usda), as polygons in our world: every node's mesh, placed
-//! as the node stands at the start.
+//! Meshes in the files of rigs (USD, .glb, .abc), as polygons in our world: every node's mesh,
+//! placed as the node stands at the start.
 //!
 //! glTF, and some writers of USD, split vertices along seams; [`polygons`] leaves them so, and the
 //! caller welds them. Names of nodes become labels, names of materials (in USD of `GeomSubset`s)
@@ -10,14 +10,15 @@ use glam::DMat4;
 use super::error::RigError;
 use super::node::Rig;
 use super::node_mesh::NodeMesh;
-use super::{glb, usda};
+use super::{RigFormat, abc, glb, usda};
 use crate::formats::polygons::{Corner, Place, Polygon, Polygons};
 
-/// The polygons of all meshes in the bytes of a file; `is_glb` says which kind it is of.
-pub(crate) fn polygons(bytes: &[u8], is_glb: bool) -> Result<Polygons, RigError> {
-    let (rig, meshes) = match is_glb {
-        true => glb::parse_meshes(bytes)?,
-        false => usda::parse_meshes(bytes)?,
+/// The polygons of all meshes in the bytes of a file; `format` says which kind it is of.
+pub(crate) fn polygons(bytes: &[u8], format: RigFormat) -> Result<Polygons, RigError> {
+    let (rig, meshes) = match format {
+        RigFormat::Glb => glb::parse_meshes(bytes)?,
+        RigFormat::Usd => usda::parse_meshes(bytes)?,
+        RigFormat::Alembic => abc::parse_meshes(bytes)?,
     };
     if meshes.is_empty() {
         return Err(RigError::NoMesh);

@@ -1,10 +1,12 @@
-//! A rig: nodes that move, from the file of another program (.glb, .usda), for handles to follow.
+//! A rig: nodes that move, from the file of another program (.glb, USD, .abc), for handles to
+//! follow.
 //!
 //! Nodes are placed in each other; a node's transform is the product of its operations, from the
 //! outermost to the innermost, after that of its parent. Everything is brought into our world:
 //! metres, y up, seconds. What else is in the file (materials, lights) is passed over; [`mesh`]
 //! reads its meshes, where a scene asks for one.
 
+mod abc;
 mod bodies;
 mod drive;
 mod error;
@@ -26,20 +28,41 @@ pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
 pub use self::node::{Rig, RigNode};
 
+/// A format of files with nodes and meshes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RigFormat {
+    Glb,
+    Usd,
+    Alembic,
+}
+
+impl RigFormat {
+    /// The format of a file whose name ends so, in lower case.
+    pub(crate) fn of(extension: &str) -> Option<Self> {
+        match extension {
+            "glb" => Some(Self::Glb),
+            "usda" | "usdc" | "usdz" | "usd" => Some(Self::Usd),
+            "abc" => Some(Self::Alembic),
+            _ => None,
+        }
+    }
+}
+
 impl Rig {
-    /// Reads a .glb or .usda file.
+    /// Reads a .glb, USD (.usda, .usdc, .usdz) or .abc file.
     ///
     /// # Errors
     /// [`RigError`] names the file, and what in it cannot be understood.
     pub fn read(path: &Path) -> Result<Self, RigError> {
         let extension = path.extension().and_then(|e| e.to_str());
-        let rig = match extension {
-            Some("glb" | "usda") => read_file(path).map_err(RigError::Read),
-            _ => Err(RigError::Extension),
-        };
-        let rig = rig.and_then(|bytes| match extension {
-            Some("glb") => glb::parse(&bytes),
-            _ => usda::parse(&bytes),
+        let kind = extension.and_then(RigFormat::of).ok_or(RigError::Extension);
+        let rig = kind.and_then(|kind| {
+            let bytes = read_file(path).map_err(RigError::Read)?;
+            match kind {
+                RigFormat::Glb => glb::parse(&bytes),
+                RigFormat::Usd => usda::parse(&bytes),
+                RigFormat::Alembic => abc::parse(&bytes),
+            }
         });
         rig.map_err(|source| RigError::File {
             path: path.to_owned(),
@@ -124,5 +147,7 @@ impl Rig {
     }
 }
 
+#[cfg(test)]
+mod caches_tests;
 #[cfg(test)]
 mod tests;

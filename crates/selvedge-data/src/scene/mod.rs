@@ -34,7 +34,6 @@ pub(crate) use problem::field;
 pub use problem::{SceneFileError, SceneProblem};
 pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
-pub(crate) use shipped::assets;
 pub use shipped::{materials, shipped_scenes};
 pub use spec::{SceneSpec, SceneSpecError, Setting};
 pub use start::StartSpec;

@@ -1,34 +1,18 @@
-//! The materials and scenes that are built in, under `assets/`.
+//! The materials and scenes that are built in, from `selvedge-assets`.
 
-macro_rules! assets {
-    ($folder:literal: $($name:literal),+ $(,)?) => {
-        [$((
-            $name,
-            include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/", $folder, "/", $name, ".toml")),
-        )),+]
-    };
-}
-pub(crate) use assets;
-
-const MATERIALS: [(&str, &str); 4] = assets!("materials":
-    "gray-interlock",
-    "camel-ponte-roma",
-    "11oz-black-denim",
-    "navy-sparkle-sweat",
-);
-
-const SCENES: [(&str, &str); 2] = assets!("scenes": "default", "square-1024");
+use selvedge_assets::SCENES;
+use selvedge_assets::materials::ALL as MATERIALS;
 
 /// The shipped materials: names and TOML texts, the default first.
 #[must_use]
 pub fn materials() -> &'static [(&'static str, &'static str)] {
-    &MATERIALS
+    MATERIALS
 }
 
 /// The shipped scenes: names and TOML texts.
 #[must_use]
 pub fn shipped_scenes() -> &'static [(&'static str, &'static str)] {
-    &SCENES
+    SCENES
 }
 
 /// The text of a shipped scene.

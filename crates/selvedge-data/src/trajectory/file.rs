@@ -25,7 +25,9 @@ use thiserror::Error;
 
 use crate::formats::atomic::WriteError;
 use crate::formats::input::read_file;
-use crate::formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
+use crate::formats::tensor_file::{
+    TensorOut, TensorValues, put_tensors, read_header, write_tensors,
+};
 use crate::trajectory::obstacle_file::{self, ObstacleTensors};
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
@@ -157,6 +159,20 @@ impl Trajectory {
     /// # Errors
     /// [`WriteError`] names the file and what failed; what was there before still is.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        self.encode(|tensors, metadata| write_tensors(path, tensors, metadata))
+    }
+
+    /// The bytes of the trajectory file.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        // A vector takes all that is written to it.
+        let _ = self.encode(|tensors, metadata| put_tensors(&mut bytes, tensors, metadata));
+        bytes
+    }
+
+    /// Gives the tensors and the metadata of the file to `put`.
+    fn encode<R>(&self, put: impl FnOnce(&[TensorOut<'_>], &BTreeMap<&str, String>) -> R) -> R {
         let cloth = self.cloth();
         let (vertices, faces) = (self.vertex_count(), cloth.topology().faces().len());
         let positions = flat3(self.positions());
@@ -214,7 +230,7 @@ impl Trajectory {
         };
         let mut metadata = metadata(self.provenance(), version);
         metadata.extend(obstacles.metadata());
-        write_tensors(path, &tensors, &metadata)
+        put(&tensors, &metadata)
     }
 }
 

@@ -54,7 +54,10 @@ pub fn record(
     let mut end = RecordingEnd::Complete;
     for done in 1..=frames {
         if let Err(error) = step(stepper, drive) {
-            end = RecordingEnd::Failed(error);
+            end = match error {
+                StepError::Stopped { .. } => RecordingEnd::Stopped,
+                error => RecordingEnd::Failed(error),
+            };
             break;
         }
         positions.extend_from_slice(stepper.positions());

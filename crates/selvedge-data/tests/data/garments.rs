@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Cloth, Handles, Mesh};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
 use selvedge_data::{MeshOptions, Provenance, Trajectory, UpAxis, parse_obj_with, read_mesh};
 use serde_json::Value;
 use std::ops::ControlFlow;
@@ -72,6 +72,7 @@ fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Pat
         frames: FrameSpan::default(),
         up,
         normals: Normals::LeftOut,
+        velocities: Velocities::LeftOut,
     };
     export(&trajectory, path, &options, &mut || {
         ControlFlow::Continue(())

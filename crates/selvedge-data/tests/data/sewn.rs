@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
 use selvedge_data::{LoadedScene, Provenance, Trajectory, UpAxis, parse_scene, read_obj};
 use serde_json::Value;
 use std::path::Path;
@@ -63,6 +63,7 @@ fn exported(format: ExportFormat, frames: FrameSpan, path: &Path) {
         frames,
         up: UpAxis::Y,
         normals: Normals::LeftOut,
+        velocities: Velocities::LeftOut,
     };
     export(&trajectory(), path, &options, &mut || {
         std::ops::ControlFlow::Continue(())

@@ -29,15 +29,20 @@ impl NetworkCase<'_> {
         GraphSizes {
             vertices: self.graph.vertex_count(),
             arcs: self.graph.arc_count(),
+            cloths: self.graph.cloths().len(),
+            modes: self.graph.mode_count(),
         }
     }
 }
 
-/// Vertices and arcs of a graph.
+/// Sizes of a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct GraphSizes {
     pub(super) vertices: usize,
     pub(super) arcs: usize,
+    pub(super) cloths: usize,
+    /// Modes of each cloth.
+    pub(super) modes: usize,
 }
 
 /// The arrays of a case in the arena.
@@ -58,7 +63,11 @@ impl NetworkArrays {
         extent: Extent,
     ) -> Self {
         let spec = network.spec();
-        let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs);
+        let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs).with_modes(
+            plan,
+            sizes.cloths,
+            sizes.modes,
+        );
         let steps = match extent {
             Extent::Whole => [spec.node_window(), spec.edge_window()],
             Extent::Newest => [1, 1],
@@ -145,6 +154,7 @@ fn vertices_that_fit(
     let part = |vertices: usize| GraphSizes {
         vertices,
         arcs: (sizes.arcs * vertices).div_ceil(sizes.vertices.max(1)),
+        ..sizes
     };
     let fits = |vertices: usize| bytes(part(vertices)) <= free;
     match largest_fit(sizes.vertices, fits) {
@@ -166,6 +176,8 @@ mod tests {
         let sizes = GraphSizes {
             vertices: 100,
             arcs: 550,
+            cloths: 1,
+            modes: 0,
         };
         let fit = |free: usize| vertices_that_fit(sizes, free, bytes);
         // 60 vertices have 330 arcs.

@@ -31,6 +31,8 @@ pub struct SlotSizes {
     pub arcs: usize,
     /// Faces.
     pub faces: usize,
+    /// Modes.
+    pub modes: usize,
 }
 
 impl SlotSizes {

@@ -37,6 +37,8 @@ pub struct UnionSizes {
     pub handles: usize,
     /// The most colours that the edges of a cloth need.
     pub colours: usize,
+    /// Modes of each cloth.
+    pub modes: usize,
 }
 
 impl UnionSizes {
@@ -45,6 +47,9 @@ impl UnionSizes {
     pub fn of(graphs: &[&ClothGraph]) -> Self {
         let mut sizes = Self {
             cloths: graphs.len(),
+            modes: graphs
+                .first()
+                .map_or(0, |graph| graph.connectivity().mode_count()),
             ..Self::default()
         };
         for graph in graphs {
@@ -110,11 +115,12 @@ impl ClothArrays {
             edges,
             faces,
             colours,
+            modes,
             ..
         } = sizes;
         Self {
             sizes,
-            graph: GraphArrays::new(plan, vertices, arcs),
+            graph: GraphArrays::new(plan, vertices, arcs).with_modes(plan, cloths, modes),
             cloth_of: plan.indices("cloths of vertices", vertices),
             handle_of: plan.indices("handles of vertices", vertices),
             mass: plan.floats("masses", vertices),
@@ -149,7 +155,7 @@ impl ClothArrays {
     /// The arrays that [`Self::upload`] writes.
     #[must_use]
     pub fn regions(&self) -> Vec<Region> {
-        let mut regions = self.graph.regions().to_vec();
+        let mut regions = self.graph.regions();
         regions.extend(self.indices());
         regions.extend(self.floats());
         regions

@@ -94,3 +94,17 @@ KERNEL(gate_biases, ELEMENT,
 KERNEL(add, ELEMENT, float *to EACH(1), const float *what EACH(1)) {
     to[ELEMENT] += what[ELEMENT];
 }
+
+// Adds the gradient of a filter's weights, [LATENT, times]: over all modes of all cloths, the
+// gradient of the filtered row times the row before and what is left of the mode.
+KERNEL(filter_weights, ELEMENT,
+       const float *gradient ALL(modes * LATENT), const float *before ALL(modes * LATENT),
+       const float *decays ALL(modes * times), unsigned modes, unsigned times,
+       float *by_weight EACH(1)) {
+    const unsigned channel = ELEMENT / times, time = ELEMENT % times;
+    float sum = 0.0f;
+    for (size_t m = 0; m < modes; ++m)
+        sum += gradient[m * LATENT + channel] * before[m * LATENT + channel]
+            * decays[m * times + time];
+    by_weight[ELEMENT] += sum;
+}

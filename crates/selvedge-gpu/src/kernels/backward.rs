@@ -10,4 +10,5 @@ part!("backward.cu":
     GATES_BACKWARD = "gates_backward",
     GATE_BIASES = "gate_biases",
     ADD = "add",
+    FILTER_WEIGHTS = "filter_weights",
 );

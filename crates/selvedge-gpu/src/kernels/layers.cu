@@ -140,3 +140,45 @@ KERNEL(dropout, ROW,
         ROW_OF(after, LATENT)[k] = ROW_OF(before, LATENT)[k] * (hash >> 32 >= threshold ? scale : 0.0f);
     }
 }
+
+// Filter over whole cloths: the sums over the vertices of a cloth of one of its modes times their
+// rows. A row of a launch is a mode of a cloth.
+KERNEL(mode_sums, ROW,
+       const float *modes, const float *rows, const unsigned *first_vertex, unsigned per_cloth,
+       OUT float *sums EACH(LATENT)) {
+    const unsigned cloth = ROW / per_cloth, mode = ROW % per_cloth;
+    float sum[PER_LANE];
+    FOR_COLUMNS(j, k) sum[j] = 0.0f;
+    for (size_t v = first_vertex[cloth]; v < first_vertex[cloth + 1]; ++v) {
+        const float weight = modes[v * per_cloth + mode];
+        const float *row = rows + v * LATENT;
+        FOR_COLUMNS(j, k) sum[j] += weight * row[k];
+    }
+    FOR_COLUMNS(j, k) ROW_OF(sums, LATENT)[k] = sum[j];
+}
+
+// Adds to the row of a vertex its modes times the rows of its cloth's modes.
+KERNEL(add_modes, ROW,
+       const float *modes EACH(per_cloth), const float *of_modes, const unsigned *cloth_of EACH(1),
+       unsigned per_cloth, float *rows EACH(LATENT)) {
+    const float *mode = modes + (size_t)ROW * per_cloth;
+    const float *from = of_modes + (size_t)cloth_of[ROW] * per_cloth * LATENT;
+    float sum[PER_LANE];
+    FOR_COLUMNS(j, k) sum[j] = 0.0f;
+    for (unsigned m = 0; m < per_cloth; ++m)
+        FOR_COLUMNS(j, k) sum[j] += mode[m] * from[(size_t)m * LATENT + k];
+    FOR_COLUMNS(j, k) ROW_OF(rows, LATENT)[k] += sum[j];
+}
+
+// Multiplies each channel of a mode by the sum over times of the channel's weights and what is left
+// of the mode.
+KERNEL(filter_modes, ROW,
+       const float *before EACH(LATENT), const float *decays EACH(times), const float *weight,
+       unsigned times, OUT float *after EACH(LATENT)) {
+    const float *decay = decays + (size_t)ROW * times;
+    FOR_COLUMNS(j, k) {
+        float response = 0.0f;
+        for (unsigned t = 0; t < times; ++t) response += weight[k * times + t] * decay[t];
+        ROW_OF(after, LATENT)[k] = ROW_OF(before, LATENT)[k] * response;
+    }
+}

@@ -52,6 +52,9 @@ pub struct BlockRecord {
     pub after: [Region; 2],
     /// Sums of the messages that arrive, `[vertices, latent]`.
     pub incoming: Region,
+    /// Sums of the cloths' modes over the latent vertices, `[cloths, modes, latent]`, where the
+    /// block has a filter.
+    pub mode_sums: Option<Region>,
     /// Activations of the perceptron of arcs.
     pub arc: MlpRecord,
     /// Activations of the perceptron of vertices.

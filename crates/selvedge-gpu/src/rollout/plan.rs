@@ -156,13 +156,12 @@ pub(super) fn what_fits(network: &Network, sizes: UnionSizes, free: usize) -> St
     let part = |thousandths: usize| {
         let of = |count: usize| (count * thousandths).div_ceil(1000);
         UnionSizes {
-            cloths: sizes.cloths,
             vertices: of(sizes.vertices),
             arcs: of(sizes.arcs),
             edges: of(sizes.edges),
             faces: of(sizes.faces),
             handles: of(sizes.handles),
-            colours: sizes.colours,
+            ..sizes
         }
     };
     let fits =

@@ -12,6 +12,7 @@ mod slot_arrays;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -252,6 +253,19 @@ impl Engine for Training {
 
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError> {
         self.take_step(learned, update).map_err(failed)
+    }
+
+    fn add_gradient(&mut self, range: Range<usize>, sum: &mut [f32]) -> Result<(), EngineError> {
+        let part = self.loaded.get(self.plan.gradient.part(range));
+        let part = part.map_err(failed)?;
+        sum.iter_mut().zip(part).for_each(|(s, g)| *s += g);
+        Ok(())
+    }
+
+    fn set_gradient(&mut self, gradient: &[f32]) -> Result<(), EngineError> {
+        self.loaded
+            .put(self.plan.gradient, gradient)
+            .map_err(failed)
     }
 
     fn gradient(&mut self) -> Result<Vec<f32>, EngineError> {

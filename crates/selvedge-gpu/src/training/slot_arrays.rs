@@ -25,6 +25,7 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
             vertices: graph.vertex_count(),
             arcs: graph.arc_count(),
             faces: graph.topology().faces().len(),
+            modes: graph.connectivity().mode_count(),
         })
         .collect();
     let most = |of: fn(&SlotSizes) -> usize| sizes.iter().map(of).max().unwrap_or(0);
@@ -32,6 +33,7 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
         vertices: most(|s| s.vertices),
         arcs: most(|s| s.arcs),
         faces: most(|s| s.faces),
+        modes: most(|s| s.modes),
     };
     let same = sizes.iter().all(|sizes| *sizes == most);
     SlotSizes {
@@ -48,6 +50,7 @@ pub(super) fn union_sizes(slots: usize, slot: SlotSizes) -> UnionSizes {
         vertices: slots * slot.vertices,
         arcs: slots * slot.arcs,
         faces: slots * slot.faces,
+        modes: slot.modes,
         ..UnionSizes::default()
     }
 }
@@ -129,6 +132,7 @@ impl SlotArrays<'_> {
             self.faces(graph),
             self.arcs(graph),
             self.connectivity(connectivity),
+            self.modes(connectivity),
             self.edges(graph),
             self.hinges(graph),
         ];
@@ -214,6 +218,25 @@ impl SlotArrays<'_> {
             Part::indices(graph.receivers, receivers, arcs, vertices),
             Part::indices(graph.reverse_arcs, reverse_arcs, arcs, arcs),
             Part::indices(graph.first_arc, first_arc, vertices, arcs),
+        ]
+    }
+
+    /// The modes of a cloth; vertices of the padding have none.
+    fn modes(&self, connectivity: &Connectivity) -> Vec<Part> {
+        let Some(arrays) = &self.cloths.graph.modes else {
+            return Vec::new();
+        };
+        let vertices = self.losses.slot.vertices;
+        let [values, weighted] = connectivity.modes();
+        let decays = connectivity.mode_decays().to_vec();
+        let (wide, of_cloth) = (vertices * arrays.count, decays.len());
+        vec![
+            Part::floats(arrays.values, values.to_vec(), wide, 0.0),
+            Part::floats(arrays.weighted, weighted.to_vec(), wide, 0.0),
+            Part::floats(arrays.decays, decays, of_cloth, 0.0),
+            // With the end of the slot, which is the next one's first vertex.
+            Part::indices(arrays.first_vertex, vec![0, vertices as u32], 1, vertices),
+            Part::indices(arrays.cloth_of, vec![0; vertices], vertices, 1),
         ]
     }
 

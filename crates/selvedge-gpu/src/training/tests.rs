@@ -34,6 +34,7 @@ fn everything(encoder: Encoder) -> ModelSpec {
         EdgeFeature::CoarseRestVector,
     ]);
     spec.coarse_levels = 2;
+    spec.filter_modes = 6;
     spec.integration = Integration::Carried {
         damping: 0.05,
         stiffness: 0.01,
@@ -89,6 +90,7 @@ fn plans_read_what_they_wrote_whatever_the_encoder_and_the_frames() {
         vertices: 13,
         arcs: 52,
         faces: 16,
+        modes: 6,
     };
     for (encoder, frames) in encoders().into_iter().flat_map(|e| [(e, 1), (e, 3)]) {
         let cfg = busy(everything(encoder), frames);

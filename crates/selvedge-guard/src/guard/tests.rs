@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable};
+use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable, check_stop};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
     Cloth, ClothArrays, ContactSettings, Environment, HandleSchedule, Handles, Material, Motion,
@@ -19,7 +19,7 @@ use double::{Double, Error};
 use super::*;
 use crate::limiter::SLACK;
 
-const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
+const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
 const FRAMES: usize = 300;
 
 /// A square of 36 vertices that hangs flat from its upper corners.
@@ -447,6 +447,15 @@ fn guards_and_what_they_guard_conform() {
             assert_eq!(found, Ok(()), "{errs:?} {correction:?}");
         }
     }
+    // The one under guard does not hear, the physics in its place does.
+    let lost = || {
+        watched(
+            Error::Trembles,
+            GuardSettings::with(Correction::Physics),
+            Some(scene()),
+        )
+    };
+    assert_eq!(check_stop(lost), Ok(()));
 }
 
 #[test]

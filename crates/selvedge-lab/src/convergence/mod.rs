@@ -63,8 +63,8 @@ struct Measured {
     middle: SavedState,
 }
 
-/// Makes the study; references are kept in the folder `references`, which is made. What was
-/// measured until the listener asks to stop is in the answer.
+/// Makes the study; references are kept in the folder `references`, which is made, and which the
+/// caller has claimed. What was measured until the listener asks to stop is in the answer.
 ///
 /// # Errors
 /// A scene that comes to no rest, a reference run that fails, or a file that cannot be written. A
@@ -75,7 +75,7 @@ pub fn run(
     on_event: &mut OnEvent<'_>,
 ) -> Result<Outcome, ConvergenceError> {
     let reporter = Reporter::new(on_event);
-    let _claimed = folder::claim_folder(references)?;
+    folder::make_folder(references)?;
     let mut outcome = Outcome {
         settings: plan.settings.clone(),
         cases: Vec::new(),

@@ -2,6 +2,7 @@
 //! of the same scene need not make them again.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::DVec3;
 use selvedge_cloth::Stepper;
@@ -144,6 +145,7 @@ pub(super) fn make(
         start,
         keep: Keep::States,
         threads: Threads::Pool,
+        stop: Arc::default(),
     };
     let (run, states) =
         physics::run_plan(&scene, plan, &mut || task.advance_by(job.method.substeps))?;

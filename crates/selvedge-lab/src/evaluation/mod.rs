@@ -17,9 +17,11 @@ mod meshes;
 mod summary;
 mod timing;
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use selvedge_cloth::Scene;
+use selvedge_cluster::{Ranks, Shard};
 use selvedge_data::metrics::Character;
 use selvedge_data::{Dataset, DatasetError, Entry, RecordingEnd, Split, Trajectory, metrics};
 use serde::{Deserialize, Serialize};
@@ -37,7 +39,7 @@ use self::meshes::Meshes;
 use crate::cause::chain;
 use crate::event::{End, OnEvent, Reporter, Task};
 use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary};
-use crate::workers::{self, WorkerError};
+use crate::workers::{self, Crew, Packing, WorkerError};
 
 /// A choice of motions or of numbers of steps that the data do not have.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -69,8 +71,10 @@ pub struct EvaluationPlan<'a> {
     pub contestants: &'a [Contestant],
     /// Runs of k steps.
     pub horizons: &'a Horizons,
-    /// Threads; by default one per processor.
-    pub threads: Option<usize>,
+    /// Those who share the runs. Rank 0 has the outcome.
+    pub crew: Crew,
+    /// The part of the runs to be made, the first of which takes the times; all without one.
+    pub part: Option<Shard>,
 }
 
 /// The outcome of an evaluation.
@@ -198,6 +202,9 @@ pub(crate) fn measure(
     let jobs: Vec<(&Trial<'_>, &Contestant)> = trials
         .iter()
         .flat_map(|trial| plan.contestants.iter().map(move |who| (trial, who)))
+        .enumerate()
+        .filter(|(job, _)| plan.part.is_none_or(|part| part.has(*job)))
+        .map(|(_, job)| job)
         .collect();
     let steps = jobs.iter().map(|(trial, contestant)| {
         let runs_from_truth = contestant.who() == Who::Model;
@@ -208,18 +215,29 @@ pub(crate) fn measure(
         };
         trial.entry.frames.saturating_sub(1) + more
     });
-    let task = reporter.count("evaluating", steps.sum(), "frames");
-    let rows = workers::share(plan.threads, &jobs, |(trial, contestant)| {
+    let ranks = &plan.crew.ranks;
+    // The share of a rank, about.
+    let frames = steps.sum::<usize>().div_ceil(ranks.count());
+    let task = reporter.count("evaluating", frames, "frames");
+    let rows = workers::share_with(&plan.crew, &jobs, &PACKING, |(trial, contestant)| {
         task.note(&format!("{}, {}", contestant.name, trial.entry.motion));
-        run(trial, contestant, plan.horizons, &task)
+        let work = Work { task: &task, ranks };
+        run(trial, contestant, plan.horizons, work)
     })?;
     drop(task);
+    if !ranks.is_first() {
+        return Ok((Evaluation::default(), End::Complete));
+    }
+    let are_all = rows.iter().all(Option::is_some);
     let rows: Vec<Row> = rows.into_iter().flatten().collect();
-    if reporter.is_stopped() {
+    if reporter.is_stopped() || !are_all {
         let timings = Vec::new();
         return Ok((Evaluation { rows, timings }, End::Interrupted));
     }
-    let timings = timings(plan, &trials, reporter)?;
+    let timings = match plan.part {
+        Some(part) if part.number() > 1 => Vec::new(),
+        _ => timings(plan, &trials, reporter)?,
+    };
     if reporter.is_stopped() {
         // The last of them is of fewer frames than it should be.
         let timings = Vec::new();
@@ -272,15 +290,41 @@ fn trials<'a>(
     Ok(trials)
 }
 
+/// Rows travel between ranks as they are kept in files.
+const PACKING: Packing<Row> = Packing {
+    pack: |row| serde_json::to_vec(row).unwrap_or_default(),
+    unpack: |bytes| serde_json::from_slice(bytes).ok(),
+};
+
+/// Runs under way on a rank.
+#[derive(Clone, Copy)]
+struct Work<'a, 't, 'l> {
+    task: &'a Task<'t, 'l>,
+    ranks: &'a Ranks,
+}
+
+impl Work<'_, '_, '_> {
+    fn is_stopped(self) -> bool {
+        self.task.is_stopped() || self.ranks.is_halted()
+    }
+
+    fn advance(self) -> ControlFlow<()> {
+        match self.ranks.is_halted() {
+            true => ControlFlow::Break(()),
+            false => self.task.advance(),
+        }
+    }
+}
+
 /// One contestant along one trajectory; none where an end was asked for.
 fn run(
     trial: &Trial<'_>,
     contestant: &Contestant,
     horizons: &Horizons,
-    task: &Task<'_, '_>,
+    work: Work<'_, '_, '_>,
 ) -> Result<Option<Row>, EvaluateError> {
     let truth = trial.data.data.read(trial.entry)?;
-    let on_frame = &mut || task.advance();
+    let on_frame = &mut || work.advance();
     let mut row = Row {
         data: trial.data.name.clone(),
         mesh: trial.mesh.clone(),
@@ -302,7 +346,7 @@ fn run(
     if let Err(error) = told {
         row.failure = Some(chain(&error));
     }
-    Ok((!task.is_stopped()).then_some(row))
+    Ok((!work.is_stopped()).then_some(row))
 }
 
 fn fill(
@@ -311,7 +355,7 @@ fn fill(
     contestant: &Contestant,
     truth: &Trajectory,
     horizons: &Horizons,
-    on_frame: &mut dyn FnMut() -> std::ops::ControlFlow<()>,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<(), ContestantError> {
     let course = trial.course(truth);
     row.beyond = contestant.beyond(&course)?;
@@ -368,7 +412,7 @@ fn timings(
                 timing::milliseconds(&mut runner, truth.frame_count() - 1, reporter)
             };
             // Who cannot run has a row that says why.
-            if let Some(ms_per_frame) = workers::alone(plan.threads, time)? {
+            if let Some(ms_per_frame) = workers::alone(plan.crew.threads, time)? {
                 found.push(Timing {
                     mesh: mesh.clone(),
                     name: contestant.name.clone(),

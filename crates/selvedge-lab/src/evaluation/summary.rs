@@ -23,7 +23,7 @@ pub struct Summary {
     pub measures: Option<Measures>,
     /// The character of the motions, as ratios to their truths in the order of
     /// [`Character::NAMES`]; none where one run failed.
-    pub ratios: Option<[Option<f64>; 7]>,
+    pub ratios: Option<[Option<f64>; Character::COUNT]>,
     /// Means over the motions, for those k that every motion has.
     pub horizons: Vec<Horizon>,
 }

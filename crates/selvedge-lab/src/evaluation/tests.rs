@@ -41,7 +41,7 @@ fn the_truth_has_no_error_and_meshes_are_told_in_words() {
             continue;
         }
         let mut runner = contestant.runner(&course, 0).unwrap();
-        let recording = runner.run(frames - 1, &mut || std::ops::ControlFlow::Continue(()));
+        let recording = runner.run(frames - 1, &mut || ControlFlow::Continue(()));
         let measures = Measures::of(&truth, &recording.positions).unwrap();
         // Positions of at most 1 m in f32, turned by a yaw of a few roundings.
         assert!(measures.largest_vertex_error < 1e-6, "{}", contestant.name);

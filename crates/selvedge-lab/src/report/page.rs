@@ -4,18 +4,13 @@ use selvedge_view::plot::PlotError;
 
 use super::{Contest, Plot, Report, by_cost, csv, markdown};
 use crate::evaluation::Timing;
+use crate::folder_kind::MEANS;
 
 /// The name of the page.
 const PAGE: &str = "report.md";
 
 /// The files of numbers that every report has.
-pub const TABLES: [&str; 5] = [
-    "means.csv",
-    "motions.csv",
-    "steps.csv",
-    "curves.csv",
-    "times.csv",
-];
+pub const TABLES: [&str; 5] = [MEANS, "motions.csv", "steps.csv", "curves.csv", "times.csv"];
 
 /// A report under way.
 pub struct Page {

@@ -8,12 +8,13 @@ use super::error::StudyError;
 use super::file::Study;
 use crate::event::Reporter;
 use crate::machine::Machine;
+use crate::workers::Crew;
 
 /// A study at work.
 pub(super) struct Desk<'a> {
     pub(super) study: &'a Study,
     pub(super) out: &'a Path,
-    pub(super) threads: Option<u16>,
+    pub(super) crew: &'a Crew,
     pub(super) machine: &'a Machine,
     pub(super) reporter: &'a Reporter<'a>,
     pub(super) data: Vec<StudyData>,

@@ -1,7 +1,7 @@
 //! The evaluations of a study: one contestant after another, each kept in a file that says which
 //! model and which data it is of, and made anew where these are others.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use selvedge_data::Split;
 use selvedge_guard::{Correction, GuardSettings};
@@ -16,6 +16,8 @@ use crate::evaluation::{
 };
 use crate::event::End;
 use crate::folder;
+use crate::folder_kind::EVALUATIONS;
+use crate::generation::of_first;
 use crate::models::NamedModel;
 
 /// An evaluation and what it is of.
@@ -85,7 +87,7 @@ fn horizons(desk: &Desk<'_>) -> Horizons {
 /// A model that has vanished, or what of the data or a file went wrong.
 pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Results>, StudyError> {
     let data = test_data(desk)?;
-    folder::make_folder(&desk.out.join("evaluations"))?;
+    folder::make_folder(&desk.out.join(EVALUATIONS))?;
     let mut results = Results {
         rows: Vec::new(),
         timings: Vec::new(),
@@ -159,6 +161,22 @@ fn test_data(desk: &Desk<'_>) -> Result<Vec<TestData>, StudyError> {
     sets.map(open).collect()
 }
 
+/// The evaluation that is kept of `of`; on ranks other than the first one without rows.
+fn kept_of(desk: &Desk<'_>, path: &Path, of: &Subject) -> Result<Option<Evaluation>, StudyError> {
+    // What failed may have failed by a cause that is gone: it is tried again.
+    let is_good = |kept: &Kept| {
+        let mut rows = kept.evaluation.rows.iter();
+        kept.of == *of && rows.all(|row| row.failure.is_none())
+    };
+    let kept = match desk.crew.ranks.is_first() {
+        true => kept::read::<Kept>(path)?.filter(is_good),
+        false => None,
+    };
+    let is_kept = of_first(desk.crew, &kept.is_some())?;
+    let none = is_kept.then(Evaluation::default);
+    Ok(kept.map(|kept| kept.evaluation).or(none))
+}
+
 fn measure(
     desk: &Desk<'_>,
     data: &[TestData],
@@ -179,17 +197,10 @@ fn measure(
             Runs::Rival(_) => kept::processor(),
         },
     };
-    let path = desk
-        .out
-        .join("evaluations")
-        .join(format!("{}.json", waiting.name));
-    // What failed may have failed by a cause that is gone: it is tried again.
-    let is_good = |kept: &Kept| {
-        let mut rows = kept.evaluation.rows.iter();
-        kept.of == of && rows.all(|row| row.failure.is_none())
-    };
-    if let Some(kept) = kept::read::<Kept>(&path)?.filter(is_good) {
-        return Ok(Some(kept.evaluation));
+    let folder = desk.out.join(EVALUATIONS);
+    let path = folder.join(format!("{}.json", waiting.name));
+    if let Some(kept) = kept_of(desk, &path, &of)? {
+        return Ok(Some(kept));
     }
     let contestant = match waiting.runs {
         Runs::Rival(contestant) => contestant,
@@ -206,11 +217,16 @@ fn measure(
         data,
         contestants: &[contestant],
         horizons: &of.horizons,
-        threads: desk.threads.map(usize::from),
+        crew: desk.crew.clone(),
+        part: None,
     };
     let (evaluation, end) = measure_plan(&plan, desk.reporter)?;
-    if end == End::Interrupted {
+    // Rank 0 alone knows whether all is there.
+    if of_first(desk.crew, &(end == End::Interrupted))? {
         return Ok(None);
+    }
+    if !desk.crew.ranks.is_first() {
+        return Ok(Some(evaluation));
     }
     let kept = Kept { of, evaluation };
     kept::write(&path, &kept)?;

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use selvedge_assets::STUDIES;
 use selvedge_train::{Setting, TrainConfig};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -182,34 +183,6 @@ pub(super) enum Show {
     Meshes,
 }
 
-/// The shipped studies: names and TOML texts.
-const STUDIES: [(&str, &str); 6] = [
-    (
-        "choices",
-        include_str!("../../../../assets/studies/choices.toml"),
-    ),
-    (
-        "coarse",
-        include_str!("../../../../assets/studies/coarse.toml"),
-    ),
-    (
-        "equal-time",
-        include_str!("../../../../assets/studies/equal-time.toml"),
-    ),
-    (
-        "small",
-        include_str!("../../../../assets/studies/small.toml"),
-    ),
-    (
-        "figures",
-        include_str!("../../../../assets/studies/figures.toml"),
-    ),
-    (
-        "table1",
-        include_str!("../../../../assets/studies/table1.toml"),
-    ),
-];
-
 /// Opens a study by the path of its file or by the name of a shipped one.
 ///
 /// # Errors
@@ -219,7 +192,7 @@ pub fn open(name: &str) -> Result<Study, StudyError> {
         return parse(text, Path::new(""), name);
     }
     let path = Path::new(name);
-    let known = STUDIES.map(|study| study.0).join(", ");
+    let known = assets::names(STUDIES);
     let text = selvedge_data::read_text(path)
         .of(|| format!("{name}: could not be read, and is none of the shipped studies {known}"))?;
     parse(&text, path.parent().unwrap_or(Path::new("")), name)

@@ -10,21 +10,38 @@ mod evaluation;
 mod file;
 mod kept;
 mod page;
+mod shared;
 mod training;
 
 use std::path::{Path, PathBuf};
 
+use selvedge_cluster::Shard;
 use selvedge_data::{DatasetPreset, shipped_presets};
 
 use self::desk::{Desk, StudyData};
 use self::error::OfPart;
 use self::file::{DataSource, Study};
 use crate::event::{End, OnEvent, Reporter};
+use crate::folder_kind::REPORT;
 use crate::generation;
 use crate::machine::Machine;
+use crate::workers::Crew;
 
 pub use self::error::StudyError;
 pub use self::file::open;
+
+/// A study to be made.
+#[derive(Clone, Copy)]
+pub struct StudyOrder<'a> {
+    /// The study.
+    pub study: &'a Study,
+    /// Its folder.
+    pub out: &'a Path,
+    /// The machine that trains and runs models.
+    pub machine: &'a Machine,
+    /// The share of its trainings to be made, and nothing else; all without one.
+    pub part: Option<Shard>,
+}
 
 /// The outcome of a study.
 pub struct StudyOutcome {
@@ -38,17 +55,23 @@ pub struct StudyOutcome {
     pub end: End,
 }
 
-/// Does what of `study` is not done yet, in `out`; models are trained and run on `machine`.
+/// Does what of `study` is not done yet, in `out`; models are trained and run on `machine`. Of
+/// several ranks each trains models of its own, and all share what is measured; rank 0 writes the
+/// report. A `part` trains its share of the models and ends there.
 ///
 /// # Errors
 /// What of a data set, a training, a model or a file went wrong, and what to do.
 pub fn run(
-    study: &Study,
-    out: &Path,
-    threads: Option<u16>,
-    machine: &Machine,
+    order: StudyOrder<'_>,
+    crew: &Crew,
     on_event: &mut OnEvent<'_>,
 ) -> Result<StudyOutcome, StudyError> {
+    let StudyOrder {
+        study,
+        out,
+        machine,
+        part,
+    } = order;
     let mut outcome = StudyOutcome {
         trained: 0,
         measured: 0,
@@ -56,47 +79,55 @@ pub fn run(
         end: End::Interrupted,
     };
     let reporter = Reporter::new(on_event);
-    let Some(data) = prepare(study, out, threads, &reporter)? else {
+    let Some(data) = prepare(order, crew, &reporter)? else {
         return Ok(outcome);
     };
     let desk = Desk {
         study,
         out,
-        threads,
+        crew,
         machine,
         reporter: &reporter,
         data,
     };
     training::check_kept(&desk)?;
     evaluation::check(&desk)?;
-    let mut trained = Vec::with_capacity(study.train.len());
-    for entry in &study.train {
-        let Some(training) = training::train(&desk, entry)
-            .of(|| format!("training {:?} of the study", entry.name))?
-        else {
-            outcome.trained = trained.len();
-            return Ok(outcome);
-        };
-        trained.push(training);
-    }
+    let trained = match crew.ranks.are_several() {
+        true => shared::train_over_ranks(&desk)?,
+        false => shared::train_part(&desk, part)?,
+    };
     outcome.trained = trained.len();
+    if part.is_some() {
+        outcome.end = match trained.len() == shared::entries_of(study, part).len() {
+            true => End::Complete,
+            false => End::Interrupted,
+        };
+        return Ok(outcome);
+    }
+    if trained.len() < study.train.len() {
+        return Ok(outcome);
+    }
     let Some(measured) = evaluation::measure_all(&desk)? else {
         return Ok(outcome);
     };
     outcome.measured = study.train.len() + study.model.len() + study.evaluation.rivals().count();
-    let report = page::report(study, &trained, &measured)?;
-    outcome.wrote = report.write(&out.join("report"))?;
+    if crew.ranks.is_first() {
+        let report = page::report(study, &trained, &measured)?;
+        outcome.wrote = report.write(&out.join(REPORT))?;
+    }
     outcome.end = End::Complete;
     Ok(outcome)
 }
 
 /// Opens the data sets, and makes those that are to be made. None where an end was asked for.
 fn prepare(
-    study: &Study,
-    out: &Path,
-    threads: Option<u16>,
+    order: StudyOrder<'_>,
+    crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<Option<Vec<StudyData>>, StudyError> {
+    let StudyOrder {
+        study, out, part, ..
+    } = order;
     let mut all = Vec::with_capacity(study.data.len());
     for (name, source) in &study.data {
         let context = || format!("data set {name:?} of the study");
@@ -109,7 +140,14 @@ fn prepare(
                     false => study.folder.join(preset).display().to_string(),
                 };
                 let folder = out.join("data").join(name);
-                let end = make(&preset, &folder, threads, reporter).of(context)?;
+                if part.is_some() && !folder.join("index.json").is_file() {
+                    let folder = folder.display();
+                    return Err(StudyError::new(format!(
+                        "{folder}: the data set is not there yet, and a part of a study makes none: make it \
+                         first with `selvedge dataset generate {preset} --out {folder}`"
+                    )));
+                }
+                let end = make(&preset, &folder, crew, reporter).of(context)?;
                 if end == End::Interrupted {
                     return Ok(None);
                 }
@@ -131,16 +169,33 @@ fn prepare(
 fn make(
     name: &str,
     folder: &Path,
-    threads: Option<u16>,
+    crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<End, StudyError> {
     let preset = DatasetPreset::open(name)?;
     for warning in preset.warnings() {
         reporter.remark(&format!("{name}: {warning}"));
     }
-    if !folder.join("index.json").is_file() {
-        let threads = threads.map(usize::from);
-        return Ok(generation::make_dataset(&preset, folder, threads, reporter)?.end());
+    let is_made = generation::of_first(crew, &folder.join("index.json").is_file())?;
+    if !is_made {
+        let order = generation::Order {
+            preset: &preset,
+            folder,
+            part: None,
+        };
+        let end = match crew.ranks.is_first() {
+            true => generation::make_dataset(order, crew, reporter)?.end(),
+            false => {
+                generation::help(order, crew, reporter)?;
+                End::Complete
+            }
+        };
+        let is_complete = generation::of_first(crew, &(end == End::Complete))?;
+        return Ok(if is_complete {
+            End::Complete
+        } else {
+            End::Interrupted
+        });
     }
     let plan = preset.plan()?;
     let made = generation::open(folder)?;

@@ -1,9 +1,11 @@
 //! The trainings of a study: each in a folder of its own, with a record of what it was made from
 //! and how far it is. A finished one is kept, one under way goes on from its checkpoint.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use selvedge_cluster::Ranks;
 use selvedge_train::{RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -13,6 +15,7 @@ use super::error::{OfPart, StudyError};
 use super::file::{Budget, Finished, Training};
 use super::kept;
 use crate::event::{Goal, Task};
+use crate::folder_kind::{FolderKind, TRAININGS};
 use crate::{folder, training};
 
 /// Between two checkpoints; a training that is limited in time also notes its time so often.
@@ -139,7 +142,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
         cfg.steps = steps + after.as_ref().map_or(0, |after| after.steps);
     }
     let folder = folder(desk, &entry.name);
-    let _claimed = folder::claim_folder(&folder)?;
+    let _claimed = folder::claim_folder(&folder, FolderKind::Training)?;
     let path = folder.join(RECORD);
     if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
         return Err(StudyError::new(format!(
@@ -155,12 +158,17 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
     let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
         return Ok(None);
     };
-    training::warn_of_images(&trainer);
+    training::warn_of_data(&trainer);
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
     let task = begin(desk, &entry.name, &trainer, &record);
+    let at = Bench {
+        data,
+        folder: &folder,
+        ranks: &desk.crew.ranks,
+    };
     loop {
-        let end = slice(&mut trainer, data, &folder, &mut record, &task)?;
+        let end = slice(&mut trainer, at, &mut record, &task)?;
         let is_last = match (end, record.budget) {
             (RunEnd::Stopped, _) => false,
             (RunEnd::Finished, _) => true,
@@ -226,7 +234,7 @@ fn record(
 const RECORD: &str = "record.json";
 
 fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
-    desk.out.join("trainings").join(name)
+    desk.out.join(TRAININGS).join(name)
 }
 
 /// A configuration without the keys of earlier versions that mean nothing any more.
@@ -295,14 +303,27 @@ fn trainer(
     }
 }
 
+/// Surroundings of a training.
+#[derive(Clone, Copy)]
+struct Bench<'a> {
+    data: &'a StudyData,
+    folder: &'a Path,
+    /// Whoever of them fails ends the others.
+    ranks: &'a Ranks,
+}
+
 /// Trains until the end, or until a checkpoint is due where time is limited.
 fn slice(
     trainer: &mut Trainer,
-    data: &StudyData,
-    folder: &Path,
+    at: Bench<'_>,
     record: &mut Record,
     task: &Task<'_, '_>,
 ) -> Result<RunEnd, StudyError> {
+    let Bench {
+        data,
+        folder,
+        ranks,
+    } = at;
     let time = match record.budget {
         Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
         Budget::Steps(_) => None,
@@ -314,7 +335,10 @@ fn slice(
     let started = Instant::now();
     let end = selvedge_train::run(trainer, &data.set, folder, limits, &mut |step| {
         task.note(&format!("loss {:.4}", step.terms.total));
-        task.advance()
+        match ranks.is_halted() {
+            true => ControlFlow::Break(()),
+            false => task.advance(),
+        }
     })?;
     record.seconds += started.elapsed().as_secs_f64();
     record.steps_done = trainer.steps_done();

@@ -7,7 +7,7 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, Scene, SceneError};
 use selvedge_corrected::cloth_graph;
 use selvedge_data::{DatasetPreset, SceneFileError, SceneSpecError, Setting, Split};
-use selvedge_model::{ClothGraph, Domain, GraphError};
+use selvedge_model::{ClothGraph, Domain, GraphError, ModelSpec};
 use thiserror::Error;
 
 use crate::event::{OnEvent, Reporter};
@@ -54,13 +54,14 @@ struct Hanging {
 }
 
 impl TeachingScenes {
-    /// Opens the presets `names` and finds the rest pose of every cloth; none where an end is asked
-    /// for.
+    /// Opens the presets `names` and finds the rest pose of every cloth, as networks of `spec` see
+    /// it; none where an end is asked for.
     ///
     /// # Errors
     /// A preset that is not there, a cloth that comes to no rest.
     pub fn open(
         names: &[String],
+        spec: &ModelSpec,
         on_event: &mut OnEvent<'_>,
     ) -> Result<Option<Self>, TeachingScenesError> {
         let reporter = Reporter::new(on_event);
@@ -82,7 +83,7 @@ impl TeachingScenes {
                 let place = match place {
                     Some(place) => place,
                     None => {
-                        match hanging(setting, &scene, &reporter) {
+                        match hanging(setting, &scene, spec, &reporter) {
                             Err(_) if reporter.is_stopped() => return Ok(None),
                             cloth => known.push(cloth?),
                         }
@@ -104,6 +105,7 @@ impl TeachingScenes {
 fn hanging(
     setting: Setting,
     scene: &Scene,
+    spec: &ModelSpec,
     reporter: &Reporter<'_>,
 ) -> Result<Hanging, TeachingScenesError> {
     let rest = physics::find_rest_pose(scene, reporter)?.positions;
@@ -118,7 +120,7 @@ fn hanging(
     })?;
     Ok(Hanging {
         setting,
-        graph: Arc::new(graph),
+        graph: Arc::new(graph.for_spec(spec)),
         rest: Arc::new(rest),
     })
 }

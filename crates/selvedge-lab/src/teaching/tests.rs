@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_model::{Network, Normalizer, Normalizers};
+use selvedge_model::{Encoder, ModelSpec, Network, Normalizer, Normalizers};
 
 use super::*;
 
@@ -61,7 +61,8 @@ pub(crate) fn model() -> Arc<Model> {
 
 fn scenes() -> TeachingScenes {
     let names = ["tiny".to_owned()];
-    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
+    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
+    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
     opened.unwrap().unwrap()
 }
 
@@ -124,7 +125,8 @@ fn samples_have_their_sizes_and_threads_change_none() {
 #[test]
 fn a_preset_that_is_not_there_is_named() {
     let names = ["nowhere".to_owned()];
-    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
+    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
+    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
     let error = opened.err().unwrap().to_string();
     assert!(error.starts_with("teacher.scenes: "), "{error}");
     assert!(error.contains("nowhere"), "{error}");

@@ -12,11 +12,14 @@
 //!
 //! A **cloth** has `generation, vertices, faces, points` u32, the faces `[faces, 3]` u32, their
 //! corners among the points of the pattern `[faces, 3]` u32, and these points `[points, 2]` f32
-//! `[m]`.
+//! `[m]`. Then `bodies` u32, and of each body its `kind` ([`crate::BodyKind`]), `points, faces`
+//! u32 and the faces `[faces, 3]` u32 among its own points.
 //!
 //! A **frame** has `generation, number` u32, `time` f32 `[s]`, `client, drag` u32 (the last drag
-//! that this frame follows), `handles, tracks, vertices` u32, `[handles]` of (vertex u32, goal
-//! `[3]` f32 `[m]`), and the positions `[tracks, vertices, 3]` f32 `[m]`.
+//! that this frame follows), `handles, tracks, vertices, points, gaps` u32, `[handles]` of (vertex
+//! u32, goal `[3]` f32 `[m]`), the positions `[tracks, vertices, 3]` f32 `[m]`, the points of all
+//! bodies `[points, 3]` f32 `[m]`, and the gaps `[gaps]` f32 `[m]`: those of each track's vertices,
+//! or none.
 //!
 //! From the page to the session:
 //!
@@ -39,10 +42,10 @@ pub use receive::{ClientMessage, Command, Drag, Push, WireError, decode};
 pub use send::{FrameParts, Hello, cloth, frame, json};
 
 /// The version of these messages; a page of another version is told to reload.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// The name of the sub-protocol that a page asks for, with [`VERSION`] in it.
-pub const SUBPROTOCOL: &str = "selvedge.v2";
+pub const SUBPROTOCOL: &str = "selvedge.v3";
 
 /// No message to the session is longer `[bytes]`.
 pub const LONGEST: usize = 16 * 1024;

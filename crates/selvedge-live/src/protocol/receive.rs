@@ -108,6 +108,27 @@ pub enum Command {
         /// 1 is real time.
         rate: f64,
     },
+    /// A body is led, within the limits of the hands.
+    Body {
+        /// Its number.
+        number: usize,
+        /// The place for the middle of its points `[m]`.
+        middle: [f64; 3],
+    },
+    /// The ball is thrown.
+    Throw {
+        /// Its middle at first `[m]`.
+        from: [f64; 3],
+        /// Its velocity at first `[m/s]`.
+        velocity: [f64; 3],
+    },
+    /// All handles are let go.
+    Drop,
+    /// Frames have the gaps of the vertices, or no longer.
+    Gaps {
+        /// True for those that have.
+        shown: bool,
+    },
 }
 
 /// The reason why a message is refused.

@@ -5,6 +5,7 @@ use selvedge_cloth::Cloth;
 use serde::Serialize;
 
 use super::{VERSION, kind};
+use crate::body::Body;
 use crate::order::Catalogue;
 
 /// The first message that a page gets.
@@ -33,6 +34,10 @@ pub struct FrameParts<'a> {
     pub goals: &'a [(u32, DVec3)],
     /// Positions `[m]`, `[tracks][vertices]`.
     pub tracks: &'a [&'a [Vec3]],
+    /// Points of all bodies `[m]`.
+    pub bodies: &'a [Vec3],
+    /// Smallest gaps of the vertices `[m]`, `[tracks][vertices]`, or nothing.
+    pub gaps: &'a [Vec<f32>],
 }
 
 /// A message of `kind` with `value` as JSON.
@@ -47,9 +52,9 @@ pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
     bytes
 }
 
-/// The cloth of a generation.
+/// The cloth of a generation, and the bodies beside it.
 #[must_use]
-pub fn cloth(generation: u32, cloth: &Cloth) -> Vec<u8> {
+pub fn cloth(generation: u32, cloth: &Cloth, bodies: &[Body]) -> Vec<u8> {
     let faces = cloth.topology().face_indices();
     let pattern = cloth.pattern();
     let coordinates = pattern.points();
@@ -66,6 +71,14 @@ pub fn cloth(generation: u32, cloth: &Cloth) -> Vec<u8> {
         bytes.extend_from_slice(&point.x.to_le_bytes());
         bytes.extend_from_slice(&point.y.to_le_bytes());
     }
+    bytes.extend_from_slice(&(bodies.len() as u32).to_le_bytes());
+    for body in bodies {
+        let counts = [body.kind as usize, body.points, body.faces.len()];
+        let numbers = counts.into_iter().map(|count| count as u32);
+        for word in numbers.chain(body.faces.as_flattened().iter().copied()) {
+            bytes.extend_from_slice(&word.to_le_bytes());
+        }
+    }
     bytes
 }
 
@@ -73,7 +86,9 @@ pub fn cloth(generation: u32, cloth: &Cloth) -> Vec<u8> {
 #[must_use]
 pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
     let vertices = parts.tracks.first().map_or(0, |track| track.len());
-    let size = 36 + 16 * parts.goals.len() + 12 * vertices * parts.tracks.len();
+    let gaps: usize = parts.gaps.iter().map(Vec::len).sum();
+    let points = vertices * parts.tracks.len() + parts.bodies.len();
+    let size = 44 + 16 * parts.goals.len() + 12 * points + 4 * gaps;
     let mut bytes = header(kind::FRAME, size);
     let [client, drag] = parts.drag;
     for word in [
@@ -85,6 +100,8 @@ pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
         parts.goals.len() as u32,
         parts.tracks.len() as u32,
         vertices as u32,
+        parts.bodies.len() as u32,
+        gaps as u32,
     ] {
         bytes.extend_from_slice(&word.to_le_bytes());
     }
@@ -92,8 +109,12 @@ pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
         bytes.extend_from_slice(&vertex.to_le_bytes());
         push(&mut bytes, goal.as_vec3());
     }
-    for position in parts.tracks.iter().flat_map(|track| track.iter()) {
+    let cloths = parts.tracks.iter().flat_map(|track| track.iter());
+    for position in cloths.chain(parts.bodies) {
         push(&mut bytes, *position);
+    }
+    for gap in parts.gaps.iter().flatten() {
+        bytes.extend_from_slice(&gap.to_le_bytes());
     }
     bytes
 }

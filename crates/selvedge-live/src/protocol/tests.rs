@@ -2,6 +2,7 @@
 //! the layout that is documented.
 
 use super::*;
+use crate::body::{Body, BodyKind};
 use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
@@ -110,8 +111,16 @@ fn cloths_and_frames_have_the_documented_layout() {
     };
     let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
     let of = Cloth::new(topology, Handles::new(&[1], 3).unwrap(), arrays).unwrap();
-    let bytes = cloth(7, &of);
-    assert_eq!(bytes.len(), 20 + 2 * 12 + 24);
+    let wedge = Body {
+        name: "wedge".to_owned(),
+        kind: BodyKind::Ball,
+        points: 4,
+        faces: vec![[0, 1, 3]],
+    };
+    let bytes = cloth(7, &of, &[wedge]);
+    assert_eq!(bytes.len(), 20 + 2 * 12 + 24 + 4 + 24);
+    let body = [0, 1, 2, 3, 4, 5, 6].map(|k| word(&bytes, 17 + k));
+    assert_eq!(body, [1, 2, 4, 1, 0, 1, 3]);
     assert_eq!([0, 1, 2, 3].map(|k| word(&bytes, 1 + k)), [7, 3, 1, 3]);
     let faces = [0, 1, 2, 3, 4, 5].map(|k| word(&bytes, 5 + k));
     assert_eq!(faces, [0, 1, 2, 0, 1, 2]);
@@ -125,10 +134,14 @@ fn cloths_and_frames_have_the_documented_layout() {
         drag: [2, 11],
         goals: &[(1, DVec3::new(0.0, -1.0, 0.0))],
         tracks: &[&track, &track],
+        bodies: &[Vec3::splat(5.0)],
+        gaps: &[vec![0.25; 3], vec![0.5; 3]],
     });
-    assert_eq!(bytes.len(), 36 + 16 + 2 * 36);
-    let header = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| word(&bytes, 1 + k));
-    assert_eq!(header, [7, 9, 0.5_f32.to_bits(), 2, 11, 1, 2, 3]);
-    assert_eq!(f32::from_bits(word(&bytes, 11)), -1.0);
-    assert_eq!(f32::from_bits(word(&bytes, 13)), 1.0);
+    assert_eq!(bytes.len(), 44 + 16 + 2 * 36 + 12 + 24);
+    let header = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|k| word(&bytes, 1 + k));
+    assert_eq!(header, [7, 9, 0.5_f32.to_bits(), 2, 11, 1, 2, 3, 1, 6]);
+    let number = |place| f32::from_bits(word(&bytes, place));
+    assert_eq!(number(13), -1.0);
+    assert_eq!(number(15), 1.0);
+    assert_eq!([33, 36, 41].map(number), [5.0, 0.25, 0.5]);
 }

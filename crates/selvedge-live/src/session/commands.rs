@@ -116,6 +116,17 @@ impl Session {
                 }
             }
             Command::Rate { rate } => return self.set_rate(rate),
+            Command::Body { number, middle } => {
+                return self.lead_body(number, DVec3::from_array(middle));
+            }
+            Command::Throw { from, velocity } => {
+                return self.throw(DVec3::from_array(from), DVec3::from_array(velocity));
+            }
+            Command::Drop => return self.drop_cloth(),
+            Command::Gaps { shown } => {
+                self.shows_gaps = shown;
+                self.publish_frame();
+            }
         }
         Ok(())
     }
@@ -174,6 +185,7 @@ impl Session {
         self.lead.following = None;
         self.lead.hands = Hands::at(&live.places(&live.hold().handles));
         self.showing = super::Showing::Live(live);
+        self.lay_out_bodies();
         self.publish_cloth();
         match problem {
             Some(problem) => self.notify(Level::Bad, problem.to_string()),
@@ -196,8 +208,17 @@ impl Session {
         live.restart(live.mover())?;
         self.lead.following = None;
         self.lead.hands = Hands::at(&live.places(&live.hold().handles));
+        self.lay_out_bodies();
         self.publish_frame();
         Ok(())
+    }
+
+    /// Lets all handles go.
+    fn drop_cloth(&mut self) -> Result<(), SessionError> {
+        match self.held() {
+            Some(held) => self.let_go(&held),
+            None => Ok(()),
+        }
     }
 
     fn set_mover(&mut self, mover: Mover) -> Result<(), SessionError> {

@@ -27,6 +27,16 @@ pub(crate) enum SessionError {
     Wind { most: f64 },
     #[error("{most} handles are the most")]
     TooManyHandles { most: usize },
+    #[error("there is no such body here")]
+    NoBody,
+    #[error("there is no ball here: it comes with contact (tick \"touches\")")]
+    NoBall,
+    #[error("the ball is thrown at no more than {fastest} m/s, and within {farthest} m")]
+    Throw { fastest: f64, farthest: f64 },
+    #[error("bodies stay within {farthest} m")]
+    FarBody { farthest: f64 },
+    #[error("a learned model does not see bodies: let the physics move the cloth")]
+    ModelBlind,
     #[error("there is no motion {name:?}")]
     UnknownMotion { name: String },
     #[error(transparent)]

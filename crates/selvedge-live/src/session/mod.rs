@@ -6,6 +6,7 @@
 //! cloths ready; it gets its orders through such a slot, too, and meanwhile the cloth on the table
 //! goes on. While nobody watches and nothing is recorded, time stands still.
 
+mod bodies;
 mod commands;
 mod error;
 mod following;
@@ -21,6 +22,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use self::bodies::Bodies;
 use self::following::Following;
 use self::order_slot::{OrderReceiver, OrderSender, order_slot};
 pub(crate) use self::outlets::Inlets;
@@ -150,6 +152,9 @@ struct Session {
     mover: Mover,
     showing: Showing,
     lead: Lead,
+    bodies: Bodies,
+    /// True where pages want the gaps of the vertices.
+    shows_gaps: bool,
     time: Time,
     recordings: Recordings,
     viewers: usize,
@@ -204,6 +209,8 @@ impl Session {
                 drag: [0; 2],
                 pusher: None,
             },
+            bodies: Bodies::default(),
+            shows_gaps: false,
             time: Time {
                 running: true,
                 rate: 1.0,
@@ -273,8 +280,9 @@ impl Session {
         let Some(cloth) = self.showing.cloth() else {
             return;
         };
+        let bodies = self.showing.bodies();
         self.outlets
-            .publish_cloth(|generation| protocol::cloth(generation, cloth));
+            .publish_cloth(|generation| protocol::cloth(generation, cloth, &bodies));
         let rate = self.showing.frame_rate() * self.time.rate;
         self.time.pace.set_rate(rate, Instant::now());
         self.time.pace.restart(Instant::now());
@@ -288,6 +296,10 @@ impl Session {
         let vertices = frame.handles.vertices().iter().map(|v| v.0);
         let goals: Vec<_> = vertices.zip(frame.goals).collect();
         let time = frame.number as f64 / self.showing.frame_rate();
+        let gaps = match self.shows_gaps {
+            true => self.showing.gaps(),
+            false => Vec::new(),
+        };
         self.outlets.publish_frame(|generation, number| {
             protocol::frame(&FrameParts {
                 generation,
@@ -296,6 +308,8 @@ impl Session {
                 drag: self.lead.drag,
                 goals: &goals,
                 tracks: &frame.positions,
+                bodies: &frame.bodies,
+                gaps: &gaps,
             })
         });
     }
@@ -347,6 +361,8 @@ impl Session {
             motion: self.lead.following.as_ref().map(Following::state),
             recording: self.recordings.recorder.as_ref().map(Recorder::state),
             recorded: files.map(|file| file.display().to_string()).collect(),
+            touches: self.showing.has_bodies(),
+            gaps: self.shows_gaps,
             can_replay: self.recordings.tape.is_some(),
             can_live: self.showing.player().is_some(),
             busy: self.busy.clone(),
@@ -357,5 +373,7 @@ impl Session {
     }
 }
 
+#[cfg(test)]
+mod body_tests;
 #[cfg(test)]
 mod tests;

@@ -33,7 +33,9 @@ impl Session {
             let path = Arc::new(live.ready().scene_path()?);
             live.restart(live.mover())?;
             self.lead.hands = Hands::at(&live.places(&live.hold().handles));
-            Following::new(name, Some(path), live.ready().start_frame())
+            let first = live.ready().start_frame();
+            self.lay_out_bodies();
+            Following::new(name, Some(path), first)
         } else {
             let rate = live.ready().frame_rate();
             // A trial: the path itself is bound where the handles come to rest.
@@ -95,6 +97,10 @@ impl Session {
             return;
         };
         let stopped_before = stopped(live.tracks());
+        self.lead_bodies(rate);
+        let Some(live) = self.showing.live_mut() else {
+            return;
+        };
         live.step(&targets);
         let stopped_now = stopped(live.tracks());
         if !live.is_moving() {
@@ -104,6 +110,7 @@ impl Session {
         if let Some(recorder) = &mut self.recordings.recorder {
             recorder.keep(live);
         }
+        self.wait_where_blocked();
         let newly = stopped_now
             .into_iter()
             .find(|s| !stopped_before.contains(s));

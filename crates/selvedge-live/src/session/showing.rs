@@ -5,6 +5,7 @@ use std::mem;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, Handles};
 
+use crate::body::Body;
 use crate::hand::Hands;
 use crate::live_cloth::LiveCloth;
 use crate::pace::DEFAULT_FRAME_RATE;
@@ -32,6 +33,8 @@ pub(super) struct ShownFrame<'a> {
     pub(super) goals: Vec<DVec3>,
     /// `[tracks][vertices]` `[m]`.
     pub(super) positions: Vec<&'a [Vec3]>,
+    /// Points of all bodies `[m]`.
+    pub(super) bodies: Vec<Vec3>,
 }
 
 impl Showing {
@@ -104,6 +107,29 @@ impl Showing {
         }
     }
 
+    /// The bodies beside it.
+    pub(super) fn bodies(&self) -> Vec<Body> {
+        match self {
+            Self::Nothing => Vec::new(),
+            Self::Live(live) => live.ready().bodies().to_vec(),
+            Self::Tape(player, _) => Body::of_recording(player.tape().first()),
+        }
+    }
+
+    /// Returns true where the cloth that moves has bodies to touch.
+    pub(super) fn has_bodies(&self) -> bool {
+        self.live()
+            .is_some_and(|live| !live.ready().bodies().is_empty())
+    }
+
+    /// Smallest gap of each vertex of each cloth that moves `[m]`, `[tracks][vertices]`.
+    pub(super) fn gaps(&self) -> Vec<Vec<f32>> {
+        match self {
+            Self::Live(live) => live.gaps(),
+            Self::Nothing | Self::Tape(..) => Vec::new(),
+        }
+    }
+
     /// Frames per second.
     pub(super) fn frame_rate(&self) -> f64 {
         match self {
@@ -122,6 +148,7 @@ impl Showing {
                 handles: &live.hold().handles,
                 goals: hands.goals(),
                 positions: live.positions(),
+                bodies: live.body_points(),
             }),
             Self::Tape(player, _) => {
                 let handles = player.tape().first().handles();
@@ -132,6 +159,7 @@ impl Showing {
                     handles,
                     goals: goals.iter().map(|p| p.as_dvec3()).collect(),
                     positions,
+                    bodies: player.body_points(),
                 })
             }
         }

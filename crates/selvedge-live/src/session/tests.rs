@@ -32,7 +32,7 @@ fn opening(scene: &str, mover: Mover) -> Opening {
 }
 
 /// A session with the cloth `ready` on the table.
-fn session(ready: TestCloth, mover: Mover) -> Session {
+pub(super) fn session(ready: TestCloth, mover: Mover) -> Session {
     let (outlets, _) = Outlets::new();
     let (orders, _) = order_slot();
     let mut session = Session::new(opening("corners", mover), orders, outlets);
@@ -40,7 +40,7 @@ fn session(ready: TestCloth, mover: Mover) -> Session {
     session
 }
 
-fn ask(session: &mut Session, command: Command) {
+pub(super) fn ask(session: &mut Session, command: Command) {
     session.take(Request::Page(1, ClientMessage::Command(command)));
 }
 
@@ -65,7 +65,7 @@ fn track(session: &Session, number: usize) -> Vec<Vec3> {
     session.showing.live().unwrap().positions()[number].to_vec()
 }
 
-fn assert_told(session: &Session, what: &str) {
+pub(super) fn assert_told(session: &Session, what: &str) {
     let text = &session.outlets.notice().unwrap().text;
     assert!(text.contains(what), "{text}");
 }

@@ -26,18 +26,18 @@ fn what_is_no_message_is_refused_with_a_reason() {
     for (bytes, reason) in [
         (&b""[..], "its header alone has 4"),
         (&[9, 16, 0, 0, 0, 0, 0, 0], "version 9"),
-        (&[2, 77, 0, 0], "kind 77"),
+        (&[3, 77, 0, 0], "kind 77"),
         (
-            &[2, 17, 0, 0, 1, 0, 0, 0, 255, 255, 255, 255],
+            &[3, 17, 0, 0, 1, 0, 0, 0, 255, 255, 255, 255],
             "found 4294967295",
         ),
         (
             &[
-                2, 18, 0, 0, 0, 0, 192, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+                3, 18, 0, 0, 0, 0, 192, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
             ],
             "NaN",
         ),
-        (&[2, 19, 0, 0, b'{'], "cannot be understood"),
+        (&[3, 19, 0, 0, b'{'], "cannot be understood"),
     ] {
         let (code, text) = refused(bytes);
         assert_eq!(code, 1002, "{text}");
@@ -96,7 +96,7 @@ fn a_flood_is_cut_off_and_others_hardly_notice() {
         for word in [1_u32, 1, 0, 0, 0, 0] {
             body.extend(word.to_le_bytes());
         }
-        let bytes = [&[2, 17, 0, 0][..], &body].concat();
+        let bytes = [&[3, 17, 0, 0][..], &body].concat();
         let started = Instant::now();
         // 10,000 at once, far more than so many in a second.
         let sent = (0..10_000)

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Bounds, Domain, FabricBounds};
 
@@ -19,7 +19,7 @@ const SMALL_DISTANCE: f64 = 0.01;
 const SMALL_SPEED: f64 = 0.1;
 
 /// One way in which a scene goes beyond what a model was trained on.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Departure {
     /// The aspect of the scene.
     pub aspect: Aspect,
@@ -28,7 +28,7 @@ pub struct Departure {
 }
 
 /// An aspect of a scene that can be unlike the training's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aspect {
     /// Frames per second.

@@ -12,6 +12,7 @@ use thiserror::Error;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::frame::LocalFrame;
 use crate::graph::levels::{Arcs, Link, links};
+use crate::graph::mode_table::ModeTable;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
 /// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
@@ -148,13 +149,22 @@ impl ClothGraph {
             .collect();
         self.coarse_levels = levels;
         self.edge_arcs = of_edges.to_vec();
+        let modes = std::mem::take(&mut self.connectivity.modes);
         self.connectivity = Connectivity::of_arcs(
             topology.vertex_count(),
             arcs.senders,
             arcs.receivers,
             &arcs.pairs,
         );
+        self.connectivity.modes = modes;
         self.arc_edges = arcs.numbers;
+        self
+    }
+
+    /// The same cloth with its `count` longest waves, for the filters of a network.
+    #[must_use]
+    pub fn with_modes(mut self, count: usize) -> Self {
+        self.connectivity.modes = ModeTable::of(&self.cloth, count);
         self
     }
 

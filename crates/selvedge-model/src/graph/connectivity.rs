@@ -1,15 +1,18 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
+use std::ops::Range;
+
 use selvedge_cloth::Topology;
 
 use crate::graph::levels::Arcs;
+use crate::graph::mode_table::ModeTable;
 use crate::graph::partition::{Partition, partitions};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
 /// vertex `v` are `first_arc[v]..first_arc[v + 1]`; `reverse_arcs[a]` is the same edge the other
 /// way.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Connectivity {
     pub(crate) vertex_count: usize,
     pub(crate) senders: Vec<u32>,
@@ -18,6 +21,9 @@ pub struct Connectivity {
     pub(crate) reverse_arcs: Vec<u32>,
     pub(crate) partitions: Vec<Partition>,
     cloths: Vec<ClothSize>,
+    /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
+    first_vertex: Vec<usize>,
+    pub(crate) modes: ModeTable,
 }
 
 /// Size of one cloth of a graph.
@@ -68,11 +74,16 @@ impl Connectivity {
             }],
             first_arc,
             reverse_arcs,
+            first_vertex: vec![0, vertex_count],
+            modes: ModeTable::default(),
         }
     }
 
     /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
     /// each other in order.
+    ///
+    /// # Panics
+    /// When the parts have modes, but not as many.
     #[must_use]
     pub fn union<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut whole = Self {
@@ -83,6 +94,8 @@ impl Connectivity {
             reverse_arcs: Vec::new(),
             partitions: Vec::new(),
             cloths: Vec::new(),
+            first_vertex: vec![0],
+            modes: ModeTable::default(),
         };
         for part in parts {
             let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
@@ -97,6 +110,10 @@ impl Connectivity {
                 .first_arc
                 .extend(part.first_arc[1..].iter().map(|a| a + arcs));
             whole.cloths.extend(&part.cloths);
+            whole
+                .first_vertex
+                .extend(part.first_vertex[1..].iter().map(|v| v + vertices as usize));
+            whole.modes.append(&part.modes);
             whole
                 .reverse_arcs
                 .extend(part.reverse_arcs.iter().map(|a| a + arcs));
@@ -139,6 +156,50 @@ impl Connectivity {
     #[must_use]
     pub fn reverse_arcs(&self) -> &[u32] {
         &self.reverse_arcs
+    }
+
+    /// The number of modes of each cloth, 0 where none were asked for.
+    #[must_use]
+    pub fn mode_count(&self) -> usize {
+        self.modes.count
+    }
+
+    /// Modes at the vertices, and the same times the share of each vertex in the area of its cloth,
+    /// `[vertices, modes]`.
+    #[must_use]
+    pub fn modes(&self) -> [&[f32]; 2] {
+        [&self.modes.values, &self.modes.weighted]
+    }
+
+    /// Part of each mode of each cloth that heat leaves, `[cloths, modes, times]`.
+    #[must_use]
+    pub fn mode_decays(&self) -> &[f32] {
+        &self.modes.decays
+    }
+
+    /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
+    #[must_use]
+    pub fn first_vertices(&self) -> &[usize] {
+        &self.first_vertex
+    }
+
+    /// The parts of a range of vertices that lie in one cloth, with the number of the cloth.
+    pub(crate) fn by_cloth(
+        &self,
+        vertices: Range<usize>,
+    ) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let starts = &self.first_vertex;
+        let first = starts
+            .partition_point(|&start| start <= vertices.start)
+            .max(1)
+            - 1;
+        let ends = starts[first + 1..].iter().copied().enumerate();
+        let mut at = vertices.start;
+        ends.map_while(move |(number, end)| {
+            let part = at..end.min(vertices.end);
+            at = part.end;
+            (!part.is_empty()).then_some((first + number, part))
+        })
     }
 
     /// Sizes of the cloths, in order.

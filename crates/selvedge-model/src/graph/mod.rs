@@ -3,9 +3,11 @@
 
 pub(crate) mod cloth_graph;
 pub(crate) mod connectivity;
+mod for_spec;
 pub(crate) mod frame;
 pub mod geometry;
 pub(crate) mod levels;
+pub(crate) mod mode_table;
 pub(crate) mod partition;
 pub(crate) mod share;
 
@@ -13,3 +15,4 @@ pub use cloth_graph::{ClothGraph, GraphError, Hinge};
 pub use connectivity::{ClothSize, Connectivity};
 pub use frame::{LocalFrame, Yaw};
 pub use levels::Link;
+pub use mode_table::FILTER_TIMES;

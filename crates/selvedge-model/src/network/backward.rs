@@ -22,6 +22,7 @@ use crate::network::layers::gru::States;
 use crate::network::layers::mlp::MlpGradients;
 use crate::network::layers::scratch::GroupWork;
 use crate::network::packed::{LayerWeights, PackedWeights, Purpose};
+use crate::network::parameters::ModuleGradient;
 use crate::network::workspace::{Group, Workspace};
 
 impl Network {
@@ -46,6 +47,9 @@ impl Network {
         self.decode_backward(weights, graph, &mut gradients, w);
         w.arcs.fill(T::ZERO);
         for number in (0..self.blocks.len()).rev() {
+            if w.stop.is_wanted() {
+                return;
+            }
             self.block_backward(weights, graph, number, gradients.weights, w);
         }
         self.encode_backward(weights, graph, carried, gradients, w);
@@ -109,6 +113,7 @@ impl Network {
     ) {
         let module = FIRST_BLOCK + number;
         self.updates_backward(weights, graph, number, w);
+        self.filter_backward(weights, graph, number, gradient, w);
         self.endpoints_backward(weights, graph, number, w);
         add_groups(&w.groups, &mut gradient[self.weights_of(module, module)]);
     }
@@ -123,7 +128,8 @@ impl Network {
     ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let (block, record) = (&self.blocks[number], &w.blocks[number]);
+        let (block, record, filter) = (&self.blocks[number], &w.blocks[number], &w.filter);
+        let stop = &w.stop;
         w.pre_activation.resize(w.arcs.len());
         let share = Share {
             vertices: NodeGradients {
@@ -140,7 +146,15 @@ impl Network {
                     group: &mut Group<T>| {
             let start = &partitions[0];
             let mut group = group.begin(&range);
+            if block.filter.is_some() {
+                let end = partitions[partitions.len() - 1].vertices.end;
+                let vertices = start.vertices.start..end;
+                group.scratch.mode_sums.begin(graph, &vertices, latent);
+            }
             for partition in partitions {
+                if stop.is_wanted() {
+                    return;
+                }
                 let vertices = counted_from(&partition.vertices, start.vertices.start);
                 let nodes = share.vertices.part(&vertices);
                 let arcs = counted_from(&partition.arcs, start.arcs.start);
@@ -149,11 +163,52 @@ impl Network {
                     graph,
                     partition,
                     record,
+                    filter,
                 };
                 block.backward(layer, kept, nodes, arcs, &mut group);
             }
         };
         share.among(&graph.partitions, &mut w.groups, &work);
+    }
+
+    /// Through the filter, from the gradients of what the modes give to the node updates to those
+    /// of the modes' coefficients, which it packs.
+    fn filter_backward<T: Real>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        number: usize,
+        gradient: &mut [T],
+        w: &mut Workspace<T>,
+    ) {
+        let block = &self.blocks[number];
+        let Some(filter) = &block.filter else {
+            return;
+        };
+        let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
+        let (layer, range) = (weights.layer(module), self.weights_of(module, module));
+        let mut gradient = ModuleGradient::new(&mut gradient[range.clone()], range.start);
+        let room = &mut w.filter;
+        room.mixed.fill(T::ZERO);
+        for group in &w.groups {
+            let sums = &group.scratch.mode_sums;
+            sums.add_to(&mut room.mixed, graph.mode_count() * latent);
+        }
+        let (coefficients, decays) = (&room.coefficients[number], graph.mode_decays());
+        filter.forward(layer.flat, decays, coefficients, &mut room.filtered);
+        block.filtered_backward(layer, &room.mixed, &room.filtered, &mut gradient);
+        let term = filter.of_filtered.back(layer, &room.mixed);
+        multiply(
+            layer.instructions,
+            &[term],
+            latent,
+            Epilogue::Set,
+            &mut room.filtered,
+        );
+        let to = &mut room.filtered;
+        filter.backward(layer.flat, decays, coefficients, to, &mut gradient);
+        std::mem::swap(&mut room.mixed, &mut room.filtered);
+        room.pack(layer.instructions);
     }
 
     /// Through the endpoint products, which need the arcs of all partitions.
@@ -166,7 +221,7 @@ impl Network {
     ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let (block, record) = (&self.blocks[number], &w.blocks[number]);
+        let (block, record, filter) = (&self.blocks[number], &w.blocks[number], &w.filter);
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
@@ -187,6 +242,7 @@ impl Network {
                     graph,
                     partition,
                     record,
+                    filter,
                 };
                 block.endpoints_backward(layer, kept, of_arcs, nodes, &mut group);
             }

@@ -49,6 +49,8 @@ pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
     }
     let [nodes, edges] = spec.encoder.rows();
     let decoder = 2 * square + latent * spec.outputs() as u64;
+    // The sums over the vertices, and the way back; what is done to the modes is shared by all.
+    vertex += 2 * spec.filter_modes as u64 * latent;
     let looks_at_arcs = u64::from(blocks > 0);
     Flops {
         vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
@@ -119,6 +121,7 @@ pub fn activations(spec: &ModelSpec) -> Activations {
             + decoder
             + 5 * latent
             + spec.outputs() as u64
+            + 2 * spec.filter_modes as u64
             + carried,
         // The latent arcs and the gradients of their first layer.
         arc: looks_at_arcs * of_arc + blocks * (latent + perceptron) + 2 * latent + carried,

@@ -4,13 +4,16 @@
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::Partition;
 use crate::graph::share::{Rows, Share, split_rows};
+use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::RowMasks;
+use crate::kernels::gemm::{Epilogue, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::layers::block::{ArcRows, BlockInput, NodeRows};
 use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRows};
+use crate::network::layers::filter::{ModeSums, OfVertices};
 use crate::network::layers::mlp::MlpRows;
 use crate::network::layers::scratch::Scratch;
 use crate::network::packed::PackedWeights;
@@ -49,6 +52,11 @@ impl Network {
         assert_eq!(weights.flat.len(), self.parameter_count(), "packed weights");
         let state = carried.state;
         assert!(state.is_zero() || self.streams(), "a state to carry");
+        assert_eq!(
+            graph.mode_count(),
+            self.spec.filter_modes,
+            "modes of a cloth"
+        );
         let windows = self.windows(graph, carried);
         workspace.fit(self, graph, pass, windows);
         self.encode(weights, graph, carried, windows, workspace);
@@ -56,6 +64,7 @@ impl Network {
             self.decode_all(weights, graph, workspace);
         }
         for number in 0..self.blocks.len() {
+            self.filter_modes(weights, graph, number, workspace);
             self.run_block(weights, graph, number, workspace);
         }
     }
@@ -139,11 +148,14 @@ impl Network {
                 record: arc_record,
             },
         };
-        let scratch = &w.scratch;
+        let (scratch, filter, stop) = (&w.scratch, &w.filter, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<EncodedNodes<'_, T>, EncoderRows<'_, T>>,
-                    (): &mut ()| {
+                    sums: &mut ModeSums<T>| {
             let [partition] = partitions else { return };
+            if stop.is_wanted() {
+                return;
+            }
             let (mut rows, mut arc_rows) = (share.vertices, share.arcs);
             Workspace::with_scratch(scratch, |scratch| {
                 let (layer, range) = (weights.layer(NODE_ENCODER), partition.vertices.clone());
@@ -156,10 +168,12 @@ impl Network {
                 if let Some(block) = self.blocks.first() {
                     let (layer, latents) = (weights.layer(FIRST_BLOCK), &rows.encoder.out);
                     block.endpoint_products(layer, latents, &mut rows.products);
+                    let of = OfVertices::new(graph, partition, latents);
+                    block.add_modes(layer, filter, of, sums);
                 }
             });
         };
-        share.among(&graph.partitions, &mut one_each(graph), &work);
+        share.among(&graph.partitions, &mut w.mode_sums, &work);
     }
 
     /// One block, and the endpoint products for the next one, or the decoder after the last.
@@ -180,12 +194,7 @@ impl Network {
                 decoder = w.decoder.rows(&self.decoder);
             }
         }
-        let [even, odd] = &mut w.endpoint_products;
-        let (products, next_products) = if number.is_multiple_of(2) {
-            (&*even, odd)
-        } else {
-            (&*odd, even)
-        };
+        let (products, next_products) = in_turn(&mut w.endpoint_products, number);
         let share = Share {
             vertices: ProcessedNodes {
                 block: NodeRows {
@@ -201,24 +210,65 @@ impl Network {
                 record: arc_record,
             },
         };
-        let scratch = &w.scratch;
+        let (scratch, filter, stop) = (&w.scratch, &w.filter, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<ProcessedNodes<'_, T>, ArcRows<'_, T>>,
-                    (): &mut ()| {
+                    sums: &mut ModeSums<T>| {
             let [partition] = partitions else { return };
+            if stop.is_wanted() {
+                return;
+            }
             let mut rows = share.vertices;
             let input = BlockInput {
                 graph,
                 partition,
                 endpoint_products: products,
+                filter,
             };
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
                 block.forward(layer, input, &mut rows.block, share.arcs, scratch);
+                if let Some(next) = self.blocks.get(number + 1) {
+                    let of = OfVertices::new(graph, partition, &rows.block.nodes);
+                    next.add_modes(layer, filter, of, sums);
+                }
                 self.after_block(weights, number, rows, scratch);
             });
         };
-        share.among(&graph.partitions, &mut one_each(graph), &work);
+        share.among(&graph.partitions, &mut w.mode_sums, &work);
+    }
+
+    /// From the sums over all partitions to the matrices of the filter of block `number`, if it has
+    /// one.
+    fn filter_modes<T: Real>(
+        &self,
+        weights: &PackedWeights<T>,
+        graph: &Connectivity,
+        number: usize,
+        w: &mut Workspace<T>,
+    ) {
+        let Some(filter) = &self.blocks[number].filter else {
+            return;
+        };
+        let layer = weights.layer(FIRST_BLOCK + number);
+        let latent = self.spec.latent;
+        let room = &mut w.filter;
+        let coefficients = &mut room.coefficients[number];
+        coefficients.fill(T::ZERO);
+        for sums in &w.mode_sums {
+            sums.add_to(coefficients, graph.mode_count() * latent);
+        }
+        let decays = graph.mode_decays();
+        filter.forward(layer.flat, decays, coefficients, &mut room.filtered);
+        let term = filter.of_filtered.times(layer, &room.filtered);
+        multiply(
+            layer.instructions,
+            &[term],
+            latent,
+            Epilogue::Set,
+            &mut room.mixed,
+        );
+        room.pack(layer.instructions);
     }
 
     /// The endpoint products for the next block, or the decoder.
@@ -284,6 +334,16 @@ impl Network {
         let terms = &[self.decoder_first.times(layer, &nodes)];
         mlp.first_layer(layer, terms, mlp.first_epilogue(layer), &mut tile);
         mlp.forward(layer, tile, Normalised::Set(rows.output.values));
+    }
+}
+
+/// The endpoint products of block `number`, and the room for those of the next.
+fn in_turn<T>(products: &mut [Aligned<T>; 2], number: usize) -> (&[T], &mut Aligned<T>) {
+    let [even, odd] = products;
+    if number.is_multiple_of(2) {
+        (&*even, odd)
+    } else {
+        (&*odd, even)
     }
 }
 

@@ -72,6 +72,36 @@ impl Weights<'_> {
         inputs.pop().unwrap_or_default()
     }
 
+    /// The filter of a block over each cloth; nothing where it has none.
+    fn filtered(&self, block: usize, graph: &Connectivity, nodes: &Rows) -> Rows {
+        let weight = self.get(&format!("processor.{block}.filter.weight"));
+        let (modes, latent) = (graph.mode_count(), self.network.spec().latent);
+        if modes == 0 {
+            return Rows::new();
+        }
+        let times = weight.len() / latent;
+        let [values, weighted] = graph.modes();
+        let at = |array: &[f32], vertex, mode| f64::from(array[vertex * modes + mode]);
+        let mut out = vec![vec![0.0; latent]; nodes.len()];
+        for (cloth, ends) in graph.first_vertices().windows(2).enumerate() {
+            for mode in 0..modes {
+                let decays = &graph.mode_decays()[(cloth * modes + mode) * times..][..times];
+                for channel in 0..latent {
+                    let heat = (ends[0]..ends[1])
+                        .map(|vertex| at(weighted, vertex, mode) * nodes[vertex][channel])
+                        .sum::<f64>();
+                    let weights = weight[channel * times..].iter().zip(decays);
+                    let response: f64 = weights.map(|(w, &d)| w * f64::from(d)).sum();
+                    let rows = out.iter_mut().enumerate().take(ends[1]).skip(ends[0]);
+                    for (vertex, row) in rows {
+                        row[channel] += at(values, vertex, mode) * response * heat;
+                    }
+                }
+            }
+        }
+        out
+    }
+
     fn encode(
         &self,
         path: &str,
@@ -135,8 +165,10 @@ pub fn forward(
                 edge[k] += update[k];
             }
         }
-        for (node, incoming) in nodes.iter_mut().zip(&incoming) {
-            let joined = [&**node, &**incoming].concat();
+        let filtered = weights.filtered(block, graph, &nodes);
+        for (row, (node, incoming)) in nodes.iter_mut().zip(&incoming).enumerate() {
+            let mut joined = [&**node, &**incoming].concat();
+            joined.extend(filtered.get(row).into_iter().flatten());
             let update = weights.normalised_mlp(&format!("processor.{block}.node"), &joined);
             for (x, u) in node.iter_mut().zip(update) {
                 *x += u;

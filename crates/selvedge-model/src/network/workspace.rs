@@ -7,6 +7,8 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
+use selvedge_cloth::Stop;
+
 use crate::graph::connectivity::Connectivity;
 use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
@@ -17,6 +19,7 @@ use crate::network::definition::Network;
 use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::BlockRecord;
 use crate::network::layers::encoder::EncoderRecord;
+use crate::network::layers::filter::{FilterRoom, ModeSums};
 use crate::network::layers::mlp::MlpRecord;
 use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
 use crate::network::packed::PackedWeights;
@@ -39,6 +42,9 @@ pub struct Workspace<T> {
     pub(crate) arcs: Aligned<T>,
     /// Endpoint products for the even blocks and for the odd ones, `[vertices, 2 latent]`.
     pub(crate) endpoint_products: [Aligned<T>; 2],
+    pub(crate) filter: FilterRoom<T>,
+    /// Sums of each partition over its vertices, for the filter of the next block.
+    pub(crate) mode_sums: Vec<ModeSums<T>>,
     pub(crate) node_encoder: EncoderRecord<T>,
     pub(crate) arc_encoder: EncoderRecord<T>,
     pub(crate) blocks: Vec<BlockRecord<T>>,
@@ -56,6 +62,8 @@ pub struct Workspace<T> {
     pub(crate) end: EncoderState<T>,
     /// True while the activations of a training pass wait for its backward pass.
     pub(crate) kept: bool,
+    /// Wanted where nobody needs the pass any more.
+    pub(crate) stop: Stop,
 }
 
 /// The backward pass of a group of partitions.
@@ -71,6 +79,12 @@ impl<T: Real> Workspace<T> {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Lets passes end early from when `stop` is wanted. What they give then means nothing: whoever
+    /// runs them looks at `stop` before using it.
+    pub fn stop_by(&mut self, stop: Stop) {
+        self.stop = stop;
     }
 
     /// An empty workspace for passes on plain weights with these instructions.
@@ -100,6 +114,7 @@ impl<T: Real> Workspace<T> {
         encoders.iter().map(|e| e.number_count()).sum::<usize>()
             + blocks.sum::<usize>()
             + self.decoder.number_count()
+            + self.filter.number_count()
             + flat
                 .into_iter()
                 .chain(states)
@@ -140,6 +155,9 @@ impl<T: Real> Workspace<T> {
             products.resize(vertices * 2 * latent);
         }
         self.output.resize(vertices * network.spec().outputs());
+        self.filter.fit(graph, latent, network.blocks.len());
+        self.mode_sums
+            .resize_with(graph.partitions.len(), ModeSums::default);
         if network.streams() {
             self.end.fit(vertices, arcs, latent);
         }

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use selvedge_cloth::FaceId;
+use selvedge_cloth::{FaceId, Stop};
 use thiserror::Error;
 
 use crate::features::correction::{CorrectionColumns, HalfTurns, PredictedFrame, Stiffness};
@@ -73,6 +73,7 @@ impl Corrector {
         if model.spec().base.is_none() {
             return Err(NoBase);
         }
+        let graph = graph.for_spec(model.spec());
         let columns = CorrectionColumns::of_faces(
             &graph,
             stiffness,
@@ -89,6 +90,12 @@ impl Corrector {
             model,
             graph,
         })
+    }
+
+    /// Lets the network end early from when `stop` is wanted. What [`Self::correct`] gives then
+    /// means nothing.
+    pub fn stop_by(&mut self, stop: Stop) {
+        self.workspace.stop_by(stop);
     }
 
     /// The same with the products of the network by these instructions.

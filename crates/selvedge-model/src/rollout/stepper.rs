@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, StepError, Stepper, Topology, VertexId, check_targets_hold,
+    Correctable, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
+    check_targets_hold,
 };
 use thiserror::Error;
 
@@ -45,6 +46,7 @@ pub struct LearnedStepper {
     /// step is known to be good.
     state: EncoderState<f32>,
     acceleration: Vec<f32>,
+    stop: Stop,
 }
 
 /// Reason why a rollout cannot start.
@@ -105,7 +107,7 @@ impl LearnedStepper {
             return Err(RolloutError::NeedsPhysics);
         }
         let vertices = graph.vertex_count();
-        let graph = graph.with_coarse_levels(model.spec().coarse_levels);
+        let graph = graph.for_spec(model.spec());
         Ok(Self {
             history: opening_frames(model.spec(), vertices, start)?,
             next: vec![Vec3::ZERO; vertices],
@@ -123,6 +125,7 @@ impl LearnedStepper {
             workspace: Workspace::new(),
             state: EncoderState::new(),
             acceleration: Vec::new(),
+            stop: Stop::default(),
             model,
             graph,
         })
@@ -206,6 +209,10 @@ impl Stepper for LearnedStepper {
         next_handles.clear();
         next_handles.extend(targets.end().iter().map(|p| p.as_vec3()));
         self.predict(&next_handles, yaw);
+        if self.stop.is_wanted() {
+            self.next_handles = next_handles;
+            return Err(StepError::Stopped { frame });
+        }
         let newest = self.history.len() - 1;
         let spec = self.model.spec();
         let last = LastFrames {
@@ -236,6 +243,12 @@ impl Stepper for LearnedStepper {
         self.yaw_before = Some(std::mem::replace(&mut self.yaw, yaw));
         self.frame = frame;
         Ok(())
+    }
+
+    /// Heard within the network.
+    fn stop_by(&mut self, stop: Stop) {
+        self.workspace.stop_by(stop.clone());
+        self.stop = stop;
     }
 }
 

@@ -33,6 +33,10 @@ pub struct ModelSpec {
     /// pass messages beside the edges of the mesh. The paper has none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub coarse_levels: usize,
+    /// Number of the cloth's longest waves through which every block filters the latent nodes, so
+    /// that each vertex sees the whole cloth at once. The paper has none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub filter_modes: usize,
     /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
@@ -237,6 +241,7 @@ impl ModelSpec {
             latent,
             blocks,
             coarse_levels: 0,
+            filter_modes: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -253,6 +258,7 @@ impl ModelSpec {
             latent,
             blocks,
             coarse_levels: 0,
+            filter_modes: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -289,6 +295,7 @@ impl ModelSpec {
             ("blocks", self.blocks, least_blocks, 256),
             ("encoder.window", self.window(), 1, 64),
             ("coarse_levels", self.coarse_levels, 0, 8),
+            ("filter_modes", self.filter_modes, 0, 1024),
         ];
         check_each_size(&sizes)
     }
@@ -306,6 +313,11 @@ impl ModelSpec {
             ("edge_features", !self.edge_features.is_empty(), columns),
             ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
             ("coarse_levels", self.coarse_levels > 0, columns),
+            (
+                "filter_modes",
+                self.filter_modes > 0 && self.blocks == 0,
+                "there are no blocks to filter in",
+            ),
             (
                 "integration",
                 self.integration != Integration::default(),

@@ -3,3 +3,4 @@
 mod embed;
 mod invariance;
 mod network;
+mod strip;

@@ -3,26 +3,13 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::Topology;
 use selvedge_model::{
     Carried, Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient,
     Instructions, Model, ModelSpec, Network, PackedWeights, Pass, PhysicsBase, Purpose,
     StateGradients, Workspace, reference,
 };
 
-/// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
-fn strip(columns: u32) -> Connectivity {
-    let mut faces = Vec::new();
-    for c in 0..columns {
-        for row in 0..2 {
-            let v = 3 * c + row;
-            faces.push([v, v + 3, v + 1]);
-            faces.push([v + 1, v + 3, v + 4]);
-        }
-    }
-    let topology = Topology::new(3 * (columns as usize + 1), &faces).expect("a strip");
-    Connectivity::of(&topology)
-}
+use crate::strip::strip;
 
 struct Case {
     network: Network,
@@ -35,7 +22,7 @@ struct Case {
 fn case(spec: &ModelSpec, columns: u32, seed: u64) -> Case {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let network = Network::new(spec).expect("a valid spec");
-    let graph = strip(columns);
+    let graph = strip(columns, spec);
     // Shifted away from the constant start, so that weights of a LayerNorm are tested too.
     let start = network.initialise(&mut || rng.random::<f64>());
     let weights = start
@@ -92,7 +79,17 @@ fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
         correcting(8, 2),
         correcting(9, 0),
+        filtering(ModelSpec::physical(Encoder::NodeGru { window: 2 }, 9, 3), 5),
+        filtering(correcting(8, 2), 7),
     ]
+}
+
+/// The same with filters over the whole cloth.
+fn filtering(spec: ModelSpec, filter_modes: usize) -> ModelSpec {
+    ModelSpec {
+        filter_modes,
+        ..spec
+    }
 }
 
 fn correcting(latent: usize, blocks: usize) -> ModelSpec {

@@ -1,5 +1,5 @@
 //! Pairs that push in a substep: those nearer than the thickness, and those that would meet on
-//! their way. Of several on the same side of a vertex or an edge the nearest pushes.
+//! their way. Of several on the same side of a vertex the nearest pushes.
 
 use std::collections::HashSet;
 
@@ -7,19 +7,29 @@ use glam::DVec3;
 use selvedge_cloth::Scene;
 use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap};
 
+use super::arcsim;
 use super::barrier::LEAST;
 use super::clearances::Clearances;
 use super::friction::{along_surface, kept};
-use super::touches::{Touch, Touches};
-use super::{Anchor, Contact, Key, key};
+use super::touches::{PairLaw, Touch, Touches};
+use super::{Anchor, Contact, Found, Held, Key, key};
 use crate::active_handles::ActiveHandles;
 
 /// Cosine of two directions from which they count as the same side.
 const SAME_SIDE: f64 = 0.7;
-/// Sines of the angle that an edge's push may lean over a face beside it, and must keep from both
-/// faces of one of the two edges.
+/// Part of the push at no gap that a pair bears firmly: at 0.9 of the thickness.
+const FIRM: f64 = 0.01;
+/// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
+/// which they push in full.
+const BULGE: f64 = 0.5;
+/// Sine of the angle of two edges from which they push in full.
+const PARALLEL: f64 = 0.1;
+/// Sine of the angle by which an edge's push may lean over a face beside it.
 const LEAN: f64 = 0.05;
-const CONVEX: f64 = 0.01;
+
+/// Pairs that a vertex of the cloth meets first, of which each is caught. With one of them cloth
+/// that folds has more to repeat; with four, or all, cloth that lies crumpled.
+const EARLIEST: usize = 2;
 
 /// Vertices that are joined by an edge of the cloth, and where they start `[m]`.
 pub(super) struct Neighbours {
@@ -38,12 +48,12 @@ impl Neighbours {
     }
 
     /// Gap of two features of the cloth at the start `[m]`.
-    fn gap(&self, pair: &Pair) -> f64 {
+    pub(super) fn gap(&self, pair: &Pair) -> f64 {
         gap(pair.kind, pair.places(&self.start)).distance
     }
 
     /// Returns true if an edge joins the two features.
-    fn join(&self, pair: &Pair) -> bool {
+    pub(super) fn join(&self, pair: &Pair) -> bool {
         let (first, second) = pair.corners.split_at(pair.kind.split());
         let joined = |a: u32, b: u32| self.joined.contains(&[a.min(b), a.max(b)]);
         first.iter().any(|a| second.iter().any(|b| joined(*a, *b)))
@@ -57,13 +67,18 @@ struct Near {
     gap: Gap,
     /// Distance along the gap's direction at the start `[m]`.
     distance: f64,
+    /// Part of the barrier's stiffness that it has, above 0.
+    share: f64,
     /// True if it pushes whatever else is near.
     is_caught: bool,
 }
 
 impl Contact {
-    /// The touches of a solve, and their pairs.
-    pub(super) fn find_touches(&mut self) -> (Touches, Vec<Key>) {
+    /// The touches of a solve.
+    pub(super) fn find_touches(&mut self) -> Found {
+        if let Some(law) = &self.arcsim {
+            return self.find_as_arcsim(law);
+        }
         let mut clearances = std::mem::take(&mut self.clearances);
         clearances.look_ahead(&self.start, &self.end);
         let mut near = self.near(&mut clearances);
@@ -78,7 +93,70 @@ impl Contact {
         for touch in &mut list {
             self.leave_obstacles(touch);
         }
-        (Touches { list }, set)
+        let mut held = Held::default();
+        for near in &near {
+            self.hold(near, &mut held);
+        }
+        held.sort();
+        let exact = false;
+        Found {
+            touches: Touches { list, exact },
+            set,
+            held,
+        }
+    }
+
+    /// As [`Self::find_touches`], of ARCSim's law.
+    fn find_as_arcsim(&self, law: &arcsim::Law) -> Found {
+        let nearest = law.nearest(&arcsim::Bodies {
+            surface: &self.surface,
+            places: &self.start,
+            pairs: self.candidates.pairs(),
+            thickness: &self.thickness,
+        });
+        let mut set: Vec<Key> = nearest.iter().map(|near| key(&near.pair)).collect();
+        set.sort_unstable();
+        let mut list = Vec::new();
+        for arcsim::Nearby {
+            pair,
+            gap,
+            stiffness,
+        } in nearest
+        {
+            let body = self.other_body(&pair);
+            if gap.distance < self.thickness[body] {
+                let law = PairLaw::Arcsim { stiffness };
+                let mut touch = self.touch_of(&pair, body, &gap, gap.distance, law);
+                (touch.body, touch.pull) = (None, DVec3::ZERO);
+                self.leave_obstacles(&mut touch);
+                list.push(touch);
+            }
+        }
+        list.sort_by_key(|touch| touch.corners);
+        let exact = true;
+        Found {
+            touches: Touches { list, exact },
+            set,
+            held: Held::default(),
+        }
+    }
+
+    /// Adds what pushes in `near`.
+    fn hold(&self, near: &Near, held: &mut Held) {
+        let Near {
+            pair, body, gap, ..
+        } = near;
+        let own = match pair.kind {
+            Kind::VertexFace => (pair.kind, pair.first, *body as u32),
+            Kind::EdgeEdge => key(pair),
+        };
+        let expected = extent(gap, pair.places(&self.end));
+        let least = near.distance.min(expected) / self.thickness[*body];
+        let depth = (1.0 - least).max(0.0);
+        held.all.push(own);
+        if near.share * depth * depth > FIRM {
+            held.firmly.push(own);
+        }
     }
 
     /// All pairs that are too near or will be.
@@ -116,7 +194,11 @@ impl Contact {
                 continue;
             }
             let is_caught = self.memory.caught.binary_search(&key(pair)).is_ok();
-            if pair.kind == Kind::EdgeEdge && !is_caught && !self.is_in_wedge(pair, &gap) {
+            let share = match pair.kind {
+                Kind::EdgeEdge if !is_caught => self.share(pair, &gap, thickness),
+                _ => 1.0,
+            };
+            if share <= 0.0 {
                 continue;
             }
             let distance = extent(&gap, path.from);
@@ -125,6 +207,7 @@ impl Contact {
                 body,
                 gap,
                 distance,
+                share,
                 is_caught,
             };
             if distance > 0.0 && self.can_move(&near) {
@@ -134,33 +217,58 @@ impl Contact {
         found
     }
 
-    /// Returns true if the gap of two edges leaves both between their faces, and one of them is a
-    /// fold towards the other. Elsewhere a vertex is as near.
-    fn is_in_wedge(&self, pair: &Pair, gap: &Gap) -> bool {
-        let inner = |w: f64| (1e-4..=1.0 - 1e-4).contains(&w.abs());
-        if !gap.weights.iter().all(|w| inner(*w)) {
-            return false;
+    /// Part of the barrier's stiffness that two edges have: none where a vertex is about as near.
+    /// All of it where they cross, the gap leaves both between their faces, and one of them is a
+    /// fold towards the other, by which it is nearer to the middle of the other than to its ends;
+    /// or both are boundaries, off their ends. It grows evenly: a push that began at once would
+    /// keep a cloth at rest trembling, and what trembles has more friction than its load.
+    /// `[eq:contact-edges]`
+    fn share(&self, pair: &Pair, gap: &Gap, thickness: f64) -> f64 {
+        let [a, b, c, d] = pair.places(&self.start);
+        let (along, across) = (b - a, d - c);
+        // From the gap to the nearest end.
+        let [w0, w1, w2, w3] = gap.weights.map(f64::abs);
+        let away = (along.length() * w0.min(w1)).min(across.length() * w2.min(w3));
+        if away <= 1e-3 * thickness {
+            return 0.0;
         }
-        let lean = |edge: u32, towards: DVec3| {
-            let edge = self.surface.edges()[edge as usize];
-            let [a, b] = edge.ends.map(|p| self.start[p as usize]);
-            let along = (b - a).normalize_or_zero();
-            let wings = edge.wings.iter().flatten().map(|wing| {
-                let arm = self.start[*wing as usize] - a;
-                let arm = (arm - along * along.dot(arm)).normalize_or_zero();
-                arm.dot(towards)
-            });
-            wings.fold(f64::NEG_INFINITY, f64::max)
+        let sine = along.cross(across).length() / (along.length() * across.length());
+        let leans = [
+            self.lean(pair.first, -gap.normal),
+            self.lean(pair.second, gap.normal),
+        ];
+        let ends = |edge: u32| self.surface.edges()[edge as usize].wings[1].is_none();
+        let bulge = match ends(pair.first) && ends(pair.second) {
+            true => away,
+            false => -leans[0].min(leans[1]) * away,
         };
-        let leans = [lean(pair.first, -gap.normal), lean(pair.second, gap.normal)];
-        leans.iter().all(|lean| *lean <= LEAN) && leans.iter().any(|lean| *lean <= -CONVEX)
+        [
+            bulge / (BULGE * thickness),
+            sine / PARALLEL,
+            1.0 - leans[0].max(leans[1]) / LEAN,
+        ]
+        .into_iter()
+        .map(|part| part.clamp(0.0, 1.0))
+        .product()
     }
 
-    /// Of pairs from near to far, those on whose side of their vertex or edge no other has pushed.
+    /// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
+    /// both lean away from it.
+    fn lean(&self, edge: u32, towards: DVec3) -> f64 {
+        let edge = self.surface.edges()[edge as usize];
+        let [a, b] = edge.ends.map(|p| self.start[p as usize]);
+        let along = (b - a).normalize_or_zero();
+        let wings = edge.wings.iter().flatten().map(|wing| {
+            let arm = self.start[*wing as usize] - a;
+            let arm = (arm - along * along.dot(arm)).normalize_or_zero();
+            arm.dot(towards)
+        });
+        wings.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Of pairs from near to far, all edges, and the vertices on whose side no other has pushed.
     fn nearest(&self, near: Vec<Near>) -> Vec<Near> {
         let mut sides: Vec<Vec<DVec3>> = vec![Vec::new(); self.start.len()];
-        let mut edges: std::collections::HashMap<u32, Vec<DVec3>> =
-            std::collections::HashMap::new();
         let is_new =
             |taken: &[DVec3], normal: DVec3| taken.iter().all(|n| n.dot(normal) < SAME_SIDE);
         let mut kept = Vec::new();
@@ -175,18 +283,7 @@ impl Contact {
                     }
                     new
                 }
-                Kind::EdgeEdge => {
-                    let ends = [(near.pair.first, normal), (near.pair.second, -normal)];
-                    let new = ends.iter().any(|(edge, normal)| {
-                        edges.get(edge).is_none_or(|taken| is_new(taken, *normal))
-                    });
-                    if new {
-                        for (edge, normal) in ends {
-                            edges.entry(edge).or_default().push(normal);
-                        }
-                    }
-                    new
-                }
+                Kind::EdgeEdge => true,
             };
             if is_kept || near.is_caught {
                 kept.push(near);
@@ -196,13 +293,19 @@ impl Contact {
     }
 
     fn touch(&self, near: &Near) -> Touch {
-        let Near {
-            pair,
-            body,
-            gap,
-            distance,
-            ..
-        } = near;
+        let law = PairLaw::Barrier { share: near.share };
+        self.touch_of(&near.pair, near.body, &near.gap, near.distance, law)
+    }
+
+    /// A pair that pushes at `distance` `[m]` along the direction of `gap`.
+    pub(super) fn touch_of(
+        &self,
+        pair: &Pair,
+        body: usize,
+        gap: &Gap,
+        distance: f64,
+        law: PairLaw,
+    ) -> Touch {
         let (mut squares, mut weighted, mut inverse) = (0.0, 0.0, 0.0);
         let (mut base, mut drift) = (DVec3::ZERO, DVec3::ZERO);
         for (corner, weight) in pair.corners.iter().zip(gap.weights) {
@@ -223,15 +326,17 @@ impl Contact {
             corners: pair.corners,
             weights: gap.weights,
             normal: gap.normal,
-            gap: *distance,
-            thickness: self.thickness[*body],
+            gap: distance,
+            thickness: self.thickness[body],
+            law,
             mean_mass: weighted / squares,
             mass: 1.0 / inverse,
             base,
             drift,
-            friction: self.friction[*body],
-            body: (pair.kind == Kind::VertexFace).then_some(*body as u32),
-            pull: self.pull(pair, *body, gap.normal),
+            friction: self.friction[body],
+            is_within: false,
+            body: (pair.kind == Kind::VertexFace).then_some(body as u32),
+            pull: self.pull(pair, body, gap.normal),
             at: None,
             response: super::touches::Response::default(),
         }
@@ -239,11 +344,23 @@ impl Contact {
 
     /// Lets pairs that failed push in the next solve, harder than in the last. Returns false if
     /// none of them can.
+    ///
+    /// A way that goes deep fails with all that lies on it, of which most would never meet if the
+    /// first did not. So a pair is caught if it is among the [`EARLIEST`] of a vertex of the cloth.
+    /// What was caught before and pulls is let go.
     pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
         let (mut caught, mut new) = (false, Vec::new());
+        let end = &self.end;
+        touches.list.retain(|touch| !touch.pulls(|v| end[v]));
+        let mut met = vec![0; self.mass.len()];
         let count = touches.list.len();
-        for (pair, approach) in self.failed() {
+        let mut failed: Vec<_> = self.failed().collect();
+        failed.sort_by(|a, b| a.1.safe.total_cmp(&b.1.safe));
+        for (pair, approach) in failed {
             let gap = approach.gap;
+            if !is_early(pair, &gap, &mut met) {
+                continue;
+            }
             let distance = extent(&gap, pair.places(&self.start));
             let missed = extent(&gap, pair.places(&self.end));
             if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
@@ -254,6 +371,7 @@ impl Contact {
                 body: self.other_body(pair),
                 gap,
                 distance,
+                share: 1.0,
                 is_caught: true,
             };
             if !self.can_move(&near) {
@@ -272,16 +390,22 @@ impl Contact {
                 Err(_) => {
                     touch.at = Some(distance.min(LEAST * touch.thickness));
                     touches.list.push(touch);
-                    new.push(key(pair));
+                    new.push(near);
                 }
             }
         }
         touches.list.sort_by_key(|touch| touch.corners);
-        for list in [&mut self.memory.caught, &mut self.memory.set] {
-            list.extend(&new);
-            list.sort_unstable();
-            list.dedup();
+        self.memory
+            .caught
+            .extend(new.iter().map(|near| key(&near.pair)));
+        self.memory.caught.sort_unstable();
+        self.memory.caught.dedup();
+        let mut held = std::mem::take(&mut self.memory.held);
+        for near in &new {
+            self.hold(near, &mut held);
         }
+        held.sort();
+        self.memory.held = held;
         caught
     }
 
@@ -293,10 +417,11 @@ impl Contact {
     }
 
     /// Drops the weights of obstacles, which the system does not have.
-    fn leave_obstacles(&self, touch: &mut Touch) {
+    pub(super) fn leave_obstacles(&self, touch: &mut Touch) {
         for (corner, weight) in touch.corners.iter().zip(&mut touch.weights) {
             if *corner as usize >= self.mass.len() {
                 *weight = 0.0;
+                touch.is_within = true;
             }
         }
     }
@@ -343,6 +468,19 @@ impl Contact {
         self.memory.anchors = anchors;
         active.system.touches.list.clear();
     }
+}
+
+/// Returns true if a pair that meets now is among the [`EARLIEST`] of a vertex of the cloth, of
+/// which `met` counts what they have met, `[vertices]`.
+fn is_early(pair: &Pair, gap: &Gap, met: &mut [usize]) -> bool {
+    let mut is_early = false;
+    for (corner, weight) in pair.corners.iter().zip(gap.weights) {
+        if let Some(met) = met.get_mut(*corner as usize).filter(|_| weight != 0.0) {
+            is_early |= *met < EARLIEST;
+            *met += 1;
+        }
+    }
+    is_early
 }
 
 /// Distance of two features along the direction of `gap`, at these places of their corners `[m]`.

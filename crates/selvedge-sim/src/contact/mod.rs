@@ -6,15 +6,19 @@
 //! stay apart on the way from the start to the end ([`separation`]). Pairs that are not are pushed
 //! apart, by mass; if that does not end, vertices are held back, or the substep is divided.
 
+mod arcsim;
 mod barrier;
 mod clearances;
 mod find;
 mod friction;
+mod gauge;
+mod led;
+mod received;
 mod separation;
 mod touches;
 
 use glam::DVec3;
-use selvedge_cloth::{ContactSettings, Obstacle, Scene, VertexId};
+use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, VertexId};
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, intersections};
 
 use crate::active_handles::ActiveHandles;
@@ -23,7 +27,9 @@ use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
 use clearances::Clearances;
-pub(crate) use touches::Touches;
+pub use gauge::{ContactGauge, FrameContact};
+pub(crate) use led::Shift;
+pub(crate) use touches::{Touches, to_single};
 
 /// Solves that are repeated with pairs that met unexpectedly, at most.
 const REPEATS: usize = 3;
@@ -34,6 +40,9 @@ const SLACK: f64 = 2.0;
 /// Solves ahead for which candidates are found, should all points go on as they go: fewer searches
 /// for more candidates, of which most are never looked at.
 const AHEAD: f64 = 4.0;
+/// The same beyond the first solve, in units of the thickness, at most: what is fast has too many
+/// candidates.
+const FARTHEST_AHEAD: f64 = 10.0;
 
 /// Work that contact has taken since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -112,11 +121,46 @@ struct Anchor {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Memory {
     anchors: Vec<Anchor>,
-    /// Pairs that pushed, in ascending order.
-    set: Vec<Key>,
+    /// Features that pushed, in ascending order.
+    held: Held,
     /// Those of them that a solve had missed: they push on, whatever else is near, in ascending
     /// order.
     caught: Vec<Key>,
+}
+
+/// Features that push, without the faces that they push against: a vertex that slides over an edge
+/// is held by the same body. Each in ascending order, as often as it pushes.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Held {
+    all: Vec<Key>,
+    /// Those that bear more than a little, or are expected to.
+    firmly: Vec<Key>,
+}
+
+impl Held {
+    /// Returns true if something begins to push firmly, or ends while it did.
+    fn jumps_to(&self, next: &Self) -> bool {
+        !includes(&self.all, &next.firmly) || !includes(&next.all, &self.firmly)
+    }
+
+    fn sort(&mut self) {
+        self.all.sort_unstable();
+        self.firmly.sort_unstable();
+    }
+}
+
+/// The touches of a solve.
+struct Found {
+    touches: Touches,
+    /// The pairs, in ascending order.
+    set: Vec<Key>,
+    held: Held,
+}
+
+/// Returns true if `all` has every entry of `part`, as often; both in ascending order.
+fn includes(all: &[Key], part: &[Key]) -> bool {
+    let mut all = all.iter();
+    part.iter().all(|own| all.any(|other| other == own))
 }
 
 /// Kind and numbers of a pair.
@@ -130,12 +174,16 @@ fn key(pair: &Pair) -> Key {
 pub(crate) struct Contact {
     settings: ContactSettings,
     obstacles: Vec<Obstacle>,
+    /// Distance of each obstacle from its own path, `[obstacles]`.
+    pub(crate) shifts: Vec<Shift>,
     surface: Surface,
     candidates: Candidates,
     /// ĝ of each body with the cloth `[m]`.
     thickness: Vec<f64>,
     /// Coefficient of friction of each body with the cloth.
     friction: Vec<f64>,
+    /// ARCSim's law, where the scene asks for it.
+    arcsim: Option<arcsim::Law>,
     /// Pairs that are too near in the flat cloth to push.
     neighbours: find::Neighbours,
     mass: Vec<f64>,
@@ -153,6 +201,7 @@ pub(crate) struct Contact {
     memory: Memory,
     saved: Memory,
     pub(crate) counts: ContactCounts,
+    received: received::Received,
     room: separation::Room,
     clearances: Clearances,
 }
@@ -178,6 +227,7 @@ impl Contact {
             candidates: Candidates::new(&surface, &points, settings.self_contact),
             thickness: thickness.collect(),
             friction: friction.collect(),
+            arcsim: (settings.law == ContactLaw::Arcsim).then(|| arcsim::Law::new(scene, &surface)),
             neighbours: find::Neighbours::new(scene),
             mass: mass.to_vec(),
             inverse: vec![0.0; count],
@@ -189,9 +239,11 @@ impl Contact {
             memory: Memory::default(),
             saved: Memory::default(),
             counts: ContactCounts::default(),
+            received: received::Received::none(scene.obstacles.len()),
             room: separation::Room::default(),
             clearances: Clearances::new(count),
             obstacles: scene.obstacles.clone(),
+            shifts: vec![Shift::default(); scene.obstacles.len()],
             settings,
             surface,
         })
@@ -206,8 +258,9 @@ impl Contact {
         rate: f64,
     ) -> Vec<Intersection> {
         let mut points = positions.to_vec();
-        for obstacle in &self.obstacles {
-            points.extend(obstacle.positions_at(frame as f64 / rate));
+        for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
+            let places = obstacle.positions_at(frame as f64 / rate);
+            points.extend(places.map(|p| p + shift.now));
         }
         let mut found = intersections(&self.surface, &points);
         if !self.settings.self_contact {
@@ -237,8 +290,10 @@ impl Contact {
     pub(crate) fn enter_frame(&mut self, frame: usize, rate: f64) {
         for (k, points) in self.frame.iter_mut().enumerate() {
             points.clear();
-            for obstacle in &self.obstacles {
-                points.extend(obstacle.positions_at((frame + k) as f64 / rate));
+            for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
+                let shift = [shift.now, shift.next][k];
+                let places = obstacle.positions_at((frame + k) as f64 / rate);
+                points.extend(places.map(|p| p + shift));
             }
         }
     }
@@ -256,6 +311,16 @@ impl Contact {
     /// Drops what the last substep left: friction takes hold anew.
     pub(crate) fn forget(&mut self) {
         self.memory = Memory::default();
+    }
+
+    /// Momentum that each obstacle received since [`Self::forget_received`] `[N s]`, `[obstacles]`.
+    pub(crate) fn received(&self) -> &[DVec3] {
+        self.received.all()
+    }
+
+    /// Begins to sum what obstacles receive anew.
+    pub(crate) fn forget_received(&mut self) {
+        self.received.forget();
     }
 
     /// Moves `state` by a substep. On an error the state is unusable.
@@ -276,6 +341,7 @@ impl Contact {
             let mut repeats = 0;
             while !self.certify_solve(span.threads, &state.positions)
                 && repeats < REPEATS
+                && self.arcsim.is_none()
                 && self.catch(&mut active.system.touches)
             {
                 repeats += 1;
@@ -285,7 +351,12 @@ impl Contact {
                 active.advance_first_order_unlimited(left, state, span.targets)?;
                 is_limited = false;
             }
-            match self.separate(left, span, state)? {
+            let touches = &active.system.touches;
+            self.received
+                .add_forces(&self.surface, &self.end, left, touches);
+            let outcome = self.separate(left, span, state)?;
+            self.received.add_pushes(left);
+            match outcome {
                 separation::Outcome::Settled { moved } => {
                     let is_shifted = !is_limited && self.limit(left, span, active, state)?;
                     if moved || is_shifted {
@@ -339,22 +410,22 @@ impl Contact {
         history: &mut History,
     ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
-        let (touches, set) = self.find_touches();
+        let Found { touches, set, held } = self.find_touches();
         self.counts.solves += 1;
         self.counts.touching = touches.list.len() as u64;
-        let changed = set != self.memory.set;
+        let jumps = self.memory.held.jumps_to(&held);
         self.memory
             .caught
             .retain(|pair| set.binary_search(pair).is_ok());
-        self.memory.set = set;
+        self.memory.held = held;
         active.system.touches = touches;
         self.before.copy_from(state);
-        if active.system.touches.is_empty() && !changed {
+        if active.system.touches.is_empty() && !jumps {
             active.advance(left, state, history, span.targets)?;
             return Ok(true);
         }
         let looks_back = active.looks_back();
-        if looks_back && !changed && history.fits(left) {
+        if looks_back && !jumps && history.fits(left) {
             active.advance_unlimited(left, state, history, span.targets)?;
             return Ok(false);
         }
@@ -364,7 +435,7 @@ impl Contact {
             history.counts.fell_back += 1;
         }
         active.advance_first_order_unlimited(left, state, span.targets)?;
-        if changed || !looks_back {
+        if jumps || !looks_back {
             history.forget();
         } else {
             history.keep(&self.before, left);
@@ -412,8 +483,11 @@ impl Contact {
         let reach = self.reach();
         self.ahead.clear();
         let ways = self.start.iter().zip(&self.end);
-        self.ahead
-            .extend(ways.map(|(start, end)| *start + (*end - *start) * AHEAD));
+        let most = FARTHEST_AHEAD * self.largest_thickness();
+        self.ahead.extend(ways.map(|(start, end)| {
+            let further = (*end - *start) * (AHEAD - 1.0);
+            *end + further.clamp_length_max(most)
+        }));
         self.candidates
             .find(&self.surface, &self.start, &self.ahead, reach);
         self.clearances.reset(self.candidates.pairs().len());
@@ -422,8 +496,10 @@ impl Contact {
 
     fn reach(&self) -> Reach {
         let most = self.largest_thickness();
+        // ARCSim chooses among all pairs within twice its thickness.
+        let near = if self.arcsim.is_some() { 2.0 } else { 1.0 };
         Reach {
-            gap: most,
+            gap: near * most,
             slack: SLACK * most,
         }
     }

@@ -7,7 +7,7 @@
 //! what the rounds did, and before them it brings together what the solve kept apart.
 
 use glam::DVec3;
-use selvedge_contact::{Approach, Kind, Pair, Path, certify, certify_straight, gap, push};
+use selvedge_contact::{Approach, Gap, Kind, Pair, Path, certify, certify_straight, gap, push};
 
 use super::friction::along_surface;
 use super::{Contact, ContactCounts, ContactError, Span, Unseparated};
@@ -298,22 +298,20 @@ impl Contact {
             self.counts.projected += 1;
             for (p, shift) in pair.corners.iter().zip(push.moves) {
                 self.end[*p as usize] += shift;
+                self.note_push(body, *p as usize, shift);
             }
             if round == 0 {
-                self.rub(
-                    pair,
-                    gap.normal,
-                    gap.weights,
-                    self.friction[body] * push.size,
-                );
+                self.rub(pair, body, gap, push.size);
             }
         }
         self.room.failed = failed;
     }
 
-    /// Friction of a push of which the surface bears `most` `[kg m]`: it takes from the slip of the
+    /// Friction of a push against `body` of this `size` `[kg m]`: it takes from the slip of the
     /// pair since the start.
-    fn rub(&mut self, pair: &Pair, normal: DVec3, weights: [f64; 4], most: f64) {
+    fn rub(&mut self, pair: &Pair, body: usize, gap: &Gap, size: f64) {
+        let (normal, weights) = (gap.normal, gap.weights);
+        let most = self.friction[body] * size;
         let (mut slip, mut mobility) = (DVec3::ZERO, 0.0);
         for (corner, weight) in pair.corners.iter().zip(weights) {
             let p = *corner as usize;
@@ -328,7 +326,16 @@ impl Contact {
         let size = most.min(length / mobility);
         for (corner, weight) in pair.corners.iter().zip(weights) {
             let p = *corner as usize;
-            self.end[p] -= slip * (weight * self.inverse[p] * size / length);
+            let shift = slip * (-weight * self.inverse[p] * size / length);
+            self.end[p] += shift;
+            self.note_push(body, p, shift);
+        }
+    }
+
+    /// Notes that a push against `body` moved point `p` by `shift` `[m]`.
+    fn note_push(&mut self, body: usize, p: usize, shift: DVec3) {
+        if let Some(mass) = self.mass.get(p) {
+            self.received.note_push(body, *mass, shift);
         }
     }
 

@@ -18,6 +18,7 @@ pub(crate) struct Touch {
     pub(super) gap: f64,
     /// ĝ `[m]`.
     pub(super) thickness: f64,
+    pub(super) law: PairLaw,
     /// Mean mass of the free corners by the squares of their weights `[kg]`.
     pub(super) mean_mass: f64,
     /// Mass of the relative motion `[kg]`.
@@ -28,6 +29,9 @@ pub(crate) struct Touch {
     pub(super) drift: DVec3,
     /// Coefficient of friction.
     pub(super) friction: f64,
+    /// True if the cloth's corners are of one edge or one face, whose vertices the matrix of the
+    /// cloth couples already.
+    pub(super) is_within: bool,
     /// Other body of a vertex, which has an anchor there; none of two edges.
     pub(super) body: Option<u32>,
     /// Pull of the anchor at the start, along the surface `[N]`.
@@ -39,6 +43,15 @@ pub(crate) struct Touch {
     pub(super) response: Response,
 }
 
+/// Law of a pair.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum PairLaw {
+    /// The barrier, with this part of its stiffness.
+    Barrier { share: f64 },
+    /// ARCSim's, of this stiffness `[N/m]`.
+    Arcsim { stiffness: f64 },
+}
+
 /// A touch, linearised.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Response {
@@ -47,12 +60,19 @@ pub(super) struct Response {
     pub(super) grip: f64,
     /// γ² times the derivative of the force `[kg]`.
     block: DMat3,
+    /// γ `[s]`.
+    gamma: f64,
+    /// Displacement of the linearisation `[m]`, and the force there `[N]`.
+    displacement: DVec3,
+    force: DVec3,
 }
 
 /// All touches of a substep.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Touches {
     pub(super) list: Vec<Touch>,
+    /// True if a system with them is to be factorised as a whole, not iterated.
+    pub(super) exact: bool,
 }
 
 impl Touch {
@@ -68,13 +88,42 @@ impl Touch {
         sum
     }
 
+    /// Returns true if a touch that was caught pulled at the end of the last solve, where the
+    /// points are at `place` `[m]`.
+    pub(super) fn pulls(&self, place: impl Fn(usize) -> DVec3) -> bool {
+        let gap = self.gap + self.normal.dot(self.displacement(place));
+        self.at.is_some() && self.response.tangent.force_at(gap) < 0.0
+    }
+
+    /// Returns true if it couples vertices that the matrix of the cloth does not.
+    fn reaches_beyond(&self) -> bool {
+        !self.is_within && self.weights.iter().filter(|w| **w != 0.0).count() > 1
+    }
+
+    /// Each two of its vertices and the block that couples them `[kg]`.
+    fn couplings(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+        const TWO: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+        TWO.into_iter().filter_map(|two| {
+            let [a, b] = two.map(|k| self.weights[k]);
+            let block = self.response.block * (a * b);
+            (a * b != 0.0).then(|| (two.map(|k| self.corners[k]), block))
+        })
+    }
+
     /// Linearises the touch for a stage of γ `[s]` whose estimated end has this `displacement`.
     /// Gives the force on the first side `[N]`.
     fn linearise(&mut self, gamma: f64, displacement: DVec3) -> DVec3 {
+        let share = match self.law {
+            PairLaw::Barrier { share } => share,
+            PairLaw::Arcsim { stiffness } => {
+                return self.linearise_as_arcsim(gamma, displacement, stiffness);
+            }
+        };
         let square = gamma * gamma;
         let barrier = Barrier {
             thickness: self.thickness,
             base: self.mean_mass / square,
+            share,
             inertia: self.mass / square,
         };
         let estimate = self.gap + self.normal.dot(displacement);
@@ -87,12 +136,53 @@ impl Touch {
         let slip = along_surface(self.normal, self.pull / grip + displacement);
         let drag = drag(self.normal, slip, grip, self.friction * bears);
         let block = outer(self.normal, self.normal) * tangent.stiffness + drag.block;
+        let force = self.normal * tangent.force_at(estimate) + drag.force;
         self.response = Response {
             tangent,
             grip,
             block: block * square,
+            gamma,
+            displacement,
+            force,
         };
-        self.normal * tangent.force_at(estimate) + drag.force
+        force
+    }
+
+    /// The force on the first side at this `displacement` by the last linearisation `[N]`.
+    pub(super) fn force_at(&self, displacement: DVec3) -> DVec3 {
+        let response = &self.response;
+        if response.gamma <= 0.0 {
+            return DVec3::ZERO;
+        }
+        let further = displacement - response.displacement;
+        response.force - response.block * further / (response.gamma * response.gamma)
+    }
+
+    /// As [`Self::linearise`], by the law of ARCSim. `[eq:contact-arcsim]`
+    fn linearise_as_arcsim(&mut self, gamma: f64, displacement: DVec3, stiffness: f64) -> DVec3 {
+        let depth = (self.thickness - self.gap).max(0.0);
+        let tangent = Tangent {
+            gap: self.gap,
+            force: 0.5 * stiffness * depth * depth / self.thickness,
+            stiffness: stiffness * depth / self.thickness,
+        };
+        let velocity = along_surface(self.normal, displacement / gamma);
+        let slips = self.friction * tangent.force / velocity.length();
+        // Not a number where nothing moves: the other serves.
+        let drag = slips.min(self.mass / gamma);
+        let normal = outer(self.normal, self.normal);
+        let block = normal * tangent.stiffness + (DMat3::IDENTITY - normal) * (drag / gamma);
+        let push = tangent.force_at(self.gap + self.normal.dot(displacement));
+        let force = self.normal * push - velocity * drag;
+        self.response = Response {
+            tangent,
+            grip: 0.0,
+            block: block * (gamma * gamma),
+            gamma,
+            displacement,
+            force,
+        };
+        force
     }
 }
 
@@ -103,10 +193,20 @@ impl Touches {
         self.list.is_empty()
     }
 
-    /// Returns true if a touch couples vertices with each other.
-    pub(crate) fn couple(&self) -> bool {
+    /// Returns true if a system with them is to be factorised as a whole.
+    pub(crate) fn are_exact(&self) -> bool {
+        self.exact
+    }
+
+    /// Returns true if a touch couples vertices.
+    pub(crate) fn couple_at_all(&self) -> bool {
         let mut touches = self.list.iter();
-        touches.any(|touch| touch.weights.iter().filter(|w| **w != 0.0).count() > 1)
+        touches.any(|touch| touch.couplings().next().is_some())
+    }
+
+    /// Returns true if a touch couples vertices that the matrix of the cloth does not.
+    pub(crate) fn couple(&self) -> bool {
+        self.list.iter().any(Touch::reaches_beyond)
     }
 
     /// Linearises all touches for a stage of γ `[s]` whose estimated end has the cloth's vertices
@@ -156,10 +256,11 @@ impl Touches {
         })
     }
 
-    /// Vertices of each touch that couples some; in the place of an obstacle's point stands the
-    /// first of them.
+    /// Vertices of each touch that couples some that the matrix of the cloth does not; in the place
+    /// of a corner without weight stands the first of them.
     pub(crate) fn stencils(&self) -> impl Iterator<Item = [u32; 4]> {
-        self.list.iter().filter_map(|touch| {
+        let beyond = self.list.iter().filter(|touch| touch.reaches_beyond());
+        beyond.filter_map(|touch| {
             let has_weight = touch.weights.map(|weight| weight != 0.0);
             let first = has_weight.iter().position(|has| *has)?;
             let own = |k: usize| touch.corners[if has_weight[k] { k } else { first }];
@@ -167,24 +268,23 @@ impl Touches {
         })
     }
 
-    /// Each two vertices of a touch and the block that couples them `[kg]`.
-    pub(crate) fn couplings(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
-        const TWO: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-        let two = self
-            .list
-            .iter()
-            .flat_map(|touch| TWO.map(|two| (touch, two)));
-        two.filter_map(|(touch, two)| {
-            let [a, b] = two.map(|k| touch.weights[k]);
-            let block = touch.response.block * (a * b);
-            (a * b != 0.0).then(|| (two.map(|k| touch.corners[k]), block))
-        })
+    /// Each two vertices of a touch that the matrix of the cloth does not couple, and the block
+    /// that does `[kg]`.
+    pub(crate) fn couplings_beyond(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+        let beyond = self.list.iter().filter(|touch| touch.reaches_beyond());
+        beyond.flat_map(Touch::couplings)
     }
 
-    /// `product` = the part beside the diagonal in the scaled space of an incomplete factor: C⁻¹ E
-    /// C⁻ᵀ `solved` times `scale`. `unknown` gives the unknown of a vertex; the count of unknowns
-    /// where it is held.
-    pub(crate) fn beside_diagonal(
+    /// As [`Self::couplings_beyond`], of vertices that the matrix of the cloth couples already.
+    pub(crate) fn couplings_within(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+        let within = self.list.iter().filter(|touch| touch.is_within);
+        within.flat_map(Touch::couplings)
+    }
+
+    /// `product` = the part that the matrix of the cloth has no blocks for, in the scaled space of
+    /// an incomplete factor: C⁻¹ E C⁻ᵀ `solved` times `scale`. `unknown` gives the unknown of a
+    /// vertex; the count of unknowns where it is held.
+    pub(crate) fn beyond(
         &self,
         scale: f64,
         scaling: &[Mat3A],
@@ -194,7 +294,7 @@ impl Touches {
     ) {
         product.clear();
         product.resize(solved.len(), Vec3A::ZERO);
-        for touch in &self.list {
+        for touch in self.list.iter().filter(|touch| touch.reaches_beyond()) {
             let corners = touch.corners.iter().zip(touch.weights);
             let parts = corners.filter(|(_, weight)| *weight != 0.0);
             let parts = parts.map(|(corner, weight)| (unknown(*corner) as usize, weight as f32));
@@ -218,10 +318,89 @@ impl Touches {
     }
 }
 
-fn to_single(matrix: DMat3) -> Mat3A {
+/// `matrix`, rounded.
+pub(crate) fn to_single(matrix: DMat3) -> Mat3A {
     Mat3A::from_cols(
         matrix.x_axis.as_vec3a(),
         matrix.y_axis.as_vec3a(),
         matrix.z_axis.as_vec3a(),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A touch of four vertices of the cloth that slides while it comes nearer.
+    fn touch(law: PairLaw, friction: f64) -> Touch {
+        Touch {
+            corners: [0, 1, 2, 3],
+            weights: [1.0, -0.2, -0.3, -0.5],
+            normal: DVec3::new(0.3, 0.9, -0.2).normalize(),
+            gap: 6e-4,
+            thickness: 1e-3,
+            law,
+            mean_mass: 2e-4,
+            mass: 1.4e-4,
+            base: DVec3::ZERO,
+            drift: DVec3::ZERO,
+            friction,
+            is_within: false,
+            body: None,
+            pull: DVec3::ZERO,
+            at: None,
+            response: Response::default(),
+        }
+    }
+
+    const LAWS: [PairLaw; 3] = [
+        PairLaw::Barrier { share: 1.0 },
+        PairLaw::Barrier { share: 0.3 },
+        PairLaw::Arcsim { stiffness: 500.0 },
+    ];
+
+    #[test]
+    fn blocks_are_symmetric_and_never_push_along() {
+        let gamma = 1.0 / 240.0;
+        for law in LAWS {
+            for friction in [0.0, 0.1, 0.6] {
+                for slide in [1e-7, 1e-5, 2e-4] {
+                    let mut touch = touch(law, friction);
+                    touch.linearise(gamma, DVec3::new(slide, -1e-5, 0.5 * slide));
+                    let block = touch.response.block;
+                    let most = block.to_cols_array().into_iter().fold(0.0, f64::max);
+                    let skew = block - block.transpose();
+                    assert!(skew.to_cols_array().iter().all(|v| v.abs() < 1e-12 * most));
+                    for k in 0..40_u32 {
+                        let (a, b) = (f64::from(k), 1.7 * f64::from(k));
+                        let v = DVec3::new(a.sin(), b.cos(), (a + b).sin());
+                        assert!(v.dot(block * v) >= -1e-12 * most * v.length_squared());
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_law_of_arcsim_is_its_formulas() {
+        // E = k v³/(6h): force k v²/(2h), stiffness k v/h; friction min(μ f/|v_t|, m/dt) v_t.
+        let (k, h, dt) = (500.0, 1e-3, 1.0 / 240.0);
+        let mut touch = touch(PairLaw::Arcsim { stiffness: k }, 0.6);
+        let normal = touch.normal;
+        let along = along_surface(normal, DVec3::X).normalize();
+        let depth = h - touch.gap;
+        for speed in [1e-4, 1.0] {
+            let approach = 0.01;
+            let displacement = (along * speed - normal * approach) * dt;
+            let found = touch.linearise(dt, displacement);
+            let push = k * depth * depth / (2.0 * h);
+            let drag = (0.6 * push / speed).min(touch.mass / dt);
+            let expected = normal * (push + k * depth / h * approach * dt) - along * (drag * speed);
+            assert!(found.distance(expected) < 1e-14 * k, "{found} {expected}");
+            let block = touch.response.block;
+            let (stiff, slow) = (dt * dt * k * depth / h, dt * drag);
+            assert!((block * normal).distance(normal * stiff) < 1e-14);
+            assert!((block * along).distance(along * slow) < 1e-14);
+        }
+    }
 }

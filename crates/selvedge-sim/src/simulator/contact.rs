@@ -5,7 +5,19 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::StepError;
 
 use super::{Simulator, SimulatorError};
-use crate::contact::{ContactCounts, Unseparated};
+use crate::contact::{ContactCounts, Shift, Unseparated};
+
+/// Gap beyond which two features are far from each other `[m]`.
+pub const FAR: f64 = 0.02;
+
+/// The frame at which a simulator begins, and where obstacles are by then.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beginning<'a> {
+    /// Frames that have passed.
+    pub frame: usize,
+    /// Distances of obstacles from their own paths `[m]`, of the first ones; 0 for the others.
+    pub offsets: &'a [DVec3],
+}
 
 /// A frame made elsewhere, held to contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +42,12 @@ impl Simulator {
     pub(super) fn enter_frame(&mut self) {
         if let Some(contact) = &mut self.contact {
             contact.enter_frame(self.frame, self.scene.frame_rate);
+        }
+    }
+
+    pub(super) fn forget_received(&mut self) {
+        if let Some(contact) = &mut self.contact {
+            contact.forget_received();
         }
     }
 
@@ -110,27 +128,135 @@ impl Simulator {
     /// [`StepError::Contact`], of the frame after `frame`, if pushing does not end; `to` is left as
     /// it was.
     pub fn lead(&mut self, frame: usize, from: &[Vec3], to: &mut [Vec3]) -> Result<Led, StepError> {
+        if self.contact.is_none() {
+            return Ok(Led::Free);
+        }
+        let wide = |frame: &[Vec3]| frame.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>();
+        let (from, mut end) = (wide(from), wide(to));
+        let led = self.lead_wide(frame, &from, &mut end)?;
+        if led == Led::Pushed {
+            for (to, end) in to.iter_mut().zip(end) {
+                *to = end.as_vec3();
+            }
+        }
+        Ok(led)
+    }
+
+    /// As [`Self::lead`], of positions in double precision; `to` is of no use after an error.
+    pub(crate) fn lead_wide(
+        &mut self,
+        frame: usize,
+        from: &[DVec3],
+        to: &mut [DVec3],
+    ) -> Result<Led, StepError> {
         let Some(contact) = &mut self.contact else {
             return Ok(Led::Free);
         };
         contact.enter_frame(frame, self.scene.frame_rate);
-        let wide = |frame: &[Vec3]| frame.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>();
-        let (from, mut end) = (wide(from), wide(to));
-        let threads = self.threads.for_cloth(end.len());
+        let threads = self.threads.for_cloth(to.len());
         let active = &self.active;
-        let led = threads.run(|| contact.lead(threads, active, &from, &mut end));
-        match led {
+        match threads.run(|| contact.lead(threads, active, from, to)) {
             Ok(false) => Ok(Led::Free),
-            Ok(true) => {
-                for (to, end) in to.iter_mut().zip(end) {
-                    *to = end.as_vec3();
-                }
-                Ok(Led::Pushed)
-            }
+            Ok(true) => Ok(Led::Pushed),
             Err(Unseparated { pair, gap }) => {
                 let frame = frame + 1;
                 Err(StepError::Contact { frame, pair, gap })
             }
+        }
+    }
+
+    /// Leads the obstacle of this number over the next frame, straight, to `offset` `[m]` from its
+    /// own path. A number without an obstacle is passed over.
+    pub fn lead_obstacle(&mut self, number: usize, offset: DVec3) {
+        if let Some(shift) = self.obstacle_shift(number) {
+            shift.next = offset;
+        }
+    }
+
+    /// Puts the obstacle of this number at `offset` `[m]` from its own path at once, as if it had
+    /// been there before.
+    ///
+    /// # Errors
+    /// [`StepError::Intersections`] where it would meet the cloth; it stays where it was.
+    pub fn put_obstacle(&mut self, number: usize, offset: DVec3) -> Result<(), StepError> {
+        let Some(before) = self.obstacle_shift(number).copied() else {
+            return Ok(());
+        };
+        let shift = Shift {
+            now: offset,
+            next: offset,
+        };
+        if let Some(found) = self.obstacle_shift(number) {
+            *found = shift;
+        }
+        let Some(Meeting { count, pairs }) = self.meeting(self.frame, &self.state.positions) else {
+            return Ok(());
+        };
+        if let Some(found) = self.obstacle_shift(number) {
+            *found = before;
+        }
+        let frame = self.frame;
+        Err(StepError::Intersections {
+            frame,
+            count,
+            pairs,
+        })
+    }
+
+    /// Puts the first obstacles at these distances from their own paths `[m]`, unchecked.
+    pub(super) fn shift_obstacles(&mut self, offsets: &[DVec3]) {
+        for (number, offset) in offsets.iter().enumerate() {
+            if let Some(shift) = self.obstacle_shift(number) {
+                *shift = Shift {
+                    now: *offset,
+                    next: *offset,
+                };
+            }
+        }
+    }
+
+    fn obstacle_shift(&mut self, number: usize) -> Option<&mut Shift> {
+        self.contact.as_mut()?.shifts.get_mut(number)
+    }
+
+    /// Distances of the obstacles from their own paths now `[m]`, `[obstacles]`.
+    #[must_use]
+    pub fn obstacle_offsets(&self) -> Vec<DVec3> {
+        let contact = self.contact.iter();
+        contact.flat_map(|c| &c.shifts).map(|s| s.now).collect()
+    }
+
+    /// Momentum that each obstacle received from the cloth over the last frame, or the one that
+    /// was tried last `[N s]`, `[obstacles]`. Obstacles go on as they are led, whatever they
+    /// receive. Vertices that were held back, and limits of strain, give nothing.
+    #[must_use]
+    pub fn obstacle_impulses(&self) -> Vec<DVec3> {
+        let contact = self.contact.as_ref();
+        contact.map_or_else(Vec::new, |contact| contact.received().to_vec())
+    }
+
+    /// Points of all obstacles now `[m]`, those of the first obstacle first; none without contact.
+    #[must_use]
+    pub fn obstacle_points(&self) -> Vec<DVec3> {
+        let rate = self.scene.frame_rate;
+        let contact = self.contact.as_ref();
+        contact.map_or_else(Vec::new, |c| c.obstacle_points(self.frame, rate))
+    }
+
+    /// Smallest gap of each vertex to the rest of the cloth and to obstacles now `[m]`,
+    /// `[vertices]`, [`FAR`] where there is none that small; none without contact. Neighbours in
+    /// the mesh count as far.
+    #[must_use]
+    pub fn vertex_gaps(&self) -> Option<Vec<f64>> {
+        let (frame, rate) = (self.frame, self.scene.frame_rate);
+        let positions = &self.state.positions;
+        let contact = self.contact.as_ref()?;
+        Some(contact.vertex_gaps(positions, frame, rate, FAR))
+    }
+
+    pub(super) fn arrive(&mut self) {
+        if let Some(contact) = &mut self.contact {
+            contact.arrive();
         }
     }
 

@@ -66,14 +66,14 @@ impl Correctable for Simulator {
     }
 
     fn undo_step(&mut self) {
-        let Some(Undo { active, reached }) = self.undo.take() else {
+        let Some(Undo { active }) = self.undo.take() else {
             return;
         };
         self.restore();
         if let Some(active) = active {
             self.active = active;
         }
-        self.reached = reached;
+        self.reached.copy_from_slice(&self.reached_before);
         self.frame -= 1;
         self.update_wind();
         self.round();

@@ -10,6 +10,8 @@ pub(super) enum SubstepError {
     Contact(Unseparated),
     Strain(Overstrained),
     Stretch(Overstretched),
+    /// Someone wanted to stop.
+    Stopped,
 }
 
 impl From<SolveError> for SubstepError {

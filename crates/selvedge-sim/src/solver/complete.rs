@@ -67,7 +67,7 @@ impl Complete {
         } = self.last.insert(coupled);
         direct.gather(system.threads, pattern, system.elements, system.springs);
         direct.add(pattern, system.touches);
-        direct.add_couplings(pattern, system.touches);
+        direct.add_beyond(pattern, system.touches);
         direct.solve(pattern, impulses, changes)
     }
 

@@ -7,15 +7,14 @@
 //! f32. The first guess is the solution of the last solve.
 
 use glam::{DVec3, Mat3A, Vec3A};
-use selvedge_cloth::ConjugateGradients as Settings;
+use selvedge_cloth::{ConjugateGradients as Settings, Stop};
 use thiserror::Error;
 
-use crate::contact::Touches;
+use crate::contact::{Touches, to_single};
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
 use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
 use crate::solver::pattern::Pattern;
-use crate::stop::Stop;
 use crate::threads::Threads;
 
 /// Reason for a failed solve.
@@ -185,9 +184,12 @@ impl ConjugateGradients {
         for (vertex, block) in touches.diagonal() {
             let unknown = pattern.unknown(vertex) as usize;
             if unknown < pattern.unknown_count() {
-                let [x, y, z] = [block.x_axis, block.y_axis, block.z_axis];
-                let single = |column: DVec3| (column * self.scale).as_vec3a();
-                self.blocks[unknown] += Mat3A::from_cols(single(x), single(y), single(z));
+                self.blocks[unknown] += to_single(block * self.scale);
+            }
+        }
+        for ([a, b], block) in touches.couplings_within() {
+            if let Some(slot) = pattern.slot(a, b) {
+                self.blocks[slot as usize] += to_single(block * self.scale);
             }
         }
         let taken = part_taken(self.singles.bending());
@@ -343,7 +345,7 @@ impl ConjugateGradients {
             let room = &mut self.room;
             beside
                 .touches
-                .beside_diagonal(self.scale, scaling, unknown, solved, room);
+                .beyond(self.scale, scaling, unknown, solved, room);
             &**room
         });
         self.incomplete

@@ -51,7 +51,8 @@ impl Direct {
         }
     }
 
-    /// Adds the diagonal blocks of what touches.
+    /// Adds the blocks of what touches: the diagonal ones, and those of vertices that the cloth
+    /// couples already.
     pub(super) fn add(&mut self, pattern: &Pattern, touches: &Touches) {
         for (vertex, block) in touches.diagonal() {
             let unknown = pattern.unknown(vertex) as usize;
@@ -59,11 +60,16 @@ impl Direct {
                 self.blocks[unknown] += block;
             }
         }
+        self.couple(pattern, touches.couplings_within());
     }
 
-    /// Adds the blocks by which touches couple vertices; the pattern has them.
-    pub(super) fn add_couplings(&mut self, pattern: &Pattern, touches: &Touches) {
-        for ([a, b], block) in touches.couplings() {
+    /// Adds the blocks by which touches couple other vertices; the pattern has them.
+    pub(super) fn add_beyond(&mut self, pattern: &Pattern, touches: &Touches) {
+        self.couple(pattern, touches.couplings_beyond());
+    }
+
+    fn couple(&mut self, pattern: &Pattern, blocks: impl Iterator<Item = ([u32; 2], DMat3)>) {
+        for ([a, b], block) in blocks {
             if let Some(slot) = pattern.slot(a, b) {
                 self.blocks[slot as usize] += block;
             }

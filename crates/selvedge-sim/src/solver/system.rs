@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, VertexId,
+    AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, Stop, VertexId,
 };
 use thiserror::Error;
 
@@ -27,7 +27,6 @@ use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
 use crate::solver::stage::{Stage, StageAir};
 use crate::state::State;
-use crate::stop::Stop;
 use crate::threads::Threads;
 
 /// Stiffness of a spring handle, per axis `[N/m]`.
@@ -326,24 +325,34 @@ impl System {
     /// about within `span` `[s]`, which scales the last solution to a first guess.
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
-        match self.solve_as_set(span) {
-            Err(SolveError::Iteration(error))
-                if self.touches.couple() && !matches!(error, IterationError::Stopped { .. }) =>
-            {
-                let dt = self.elements.time_step();
-                let coupling = Coupling {
-                    threads: self.threads,
-                    elements: &self.elements,
-                    springs: springs(self.constraint, &self.handles, dt),
-                    touches: &self.touches,
-                };
-                let (impulses, changes) = (&self.impulses, &mut self.changes);
-                self.complete.solve(&coupling, impulses, changes)?;
+        if self.touches.are_exact() && self.touches.couple_at_all() {
+            self.solve_whole()?;
+        } else {
+            match self.solve_as_set(span) {
+                Err(SolveError::Iteration(error))
+                    if self.touches.couple_at_all()
+                        && !matches!(error, IterationError::Stopped { .. }) =>
+                {
+                    self.solve_whole()?;
+                }
+                other => other?,
             }
-            other => other?,
         }
         self.solved_span = span;
         Ok(())
+    }
+
+    /// As [`Self::solve`], by a factor of the whole matrix with all touches.
+    fn solve_whole(&mut self) -> Result<(), FactorError> {
+        let dt = self.elements.time_step();
+        let coupling = Coupling {
+            threads: self.threads,
+            elements: &self.elements,
+            springs: springs(self.constraint, &self.handles, dt),
+            touches: &self.touches,
+        };
+        self.complete
+            .solve(&coupling, &self.impulses, &mut self.changes)
     }
 
     /// As [`Self::solve`], by the solver of the settings.

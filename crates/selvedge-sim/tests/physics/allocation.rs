@@ -1,4 +1,4 @@
-//! Solves after the first allocate nothing.
+//! Substeps and frames after the first allocate nothing.
 //!
 //! The counter is per thread, so that the other tests of this program do not count.
 #![allow(unsafe_code, reason = "a counting allocator is an unsafe trait")]
@@ -6,7 +6,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use selvedge_sim::Simulator;
+use glam::DVec3;
+use selvedge_cloth::{HandleTargets, Integrator, Stepper};
+use selvedge_sim::{Simulator, Threads};
 
 use crate::scenes::hanging;
 
@@ -44,4 +46,29 @@ fn later_substeps_do_not_allocate() {
         simulator.substep(1.0 / 240.0, &targets).unwrap();
     }
     assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0);
+}
+
+#[test]
+fn later_frames_do_not_allocate() {
+    for integrator in [Integrator::default(), Integrator::Linearised] {
+        let mut scene = hanging(12);
+        scene.physics.integrator = integrator;
+        let places = scene.handles.select(scene.mesh.positions());
+        let targets: Vec<HandleTargets> = (1..30)
+            .map(|frame| {
+                let shift = DVec3::X * 1e-3 * f64::from(frame);
+                HandleTargets::at_frame_end(places.iter().map(|p| *p + shift).collect()).unwrap()
+            })
+            .collect();
+        let mut simulator = Simulator::new(&scene).unwrap();
+        simulator.set_threads(Threads::One);
+        let mut counts = targets.iter().map(|targets| {
+            let before = ALLOCATIONS.with(Cell::get);
+            simulator.step(targets).unwrap();
+            ALLOCATIONS.with(Cell::get) - before
+        });
+        counts.next();
+        let rest: Vec<usize> = counts.collect();
+        assert_eq!(rest, vec![0; rest.len()], "{integrator:?}");
+    }
 }

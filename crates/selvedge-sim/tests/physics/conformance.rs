@@ -1,6 +1,6 @@
 //! The simulator keeps the contract of a stepper, whatever its physics settings.
 
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 use selvedge_cloth::{
     AdaptiveSubsteps, ConjugateGradients, HandleConstraint, Integrator, LinearSolver, Newton,
     PhysicsSettings, Substepping,
@@ -38,6 +38,7 @@ fn the_simulator_conforms() {
             Ok(()),
             "scene {number}"
         );
+        assert_eq!(check_stop(make), Ok(()), "scene {number}");
     }
     let springs = with(|physics| physics.handles = HandleConstraint::Spring);
     let make = || Simulator::new(&springs).unwrap();

@@ -266,7 +266,7 @@ fn angular_momentum_is_kept_to_the_order_of_the_integrator() {
 }
 
 /// Kinetic energy, and of gravity, stretching and bending, for a material of constant tables [J].
-fn energy(scene: &Scene, simulator: &Simulator) -> f64 {
+pub(crate) fn energy(scene: &Scene, simulator: &Simulator) -> f64 {
     let uv = scene.mesh.material_coordinates();
     let x = simulator.positions_f64();
     let height: f64 = x

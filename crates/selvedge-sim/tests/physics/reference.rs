@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    BendingLaw, HandleConstraint, Handles, Mesh, PhysicsMode, PhysicsSettings, Scene,
+    BendingLaw, ContactLaw, ContactSettings, HandleConstraint, Handles, Mesh, PhysicsMode,
+    PhysicsSettings, Scene,
 };
 use selvedge_sim::{Simulator, sag};
 
@@ -123,6 +124,50 @@ fn sag_hangs_like_arcsim() {
         scene.sag.bulge = 0.0;
         assert!(distance(&scene, "ARCSim's pose") < 0.01, "{name}");
     }
+}
+
+/// ARCSim's squeezed sheet touches itself from frame 78 on. From its state at frame 60, with its
+/// law of contact: the distances of all vertices in each frame, small until its first impact zone,
+/// which is not imitated.
+#[test]
+#[ignore = "needs SELVEDGE_ARCSIM_REFERENCE, output of ARCSim"]
+fn a_squeezed_sheet_touches_like_arcsim() {
+    let folder = reference();
+    let run = folder.join("squeeze_coll");
+    let mut scene = scene(&run, GRAY);
+    scene.physics = PhysicsSettings::in_mode(PhysicsMode::Arcsim);
+    scene.contact = Some(ContactSettings {
+        law: ContactLaw::Arcsim,
+        ..ContactSettings::default()
+    });
+    let of = |key: &str, n: usize, count: usize| {
+        vectors(&run.join(format!("{key}.npy")))[n * count..(n + 1) * count].to_vec()
+    };
+    let mut simulator =
+        Simulator::with_state(&scene, of("ckpt_x", 1, 1024), of("ckpt_v", 1, 1024)).unwrap();
+    let targets = vectors(&run.join("substep_targets.npy"));
+    let frames = vectors(&run.join("positions.npy"));
+    let mut first = None;
+    for frame in 61..=120_usize {
+        for substep in 4 * (frame - 1)..4 * frame {
+            let targets = &targets[2 * (substep + 1)..2 * (substep + 2)];
+            simulator.substep(1.0 / 240.0, targets).unwrap();
+            let counts = simulator.contact_counts();
+            if counts.touching > 0 && first.is_none() {
+                first = Some(frame);
+            }
+        }
+        let expected = &frames[1024 * frame..1024 * (frame + 1)];
+        let error = largest_distance(simulator.positions_f64(), expected);
+        let counts = simulator.contact_counts();
+        assert!(frame > 81 || error < 1e-6, "frame {frame}: {error:e} m");
+        assert_eq!(simulator.intersection_count(), 0);
+        println!(
+            "frame {frame}: {error:e} m, {} touch, {} pushed apart, {} divisions",
+            counts.touching, counts.projected, counts.divisions
+        );
+    }
+    assert_eq!(first, Some(78));
 }
 
 /// From ARCSim's state at frame 60, the following 60 frames with the handles moving by 1 m.

@@ -7,10 +7,10 @@ use selvedge_cloth::{
 };
 use selvedge_sim::laws::stretch::StretchElement;
 
-pub(crate) const GRAY: &str = include_str!("../../../../assets/materials/gray-interlock.toml");
-pub(crate) const CAMEL: &str = include_str!("../../../../assets/materials/camel-ponte-roma.toml");
-pub(crate) const DENIM: &str = include_str!("../../../../assets/materials/11oz-black-denim.toml");
-pub(crate) const NAVY: &str = include_str!("../../../../assets/materials/navy-sparkle-sweat.toml");
+pub(crate) const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
+pub(crate) const CAMEL: &str = selvedge_assets::materials::CAMEL_PONTE_ROMA;
+pub(crate) const DENIM: &str = selvedge_assets::materials::DENIM;
+pub(crate) const NAVY: &str = selvedge_assets::materials::NAVY_SPARKLE_SWEAT;
 
 pub(crate) fn material(text: &str) -> Material {
     let material: Material = toml::from_str(text).unwrap();

@@ -110,7 +110,7 @@ fn a_mirrored_panel_is_as_its_unmirrored_twin() {
 
 /// A tube of `columns` flat sides and `rows`, hanging down from y = 0, its pattern a rectangle that
 /// is sewn along one line. Its rest angles are those of the prism.
-fn tube(columns: usize, rows: usize, side: f64) -> Mesh {
+pub(crate) fn tube(columns: usize, rows: usize, side: f64) -> Mesh {
     let radius = 0.5 * side / (std::f64::consts::PI / columns as f64).sin();
     let positions: Vec<DVec3> = (0..=rows)
         .flat_map(|row| (0..columns).map(move |column| (row, column)))

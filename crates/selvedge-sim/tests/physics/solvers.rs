@@ -1,10 +1,15 @@
 //! Solvers and integrators: the same motion by each, the same bytes by any number of threads.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
 use glam::DVec3;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    AdaptiveSubsteps, AirLaw, ConjugateGradients, HandleTargets, Handles, Integrator, LinearSolver,
-    Newton, Scene, StepError, Stepper, Substepping,
+    AdaptiveSubsteps, AirLaw, ConjugateGradients, Correctable, HandleTargets, Handles, Integrator,
+    LinearSolver, Newton, Scene, StepError, Stepper, Substepping,
 };
 use selvedge_sim::Simulator;
 
@@ -74,6 +79,56 @@ fn any_number_of_threads_gives_the_same_bytes() {
             runs[0] == runs[1] && runs[0] == runs[2],
             "{solver:?} {integrator:?}"
         );
+    }
+}
+
+/// A press comes before a step or at any place within it: the cloth is then as before, and goes on
+/// as if nothing had been.
+#[test]
+fn a_step_that_is_stopped_leaves_no_trace() {
+    let mut scene = hanging(24);
+    scene.physics.integrator = Integrator::default();
+    let targets = HandleTargets::at_frame_end(scene.handles.select(scene.mesh.positions()));
+    let targets = targets.unwrap();
+    for solver in [
+        LinearSolver::Cholesky,
+        LinearSolver::ConjugateGradients(Default::default()),
+    ] {
+        scene.physics.solver = solver;
+        let mut alone = Simulator::new(&scene).unwrap();
+        let mut stopped = Simulator::new(&scene).unwrap();
+        let flag = Arc::new(AtomicBool::new(false));
+        stopped.stop_by(Arc::clone(&flag).into());
+        for frame in 1..=4 {
+            alone.step(&targets).unwrap();
+            for wait in [0, 100, 400, 1600, 6400].map(Duration::from_micros) {
+                let before = stopped.positions_f64().to_vec();
+                let outcome = thread::scope(|scope| {
+                    flag.store(wait.is_zero(), Ordering::Relaxed);
+                    scope.spawn(|| {
+                        thread::sleep(wait);
+                        flag.store(true, Ordering::Relaxed);
+                    });
+                    stopped.step(&targets)
+                });
+                match outcome {
+                    // The press came too late.
+                    Ok(()) => {
+                        assert!(!wait.is_zero());
+                        stopped.undo_step();
+                    }
+                    Err(error) => assert_eq!(error, StepError::Stopped { frame }),
+                }
+                assert_eq!(stopped.frame(), frame - 1);
+                assert!(stopped.positions_f64() == before);
+            }
+            flag.store(false, Ordering::Relaxed);
+            stopped.step(&targets).unwrap();
+            assert!(
+                stopped.positions_f64() == alone.positions_f64(),
+                "{solver:?} {frame}"
+            );
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The loss of a sample and its gradient.
 
+use selvedge_cloth::Stop;
 use selvedge_model::{
     Carried, EncoderState, Gradients, Input, Network, Normalizers, PackedWeights, Pass, Workspace,
     cut,
@@ -16,6 +17,7 @@ pub(super) struct Desk {
     by_output: Vec<f32>,
     /// Gradient of the sample's part of the loss, laid out like the weights.
     pub(super) gradient: Vec<f32>,
+    stop: Stop,
 }
 
 /// The parts that all samples of a step share.
@@ -40,13 +42,23 @@ impl Desk {
             target: Vec::new(),
             by_output: Vec::new(),
             gradient: vec![0.0; weights],
+            stop: Stop::default(),
         }
+    }
+
+    /// Lets [`Self::learn`] end early from when `stop` is wanted; what it gives then means nothing.
+    pub(super) fn stop_by(&mut self, stop: Stop) {
+        self.workspace.stop_by(stop.clone());
+        self.stop = stop;
     }
 
     /// Leaves the gradient of the loss of `sample`, and gives the loss: the mean over free vertices
     /// and outputs of the squared difference from the target, both in deviations and cut
     /// `[eq:correction-loss]`.
     pub(super) fn learn(&mut self, lesson: Lesson<'_>, sample: &CorrectionSample) -> f64 {
+        if self.stop.is_wanted() {
+            return 0.0;
+        }
         self.put(lesson.normalizers, sample);
         let graph = sample.graph.connectivity();
         let state = EncoderState::new();

@@ -113,7 +113,11 @@ pub fn run_correction(
             }
             continue;
         }
-        let report = trainer.step()?;
+        let report = match trainer.step() {
+            Ok(report) => report,
+            Err(CorrectionTrainError::Stopped { .. }) => break RunEnd::Stopped,
+            Err(error) => return Err(error.into()),
+        };
         since_line.push(report);
         if report.step.is_multiple_of(trainer.config().log_every) {
             append_line(&log, &line(&since_line, trainer, source))?;

@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use selvedge_cloth::Stop;
 use selvedge_model::{
     Instructions, Model, ModelError, Network, Normalizers, PackedWeights, Purpose,
     RunningStatistics, SpecError,
@@ -30,6 +31,7 @@ pub struct CorrectionTrainer {
     packed: PackedWeights<f32>,
     desks: Vec<Desk>,
     gradient: Vec<f32>,
+    stop: Stop,
 }
 
 /// Report of a step.
@@ -61,6 +63,8 @@ pub enum CorrectionTrainError {
     NoSamples,
     #[error("step {step}: the gradient is not finite: lower the learning rate, or clip it")]
     Gradient { step: u64 },
+    #[error("step {step} was given up, as was asked")]
+    Stopped { step: u64 },
 }
 
 impl CorrectionTrainer {
@@ -89,6 +93,7 @@ impl CorrectionTrainer {
             packed: network.pack(&learned.weights, Purpose::Training, using),
             desks: (0..cfg.batch.samples).map(|_| Desk::new(count)).collect(),
             gradient: vec![0.0; count],
+            stop: Stop::default(),
             normalizers: None,
             step: 0,
             store: Store::default(),
@@ -167,10 +172,19 @@ impl CorrectionTrainer {
         }
     }
 
+    /// Lets [`Self::step`] be given up in the middle from when `stop` is wanted.
+    pub fn stop_by(&mut self, stop: Stop) {
+        for desk in &mut self.desks {
+            desk.stop_by(stop.clone());
+        }
+        self.stop = stop;
+    }
+
     /// One step.
     ///
     /// # Errors
-    /// No samples, or a gradient that is not finite; the weights are then as they were.
+    /// No samples, a gradient that is not finite, or [`CorrectionTrainError::Stopped`]; the weights
+    /// are then as they were.
     pub fn step(&mut self) -> Result<CorrectionReport, CorrectionTrainError> {
         let Some(normalizers) = &self.normalizers else {
             return Err(CorrectionTrainError::NoSamples);
@@ -197,6 +211,10 @@ impl CorrectionTrainer {
         let losses: Vec<f64> = desks
             .map(|(desk, &pick)| desk.learn(lesson, &store[pick]))
             .collect();
+        if self.stop.is_wanted() {
+            let step = self.step + 1;
+            return Err(CorrectionTrainError::Stopped { step });
+        }
         self.drawn += picks.len() as u64;
         self.gradient.fill(0.0);
         for desk in &self.desks {
@@ -311,6 +329,27 @@ pub(super) mod tests {
         assert_eq!(model.training, "account");
         let other = CorrectionTrainer::new(config("")).unwrap();
         assert_ne!(model.weights(), other.learned.weights);
+    }
+
+    #[test]
+    fn a_step_that_is_given_up_changes_nothing() {
+        let run = |gives_up: bool| {
+            let mut trainer = CorrectionTrainer::new(config("")).unwrap();
+            trainer.add((0..5).map(sample));
+            for _ in 0..5 {
+                if gives_up {
+                    let stop = Stop::default();
+                    stop.ask();
+                    trainer.stop_by(stop);
+                    let error = trainer.step().unwrap_err();
+                    assert!(matches!(error, CorrectionTrainError::Stopped { .. }));
+                    trainer.stop_by(Stop::default());
+                }
+                trainer.step().unwrap();
+            }
+            trainer.learned
+        };
+        assert_eq!(run(true), run(false));
     }
 
     #[test]

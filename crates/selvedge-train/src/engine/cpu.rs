@@ -2,6 +2,8 @@
 //! of micro-batches are added in order. Neither a micro-batch nor the order of the sums depends on
 //! the number of threads, so the same seed gives the same bytes with any number of them.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use selvedge_model::{Instructions, PackedWeights, Purpose};
 
@@ -46,6 +48,8 @@ struct CpuEngine {
     batches: Vec<MicroBatch>,
     /// Gradient of the mean over the batch, `[parameters]`.
     gradient: Vec<f32>,
+    /// True where that is of the latest batch.
+    is_summed: bool,
 }
 
 impl CpuEngine {
@@ -59,11 +63,16 @@ impl CpuEngine {
             micro_batch,
             batches: (0..count).map(|_| batch()).collect(),
             gradient: vec![0.0; weights.len()],
+            is_summed: true,
         }
     }
 
     /// Adds the gradients of the micro-batches in their order, whatever the number of threads.
     fn sum_gradients(&mut self) {
+        if self.is_summed {
+            return;
+        }
+        self.is_summed = true;
         const CHUNK: usize = 16 * 1024;
         let batches = &self.batches;
         let chunks = self.gradient.par_chunks_mut(CHUNK).enumerate();
@@ -93,12 +102,13 @@ impl Engine for CpuEngine {
             .par_chunks_mut(self.micro_batch)
             .zip(&mut self.batches)
             .for_each(|(slots, batch)| batch.learn(&shared, slots));
-        self.sum_gradients();
+        self.is_summed = false;
         let terms = self.batches.iter().flat_map(MicroBatch::terms);
         Ok(terms.copied().collect())
     }
 
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError> {
+        self.sum_gradients();
         let norm = clip_norm(&mut self.gradient, update.clip);
         if !norm.is_finite() {
             return Ok(norm);
@@ -118,7 +128,22 @@ impl Engine for CpuEngine {
         Ok(norm)
     }
 
+    fn add_gradient(&mut self, range: Range<usize>, sum: &mut [f32]) -> Result<(), EngineError> {
+        for batch in &self.batches {
+            let part = &batch.gradient()[range.clone()];
+            sum.iter_mut().zip(part).for_each(|(s, g)| *s += g);
+        }
+        Ok(())
+    }
+
+    fn set_gradient(&mut self, gradient: &[f32]) -> Result<(), EngineError> {
+        self.gradient.copy_from_slice(gradient);
+        self.is_summed = true;
+        Ok(())
+    }
+
     fn gradient(&mut self) -> Result<Vec<f32>, EngineError> {
+        self.sum_gradients();
         Ok(self.gradient.clone())
     }
 

@@ -120,8 +120,14 @@ impl MicroBatch {
     /// Takes the slots through the frames of a step and back: all together where there is one
     /// frame, else one after the other.
     pub(super) fn learn(&mut self, shared: &Shared<'_>, slots: &mut [SlotRun<'_>]) {
+        if shared.setup.stop.is_wanted() {
+            return;
+        }
         self.gradient.fill(0.0);
         self.terms.clear();
+        for frame in &mut self.frames {
+            frame.workspace.stop_by(shared.setup.stop.clone());
+        }
         let together = if shared.frames == 1 { slots.len() } else { 1 };
         for slots in slots.chunks_mut(together.max(1)) {
             let batch = &mut *self;
@@ -141,6 +147,8 @@ impl FramePasses for Passes<'_, '_> {
         }
         if batch.frames.len() <= frame {
             batch.frames.resize_with(frame + 1, FrameBuffers::default);
+            let stop = shared.setup.stop.clone();
+            batch.frames[frame].workspace.stop_by(stop);
         }
         let (before, buffers) = batch.frames[..=frame].split_at_mut(frame);
         let buffers = &mut buffers[0];
@@ -201,6 +209,9 @@ impl Passes<'_, '_> {
             row.resize(vertices, Vec3::ZERO);
         }
         for (number, &weight) in weights.iter().enumerate().rev() {
+            if shared.setup.stop.is_wanted() {
+                return;
+            }
             let frame = &mut batch.frames[number];
             let positions = &mut batch.by_position[number..=number + history];
             let by_next = &mut positions[history];

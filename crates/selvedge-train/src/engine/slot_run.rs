@@ -42,7 +42,7 @@ pub trait FramePasses {
 }
 
 /// Takes `slots` through the frames of a step and back. Returns the mean terms of each slot's
-/// frames.
+/// frames; none from when the step is given up.
 ///
 /// # Errors
 /// The first failure of the engine.
@@ -51,7 +51,11 @@ pub fn run_slots<P: FramePasses>(
     slots: &mut [SlotRun<'_>],
 ) -> Result<Vec<LossTerms>, P::Error> {
     let frames = slots.first().map_or(0, |slot| slot.frames);
+    let is_given_up = |slots: &[SlotRun<'_>]| slots.iter().any(|slot| slot.setup.stop.is_wanted());
     for frame in 0..frames {
+        if is_given_up(slots) {
+            return Ok(Vec::new());
+        }
         each_going(slots, SlotRun::show);
         passes.forward(frame, slots)?;
         if frame + 1 == frames {
@@ -64,6 +68,9 @@ pub fn run_slots<P: FramePasses>(
     }
     let (means, weights): (Vec<LossTerms>, Vec<Vec<f64>>) =
         slots.iter().map(SlotRun::weigh).unzip();
+    if is_given_up(slots) {
+        return Ok(Vec::new());
+    }
     passes.backward(&weights)?;
     // The last move is made while a device goes back.
     each_going(slots, SlotRun::go_on);

@@ -162,6 +162,43 @@ pub struct LossTerms {
 }
 
 impl LossTerms {
+    /// Six numbers, NaN for a term that there is not; then a byte that says which there are.
+    pub(crate) fn to_bytes(self) -> Vec<u8> {
+        let terms = [
+            Some(self.total),
+            Some(self.acceleration),
+            self.kinetic_energy,
+            self.edge_vector,
+            self.edge_length,
+            self.bending_angle,
+        ];
+        let numbers = terms.iter().map(|term| term.unwrap_or(f64::NAN));
+        let mut bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
+        let there = terms.iter().enumerate();
+        bytes.push(there.map(|(k, term)| u8::from(term.is_some()) << k).sum());
+        bytes
+    }
+
+    /// The terms of several slots, one after another; none where the bytes are of something else.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Vec<Self>> {
+        let (rows, rest) = bytes.as_chunks::<49>();
+        let term = |row: &[u8; 49], k: usize| {
+            let number = f64::from_le_bytes(row[8 * k..8 * k + 8].try_into().ok()?);
+            (row[48] >> k & 1 == 1).then_some(number)
+        };
+        let all = rows.iter().map(|row| {
+            Some(Self {
+                total: term(row, 0)?,
+                acceleration: term(row, 1)?,
+                kinetic_energy: term(row, 2),
+                edge_vector: term(row, 3),
+                edge_length: term(row, 4),
+                bending_angle: term(row, 5),
+            })
+        });
+        if rest.is_empty() { all.collect() } else { None }
+    }
+
     /// The terms of acceleration, kinetic energy, edge vector, edge length and bending angle, in
     /// this order; those of weight 0 are left out.
     #[must_use]

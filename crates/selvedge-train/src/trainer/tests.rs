@@ -1,6 +1,9 @@
 //! A training learns, repeats itself to the last bit, and keeps its weights where it fails.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use glam::Vec3;
 use rayon::ThreadPoolBuilder;
@@ -9,7 +12,7 @@ use selvedge_data::SectionRule;
 use selvedge_model::{Encoder, Integration, LearnedStepper, NodeFeature};
 
 use super::*;
-use crate::schedule::{LearningRate, TruthProbability};
+use crate::schedule::{LearningRate, TruthProbability, UnrollFrames};
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -71,6 +74,57 @@ fn threads_change_no_bit_and_seeds_do() {
             ..busy(encoder)
         };
         assert_ne!(one, run(other, 1));
+    }
+}
+
+#[test]
+fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
+    let data = two_cloths();
+    for (encoder, frames) in [(Encoder::MLP, 1), (Encoder::StreamingGru { window: 3 }, 3)] {
+        let cfg = || {
+            let mut cfg = busy(encoder);
+            cfg.unroll = UnrollFrames::Constant { frames };
+            cfg.losses.kinetic_energy = 0.0;
+            cfg
+        };
+        let mut trainer = Trainer::new(cfg(), &data.dataset, &ENGINE).expect("a training");
+        let mut given_up = 0;
+        for _ in 0..8 {
+            for wait in [0, 50, 200, 1000].map(Duration::from_micros) {
+                let before = trainer.steps_done();
+                let flag = Arc::new(AtomicBool::new(wait.is_zero()));
+                trainer.stop_by(Arc::clone(&flag).into());
+                let slots = trainer.slots.clone();
+                let stepped = thread::scope(|scope| {
+                    scope.spawn(|| {
+                        thread::sleep(wait);
+                        flag.store(true, Ordering::Relaxed);
+                    });
+                    trainer.step()
+                });
+                if let Err(error) = stepped {
+                    let step = before + 1;
+                    assert!(matches!(error, TrainError::Stopped { step: s } if s == step));
+                    assert_eq!(trainer.slots, slots);
+                    given_up += 1;
+                }
+            }
+            trainer.stop_by(Stop::default());
+            if trainer.steps_done() >= 8 {
+                break;
+            }
+            trainer.step().expect("a step");
+        }
+        assert!(given_up > 0);
+        let steps = usize::try_from(trainer.steps_done()).expect("few");
+        let path = data.folder.path().join("given-up");
+        trainer.save(&path, &data.dataset).expect("room");
+        let model = trainer.model("a note".to_owned()).expect("a model");
+        let found = [
+            std::fs::read(&path).expect("just written"),
+            model.to_bytes().expect("bytes"),
+        ];
+        assert!(found == bytes(cfg(), &data, steps), "{encoder:?}");
     }
 }
 

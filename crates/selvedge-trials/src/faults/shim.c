@@ -1,12 +1,18 @@
-/* Faults of a disk, put between a program and its C library (LD_PRELOAD).
+/* Faults put between a program and its C library (LD_PRELOAD).
  *
- * SELVEDGE_FAULT="K KIND" lets the K-th call on a regular file fail: open to write, write, fchmod,
- * fsync, rename. KIND is an error ("enospc", "eio", "eintr", "eacces"), "short" (a write of half of
- * it), "cut" (the process ends there) or "drop": the power is cut, what was written since the last
- * fsync of its file is lost, and so are renames whose folder was not synced since. With K = 0
- * nothing fails, and the number of calls is written to the file SELVEDGE_FAULT_COUNT.
+ * SELVEDGE_FAULT="SIDE K KIND" lets the K-th call of a side fail. With K = 0 nothing fails, and the
+ * number of calls is written to the file SELVEDGE_FAULT_COUNT.
+ *
+ * writes: open to write, write, fchmod, fsync, rename of a regular file. KIND is an error
+ *   ("enospc", "eio", "eintr", "eacces"), "short" (a write of half of it), "cut" (the process ends
+ *   there) or "drop": the power is cut, what was written since the last fsync of its file is lost,
+ *   and so are renames whose folder was not synced since.
+ * reads: open to read, read and listing of what lies in the folder SELVEDGE_FAULT_FOLDER. KIND is
+ *   "eio", "eintr" or "short". The path is written to the file SELVEDGE_FAULT_PATH.
+ * memory: an allocation of LARGE bytes and more. KIND is "enomem".
  */
 #define _GNU_SOURCE
+#include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -16,14 +22,18 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
-enum { MOST = 4096 };
+enum { MOST = 4096, LARGE = 4096 };
 
 static pthread_mutex_t guard = PTHREAD_MUTEX_INITIALIZER;
-static long at = -1, count = 0;
+static long at = 0, count = 0;
+/* 'w', 'r' or 'm'; none before the library has begun. */
+static char side = 0;
 static char kind[16];
+static const char *folder = "/";
 
 /* Files that were written, by a descriptor of our own, with the size that is surely on the disk. */
 static struct { dev_t dev; ino_t ino; int fd; off_t synced; } files[MOST];
@@ -34,11 +44,12 @@ static int rename_count = 0;
 
 static void *next(const char *name) { return dlsym(RTLD_NEXT, name); }
 
-static void begin(void) {
-    if (at >= 0) return;
+__attribute__((constructor)) static void begin(void) {
     const char *text = getenv("SELVEDGE_FAULT");
-    at = 0;
-    if (text) sscanf(text, "%ld %15s", &at, kind);
+    char word[16] = "";
+    if (!text || sscanf(text, "%15s %ld %15s", word, &at, kind) != 3) return;
+    if (getenv("SELVEDGE_FAULT_FOLDER")) folder = getenv("SELVEDGE_FAULT_FOLDER");
+    side = word[0];
 }
 
 static int is_regular(int fd) {
@@ -72,7 +83,6 @@ static void lose(void) {
 
 /* The error of this call: 0 for none, -1 for a short write. */
 static int fault(void) {
-    begin();
     count++;
     if (at == 0 || count != at) return 0;
     if (!strcmp(kind, "drop")) lose();
@@ -81,10 +91,12 @@ static int fault(void) {
     if (!strcmp(kind, "eio")) return EIO;
     if (!strcmp(kind, "eintr")) return EINTR;
     if (!strcmp(kind, "eacces")) return EACCES;
+    if (!strcmp(kind, "enomem")) return ENOMEM;
     return -1;
 }
 
-static int locked_fault(void) {
+static int locked_fault(char of) {
+    if (of != side) return 0;
     pthread_mutex_lock(&guard);
     int error = fault();
     pthread_mutex_unlock(&guard);
@@ -92,12 +104,94 @@ static int locked_fault(void) {
     return error;
 }
 
+/* The error of a read of what stands at `path`, where that lies in the folder. */
+static int read_fault(const char *path) {
+    if (side != 'r' || strncmp(path, folder, strlen(folder))) return 0;
+    int error = locked_fault('r');
+    const char *to = getenv("SELVEDGE_FAULT_PATH");
+    if (error != 0 && to) {
+        int fd = syscall(SYS_openat, AT_FDCWD, to, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+        if (fd < 0 || syscall(SYS_write, fd, path, strlen(path)) < 0) _exit(99);
+        syscall(SYS_close, fd);
+    }
+    return error;
+}
+
+static int read_fault_of(int fd) {
+    char link[64], path[4096];
+    if (side != 'r') return 0;
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t length = readlink(link, path, sizeof path - 1);
+    if (length < 0) return 0;
+    path[length] = 0;
+    return read_fault(path);
+}
+
 static int open_as(const char *name, const char *path, int flags, mode_t mode) {
     int (*real)(const char *, int, ...) = next(name);
     if ((flags & O_CREAT) && strncmp(path, "/proc", 5) && strncmp(path, "/dev", 4) &&
-        locked_fault() > 0)
+        locked_fault('w') > 0)
         return -1;
+    if (side == 'r' && !(flags & O_CREAT)) {
+        char *whole = realpath(path, NULL);
+        int error = whole ? read_fault(whole) : 0;
+        free(whole);
+        if (error > 0) {
+            errno = error;
+            return -1;
+        }
+    }
     return real(path, flags, mode);
+}
+
+ssize_t read(int fd, void *bytes, size_t length) {
+    ssize_t (*real)(int, void *, size_t) = next("read");
+    int error = read_fault_of(fd);
+    if (error > 0) errno = error;
+    if (error > 0) return -1;
+    return real(fd, bytes, error < 0 && length > 1 ? length / 2 : length);
+}
+
+ssize_t pread64(int fd, void *bytes, size_t length, off64_t offset) {
+    ssize_t (*real)(int, void *, size_t, off64_t) = next("pread64");
+    int error = read_fault_of(fd);
+    if (error > 0) errno = error;
+    if (error > 0) return -1;
+    return real(fd, bytes, error < 0 && length > 1 ? length / 2 : length, offset);
+}
+
+struct dirent64 *readdir64(DIR *stream) {
+    struct dirent64 *(*real)(DIR *) = next("readdir64");
+    /* The system does not interrupt a listing. */
+    int error = strcmp(kind, "eio") ? 0 : read_fault_of(dirfd(stream));
+    if (error > 0) errno = error;
+    return error > 0 ? NULL : real(stream);
+}
+
+void *__libc_malloc(size_t);
+void *__libc_calloc(size_t, size_t);
+void *__libc_realloc(void *, size_t);
+void *__libc_memalign(size_t, size_t);
+
+/* Whether an allocation of so many bytes fails. */
+static int refuses(size_t size) { return size >= LARGE && locked_fault('m') > 0; }
+
+void *malloc(size_t size) { return refuses(size) ? NULL : __libc_malloc(size); }
+
+void *calloc(size_t count, size_t size) {
+    return refuses(count * size) ? NULL : __libc_calloc(count, size);
+}
+
+void *realloc(void *old, size_t size) { return refuses(size) ? NULL : __libc_realloc(old, size); }
+
+int posix_memalign(void **to, size_t alignment, size_t size) {
+    if (refuses(size)) return ENOMEM;
+    *to = __libc_memalign(alignment, size);
+    return *to ? 0 : ENOMEM;
+}
+
+void *aligned_alloc(size_t alignment, size_t size) {
+    return refuses(size) ? NULL : __libc_memalign(alignment, size);
 }
 
 int open64(const char *path, int flags, ...) {
@@ -118,8 +212,8 @@ int open(const char *path, int flags, ...) {
 
 ssize_t write(int fd, const void *bytes, size_t length) {
     ssize_t (*real)(int, const void *, size_t) = next("write");
-    if (!is_regular(fd)) return real(fd, bytes, length);
-    int error = locked_fault();
+    if (side != 'w' || !is_regular(fd)) return real(fd, bytes, length);
+    int error = locked_fault('w');
     if (error > 0) return -1;
     pthread_mutex_lock(&guard);
     find(fd, 1);
@@ -130,13 +224,14 @@ ssize_t write(int fd, const void *bytes, size_t length) {
 
 int fchmod(int fd, mode_t mode) {
     int (*real)(int, mode_t) = next("fchmod");
-    return locked_fault() > 0 ? -1 : real(fd, mode);
+    return locked_fault('w') > 0 ? -1 : real(fd, mode);
 }
 
 static int sync_as(const char *name, int fd) {
     int (*real)(int) = next(name);
-    if (locked_fault() > 0) return -1;
+    if (locked_fault('w') > 0) return -1;
     int done = real(fd);
+    if (side != 'w') return done;
     pthread_mutex_lock(&guard);
     struct stat s;
     if (done == 0 && fstat(fd, &s) == 0) {
@@ -157,7 +252,8 @@ int fdatasync(int fd) { return sync_as("fdatasync", fd); }
 
 int rename(const char *from, const char *to) {
     int (*real)(const char *, const char *) = next("rename");
-    if (locked_fault() > 0) return -1;
+    if (locked_fault('w') > 0) return -1;
+    if (side != 'w') return real(from, to);
     pthread_mutex_lock(&guard);
     if (rename_count < MOST && !strcmp(kind, "drop")) {
         snprintf(renames[rename_count].from, sizeof renames[0].from, "%s", from);
@@ -175,6 +271,7 @@ int rename(const char *from, const char *to) {
 __attribute__((destructor)) static void end(void) {
     const char *path = getenv("SELVEDGE_FAULT_COUNT");
     if (!path || at > 0) return;
+    side = 0;
     FILE *file = fopen(path, "w");
     if (!file) return;
     fprintf(file, "%ld\n", count);

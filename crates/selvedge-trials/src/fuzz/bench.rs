@@ -49,6 +49,21 @@ impl Bench {
                 format!("{head}\n[motion]\n{source}\n"),
             )?;
         }
+        for (kind, mesh) in [
+            ("abc", "cache.abc"),
+            ("usdc", "cache.usdc"),
+            ("pc2", "run.obj"),
+            ("mdd", "run.obj"),
+        ] {
+            // Far from the cloth.
+            let obstacle = format!(
+                "[[obstacles]]\nname = \"o\"\nmesh = \"{mesh}\"\nmotion = \"cache.{kind}\"\ntransform = {{ translation = [0, 0, 50] }}\n"
+            );
+            let scene = SCENE.replace("frame_rate = 60", "frame_rate = 60\ncontact = {}");
+            let scene = format!("{scene}\n{obstacle}");
+            fs::write(bench(&format!("by-{kind}.toml")), scene)?;
+        }
+        fs::copy(seeds.made.join("run.obj"), bench("run.obj"))?;
         let own = SCENE.replace("gray-interlock", "own-material.toml");
         fs::write(bench("by-material.toml"), own)?;
         Ok(Self {

@@ -7,6 +7,7 @@
 
 mod bench;
 mod examples;
+mod guided;
 mod mutate;
 mod readers;
 mod seeds;
@@ -26,16 +27,18 @@ use rand_chacha::ChaCha8Rng;
 
 use self::bench::Bench;
 use self::examples::written_examples;
+pub use self::guided::Guided;
 use self::seeds::Seeds;
 pub(crate) use self::seeds::{SCENE, TRAINING};
 use self::targets::{TARGETS, Target};
 use crate::arguments::Arguments;
 use crate::program::Program;
 
-/// Time that one input may take.
+/// Time of the processor that one input may take.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Length that the text of an error may have over three times that of the input `[bytes]`: the
-/// program shortens what quotes a whole input, but nothing may grow.
+/// Length that the text of an error may have over three times that of the input with its control
+/// characters escaped `[bytes]`: the program shortens what quotes a whole input, but nothing may
+/// grow.
 const LONGEST_TEXT: usize = 4096;
 /// Growth of memory that one input may cause `[kB]`.
 const MOST_MEMORY: u64 = 512 << 10;
@@ -144,6 +147,11 @@ fn courses<'a>(
         .collect()
 }
 
+/// Names of all targets.
+pub(crate) fn names() -> [&'static str; TARGETS.len()] {
+    TARGETS.map(|target| target.name)
+}
+
 /// Keeps the message of a panic instead of printing it.
 fn quiet_panics() {
     std::panic::set_hook(Box::new(|info| {
@@ -199,9 +207,10 @@ impl Course<'_> {
         if self.target.file.is_some() {
             fs::write(&path, input).with_context(|| path.display().to_string())?;
         }
-        let (before, started) = (peak_memory(), Instant::now());
+        let (before, started) = (peak_memory(), processor_time());
         let outcome = catch_unwind(AssertUnwindSafe(|| (self.target.read)(bench, &path, input)));
-        let (elapsed, grown) = (started.elapsed(), peak_memory().saturating_sub(before));
+        let elapsed = processor_time().saturating_sub(started);
+        let grown = peak_memory().saturating_sub(before);
         if elapsed > PATIENCE {
             return Ok(Some(format!("took {:.1} s", elapsed.as_secs_f64())));
         }
@@ -213,7 +222,7 @@ impl Course<'_> {
                 let last = PANIC.lock().unwrap_or_else(PoisonError::into_inner);
                 Ok(Some(last.replace('\n', " ")))
             }
-            Ok(Err(text)) if text.len() > LONGEST_TEXT + 3 * input.len() => {
+            Ok(Err(text)) if is_too_long(&text, input) => {
                 let start: String = text.chars().take(120).collect();
                 Ok(Some(format!("an error of {} bytes: {start}…", text.len())))
             }
@@ -229,12 +238,27 @@ impl Course<'_> {
     }
 }
 
+fn is_too_long(text: &str, input: &[u8]) -> bool {
+    text.len() > LONGEST_TEXT + 3 * input.escape_ascii().count()
+}
+
 /// The text of a refusal without numbers and names, to tell kinds of refusals apart.
 fn kind_of(text: &str) -> String {
     let words = text
         .split_whitespace()
         .filter(|word| word.chars().all(|c| c.is_ascii_lowercase()));
     words.take(12).collect::<Vec<_>>().join(" ")
+}
+
+/// Time that this process had of all processors, in steps of 10 ms, so that a busy machine gives no
+/// findings; 0 where the system does not tell.
+fn processor_time() -> Duration {
+    let text = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // The name of the program stands in brackets and may have spaces.
+    let rest = text.rsplit_once(')').map_or("", |(_, rest)| rest);
+    let ticks = rest.split_whitespace().skip(11).take(2);
+    let ticks: u64 = ticks.filter_map(|word| word.parse::<u64>().ok()).sum();
+    Duration::from_millis(10 * ticks)
 }
 
 /// The most memory that this process has had `[kB]`; 0 where the system does not tell.
@@ -271,4 +295,21 @@ fn report(courses: &[Course<'_>], seed: u64) -> bool {
     }
     println!("\n{} inputs, {found} findings", all(|tally| tally.inputs));
     found == 0 && idle.is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_of_the_processor_goes_on_with_work_alone() {
+        let started = (processor_time(), Instant::now());
+        while processor_time() < started.0 + Duration::from_millis(50) {
+            assert!(started.1.elapsed() < Duration::from_secs(60));
+        }
+        let before = processor_time();
+        std::thread::sleep(Duration::from_millis(200));
+        // Other tests of this program may run beside.
+        assert!(processor_time() >= before);
+    }
 }

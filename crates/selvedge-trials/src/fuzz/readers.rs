@@ -202,6 +202,12 @@ pub(super) fn by_motion(bench: &Bench, _: &Path, bytes: &[u8]) -> Verdict {
     beside(bench, "by-toml.toml")
 }
 
+/// The scene whose obstacle is in the damaged cache.
+pub(super) fn by_cache(bench: &Bench, path: &Path, _: &[u8]) -> Verdict {
+    let kind = path.extension().unwrap_or_default().to_string_lossy();
+    beside(bench, &format!("by-{kind}.toml"))
+}
+
 pub(super) fn motion_csv(_: &Bench, _: &Path, bytes: &[u8]) -> Verdict {
     parse_recorded_csv(text(bytes)?).map(drop).map_err(said)
 }

@@ -8,8 +8,8 @@ use anyhow::Result;
 use super::bench::Bench;
 use super::mutate::Make;
 use super::readers::{
-    Verdict, by_material, by_motion, checkpoint, flag, flag_meta, index, log, mesh_file, model,
-    motion_csv, obj, options, preset, released, rest_pose, rig, scene, scene_json, socket,
+    Verdict, by_cache, by_material, by_motion, checkpoint, flag, flag_meta, index, log, mesh_file,
+    model, motion_csv, obj, options, preset, released, rest_pose, rig, scene, scene_json, socket,
     state_npz, states, study_file, training, trajectory,
 };
 use super::seeds::Seeds;
@@ -76,8 +76,11 @@ const fn of_file(
     }
 }
 
+const BLENDER_ABC: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.abc";
+const BLENDER_USDC: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.usdc";
+
 /// All readers.
-pub(super) const TARGETS: [Target; 28] = [
+pub(super) const TARGETS: [Target; 37] = [
     of_bytes(
         "trajectory",
         Make::Safetensors,
@@ -144,6 +147,51 @@ pub(super) const TARGETS: [Target; 28] = [
     ),
     of_file("glb-rig", Make::Glb, "rig.glb", &["run.glb"], rig),
     of_file("usda-rig", Make::Text, "rig.usda", &["run.usda"], rig),
+    of_file(
+        "abc-mesh",
+        Make::Binary,
+        "mesh.abc",
+        &["run.abc", BLENDER_ABC],
+        mesh_file,
+    ),
+    of_file(
+        "abc-rig",
+        Make::Binary,
+        "rig.abc",
+        &["run.abc", BLENDER_ABC],
+        rig,
+    ),
+    of_file(
+        "abc-cache",
+        Make::Binary,
+        "cache.abc",
+        &["run.abc", BLENDER_ABC],
+        by_cache,
+    ),
+    of_file(
+        "usdc-mesh",
+        Make::Binary,
+        "mesh.usdc",
+        &["run.usdc", BLENDER_USDC],
+        mesh_file,
+    ),
+    of_file(
+        "usdc-rig",
+        Make::Binary,
+        "rig.usdc",
+        &["run.usdc", BLENDER_USDC],
+        rig,
+    ),
+    of_file(
+        "usdc-cache",
+        Make::Binary,
+        "cache.usdc",
+        &["run.usdc", BLENDER_USDC],
+        by_cache,
+    ),
+    of_file("usdz", Make::Binary, "rig.usdz", &["run.usdz"], rig),
+    of_file("pc2", Make::Binary, "cache.pc2", &["run.pc2"], by_cache),
+    of_file("mdd", Make::Binary, "cache.mdd", &["run.mdd"], by_cache),
     of_file(
         "scene",
         Make::Toml,

@@ -5,10 +5,13 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use selvedge_lab::machine::{DeviceName, Machine, MachineError, PrecisionName};
 
+use crate::ranks;
+
 /// A device and its precision.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct DeviceArgs {
-    /// The device of the model: cpu, or a GPU as cuda or cuda:N (the N-th, counted from 0).
+    /// The device of the model: cpu, or a GPU as cuda or cuda:N (the N-th, counted from 0). Several
+    /// ranks on a machine take that one and those after it.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = DeviceName::from_str)]
     pub(crate) device: DeviceName,
     /// Precision of products; sums are always in single precision. On a processor `half` needs
@@ -23,7 +26,7 @@ impl DeviceArgs {
     /// # Errors
     /// A device that is not there, or a precision that it does not have.
     pub(crate) fn open(&self) -> Result<Machine, MachineError> {
-        Machine::open(self.device, self.precision())
+        Machine::open(self.of_rank()?, self.precision())
     }
 
     /// Opens the machine that is asked for, for a training.
@@ -31,7 +34,16 @@ impl DeviceArgs {
     /// # Errors
     /// A device that is not there, or a precision in which it does not train.
     pub(crate) fn open_to_train(&self) -> Result<Machine, MachineError> {
-        Machine::open_to_train(self.device, self.precision())
+        Machine::open_to_train(self.of_rank()?, self.precision())
+    }
+
+    /// Of several ranks on a machine each has a GPU of its own.
+    fn of_rank(&self) -> Result<DeviceName, MachineError> {
+        let ranks = ranks::all();
+        match ranks.are_several() {
+            true => self.device.of_rank(ranks.local_rank()),
+            false => Ok(self.device),
+        }
     }
 
     /// Returns true where the processor is asked for.

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use selvedge_data::Split;
 use selvedge_lab::evaluation::Horizons;
 
-use super::{DeviceArgs, GuardName};
+use super::{DeviceArgs, GuardName, PartArgs};
 
 /// Threads at most: more than any machine has, few enough to be started.
 pub(super) const MOST_THREADS: i64 = 1024;
@@ -75,6 +75,9 @@ pub(crate) struct EvaluateArgs {
     /// Runs that are made at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
+    /// Runs in parts.
+    #[command(flatten)]
+    pub(crate) parts: PartArgs,
     /// The machine of the models.
     #[command(flatten)]
     pub(crate) machine: DeviceArgs,

@@ -4,21 +4,22 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
-use selvedge_data::export::{FrameSpan, Normals};
+use selvedge_data::export::{FrameSpan, Normals, Velocities};
 
 /// Write a trajectory in the format of another program.
 ///
-/// The format follows from the ending of the name: .usda (USD), .glb (glTF), .pc2 (a point cache,
-/// with the mesh beside it as .obj), .npz (NumPy), .gif, .mp4 (by ffmpeg, where that is installed),
-/// or .obj and .png for one frame. With --format obj or png the name is that of a new folder, which
-/// gets a file per frame. Lengths are metres; the first exported frame is at time 0. Ctrl-C leaves
-/// nothing behind.
+/// The format follows from the ending of the name: .usda, .usdc or .usdz (USD), .abc (Alembic),
+/// .glb (glTF), .pc2 or .mdd (a point cache, with the mesh beside it as .obj), .npz (NumPy), .gif,
+/// .mp4 (by ffmpeg, where that is installed), or .obj and .png for one frame. With --format obj or
+/// png the name is that of a new folder, which gets a file per frame. Lengths are metres; the first
+/// exported frame is at time 0. Ctrl-C leaves nothing behind.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge export out/rollout.safetensors --to cloth.usda
   selvedge export out/rollout.safetensors --to cloth.glb --frames 60..180 --every 2
   selvedge export out/rollout.safetensors --to cloth.pc2 --up z
+  selvedge export out/rollout.safetensors --to cloth.abc
   selvedge export out/rollout.safetensors --to frames --format png
 
 A .glb has a morph target per frame: long runs are lighter as .usda or .pc2, or with --every.
@@ -45,7 +46,11 @@ pub(crate) struct ExportArgs {
     /// A normal for each vertex and frame [default: yes for .glb, no for all others, whose readers
     /// make their own].
     #[arg(long, value_enum)]
-    normals: Option<NormalsName>,
+    normals: Option<Choosing>,
+    /// A velocity for each vertex and frame, in m/s, for motion blur [default: yes for .abc,
+    /// .usdc and .usdz, no for .usda; all others have none].
+    #[arg(long, value_enum)]
+    velocities: Option<Choosing>,
 }
 
 /// A format to write.
@@ -53,10 +58,18 @@ pub(crate) struct ExportArgs {
 pub(crate) enum FormatName {
     /// USD as text, with time samples.
     Usda,
+    /// USD as a binary crate.
+    Usdc,
+    /// USD as an archive of one crate.
+    Usdz,
     /// glTF in one file, with morph targets.
     Glb,
     /// A point cache with its mesh (.obj).
     Pc2,
+    /// LightWave's point cache with its mesh (.obj).
+    Mdd,
+    /// Alembic, with samples.
+    Abc,
     /// A folder of meshes, or one mesh (.obj).
     Obj,
     /// Arrays for NumPy.
@@ -85,12 +98,12 @@ pub(crate) enum UpName {
     Z,
 }
 
-/// The choice of normals.
+/// The choice of what a format need not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum NormalsName {
-    /// Normals are written.
+pub(crate) enum Choosing {
+    /// Written.
     Yes,
-    /// Normals are left out.
+    /// Left out.
     No,
 }
 
@@ -114,8 +127,16 @@ impl ExportArgs {
     /// The choice of normals, where there was one.
     pub(crate) fn normals(&self) -> Option<Normals> {
         self.normals.map(|normals| match normals {
-            NormalsName::Yes => Normals::Written,
-            NormalsName::No => Normals::LeftOut,
+            Choosing::Yes => Normals::Written,
+            Choosing::No => Normals::LeftOut,
+        })
+    }
+
+    /// The choice of velocities, where there was one.
+    pub(crate) fn velocities(&self) -> Option<Velocities> {
+        self.velocities.map(|velocities| match velocities {
+            Choosing::Yes => Velocities::Written,
+            Choosing::No => Velocities::LeftOut,
         })
     }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use selvedge_guard::{Correction, GuardSettings, When};
 
+use super::PartArgs;
 use super::evaluate::MOST_THREADS;
 
 /// Correction of frames that no cloth could have.
@@ -100,6 +101,9 @@ pub(crate) struct StressArgs {
     /// Runs that are made at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
+    /// Runs in parts.
+    #[command(flatten)]
+    pub(crate) parts: PartArgs,
 }
 
 fn speed(text: &str) -> Result<f64, String> {

@@ -10,14 +10,17 @@ use selvedge_data::foreign::{ForeignFormat, ImportOptions, Purpose, RestSource};
 /// Make a data set from data of another project.
 ///
 /// flag-simple is DeepMind's folder of meta.json and TFRecord files; released is the folder of the
-/// code that came with MeshGraphNetRP, one folder of .npy files per trajectory. What the data do
-/// not say must be said here; what they say themselves must not. An interrupted import goes on when
-/// it is started again.
+/// code that came with MeshGraphNetRP, one folder of .npy files per trajectory; cache is a folder
+/// of simulation caches of other programs, one file per trajectory (.abc, .usda, .usdc, .usdz,
+/// .glb, or .pc2, .mdd, .npz with the mesh beside it as .obj). What the data do not say must be
+/// said here; what they say themselves must not. An interrupted import goes on when it is started
+/// again.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge dataset import flag-simple flag_simple --density 0.15 --limit 20 --out data/flag
   selvedge dataset import released runs --handles 0,30 --test test1,test2 --out data/released
+  selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles 0,19 --out data/shots
 
 docs/src/guides/data.md says what each format lacks, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
@@ -32,33 +35,38 @@ pub(crate) struct ImportArgs {
     /// The name of the data set [default: that of the folder].
     #[arg(long)]
     pub(crate) name: Option<String>,
-    /// Mass per area in kg/m² (flag-simple: required).
+    /// Mass per area in kg/m² (flag-simple, cache: required).
     #[arg(long, value_name = "NUMBER")]
     pub(crate) density: Option<f64>,
-    /// Frames per second [default for released: 1/dt of meta.json, or 60].
+    /// Frames per second [default for released: 1/dt of meta.json, or 60; cache:
+    /// required, frames are taken at this rate].
     #[arg(long, value_name = "NUMBER")]
     pub(crate) frame_rate: Option<f64>,
-    /// The held vertices in the order of their targets, from 0, separated by commas (released:
-    /// required).
+    /// The held vertices in the order of their targets, from 0, separated by commas (released,
+    /// cache: required).
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
     pub(crate) handles: Option<Vec<u32>>,
-    /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default for flag-simple: flat].
+    /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default for flag-simple: flat, for
+    /// cache: first-frame].
     #[arg(long, value_name = "WHICH")]
     pub(crate) rest: Option<String>,
-    /// A mesh (.obj) whose material coordinates are taken (released, where rest.obj has none).
+    /// A mesh (.obj) whose material coordinates are taken (released, where rest.obj has none;
+    /// cache, where the file has none).
     #[arg(long, value_name = "FILE")]
     pub(crate) flat: Option<PathBuf>,
-    /// The axis that points up [default: z for flag-simple, y for released].
+    /// The axis that points up [default: z for flag-simple, y for released and for caches that
+    /// do not say it].
     #[arg(long, value_enum)]
     pub(crate) up: Option<UpName>,
     /// At most so many trajectories of each split.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) limit: Option<u32>,
-    /// Trajectories to test on, separated by commas (released, without folders train and test).
+    /// Trajectories to test on, separated by commas (released and cache, without folders train
+    /// and test).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) test: Vec<String>,
     /// The largest strain of an edge that is taken for that of a cloth.
-    #[arg(long, value_name = "NUMBER", default_value_t = PhysicsSettings::default().max_strain)]
+    #[arg(long, value_name = "NUMBER", default_value_t = PhysicsSettings::default().max_strain, value_parser = strain, allow_negative_numbers = true)]
     pub(crate) max_strain: f64,
     /// Import only what is to be tested on; without this, nothing to train on is an error.
     #[arg(long)]
@@ -72,6 +80,8 @@ pub(crate) enum FormatName {
     FlagSimple,
     /// The released code of MeshGraphNetRP: folders of .npy.
     Released,
+    /// Caches of other programs: Alembic, USD, glTF, point caches.
+    Cache,
 }
 
 /// An axis that points up.
@@ -83,12 +93,20 @@ pub(crate) enum UpName {
     Z,
 }
 
+fn strain(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(strain) if strain > 0.0 && strain.is_finite() => Ok(strain),
+        _ => Err("expected a number above 0, as 1 for an edge of twice its length".to_owned()),
+    }
+}
+
 impl ImportArgs {
     /// The format, as the data crate calls it.
     pub(crate) fn format(&self) -> ForeignFormat {
         match self.format {
             FormatName::FlagSimple => ForeignFormat::FlagSimple,
             FormatName::Released => ForeignFormat::Released,
+            FormatName::Cache => ForeignFormat::Cache,
         }
     }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use selvedge_cluster::Shard;
 use selvedge_lab::convergence::{Method, NamedIntegrator, Settings};
 
 use super::DeviceArgs;
@@ -51,6 +52,11 @@ pub(crate) struct StudyFileArgs {
     /// Runs that are measured at once [default: as many as there are processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) threads: Option<u16>,
+    /// Only train the models of part I of N, counted from 1: trainings that go on from one another
+    /// are one. Parts may run at once in one folder; when all are done, the same command without
+    /// this option measures and reports.
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Shard>,
 }
 
 /// Studies without a file.

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use selvedge_data::Trajectory;
-use selvedge_data::metrics::{self, Comparison};
+use selvedge_data::metrics::Comparison;
+use selvedge_lab::comparison::compare;
 use serde::Serialize;
 
 use crate::cli::CompareArgs;
@@ -42,33 +43,6 @@ pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
         comparison,
     };
     Answer::new(text(&report), &report)
-}
-
-/// The measures of `b` against `a`.
-///
-/// # Errors
-/// Trajectories of different meshes or frame rates.
-pub(crate) fn compare(a: &Trajectory, b: &Trajectory) -> anyhow::Result<Comparison> {
-    let vertices = [a, b].map(Trajectory::vertex_count);
-    if vertices[0] != vertices[1] {
-        bail!(
-            "they are of different meshes: {} and {} vertices",
-            vertices[0],
-            vertices[1]
-        );
-    }
-    if a.topology() != b.topology() {
-        bail!("they are of different meshes: as many vertices, but other faces");
-    }
-    let rates = [a, b].map(Trajectory::frame_rate);
-    if rates[0] != rates[1] {
-        bail!(
-            "they have {} and {} frames per second: a frame of one is no frame of the other",
-            rates[0],
-            rates[1]
-        );
-    }
-    Ok(metrics::compare(a.frames(), b.frames(), a.topology())?)
 }
 
 fn text(report: &Report) -> Facts {

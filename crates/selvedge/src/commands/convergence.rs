@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use selvedge_cloth::motion::named;
 use selvedge_data::{LoadedScene, materials};
 use selvedge_lab::convergence::{self, Case, Mean, Method, Outcome, Plan};
+use selvedge_lab::folder;
+use selvedge_lab::folder_kind::{FolderKind, REFERENCES};
 use selvedge_lab::models::NamedModel;
 use serde::Serialize;
 
@@ -47,6 +49,7 @@ struct TimeAnswer {
 /// # Errors
 /// What of a scene, the reference run or a file went wrong.
 pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
+    folder::check_kind(&args.out, Some(FolderKind::Convergence))?;
     let opened = args.scenes.iter().map(|scene| scenes::open(scene));
     let opened: Vec<LoadedScene> = opened.collect::<anyhow::Result<_>>()?;
     let shipped = materials().iter().map(|material| material.0);
@@ -54,8 +57,9 @@ pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     let motions = expanded(&args.motions, "test", named::test());
     let cases = Case::all(&opened, &materials, &motions)?;
     let plan = Plan::new(cases, args.settings(models(&args.models)?))?;
-    let references = args.out.join("references");
+    let references = args.out.join(REFERENCES);
     check_places(&args.out, &opened)?;
+    let _claimed = folder::claim_folder(&args.out, FolderKind::Convergence)?;
     let outcome = convergence::run(&plan, &references, &mut progress::listener())?;
     let wrote = match outcome.cases.is_empty() {
         true => Vec::new(),

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use selvedge_lab::folder;
+use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::teaching::{Teaching, TeachingScenes};
 use selvedge_train::{
     CorrectionConfig, CorrectionEvent, CorrectionTrainer, RunEnd, RunLimits, files, run_correction,
@@ -15,9 +16,9 @@ use serde::Serialize;
 
 use super::train::NEWEST;
 use crate::cli::TrainArgs;
-use crate::interrupt;
 use crate::output::{Answer, End, Facts};
 use crate::progress::{self, Progress};
+use crate::{interrupt, ranks};
 
 #[derive(Serialize)]
 struct CorrectionReport {
@@ -44,10 +45,11 @@ pub(super) fn run(args: &TrainArgs, text: &str) -> anyhow::Result<Answer> {
     if let Some(steps) = args.steps {
         cfg.steps = steps;
     }
-    let _claimed = folder::claim_folder(&args.out)?;
+    let _claimed = folder::claim_folder(&args.out, FolderKind::Training)?;
     let mut trainer = trainer(cfg, args)?;
     let cfg = trainer.config().clone();
-    let scenes = TeachingScenes::open(&cfg.teacher.scenes, &mut progress::listener())?;
+    let (names, spec) = (&cfg.teacher.scenes, &cfg.model);
+    let scenes = TeachingScenes::open(names, spec, &mut progress::listener())?;
     let started = Instant::now();
     let (end, loss) = match scenes {
         None => (End::Interrupted, None),
@@ -73,6 +75,9 @@ pub(super) fn run(args: &TrainArgs, text: &str) -> anyhow::Result<Answer> {
 /// Refuses what only a training on a data set has.
 fn refuse(args: &TrainArgs) -> anyhow::Result<()> {
     let config = &args.config;
+    if ranks::all().are_several() {
+        bail!("{config}: a training that corrects physics is of one rank: start it without mpirun");
+    }
     let of_data = [
         ("--data", args.data.is_some()),
         ("--from", args.from.is_some()),
@@ -115,6 +120,7 @@ fn steps_until_end(
     let mut training = None;
     let (mut gathered, mut loss) = (0, None);
     let left = usize::try_from(left)?;
+    trainer.stop_by(interrupt::flag().into());
     let end = run_correction(trainer, &mut teaching, &args.out, limits, &mut |event| {
         match event {
             CorrectionEvent::Samples(made) => {

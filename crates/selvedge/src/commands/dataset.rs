@@ -4,13 +4,14 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use selvedge_data::DatasetPreset;
-use selvedge_lab::generation;
+use selvedge_lab::generation::{self, Order};
 use selvedge_sim::DividedFrames;
 use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::GenerateArgs;
 use crate::output::{Answer, End, Facts};
-use crate::progress;
+use crate::{progress, ranks};
 
 #[derive(Serialize)]
 struct Report {
@@ -25,6 +26,8 @@ struct Report {
     trajectories_kept: usize,
     trajectories_missing: usize,
     seconds: f64,
+    /// The part of the data set that this is, as 2/8.
+    part: Option<String>,
     interrupted: bool,
 }
 
@@ -38,13 +41,16 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     for warning in preset.warnings() {
         tracing::warn!("{}: {warning}", args.preset);
     }
-    let threads = args.threads.map(usize::from);
-    let made = generation::generate(
-        &preset,
-        &args.out,
-        threads,
-        &mut progress::listener_of_files(),
-    )?;
+    let order = Order {
+        preset: &preset,
+        folder: &args.out,
+        part: args.shard,
+    };
+    let crew = ranks::crew(args.threads);
+    let made = generation::generate(order, &crew, &mut progress::listener_of_files())?;
+    let Some(made) = made else {
+        return Answer::new("", &json!({}));
+    };
     let report = Report {
         name: made.name.clone(),
         out: args.out.clone(),
@@ -56,6 +62,7 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         trajectories_kept: made.kept,
         trajectories_missing: made.missing,
         seconds: started.elapsed().as_secs_f64(),
+        part: made.part.map(|part| part.to_string()),
         interrupted: made.end() == End::Interrupted,
     };
     Ok(Answer::new(text(&report, made.divided), &report)?.ended(made.end()))
@@ -68,6 +75,9 @@ fn text(report: &Report, made: DividedFrames) -> Facts {
         "trajectories",
         format!("{} to train on, {} to test on", report.train, report.test),
     );
+    if let Some(part) = &report.part {
+        facts.add("part", part);
+    }
     if report.trajectories_kept > 0 {
         facts.add("already there", report.trajectories_kept);
     }
@@ -84,6 +94,8 @@ fn text(report: &Report, made: DividedFrames) -> Facts {
             "interrupted",
             format!("{missing} trajectories are missing: run the same command again"),
         );
+    } else if report.part.is_some() {
+        facts.add("to go on", "`selvedge dataset merge`, with the other parts");
     } else {
         facts.add("samples", report.samples);
     }

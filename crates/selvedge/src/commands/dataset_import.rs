@@ -10,6 +10,7 @@ use anyhow::{Context, bail};
 use selvedge_data::foreign::ForeignSource;
 use selvedge_data::{DatasetWriter, Trajectory, metrics};
 use selvedge_lab::folder;
+use selvedge_lab::folder_kind::FolderKind;
 use serde::Serialize;
 
 use crate::cli::ImportArgs;
@@ -40,7 +41,7 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let source = ForeignSource::open(args.format(), &args.source, &args.options())?;
     let plan = source.plan();
     let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
-    let _claimed = folder::claim_folder(&args.out)?;
+    let _claimed = folder::claim_folder(&args.out, FolderKind::DataSet)?;
     let mut writer = DatasetWriter::open(&args.out, plan)?;
     let missing = writer.missing().len();
     if let Err(error) = write(&source, &mut writer, args.max_strain) {

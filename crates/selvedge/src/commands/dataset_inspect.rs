@@ -37,6 +37,7 @@ const SPLITS: [(Split, &str); 2] = [(Split::Train, "train"), (Split::Test, "test
 pub(crate) fn run(folder: &Path, pictures: Option<&Path>) -> anyhow::Result<Answer> {
     let dataset = generation::open(folder)?;
     if let Some(out) = pictures {
+        folder::check_kind(out, None)?;
         folder::make_folder(out)?;
     }
     let (distributions, mut drawn) = read_all(&dataset, pictures)?;

@@ -12,17 +12,18 @@ use selvedge_lab::evaluation::{
     Contestant, Evaluation, EvaluationPlan, Measures, Racer, Row, Summary, TestData, Timing, Who,
     check_horizons, evaluate, summary,
 };
+use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::report::{self, Contest, Heading, Report};
-use selvedge_lab::{folder, generation};
+use selvedge_lab::{folder, generation, parts};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::cli::EvaluateArgs;
 use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts, Table, length, percent};
-use crate::{place, progress};
+use crate::{place, progress, ranks};
 
 #[derive(Serialize)]
 struct Answered<'a> {
@@ -65,19 +66,13 @@ struct Mean {
 /// What of a model, a data set or a file went wrong.
 pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     let machine = args.machine.open()?;
-    if let Some(curves) = &args.curves {
-        place::check_file(curves, "--curves", &["csv"])?;
-    }
-    if let (Some(curves), Some(folder)) = (&args.curves, &args.report) {
-        let curves = ("--curves", curves.as_path());
-        for file in report::TABLES {
-            let table = folder.join(file);
-            place::check_distinct(&[("--report", &table), curves])?;
-        }
-    }
+    check_places(args)?;
+    let ranks = ranks::all();
     let _claimed = match &args.report {
-        Some(folder) => Some(folder::claim_folder(folder)?),
-        None => None,
+        Some(folder) if ranks.is_first() => {
+            Some(folder::claim_folder(folder, FolderKind::Evaluation)?)
+        }
+        _ => None,
     };
     let (models, mut contestants) = open_models(args, &machine)?;
     contestants.extend(args.substeps().into_iter().map(Contestant::physics));
@@ -92,9 +87,13 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
         data: &data,
         contestants: &contestants,
         horizons: &horizons,
-        threads: args.threads.map(usize::from),
+        crew: ranks::crew(args.threads),
+        part: args.parts.shard,
     };
-    let (evaluation, end) = evaluate(&plan, &mut progress::listener())?;
+    let (evaluation, end) = runs(args, &plan)?;
+    if !ranks.is_first() {
+        return Answer::new("", &serde_json::json!({}));
+    }
     let contest = Contest::of(&evaluation.rows);
     let wrote = write_files(args, &models, &machine, &evaluation, end)?;
     let answered = Answered {
@@ -122,6 +121,69 @@ pub(crate) fn run(args: &EvaluateArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text, &answered)?.ended(end))
 }
 
+/// Checks what is to be written, and where.
+fn check_places(args: &EvaluateArgs) -> anyhow::Result<()> {
+    if args.parts.shard.is_some() && (args.report.is_some() || args.curves.is_some()) {
+        let problem = "--shard: a part has no report and no curves: ask for them with --parts";
+        return Err(WrongUsage::new(problem).into());
+    }
+    if let Some(curves) = &args.curves {
+        place::check_file(curves, "--curves", &["csv"])?;
+    }
+    if let (Some(curves), Some(folder)) = (&args.curves, &args.report) {
+        let curves = ("--curves", curves.as_path());
+        for file in report::TABLES {
+            let table = folder.join(file);
+            place::check_distinct(&[("--report", &table), curves])?;
+        }
+    }
+    Ok(())
+}
+
+/// The runs that are asked for: made now, all or a part of them, or taken from parts.
+fn runs(args: &EvaluateArgs, plan: &EvaluationPlan<'_>) -> anyhow::Result<(Evaluation, End)> {
+    let asked = &args.parts;
+    if asked.shard.is_none() && asked.parts.is_empty() {
+        return Ok(evaluate(plan, &mut progress::listener())?);
+    }
+    let call = call(args, plan)?;
+    if !asked.parts.is_empty() {
+        let (rows, timings) = parts::read(&asked.parts, &call)?;
+        return Ok((Evaluation { rows, timings }, End::Complete));
+    }
+    let (evaluation, end) = evaluate(plan, &mut progress::listener())?;
+    let is_whole = end == End::Complete && ranks::all().is_first();
+    if let (true, Some(shard), Some(path)) = (is_whole, asked.shard, &asked.part) {
+        let Evaluation { rows, timings } = evaluation.clone();
+        parts::write(path, shard, call, rows, timings)?;
+    }
+    Ok((evaluation, end))
+}
+
+/// A hash of all that the rows depend on.
+fn call(args: &EvaluateArgs, plan: &EvaluationPlan<'_>) -> anyhow::Result<String> {
+    let read = |path: &Path| {
+        let bytes = selvedge_data::read_file(path);
+        bytes.with_context(|| format!("reading {}", path.display()))
+    };
+    let names: Vec<&str> = plan.contestants.iter().map(|c| c.name.as_str()).collect();
+    let words = (
+        names,
+        args.split,
+        &args.motions,
+        plan.horizons,
+        args.guards(),
+    );
+    let mut files = Vec::new();
+    for model in args.models.iter().map(|text| part(text).1) {
+        files.push(NamedModel::open(Some(model))?.model.to_bytes()?);
+    }
+    for data in &args.data {
+        files.push(read(&data.join("index.json"))?);
+    }
+    Ok(parts::call_of(&format!("evaluate {words:?}"), &files))
+}
+
 /// Writes what is asked for and says where it is.
 fn write_files(
     args: &EvaluateArgs,
@@ -131,6 +193,9 @@ fn write_files(
     end: End,
 ) -> anyhow::Result<Vec<PathBuf>> {
     let mut wrote = Vec::new();
+    if end == End::Complete {
+        wrote.extend(args.parts.part.clone());
+    }
     if let Some(curves) = &args.curves {
         let text = report::curves_csv(&Contest::of(&evaluation.rows));
         write_atomically(curves, |out| out.write_all(text.as_bytes()))?;

@@ -30,6 +30,7 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         frames: args.frames(),
         up: args.up(),
         normals: args.normals(),
+        velocities: args.velocities(),
     });
     check_places(args, &wish.outputs())?;
     let trajectory = Trajectory::read(&args.trajectory)?;

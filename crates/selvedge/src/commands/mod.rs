@@ -2,16 +2,19 @@
 
 mod bench;
 mod compare;
+mod completions;
 mod convergence;
 mod convert;
 mod correction;
 mod dataset;
 mod dataset_import;
 mod dataset_inspect;
+mod dataset_merge;
 mod dataset_plan;
 mod evaluate;
 mod export;
 mod inspect;
+mod manual;
 mod presets;
 mod reference;
 mod rollout;
@@ -25,6 +28,16 @@ mod view;
 use crate::cli::{BenchCommand, Command, DatasetCommand};
 use crate::output::Answer;
 
+/// Returns true for a command that several ranks can share.
+pub(crate) fn shares(command: &Command) -> bool {
+    match command {
+        Command::Dataset(command) => matches!(command, DatasetCommand::Generate(_)),
+        Command::Train(_) | Command::Evaluate(_) | Command::Stress(_) => true,
+        Command::Study(args) => args.command.is_none(),
+        _ => false,
+    }
+}
+
 /// Does what is asked.
 ///
 /// # Errors
@@ -35,6 +48,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Sag(args) => sag::run(args),
         Command::Dataset(DatasetCommand::Generate(args)) => dataset::generate(args),
         Command::Dataset(DatasetCommand::Plan(args)) => dataset_plan::run(&args.preset),
+        Command::Dataset(DatasetCommand::Merge(args)) => dataset_merge::run(args),
         Command::Dataset(DatasetCommand::Import(args)) => dataset_import::run(args),
         Command::Dataset(DatasetCommand::Inspect(args)) => {
             dataset_inspect::run(&args.folder, args.pictures.as_deref())
@@ -44,6 +58,8 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Inspect(args) => inspect::run(args),
         Command::Convert(args) => convert::run(args),
         Command::Presets => presets::run(),
+        Command::Completions(args) => completions::run(args),
+        Command::Manual(args) => manual::run(args),
         Command::Reference(args) => reference::run(args),
         Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
         Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),

@@ -11,21 +11,23 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_cloth::{Cloth, Integrator, Scene};
+use selvedge_cloth::{Scene, Stepper};
 use selvedge_data::metrics::Comparison;
-use selvedge_data::{LoadedScene, StartSpec, Trajectory, metrics};
+use selvedge_data::{LoadedScene, SavedState, Trajectory, metrics};
 use selvedge_guard::Trust;
+use selvedge_lab::comparison::compare;
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::folder;
+use selvedge_lab::folder_kind::{FolderKind, ROLLOUT};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics::{self, TimedRun};
+use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
+use selvedge_lab::start;
 use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchedModel};
 use selvedge_model::{Departure, Model};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
-use super::compare::compare;
 use crate::cli::{RolloutArgs, Wanted};
 use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, length, percent};
@@ -34,7 +36,6 @@ use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, place, scenes};
 
 /// The files of the folder.
-const ROLLOUT: &str = "rollout.safetensors";
 const TRUTH: &str = "truth.safetensors";
 const SHEET: &str = "sheet.png";
 const CLIP: &str = "clip.gif";
@@ -42,9 +43,6 @@ const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
 
 /// Text where a model has no domain.
 const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on (`selvedge convert --trained-on` writes it there)";
-
-/// Substeps of the truth that a model of corrected physics is compared with: its teacher's.
-const CONVERGED: u32 = 8;
 
 #[derive(Serialize)]
 struct RolloutReport {
@@ -101,7 +99,7 @@ struct Setup {
 /// # Errors
 /// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
-    let _claimed = folder::claim_folder(&args.out)?;
+    let _claimed = folder::claim_folder(&args.out, FolderKind::Rollout)?;
     let wishes = exporting::wishes(&args.export)?;
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
@@ -119,7 +117,7 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
         watched::write_trust(trust, &log, setup.beyond.as_ref())?;
         wrote.push(trust.clone());
     }
-    let truth_scene = truth_scene(&setup.loaded.scene, &model.model);
+    let truth_scene = models::truth_scene(&setup.loaded.scene, &model.model);
     let truth = truth(&setup, &truth_scene, args, run.end, &mut wrote)?;
     let comparison = match &truth {
         Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
@@ -216,36 +214,12 @@ fn truth(
     Ok(Some(run))
 }
 
-/// The scene whose physics is the truth of `model`: the scene itself, or for a model that corrects
-/// physics a finer one. Such a model is to be nearer to the motion than the scene's own substeps
-/// are, and a comparison with those would show their error, not its own.
-fn truth_scene(scene: &Scene, model: &Model) -> Scene {
-    let mut scene = scene.clone();
-    if model.spec().base.is_some() {
-        let physics = &mut scene.physics;
-        physics.integrator = Integrator::default();
-        physics.substeps = physics.substeps.max(CONVERGED);
-        let damping = physics.integrator.least_damping();
-        physics.least_damping.get_or_insert(damping);
-    }
-    scene
-}
-
 /// Opens a scene in its sagged rest pose, the only start of a model; warns where the scene says
 /// otherwise.
 fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
     let mut loaded = scenes::open(scene)?;
-    if loaded.spec.start != StartSpec::Rest {
-        let warning = "start: a rollout and its truth start in the sagged rest pose, and not as the scene says: take `selvedge simulate` for that";
+    for warning in start::for_model(&mut loaded) {
         tracing::warn!("{scene}: {warning}");
-        loaded.warnings.push(warning.to_owned());
-        loaded.spec.start = StartSpec::Rest;
-        loaded.state = None;
-    }
-    if loaded.scene.contact.is_some() {
-        let warning = "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (with --guard none its cloth passes through both)";
-        tracing::warn!("{scene}: {warning}");
-        loaded.warnings.push(warning.to_owned());
     }
     Ok(loaded)
 }
@@ -284,17 +258,11 @@ fn predict(
     args: &RolloutArgs,
 ) -> anyhow::Result<Prediction> {
     let scene = &setup.loaded.scene;
-    let cloth = Cloth::of_scene(scene, physics::rounded(&setup.rest.positions))?;
-    let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
     let path = scene.handle_path()?;
-    let stepper = model.start(graph, cloth.rest_positions(), machine, scene)?;
-    let mut watched = WatchedModel::new(
-        stepper,
-        &cloth,
-        scene.frame_rate,
-        Some(Arc::new(scene.clone())),
-        args.guard.settings(),
-    )?;
+    let (known, rest) = (Arc::new(scene.clone()), &setup.rest.positions);
+    let guard = start::guarded(&known, rest, model, machine, args.guard.settings())?;
+    let mut watched = WatchedModel::of(guard);
+    watched.stop_by(interrupt::flag().into());
     let progress = Progress::new("predicting", setup.frames, "frames");
     let run = models::drive(&mut watched, &path, setup.frames, &mut || {
         progress.advance();
@@ -313,8 +281,14 @@ fn predict(
 
 fn simulate(setup: &Setup, scene: &Scene) -> anyhow::Result<TimedTrajectory> {
     let progress = Progress::new("simulating the truth", setup.frames, "frames");
-    let start = setup.rest.positions.clone();
-    let run = physics::run(scene, start, setup.frames, Threads::Pool, &mut || {
+    let plan = SimulationPlan {
+        start: SavedState::at_rest(setup.rest.positions.clone()),
+        frames: setup.frames,
+        keep: Keep::Positions,
+        threads: Threads::Pool,
+        stop: interrupt::flag(),
+    };
+    let (run, _) = physics::run_plan(scene, plan, &mut || {
         progress.advance();
         interrupt::flow()
     })?;
@@ -423,29 +397,4 @@ fn text(report: &RolloutReport) -> Facts {
         );
     }
     facts
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_truth_of_a_model_that_corrects_physics_is_finer_than_the_scene() {
-        let scene = scenes::open("default").unwrap().scene;
-        let open = |name: &str| NamedModel::open(Some(Path::new(name))).unwrap().model;
-        let mut of_scene = scene.clone();
-        of_scene.physics.substeps = 3;
-        of_scene.physics.integrator = Integrator::Linearised;
-        let kept = truth_scene(&of_scene, &open("small")).physics;
-        assert_eq!(kept, of_scene.physics);
-        let finer = truth_scene(&of_scene, &open("corrected")).physics;
-        assert_eq!(
-            (finer.integrator, finer.substeps),
-            (Integrator::default(), CONVERGED)
-        );
-        assert!(finer.validate().is_ok());
-        of_scene.physics.substeps = 20;
-        let kept = truth_scene(&of_scene, &open("corrected")).physics;
-        assert_eq!(kept.substeps, 20);
-    }
 }

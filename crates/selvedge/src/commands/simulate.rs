@@ -6,9 +6,10 @@ use selvedge_cloth::Scene;
 use selvedge_data::{
     LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
 };
-use selvedge_lab::fitting::{self, FittedCloth};
+use selvedge_lab::fitting::FittedCloth;
 use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
-use selvedge_sim::{DividedFrames, SaggedRest, Threads};
+use selvedge_lab::start;
+use selvedge_sim::{DividedFrames, Threads};
 use serde::Serialize;
 
 use crate::cli::{SimulateArgs, Start};
@@ -17,6 +18,10 @@ use crate::output::{Answer, End, Facts, percent};
 use crate::pictures::Show;
 use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, output, pictures, place, scenes};
+
+mod touched;
+
+use touched::Touched;
 
 #[derive(Serialize)]
 struct SimulateReport {
@@ -37,6 +42,8 @@ struct SimulateReport {
     substeps: Option<SubstepReport>,
     /// Frames that took more substeps than the scene asks for.
     divided_frames: u64,
+    /// Contact in the run; none in a scene without.
+    contact: Option<Touched>,
     clip: Option<PathBuf>,
     exported: Vec<PathBuf>,
     /// Wishes of the scene that cannot be met, or are likely mistakes.
@@ -67,13 +74,15 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
     choose_start(&mut loaded, args.start())?;
-    let (rest, start) = rest_and_start(&loaded)?;
-    let (scene, passed) = (&loaded.scene, start.frame);
+    let start = start::find(&loaded, &mut progress::listener())?;
+    start.fitted.iter().for_each(tell_of_fit);
+    let (rest, state) = (start.rest, start.state);
+    let (scene, passed) = (&loaded.scene, state.frame);
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => frames_left(scene.frame_count()?, passed)?,
     };
-    let (run, states) = simulate(args, scene, start, frames)?;
+    let (run, states) = simulate(args, scene, state, frames)?;
     let rest_positions = rest
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
@@ -83,6 +92,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
     }
+    let contact = touched::measure(scene, &trajectory, passed, run.contact);
     let substeps = run.substeps.map(|counts| SubstepReport {
         all: counts.all,
         started_anew: counts.started,
@@ -110,6 +120,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
         substeps,
         divided_frames: run.divided.frames,
+        contact,
         exported,
         warnings: loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
@@ -122,7 +133,8 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
     let Some(SubstepReport { all, fell_back, .. }) = substeps else {
         return;
     };
-    if fell_back as f64 <= MANY * all as f64 {
+    // What touches is of first order anyway.
+    if scene.contact.is_some() || fell_back as f64 <= MANY * all as f64 {
         return;
     }
     let substeps = scene.physics.substeps;
@@ -130,8 +142,12 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
         Some(_) => ", or it was at its strain_limits, where every substep is of first order",
         None => "",
     };
+    let contact = match scene.contact {
+        Some(_) => ", or it began or ceased to touch something, which needs no remedy",
+        None => "",
+    };
     tracing::warn!(
-        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}; use more substeps (physics.substeps, {substeps} now) or slower handles"
+        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}{contact}; use more substeps (physics.substeps, {substeps} now) or slower handles"
     );
 }
 
@@ -162,6 +178,7 @@ fn simulate(
             None => Keep::Positions,
         },
         threads: Threads::Pool,
+        stop: interrupt::flag(),
     };
     let progress = Progress::new("simulating", frames, "frames");
     Ok(physics::run_plan(scene, plan, &mut || {
@@ -217,42 +234,9 @@ fn choose_start(loaded: &mut LoadedScene, start: Start<'_>) -> anyhow::Result<()
     Ok(())
 }
 
-/// The remedy for a rest pose that is not found.
-const ELSEWHERE: &str = "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene), or relaxed from there into its pattern (--fit)";
-
-/// The sagged rest pose, and where the run starts. Only a run that starts in the rest pose waits
-/// for it. A cloth that nothing holds has none: it can only be let go elsewhere.
-fn rest_and_start(loaded: &LoadedScene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> {
-    let scene = &loaded.scene;
-    let start = match (&loaded.state, &loaded.spec.start) {
-        (Some(state), _) => state.clone(),
-        (None, StartSpec::Fit) => fitted(loaded)?,
-        (None, StartSpec::Rest) => return from_rest(scene),
-        (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
-    };
-    Ok((None, start))
-}
-
-fn from_rest(scene: &Scene) -> anyhow::Result<(Option<SaggedRest>, SavedState)> {
-    if scene.handles.is_empty() {
-        anyhow::bail!(
-            "scene {:?} has no handles, so that nothing holds the cloth: let it fall with --from-start",
-            scene.name
-        );
-    }
-    match physics::rest_pose(scene, &mut progress::listener()) {
-        Ok(rest) => {
-            let start = SavedState::at_rest(rest.positions.clone());
-            Ok((Some(rest), start))
-        }
-        Err(error) if interrupt::requested() => Err(error.into()),
-        Err(error) => Err(anyhow::Error::new(error).context(ELSEWHERE)),
-    }
-}
-
-/// The cloth relaxed into its pattern. Says what is left of its strain.
-fn fitted(loaded: &LoadedScene) -> anyhow::Result<SavedState> {
-    let FittedCloth { fitted, warning } = fitting::fit(loaded, &mut progress::listener())?;
+/// Says how a cloth was relaxed into its pattern, and what is left of its strain.
+fn tell_of_fit(cloth: &FittedCloth) {
+    let FittedCloth { fitted, warning } = cloth;
     if let Some(gap) = fitted.gap {
         tracing::info!("sewn: the seams were up to {gap:.3} m open");
     }
@@ -261,7 +245,6 @@ fn fitted(loaded: &LoadedScene) -> anyhow::Result<SavedState> {
     if let Some(warning) = warning {
         tracing::warn!("{warning}");
     }
-    Ok(SavedState::at_rest(fitted.positions))
 }
 
 /// Frames of a motion of `all` after `passed`.
@@ -307,6 +290,9 @@ fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts
     }
     if let Some(words) = output::divided(divided) {
         facts.add("divided", words);
+    }
+    if let Some(contact) = report.contact {
+        contact.add_to(&mut facts);
     }
     facts.add("wrote", report.out.display());
     if let Some(clip) = &report.clip {

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use selvedge_lab::models::NamedModel;
+use selvedge_lab::parts;
 use selvedge_lab::stress::{
-    self, MeshChoice, StressError, StressPlan, StressRun, StressStage, StressSummary, quantile,
-    summary,
+    self, KeptRun, MeshChoice, StressError, StressPlan, StressRun, StressStage, StressSummary,
+    quantile, summary,
 };
 use selvedge_model::Aspect;
 use serde::Serialize;
@@ -14,7 +15,7 @@ use serde::Serialize;
 use crate::cli::StressArgs;
 use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts, Table, length, percent};
-use crate::{place, progress, scenes};
+use crate::{place, progress, ranks, scenes};
 
 #[derive(Serialize)]
 struct StressReport {
@@ -53,7 +54,10 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
         stress::stages(&args.scene, loaded, &meshes, &mut progress::listener()).map_err(usage)?;
     stress::check_rate(&model, &stages)?;
     let plan = plan(args);
-    let runs = stress::drive(&plan, &model, &stages, &mut progress::listener())?;
+    let runs = runs(args, &plan, &model, &stages)?;
+    if !ranks::all().is_first() {
+        return Answer::new("", &serde_json::json!({}));
+    }
     if let Some(out) = &args.out {
         stress::write_runs(out, &runs)?;
     }
@@ -63,6 +67,47 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
         false => End::Complete,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// The runs that are asked for: made now, all or a part of them, or taken from parts.
+fn runs(
+    args: &StressArgs,
+    plan: &StressPlan,
+    model: &NamedModel,
+    stages: &[StressStage],
+) -> anyhow::Result<Vec<StressRun>> {
+    let asked = &args.parts;
+    let drive = |plan: &StressPlan| stress::drive(plan, model, stages, &mut progress::listener());
+    let call = || -> anyhow::Result<String> {
+        let meshes = (&args.mesh, args.density, args.mesh_seed);
+        let motions = (&plan.numbers, plan.frames, plan.seed, plan.speed);
+        let words = format!(
+            "stress {:?} {meshes:?} {motions:?} {:?}",
+            args.scene, args.guard
+        );
+        Ok(parts::call_of(&words, &[model.model.to_bytes()?]))
+    };
+    if !asked.parts.is_empty() {
+        let (kept, _) = parts::read::<KeptRun>(&asked.parts, &call()?)?;
+        return Ok(kept.into_iter().map(StressRun::from).collect());
+    }
+    let (Some(shard), Some(path)) = (asked.shard, &asked.part) else {
+        return Ok(drive(plan)?);
+    };
+    let numbers = plan.numbers.iter().enumerate();
+    let own = numbers
+        .filter(|(place, _)| shard.has(*place))
+        .map(|(_, number)| *number);
+    let own = StressPlan {
+        numbers: own.collect(),
+        ..plan.clone()
+    };
+    let runs = drive(&own)?;
+    if runs.len() == own.numbers.len() && ranks::all().is_first() {
+        let kept = runs.iter().cloned().map(KeptRun::from).collect();
+        parts::write(path, shard, call()?, kept, Vec::new())?;
+    }
+    Ok(runs)
 }
 
 /// A choice that cannot be stressed is a mistake of the call.
@@ -86,7 +131,7 @@ fn plan(args: &StressArgs) -> StressPlan {
         seed: args.seed,
         speed: args.speed,
         guard: args.guard.settings(),
-        threads: args.threads.map(usize::from),
+        crew: ranks::crew(args.threads),
     }
 }
 
@@ -97,6 +142,8 @@ fn report(
     runs: Vec<StressRun>,
     model: String,
 ) -> StressReport {
+    let is_own = |place: &usize| args.parts.shard.is_none_or(|shard| shard.has(*place));
+    let asked = (0..plan.numbers.len()).filter(is_own).count();
     let several = if stages.len() > 1 { stages } else { &[] };
     let vertices = |stage: &StressStage| stage.cloth.rest_positions().len();
     StressReport {
@@ -105,7 +152,7 @@ fn report(
         seed: plan.seed,
         speed: plan.speed,
         frames: plan.frames,
-        runs_asked: plan.numbers.len(),
+        runs_asked: asked,
         all: summary("all", stages.iter().map(vertices).max().unwrap_or(0), &runs),
         meshes: several
             .iter()
@@ -113,9 +160,9 @@ fn report(
             .collect(),
         ms_per_frame: quantile(runs.iter().map(|run| run.ms_per_frame).collect(), 0.5)
             .unwrap_or(0.0),
-        interrupted: runs.len() < plan.numbers.len(),
+        interrupted: runs.len() < asked,
         runs,
-        wrote: args.out.clone(),
+        wrote: args.out.clone().or_else(|| args.parts.part.clone()),
     }
 }
 

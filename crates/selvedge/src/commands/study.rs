@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use selvedge_lab::{folder, study};
+use selvedge_lab::folder;
+use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::study::{self, StudyOrder};
 use serde::Serialize;
 
 use super::convergence;
 use crate::cli::{DeviceArgs, StudyArgs, StudyCommand, StudyFileArgs};
 use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts};
-use crate::progress;
+use crate::{progress, ranks};
 
 #[derive(Serialize)]
 struct Answered {
@@ -21,6 +23,8 @@ struct Answered {
     trained: usize,
     measured: usize,
     wrote: Vec<PathBuf>,
+    /// The part of its trainings that was made, as 2/8.
+    part: Option<String>,
     interrupted: bool,
 }
 
@@ -45,15 +49,20 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
 fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     let machine = device.open_to_train()?;
-    let _claimed = folder::claim_folder(&args.out)?;
-    let outcome = study::run(
-        &study,
-        &args.out,
-        args.threads,
-        &machine,
-        &mut progress::listener(),
-    )
-    .with_context(|| format!("study {}", args.study))?;
+    let crew = ranks::crew(args.threads);
+    // Parts share the folder, and each training has a lock of its own.
+    let _claimed = match crew.ranks.is_first() && args.shard.is_none() {
+        true => Some(folder::claim_folder(&args.out, FolderKind::Study)?),
+        false => None,
+    };
+    let order = StudyOrder {
+        study: &study,
+        out: &args.out,
+        machine: &machine,
+        part: args.shard,
+    };
+    let outcome = study::run(order, &crew, &mut progress::listener())
+        .with_context(|| format!("study {}", args.study))?;
     let answered = Answered {
         title: study.title,
         device: machine.name(),
@@ -61,6 +70,7 @@ fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> 
         trained: outcome.trained,
         measured: outcome.measured,
         wrote: outcome.wrote,
+        part: args.shard.map(|part| part.to_string()),
         interrupted: outcome.end == End::Interrupted,
     };
     Ok(Answer::new(text(&answered), &answered)?.ended(outcome.end))
@@ -72,6 +82,11 @@ fn text(answered: &Answered) -> Facts {
     facts.add("device", &answered.device);
     facts.add("trained", answered.trained);
     facts.add("measured", answered.measured);
+    if let Some(part) = &answered.part {
+        facts.add("part", part);
+        let how = "when all parts are done, the same command without --shard";
+        facts.add("then", how);
+    }
     if answered.interrupted {
         facts.add("to go on", "the same command again");
     }

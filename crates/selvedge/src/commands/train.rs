@@ -6,16 +6,18 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
+use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::{assets, folder, generation, training};
 use selvedge_train::{
-    ConfigError, CorrectionConfig, EngineMaker, RunEnd, RunLimits, TrainConfig, Trainer, files,
+    ConfigError, CorrectionConfig, EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer,
+    files,
 };
 use serde::Serialize;
 
 use crate::cli::TrainArgs;
-use crate::interrupt;
-use crate::output::{Answer, End, Facts};
+use crate::output::{Answer, End, Facts, percent};
 use crate::progress::{self, Progress};
+use crate::{interrupt, ranks};
 
 /// Weight of the newest loss in the one that is shown.
 pub(super) const NEWEST: f64 = 0.02;
@@ -36,6 +38,12 @@ struct TrainReport {
     /// Samples that it learned from, in the whole time with checkpoints; a sample of several frames
     /// counts once.
     samples_per_second: f64,
+    /// Ranks that shared it.
+    ranks: usize,
+    /// Bytes that rank 0 sent in a step.
+    bytes_per_step: f64,
+    /// The part of its time that rank 0 summed over ranks, or waited for others.
+    talk_share: f64,
     interrupted: bool,
 }
 
@@ -59,18 +67,19 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     }
     let cfg = config(args, &written)?;
     let machine = args.machine.open_to_train()?;
-    let Some(data) = &args.data else {
-        bail!(
-            "--data is missing: {} learns from a data set; `selvedge dataset generate` makes one",
-            args.config
-        );
+    let data = data(args)?;
+    let ranks = ranks::all();
+    let _claimed = match ranks.is_first() {
+        true => Some(folder::claim_folder(&args.out, FolderKind::Training)?),
+        false => None,
     };
-    let data = generation::open(data)?;
-    let _claimed = folder::claim_folder(&args.out)?;
     let steps = cfg.steps;
     let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
-    let engine = machine.engine(micro_batch);
-    let Some(mut trainer) = trainer(cfg, &data, args, &*engine)? else {
+    let engine = OverRanks {
+        engine: &*machine.engine(micro_batch),
+        ranks: ranks.clone(),
+    };
+    let Some(mut trainer) = trainer(cfg, &data, args, &engine)? else {
         let report = StoppedReport {
             out: args.out.clone(),
             steps_done: 0,
@@ -79,10 +88,13 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         };
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
-    training::warn_of_images(&trainer);
+    training::warn_of_data(&trainer);
     let (started, first) = (Instant::now(), trainer.steps_done());
+    let before = ranks.traffic();
     let (end, loss) = steps_until_end(&mut trainer, &data, args)?;
     let seconds = started.elapsed().as_secs_f64();
+    let talk = ranks.traffic();
+    let made = (trainer.steps_done() - first).max(1) as f64;
     let shown = (trainer.steps_done() - first) * trainer.config().batch.samples as u64;
     let report = TrainReport {
         name: trainer.config().name.clone(),
@@ -95,9 +107,22 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         loss,
         seconds,
         samples_per_second: shown as f64 / seconds.max(f64::MIN_POSITIVE),
+        ranks: ranks.count(),
+        bytes_per_step: (talk.bytes - before.bytes) as f64 / made,
+        talk_share: (talk.time - before.time).as_secs_f64() / seconds.max(f64::MIN_POSITIVE),
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+fn data(args: &TrainArgs) -> anyhow::Result<Dataset> {
+    let Some(data) = &args.data else {
+        bail!(
+            "--data is missing: {} learns from a data set; `selvedge dataset generate` makes one",
+            args.config
+        );
+    };
+    Ok(generation::open(data)?)
 }
 
 /// The text of a configuration: a shipped one's, or that of a file.
@@ -133,6 +158,7 @@ fn steps_until_end(
     let left = trainer.config().steps.saturating_sub(trainer.steps_done());
     let progress = Progress::new("training", usize::try_from(left)?, "steps").within(args.span);
     let mut loss = None;
+    trainer.stop_by(interrupt::flag().into());
     let end = selvedge_train::run(trainer, data, &args.out, limits, &mut |step| {
         let newest = step.terms.total;
         let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
@@ -209,6 +235,15 @@ fn text(report: &TrainReport) -> Facts {
         "time",
         format!("{seconds:.0} s, {pace:.1} samples per second"),
     );
+    if report.ranks > 1 {
+        let share = percent(report.talk_share);
+        let sent = report.bytes_per_step / 1e6;
+        let words = format!(
+            "{}: {share} of the time for sums, {sent:.2} MB per step",
+            report.ranks
+        );
+        facts.add("ranks", words);
+    }
     if let Some(loss) = report.loss {
         facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
     }

@@ -4,13 +4,14 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::SavedState;
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::models;
-use selvedge_lab::state_log::{saved_state, simulator_in};
+use selvedge_lab::physics;
+use selvedge_lab::state_log::{saved_state, simulator_among};
 use selvedge_live::{Hold, LiveStepper, MoverError};
 use selvedge_model::Model;
 use selvedge_sim::Simulator;
@@ -19,25 +20,59 @@ use selvedge_sim::Simulator;
 pub(super) struct LivePhysics {
     scene: Arc<Scene>,
     simulator: Simulator,
+    /// True where the last step had no room for what was led.
+    was_blocked: bool,
 }
 
 impl LivePhysics {
-    /// Starts in `state`.
+    /// Starts in `state`, obstacles on their own paths.
     pub(super) fn start(
         scene: &Arc<Scene>,
         hold: &Hold,
         state: SavedState,
+    ) -> Result<Self, MoverError> {
+        Self::start_with(scene, hold, state, &[])
+    }
+
+    /// Starts in `state`, obstacles at these distances from their own paths `[m]`.
+    fn start_with(
+        scene: &Arc<Scene>,
+        hold: &Hold,
+        state: SavedState,
+        offsets: &[DVec3],
     ) -> Result<Self, MoverError> {
         let held = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let simulator = simulator_in(&held, state).map_err(MoverError::new)?;
+        let simulator = simulator_among(&held, state, offsets).map_err(MoverError::new)?;
         Ok(Self {
             scene: Arc::clone(scene),
             simulator,
+            was_blocked: false,
         })
+    }
+
+    /// A step in which handles and bodies that are led stay where they are.
+    fn step_still(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        let places = self.simulator.handles().vertices().iter();
+        let held = places
+            .map(|v| self.simulator.positions_f64()[v.index()])
+            .collect();
+        let free = (0..targets.handle_count())
+            .map(|handle| !targets.holds(handle))
+            .collect();
+        let still = HandleTargets::at_frame_end(held)
+            .and_then(|still| still.releasing(free))
+            .map_err(|source| StepError::Handles {
+                frame: self.simulator.frame() + 1,
+                source,
+            })?;
+        for (number, offset) in self.simulator.obstacle_offsets().into_iter().enumerate() {
+            self.simulator.lead_obstacle(number, offset);
+        }
+        self.simulator.step(&still)
     }
 }
 
@@ -45,7 +80,21 @@ impl Stepper for LivePhysics {
     selvedge_cloth::delegate_stepper!(simulator);
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        self.simulator.step(targets)
+        self.was_blocked = false;
+        let Err(error) = self.simulator.step(targets) else {
+            return Ok(());
+        };
+        let has_no_room = matches!(
+            error,
+            StepError::Contact { .. } | StepError::Overstretched { .. }
+        );
+        if self.scene.contact.is_none() || !has_no_room {
+            return Err(error);
+        }
+        // The first error says what was in the way.
+        self.step_still(targets).map_err(|_| error)?;
+        self.was_blocked = true;
+        Ok(())
     }
 }
 
@@ -56,7 +105,38 @@ impl LiveStepper for LivePhysics {
             // Another system: the state before belongs to the old one.
             state.previous = None;
         }
-        Ok(Box::new(Self::start(&self.scene, hold, state)?))
+        Ok(Box::new(Self::start_with(
+            &self.scene,
+            hold,
+            state,
+            &self.simulator.obstacle_offsets(),
+        )?))
+    }
+
+    fn lead_body(&mut self, number: usize, offset: DVec3) {
+        self.simulator.lead_obstacle(number, offset);
+    }
+
+    fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), MoverError> {
+        let put = self.simulator.put_obstacle(number, offset);
+        put.map_err(|_| MoverError::new("the cloth is there: throw from farther away"))
+    }
+
+    fn body_points(&self) -> Vec<Vec3> {
+        physics::rounded(&self.simulator.obstacle_points())
+    }
+
+    fn blocked(&self) -> Option<Vec<DVec3>> {
+        self.was_blocked.then(|| self.simulator.obstacle_offsets())
+    }
+
+    fn impulses(&self) -> Vec<DVec3> {
+        self.simulator.obstacle_impulses()
+    }
+
+    fn gaps(&self) -> Option<Vec<f32>> {
+        let gaps = self.simulator.vertex_gaps()?;
+        Some(gaps.into_iter().map(|gap| gap as f32).collect())
     }
 }
 
@@ -129,6 +209,13 @@ impl Stepper for LiveModel {
 }
 
 impl LiveStepper for LiveModel {
+    fn body_points(&self) -> Vec<Vec3> {
+        let time = self.stepper.frame() as f64 / self.scene.frame_rate;
+        let points = self.scene.obstacles.iter();
+        let points: Vec<DVec3> = points.flat_map(|o| o.positions_at(time)).collect();
+        physics::rounded(&points)
+    }
+
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
         let frames: Vec<&[Vec3]> = self.recent.iter().map(Vec::as_slice).collect();
         let (scene, cloth) = (&self.scene, &self.cloth);
@@ -146,7 +233,6 @@ impl LiveStepper for LiveModel {
 mod tests {
     use super::*;
     use crate::view::ViewWorkshop;
-    use glam::DVec3;
     use selvedge_cloth::conformance::{HandlesEnd, check};
     use selvedge_live::{MoverKind, Start, Workshop};
     use std::ops::ControlFlow;

@@ -7,7 +7,7 @@ use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, Record
 use selvedge_data::{Provenance, SavedState, SceneSpec};
 use selvedge_lab::physics;
 use selvedge_live::{
-    Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
+    Body, Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
 };
 use selvedge_model::{Bounds, Domain, Model};
 
@@ -25,6 +25,8 @@ pub(super) struct SceneCloth {
     pub(super) cloth: Arc<Cloth>,
     /// The state at the start.
     pub(super) start: SavedState,
+    /// The bodies beside the cloth.
+    pub(super) bodies: Vec<Body>,
     /// The name of the model.
     pub(super) model_name: String,
     /// The model, for the learned mover.
@@ -56,6 +58,10 @@ impl ReadyCloth for SceneCloth {
 
     fn remarks(&self) -> &[String] {
         &self.remarks
+    }
+
+    fn bodies(&self) -> &[Body] {
+        &self.bodies
     }
 
     fn remark_on(&self, mover: Mover, hold: &Hold) -> Option<String> {

@@ -22,6 +22,7 @@ use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Works
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
 
+use super::bodies;
 use super::movers::ModelOnMachine;
 use super::scene_cloth::SceneCloth;
 use crate::output::percent;
@@ -73,6 +74,7 @@ impl ViewWorkshop {
             mesh: None,
             material: None,
             model: self.models[0].name.clone(),
+            touches: false,
         }
     }
 
@@ -91,6 +93,7 @@ impl ViewWorkshop {
         let mut loaded = scenes::open(&order.scene)?;
         let mut remarks = std::mem::take(&mut loaded.warnings);
         change(&mut loaded, order, &mut remarks)?;
+        bodies::put(&mut loaded, order)?;
         let (rest, start) = self.rest_and_start(&loaded, progress, &mut remarks)?;
         let LoadedScene { spec, scene, .. } = loaded;
         let led = Scene {
@@ -99,12 +102,14 @@ impl ViewWorkshop {
             ..scene.clone()
         };
         remarks.extend(beyond_training(&name, &model, &led)?);
+        let bodies = bodies::of(&scene);
         Ok(SceneCloth {
             cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?),
             spec,
             scene,
             led: Arc::new(led),
             start,
+            bodies,
             model_name: name,
             model: ModelOnMachine {
                 model,

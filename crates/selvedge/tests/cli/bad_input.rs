@@ -339,3 +339,46 @@ fn what_is_nothing_of_ours_is_refused() {
     desk.fails("inspect a.xyz", 1, &["a.xyz", ".safetensors"]);
     desk.fails("inspect a.toml", 1, &["a.toml", "line 1"]);
 }
+
+#[test]
+fn a_folder_of_results_takes_no_results_of_another_kind() {
+    let desk = Desk::new();
+    desk.model();
+    desk.write("push.toml", PUSH);
+    desk.json("dataset generate tiny --out part --shard 1/1");
+    std::fs::create_dir_all(desk.path("studied/trainings")).unwrap();
+    let before = ["tiny", "run", "studied"].map(|folder| contents(&desk.path(folder)));
+    let data = "the folder holds a data set (index.json)";
+    let run = "the folder holds a training (log.jsonl)";
+    for (arguments, held) in [
+        ("train moment.toml --data tiny --out tiny", data),
+        ("train moment.toml --data tiny --out tiny --resume", data),
+        ("train moment.toml --data tiny --out studied", "a study"),
+        (
+            "rollout push.toml --model run/model.safetensors --out tiny",
+            data,
+        ),
+        (
+            "rollout push.toml --model run/model.safetensors --out run",
+            run,
+        ),
+        (
+            "evaluate --model run/model.safetensors --data tiny --report tiny",
+            data,
+        ),
+        (
+            "evaluate --model run/model.safetensors --data tiny --report run",
+            run,
+        ),
+        ("dataset generate tiny --out run", run),
+        ("dataset merge part --out run", run),
+        ("dataset inspect tiny --pictures tiny", data),
+        ("dataset inspect tiny --pictures run", run),
+        ("study convergence push.toml --out tiny", data),
+        ("manual run", run),
+    ] {
+        desk.fails(arguments, 1, &[held, "choose another folder"]);
+    }
+    let after = ["tiny", "run", "studied"].map(|folder| contents(&desk.path(folder)));
+    assert!(before == after);
+}

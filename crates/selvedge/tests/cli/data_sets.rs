@@ -18,18 +18,9 @@ fn any_number_of_threads_gives_the_same_bytes() {
             "dataset generate tiny --out {threads} --threads {threads}"
         ));
     }
-    let strip = |name: &str| -> Vec<(String, Vec<u8>)> {
-        let folder = desk.path(name);
-        let files = contents(&folder).into_iter();
-        files
-            .map(|(path, bytes)| {
-                let path = path.strip_prefix(&folder).unwrap();
-                (path.display().to_string(), bytes)
-            })
-            .collect()
-    };
-    assert_eq!(strip("1").len(), 4);
-    assert!(strip("1") == strip("3"));
+    let [one, three] = ["1", "3"].map(|name| desk.files(name));
+    assert_eq!(one.len(), 4);
+    assert!(one == three);
 }
 
 #[test]
@@ -223,6 +214,42 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
     desk.write("foreign/forward/face.npy", "no array");
     desk.fails(import, 1, &["forward/face.npy"]);
     assert!(!desk.path("sets").exists());
+}
+
+#[test]
+fn frames_beyond_what_cloth_does_are_not_imported() {
+    let desk = Desk::new();
+    let fixtures = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../selvedge-data/tests/fixtures/foreign"
+    );
+    // Their edges are strained by 3 % at most.
+    for (import, first) in [
+        ("flag-simple", "flag_simple --density 0.5", "train-0000"),
+        ("released", "released --handles 6,8", "forward"),
+    ]
+    .map(|(format, rest, first)| (format!("dataset import {format} {fixtures}/{rest}"), first))
+    {
+        let words = [
+            first,
+            "from frame 2",
+            "bound of 0.01",
+            "by 0.031",
+            "--max-strain",
+        ];
+        desk.fails(
+            &format!("{import} --max-strain 0.01 --out small"),
+            1,
+            &words,
+        );
+        assert!(!desk.path("small").exists());
+        for bad in ["nan", "0", "-1", "inf", "much"] {
+            let command = format!("{import} --max-strain {bad} --out bad");
+            desk.fails(&command, 2, &["--max-strain", bad, "above 0"]);
+        }
+        let taken = format!("{import} --max-strain 0.04 --out {first}");
+        assert!(number(&desk.json(&taken), "/samples") > 0.0);
+    }
 }
 
 #[test]

@@ -28,6 +28,9 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
         ("cloth.npz", r#"{ recorded = "cloth.npz" }"#),
         ("turned.npz --up z", r#"{ recorded = "turned.npz" }"#),
         ("cloth.usda --up z", r#"{ rig = { file = "cloth.usda" } }"#),
+        ("cloth.abc", r#"{ rig = { file = "cloth.abc" } }"#),
+        ("cloth.usdc", r#"{ rig = { file = "cloth.usdc" } }"#),
+        ("cloth.usdz --up z", r#"{ rig = { file = "cloth.usdz" } }"#),
         (
             "cloth.glb",
             r#"{ rig = { file = "cloth.glb", nodes = ["handle_0", "handle_1"] } }"#,
@@ -198,6 +201,13 @@ fn bad_calls_are_told_and_leave_nothing() {
         ("--to full --format glb", 1, &["full", "is a folder"]),
         ("--to push.toml --format png", 1, &["file of this name"]),
         ("--to cloth.obj --format pc2", 2, &["point cache"]),
+        ("--to cloth.obj --format mdd", 2, &["point cache"]),
+        (
+            "--to cloth.glb --velocities yes",
+            2,
+            &["--velocities", "USD"],
+        ),
+        ("--to cloth.gif --velocities no", 2, &["--velocities"]),
     ] {
         desk.fails(&format!("export run.safetensors {call}"), code, words);
         assert_eq!(desk.names(), names, "{call}");

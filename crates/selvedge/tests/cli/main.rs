@@ -20,5 +20,6 @@ mod learned;
 mod parity;
 mod physics;
 mod presets;
+mod shards;
 mod study;
 mod usage;

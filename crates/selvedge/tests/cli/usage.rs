@@ -29,6 +29,8 @@ fn wrong_calls_exit_with_2_and_say_why() {
         ("rollout --device gpu", "cuda:N"),
         ("evaluate --model a --data b --device cuda:x", "cuda:N"),
         ("rollout --precision double", "--precision"),
+        ("sag default --quiet --verbose", "--verbose"),
+        ("completions tcsh", "bash"),
     ] {
         let said = desk.run(call);
         assert_eq!(said.code, Some(2), "{call}");
@@ -53,6 +55,53 @@ fn the_book_has_every_command_as_it_is() {
         "docs/src/reference/commands.md is of another version: write it anew with \
          `cargo xtask book --write`"
     );
+}
+
+#[test]
+fn every_shell_has_a_script_that_knows_the_commands() {
+    let desk = Desk::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let said = desk.run(&format!("completions {shell}"));
+        assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{shell}");
+        for word in ["selvedge", "rollout", "convergence", "no-clip"] {
+            assert!(said.out.contains(word), "{shell} lacks {word}");
+        }
+    }
+}
+
+#[test]
+fn every_command_has_a_manual_page() {
+    let desk = Desk::new();
+    // A second time over the first.
+    for _ in 0..2 {
+        let said = desk.run("manual man/man1");
+        assert_eq!((said.code, said.err.as_str()), (Some(0), ""));
+    }
+    let folder = desk.path("man/man1");
+    let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    assert!(page("selvedge.1").contains(".TH selvedge 1"));
+    let rollout = page("selvedge-rollout.1");
+    // Roff has hyphens escaped.
+    assert!(rollout.contains("\\-\\-frames") && rollout.contains("Run a trained model"));
+    assert!(page("selvedge-dataset-generate.1").contains("\\-\\-threads"));
+    assert!(!folder.join("selvedge-reference.1").exists());
+    let words = ["man/man1/selvedge.1", "a file is there", "another name"];
+    desk.fails("manual man/man1/selvedge.1", 1, &words);
+}
+
+#[test]
+fn the_version_is_that_of_the_package_with_its_commit() {
+    let said = Desk::new().run("--version").out;
+    let rest = said.strip_prefix("selvedge ").unwrap().trim();
+    let version = env!("CARGO_PKG_VERSION");
+    let commit = rest.strip_prefix(version).unwrap();
+    let is_commit = |text: &str| {
+        let inner = text.strip_prefix(" (").and_then(|t| t.strip_suffix(')'));
+        let digits = inner.and_then(|t| t.split(',').next()).unwrap_or_default();
+        digits.len() >= 9 && digits.chars().all(|c| c.is_ascii_hexdigit())
+    };
+    // Without a repository there is none.
+    assert!(commit.is_empty() || is_commit(commit), "{said}");
 }
 
 /// Commands of the book are asked about, without running them.

@@ -81,13 +81,13 @@ fn unknown_and_missing_keys_are_named() {
 
 #[test]
 fn the_shipped_examples_play() {
-    let the_loop = include_str!("../../../../../assets/motions/loop.toml");
+    let the_loop = selvedge_assets::motions::LOOP;
     let motion: Motion = toml::from_str(the_loop).unwrap();
     let path = motion.bind(&corners(), 60.0).unwrap();
     assert_eq!(path.frame_count(), 390);
     // Each swing from 0.02 to -0.02 ends 0.02 m short of where it began: the two cancel.
     assert!(path.at(2.5)[0].distance(corners()[0]) < 1e-13);
-    let curtsey = include_str!("../../../../../assets/motions/curtsey.toml");
+    let curtsey = selvedge_assets::motions::CURTSEY;
     let motion: Motion = toml::from_str(curtsey).unwrap();
     let path = motion.bind(&corners(), 60.0).unwrap();
     assert_eq!(path.at(6.0), [0, 1].map(|k| corners()[k] + DVec3::X * 0.4));

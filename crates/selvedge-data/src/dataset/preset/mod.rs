@@ -45,8 +45,9 @@ use crate::dataset::sections::SectionRule;
 use crate::obstacle::RandomObstacles;
 use crate::scene::{
     LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
-    SceneSpecError, SettingFile, Stand, StartSpec, assets, field, parse_toml, read_text,
+    SceneSpecError, SettingFile, Stand, StartSpec, field, parse_toml, read_text,
 };
+use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Mesh, Motion, SceneError};
 use serde::Deserialize;
@@ -59,21 +60,6 @@ const MOST_RANDOM: u32 = 100_000;
 
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
-
-const PRESETS: [(&str, &str); 12] = assets!("datasets":
-    "first",
-    "tiny",
-    "small",
-    "square-400",
-    "paper",
-    "generalisation",
-    "generalisation-small",
-    "speeds-400",
-    "cloths-400",
-    "fine-400",
-    "few-400",
-    "converged-400",
-);
 
 /// A resolved preset.
 #[derive(Clone, Debug, PartialEq)]
@@ -174,10 +160,13 @@ impl DatasetPreset {
                 let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
                 Self::parse(&text, &folder)
             }),
-            None => Err(SceneProblem::Unknown {
-                what: "preset",
-                known: PRESETS.map(|preset| preset.0).join(", "),
-            }),
+            None => {
+                let names: Vec<&str> = PRESETS.iter().map(|preset| preset.0).collect();
+                Err(SceneProblem::Unknown {
+                    what: "preset",
+                    known: names.join(", "),
+                })
+            }
         };
         result.map_err(|problem| SceneFileError {
             origin: path_or_name.to_owned(),
@@ -361,7 +350,7 @@ impl DatasetPreset {
 /// The shipped presets: names and TOML texts.
 #[must_use]
 pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
-    &PRESETS
+    PRESETS
 }
 
 impl DatasetConfig {

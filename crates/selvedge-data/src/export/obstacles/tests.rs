@@ -9,7 +9,9 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, export, files_beside};
+use crate::export::{
+    ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export, files_beside,
+};
 use crate::formats::npz::Npz;
 use crate::obstacle::ObstacleFile;
 use crate::trajectory::obstacles::ObstacleTrack;
@@ -78,6 +80,7 @@ fn written(format: ExportFormat, name: &str, up: UpAxis) -> TempDir {
         frames,
         up,
         normals: Normals::LeftOut,
+        velocities: Velocities::LeftOut,
     };
     let path = folder.path().join(name);
     let mut observe = || ControlFlow::Continue(());
@@ -120,7 +123,13 @@ fn assert_is(found: &Obstacle, number: usize, frames: std::ops::Range<usize>) {
 
 #[test]
 fn scenes_of_other_programs_have_them_in_the_same_file() {
-    for (format, name) in [(ExportFormat::Glb, "x.glb"), (ExportFormat::Usda, "x.usda")] {
+    for (format, name) in [
+        (ExportFormat::Glb, "x.glb"),
+        (ExportFormat::Usda, "x.usda"),
+        (ExportFormat::Abc, "x.abc"),
+        (ExportFormat::Usdc, "x.usdc"),
+        (ExportFormat::Usdz, "x.usdz"),
+    ] {
         let folder = written(format, name, UpAxis::Y);
         let text = format!("mesh = \"{name}\"\nmotion = \"{name}\"");
         let found = read(folder.path(), &text);
@@ -153,6 +162,10 @@ fn other_formats_have_them_in_files_of_their_own() {
     );
     assert!(!folder.path().join("x.a_still_one.pc2").exists());
 
+    let folder = written(ExportFormat::Mdd, "x.mdd", UpAxis::Y);
+    let turning = "mesh = \"x.obstacle_sheet_1.obj\"\nmotion = \"x.obstacle_sheet_1.mdd\"";
+    assert_is(&read(folder.path(), turning), 1, 0..FRAMES);
+
     let folder = written(ExportFormat::ObjSequence, "all", UpAxis::Y);
     let of = |text: &str| read(folder.path(), text);
     assert_is(&of("mesh = \"all/a_still_one.obj\""), 0, 0..FRAMES);
@@ -167,6 +180,7 @@ fn other_formats_have_them_in_files_of_their_own() {
 fn files_beside_are_all_that_is_written_but_the_file_itself() {
     for (format, name) in [
         (ExportFormat::Pc2, "x.pc2"),
+        (ExportFormat::Mdd, "x.mdd"),
         (ExportFormat::Obj, "x.obj"),
         (ExportFormat::Npz, "x.npz"),
     ] {

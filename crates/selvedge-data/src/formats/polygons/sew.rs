@@ -86,8 +86,13 @@ pub(crate) fn sew(polygons: &mut Polygons, sewing: &Sewing) -> Result<(), MeshFi
         put(polygons, place)?;
     }
     let mut pairs = Vec::new();
+    let mut known: BTreeMap<Vec<[u32; 2]>, &SeamPair> = BTreeMap::new();
     for seam in &sewing.seams {
-        pairs.extend(pairs_of(polygons, seam)?);
+        let of_seam = pairs_of(polygons, seam)?;
+        if let Some(first) = known.insert(sorted(&of_seam), seam) {
+            return Err(sewn_twice(first, seam));
+        }
+        pairs.extend(of_seam);
     }
     if pairs.is_empty() {
         return Ok(());
@@ -113,6 +118,24 @@ pub(crate) fn sew(polygons: &mut Polygons, sewing: &Sewing) -> Result<(), MeshFi
     }
     merge(polygons, &owners);
     Ok(())
+}
+
+/// The pairs of a seam, whichever border is called the first.
+fn sorted(pairs: &[[u32; 2]]) -> Vec<[u32; 2]> {
+    let pairs = pairs.iter().map(|[a, b]| [*a.min(b), *a.max(b)]);
+    let mut pairs: Vec<[u32; 2]> = pairs.collect();
+    pairs.sort_unstable();
+    pairs
+}
+
+fn sewn_twice(first: &SeamPair, second: &SeamPair) -> MeshFileError {
+    let name = |seam: &SeamPair| format!("{:?} to {:?}", seam.a, seam.b);
+    let problem = format!(
+        "seams: {} and {} are the same seam, named twice: leave one of them out, or name the borders that were meant",
+        name(first),
+        name(second)
+    );
+    MeshFileError::Content { problem }
 }
 
 /// Keeps the faces of these objects and groups, and their vertices; all where none is named.

@@ -413,6 +413,26 @@ fn seams_that_cannot_be_sewn_are_named() {
 }
 
 #[test]
+fn a_seam_that_is_named_twice_is_an_error() {
+    let other_name = FLAT.replace("g short", "g outer\nl 3 6 9\ng short");
+    let good = ["front-right", "back-left"];
+    for (again, resample) in [
+        (["front-right", "back-left"], false),
+        (["back-left", "front-right"], false),
+        (["front-right", "back-left"], true),
+        (["outer", "back-left"], false),
+    ] {
+        let twice = sewn_as(&other_name, &[], &[good, again], resample);
+        let text = twice.unwrap_err().to_string();
+        for name in [good[0], good[1], again[0], again[1], "named twice"] {
+            assert!(text.contains(name), "{text}");
+        }
+    }
+    let both = sewn(&[], &[good, ["front-left", "back-right"]]).unwrap();
+    assert_eq!(both.sheet.mesh.positions().len(), 12);
+}
+
+#[test]
 fn a_resampled_border_has_its_vertices_at_the_same_parts_of_its_length() {
     // Three edges of a third each against five of a fifth each, a fifth longer.
     let text = "g low\nv 0 0 0\nv 3 0 0\nv 3 1 0\nv 2 1 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4 5 6\n\

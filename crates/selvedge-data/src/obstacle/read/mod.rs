@@ -6,6 +6,7 @@ mod sequence;
 use std::path::Path;
 
 use glam::DVec3;
+use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
 use super::error::Problem;
@@ -14,31 +15,23 @@ use crate::formats::hash::hash;
 use crate::formats::input::read_file;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::polygons::triangles_in_space;
-use crate::rig::read_body;
+use crate::rig::{RigFormat, read_body};
 
 pub(super) use self::sequence::Sequence;
 
-/// Bodies that are shipped, by their names.
-const SHIPPED: [(&str, &[u8]); 1] = [(
-    "mannequin",
-    include_bytes!(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../assets/bodies/mannequin.glb"
-    )),
-)];
-
 /// The bytes of the shipped body of this name.
 pub(super) fn shipped(name: &str) -> Option<&'static [u8]> {
-    SHIPPED.iter().find(|body| body.0 == name).map(|b| b.1)
+    BODIES.iter().find(|body| body.0 == name).map(|b| b.1)
 }
 
 /// The kinds of files that have points of bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Obj,
-    Glb,
-    Usda,
+    /// With nodes and meshes.
+    Rig(RigFormat),
     Cache,
+    Mdd,
     Npz,
 }
 
@@ -46,16 +39,15 @@ impl Kind {
     /// The kind of the file of this name.
     pub(super) fn of(path: &str) -> Option<Self> {
         if shipped(path).is_some() {
-            return Some(Self::Glb);
+            return Some(Self::Rig(RigFormat::Glb));
         }
         let ending = Path::new(path).extension()?.to_str()?;
         match ending.to_ascii_lowercase().as_str() {
             "obj" => Some(Self::Obj),
-            "glb" => Some(Self::Glb),
-            "usda" => Some(Self::Usda),
             "pc2" => Some(Self::Cache),
+            "mdd" => Some(Self::Mdd),
             "npz" => Some(Self::Npz),
-            _ => None,
+            other => RigFormat::of(other).map(Self::Rig),
         }
     }
 }
@@ -66,7 +58,7 @@ pub(super) fn bytes_of(field: &'static str, path: &str, folder: &Path) -> Result
         return Ok(bytes.to_vec());
     }
     read_file(&folder.join(path)).map_err(|error| {
-        let names: Vec<&str> = SHIPPED.iter().map(|body| body.0).collect();
+        let names: Vec<&str> = BODIES.iter().map(|body| body.0).collect();
         let problem = match Kind::of(path) {
             Some(_) => format!("{path} could not be read: {error}"),
             None => format!(
@@ -110,13 +102,17 @@ pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
             let polygons: Vec<Vec<u32>> = read.polygons.iter().map(corners).collect();
             (read.positions, polygons)
         }
-        Some(kind @ (Kind::Glb | Kind::Usda)) => {
-            let body = read_body(bytes, kind == Kind::Glb, None, true);
+        Some(Kind::Rig(format)) => {
+            let body = read_body(bytes, format, None, true);
             let body = body.map_err(|error| wrong(error.to_string()))?;
             let faces = body.faces().map_err(|error| wrong(error.to_string()))?;
             (body.positions(0.0), faces)
         }
-        _ => return Err(wrong("must end in .obj, .glb or .usda".to_owned())),
+        _ => {
+            return Err(wrong(
+                "must end in .obj, .glb, .usda, .usdc, .usdz or .abc".to_owned(),
+            ));
+        }
     };
     let mut faces = Vec::with_capacity(2 * polygons.len());
     for (number, corners) in polygons.iter().enumerate() {
@@ -151,19 +147,43 @@ pub(super) struct Moving<'a> {
 }
 
 /// Frames per second, and the points in every frame.
-pub(super) type Frames = (f64, Vec<Vec<DVec3>>);
+pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
+
+/// The points in a file of any kind but .obj, and their frames per second: `rate` for what has
+/// times of its own or says none.
+///
+/// # Errors
+/// The defect, as a sentence.
+pub(crate) fn moving_points(path: &str, bytes: &[u8], rate: f64) -> Result<Frames, String> {
+    let moving = Moving {
+        path,
+        bytes,
+        animation: None,
+        from: 0.0,
+        rate,
+    };
+    moving.frames().map_err(|problem| match problem {
+        Problem::Field(_, text) => {
+            let own = text
+                .strip_prefix(path)
+                .and_then(|rest| rest.strip_prefix(": "));
+            own.unwrap_or(&text).to_owned()
+        }
+        Problem::Changed { .. } => "was changed while it was read".to_owned(),
+    })
+}
 
 impl Moving<'_> {
     /// The points in every frame.
     pub(super) fn frames(&self) -> Result<Frames, Problem> {
         let wrong = |problem: String| Problem::Field("motion", format!("{}: {problem}", self.path));
         let kind = Kind::of(self.path);
-        if self.animation.is_some() && kind != Some(Kind::Glb) {
+        if self.animation.is_some() && kind != Some(Kind::Rig(RigFormat::Glb)) {
             return Err(wrong("only a .glb has animations with names".to_owned()));
         }
         let (rate, mut frames) = match kind {
-            Some(kind @ (Kind::Glb | Kind::Usda)) => {
-                let body = read_body(self.bytes, kind == Kind::Glb, self.animation, false);
+            Some(Kind::Rig(format)) => {
+                let body = read_body(self.bytes, format, self.animation, false);
                 let body = body.map_err(|error| wrong(error.to_string()))?;
                 if body.span().is_none() {
                     let problem = "nothing in it moves: leave motion out, or animate it";
@@ -172,9 +192,13 @@ impl Moving<'_> {
                 let frames = body.frames(self.rate, self.from);
                 return Ok((self.rate, frames.map_err(|error| wrong(error.to_string()))?));
             }
-            Some(Kind::Cache) => {
-                let cache = cache::parse(self.bytes).map_err(wrong)?;
-                (self.rate / cache.step, cache.frames)
+            Some(kind @ (Kind::Cache | Kind::Mdd)) => {
+                let cache = match kind {
+                    Kind::Mdd => cache::parse_mdd(self.bytes),
+                    _ => cache::parse(self.bytes),
+                };
+                let cache = cache.map_err(wrong)?;
+                (cache.step.rate(self.rate), cache.frames)
             }
             Some(Kind::Npz) => {
                 let BodyPoints { frames, frame_rate } =
@@ -182,8 +206,7 @@ impl Moving<'_> {
                 (frame_rate.unwrap_or(self.rate), frames)
             }
             Some(Kind::Obj) | None => {
-                let problem =
-                    "must end in .obj (with {frame} in its name), .pc2, .npz, .usda or .glb";
+                let problem = "must end in .obj (with {frame} in its name), .pc2, .mdd, .npz, .usda, .usdc, .usdz, .abc or .glb";
                 return Err(wrong(problem.to_owned()));
             }
         };

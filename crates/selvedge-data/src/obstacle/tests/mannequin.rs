@@ -7,7 +7,14 @@ use selvedge_cloth::Obstacle;
 
 use super::{Desk, at};
 
-const ANIMATIONS: [&str; 5] = ["stand", "turn", "walk", "raise-arms", "hold-arms-out"];
+const ANIMATIONS: [&str; 6] = [
+    "stand",
+    "turn",
+    "walk",
+    "raise-arms",
+    "hold-arms-out",
+    "wear",
+];
 
 fn doing(animation: &str) -> Obstacle {
     let text =

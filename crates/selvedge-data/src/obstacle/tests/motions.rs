@@ -134,6 +134,8 @@ fn motions_that_do_not_fit_are_named() {
     );
     desk.write("short.pc2", b"POINTCACHE2\0");
     desk.write("x.abc", b"");
+    desk.write("x.mdd", [0; 7]);
+    desk.write("x.fbx", b"");
     for (motion, named) in [
         (
             "\"t{frame}.obj\"",
@@ -145,7 +147,9 @@ fn motions_that_do_not_fit_are_named() {
         ("\"wild.npz\"", "point 1 of frame 0 is not finite"),
         ("\"flat.npz\"", "face 0 has no area"),
         ("\"short.pc2\"", "short.pc2: ends at byte 12"),
-        ("\"x.abc\"", "must end in .obj"),
+        ("\"x.fbx\"", "must end in .obj"),
+        ("\"x.abc\"", "is no Alembic archive"),
+        ("\"x.mdd\"", "ends at byte 7"),
         ("\"t.obj\"", "must end in .obj (with {frame}"),
         ("{ file = \"quad.npz\", rate = 0 }", "rate must be"),
         ("{ file = \"quad.npz\", from = -1.0 }", "from must not"),

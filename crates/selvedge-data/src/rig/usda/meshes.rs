@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use super::super::error::RigError;
 use super::super::moving_mesh::MovingMesh;
 use super::super::node_mesh::NodeMesh;
-use super::Prim;
+use super::prim::Prim;
 
 pub(super) const POINTS: &str = "points";
 const COUNTS: &str = "faceVertexCounts";

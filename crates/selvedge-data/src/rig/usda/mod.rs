@@ -1,4 +1,5 @@
-//! Nodes and their animation from USD as text (.usda): prims with `xformOp:` attributes, their time
+//! Nodes and their animation from USD, as text (.usda), as a binary crate (.usdc) or in an archive
+//! (.usdz): prims with `xformOp:` attributes, their time
 //! samples, and `xformOpOrder`; `upAxis`, `metersPerUnit` and `timeCodesPerSecond` of the stage.
 //!
 //! Everything else is passed over by its brackets. Not understood, and an error only for a node
@@ -11,59 +12,23 @@
 //!
 //! Format: the USD documentation, "Usd ASCII" and `UsdGeomXformable`.
 
+mod binary;
 mod meshes;
 mod operations;
+mod package;
+mod prim;
 mod tokens;
 
-use std::collections::BTreeMap;
-
-use glam::DMat4;
-
-use self::operations::{Attribute, Samples, operations_of};
+use self::operations::{Attribute, Samples};
+use self::prim::{Prim, Stage, rig};
 use self::tokens::{Token, Tokens};
 use super::error::RigError;
 use super::moving_mesh::MovingMesh;
-use super::node::{Rig, RigNode};
+use super::node::Rig;
 use super::node_mesh::NodeMesh;
 
 /// Prims within prims, and brackets within brackets, at most.
 const DEEPEST: usize = 200;
-const BINARY: &[u8] = b"PXR-USDC";
-/// USD's own defaults.
-const CODES_PER_SECOND: f64 = 24.0;
-const METRES_PER_UNIT: f64 = 0.01;
-
-/// Metadata of a stage.
-struct Stage {
-    codes_per_second: Option<f64>,
-    frames_per_second: Option<f64>,
-    metres_per_unit: f64,
-    is_z_up: bool,
-}
-
-impl Stage {
-    /// Time codes per second.
-    fn rate(&self) -> f64 {
-        let codes = self.codes_per_second.or(self.frames_per_second);
-        codes.unwrap_or(CODES_PER_SECOND)
-    }
-}
-
-/// A prim under way.
-#[derive(Default)]
-struct Prim {
-    name: String,
-    parent: Option<usize>,
-    attributes: Vec<Attribute>,
-    order: Option<Vec<String>>,
-    obstacle: Option<String>,
-    /// Type of the prim.
-    kind: String,
-    /// Arrays that make a mesh, by name.
-    arrays: BTreeMap<String, Vec<f64>>,
-    /// Points over time, by time codes.
-    point_samples: Vec<(f64, Vec<f64>)>,
-}
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
@@ -96,19 +61,17 @@ pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigErro
     Ok((rig(prims, &stage)?, meshes))
 }
 
-fn rig(prims: Vec<Prim>, stage: &Stage) -> Result<Rig, RigError> {
-    let rate = stage.rate();
-    let nodes = prims.into_iter().map(|prim| node(prim, rate));
-    Ok(Rig {
-        nodes: nodes.collect::<Result<_, _>>()?,
-        world: world(stage),
-    })
-}
-
 /// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
 fn read(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
-    if bytes.starts_with(BINARY) {
-        return Err(RigError::BinaryUsd);
+    if bytes.starts_with(package::ZIP) {
+        let inside = package::first_file(bytes).map_err(RigError::Archive)?;
+        // The file in an archive is no archive.
+        if !inside.starts_with(package::ZIP) {
+            return read(inside, keeps_arrays);
+        }
+    }
+    if bytes.starts_with(binary::MAGIC) {
+        return binary::read(bytes, keeps_arrays).map_err(RigError::Archive);
     }
     let text = std::str::from_utf8(bytes).map_err(|_| RigError::Line {
         line: 1,
@@ -137,37 +100,6 @@ fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-fn node(prim: Prim, rate: f64) -> Result<RigNode, RigError> {
-    let mut obstacle = prim.obstacle;
-    let operations = match operations_of(&prim.attributes, prim.order.as_deref(), rate) {
-        Ok(operations) => operations,
-        Err(problem) => {
-            obstacle = obstacle.or(Some(problem));
-            Vec::new()
-        }
-    };
-    let stands_alone = prim
-        .order
-        .iter()
-        .flatten()
-        .any(|op| op == operations::RESET);
-    Ok(RigNode {
-        name: prim.name,
-        parent: if stands_alone { None } else { prim.parent },
-        operations,
-        obstacle,
-    })
-}
-
-fn world(stage: &Stage) -> DMat4 {
-    let scale = DMat4::from_scale(glam::DVec3::splat(stage.metres_per_unit));
-    if stage.is_z_up {
-        DMat4::from_rotation_x(-std::f64::consts::FRAC_PI_2) * scale
-    } else {
-        scale
-    }
-}
-
 struct Reader<'a> {
     tokens: Tokens<'a>,
     prims: Vec<Prim>,
@@ -177,12 +109,7 @@ struct Reader<'a> {
 impl<'a> Reader<'a> {
     /// The metadata of the stage.
     fn stage(&mut self) -> Result<Stage, RigError> {
-        let mut stage = Stage {
-            codes_per_second: None,
-            frames_per_second: None,
-            metres_per_unit: METRES_PER_UNIT,
-            is_z_up: false,
-        };
+        let mut stage = Stage::default();
         if !self.tokens.skip_if("(")? {
             return Ok(stage);
         }

@@ -15,7 +15,7 @@ pub(super) struct Attribute {
     /// Name with `xformOp:`, without `.timeSamples`.
     pub(super) name: String,
     pub(super) samples: Samples,
-    /// Line of the attribute.
+    /// Line of the attribute; 0 where the file has no lines.
     pub(super) line: usize,
 }
 
@@ -51,8 +51,10 @@ pub(super) fn operations_of(
         let attribute = timed
             .or_else(|| named().next())
             .ok_or_else(|| format!("its xformOpOrder names {name:?}, which it does not have"))?;
-        let change = change(attribute, rate)
-            .map_err(|problem| format!("{name} (line {}) {problem}", attribute.line))?;
+        let change = change(attribute, rate).map_err(|problem| match attribute.line {
+            0 => format!("{name} {problem}"),
+            line => format!("{name} (line {line}) {problem}"),
+        })?;
         operations.push(Operation { change, direction });
     }
     Ok(operations)

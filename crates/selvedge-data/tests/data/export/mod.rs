@@ -1,6 +1,7 @@
 //! What is exported comes back: each format is read by a small reader of this file, written from
 //! the format's description and not from the writer, and has the positions of the trajectory.
 
+mod caches;
 mod gltf;
 
 use std::ops::ControlFlow;
@@ -9,7 +10,8 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::{
-    ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, Normals, export, planned_bytes,
+    ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export,
+    planned_bytes,
 };
 use selvedge_data::{Provenance, Trajectory, UpAxis, read_obj};
 use serde_json::Value;
@@ -51,6 +53,7 @@ fn options(format: ExportFormat) -> ExportOptions {
         frames: FrameSpan::default(),
         up: UpAxis::Y,
         normals: Normals::LeftOut,
+        velocities: Velocities::LeftOut,
     }
 }
 
@@ -351,6 +354,10 @@ fn what_is_interrupted_leaves_nothing() {
         ("a.usda", ExportFormat::Usda),
         ("a.glb", ExportFormat::Glb),
         ("a.pc2", ExportFormat::Pc2),
+        ("a.mdd", ExportFormat::Mdd),
+        ("a.usdc", ExportFormat::Usdc),
+        ("a.usdz", ExportFormat::Usdz),
+        ("a.abc", ExportFormat::Abc),
         ("a", ExportFormat::ObjSequence),
         ("a.npz", ExportFormat::Npz),
     ];

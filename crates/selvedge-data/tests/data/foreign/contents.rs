@@ -147,3 +147,45 @@ fn faces_without_their_vertex_and_positions_out_of_this_world_are_named() {
         assert!(error.contains("more than 1000000 m from"), "{error}");
     }
 }
+
+#[test]
+fn a_released_mesh_that_is_clockwise_throughout_is_turned_round() {
+    let folder = copy_of("released");
+    let plain = open(ForeignFormat::Released, folder.path(), &released_options()).unwrap();
+    let plain = read_all(&plain).unwrap().remove(0);
+    for run in ["forward", "side"] {
+        let rest = folder.path().join(run).join("rest.obj");
+        let turned: String = fs::read_to_string(&rest)
+            .unwrap()
+            .lines()
+            .map(|line| match line.strip_prefix("f ") {
+                Some(corners) => {
+                    let mut corners: Vec<&str> = corners.split_whitespace().collect();
+                    corners.swap(1, 2);
+                    format!("f {}\n", corners.join(" "))
+                }
+                None => format!("{line}\n"),
+            })
+            .collect();
+        fs::write(&rest, turned).unwrap();
+        let faces = folder.path().join(run).join("face.npy");
+        let plain: Vec<[i64; 3]> = plain
+            .cloth()
+            .topology()
+            .faces()
+            .iter()
+            .map(|face| face.map(|v| i64::from(v.0)))
+            .collect();
+        let turned = plain.iter().flat_map(|[a, b, c]| [*a, *c, *b]);
+        let bytes = npy("<i8", "(8, 3)", turned.map(i64::to_le_bytes));
+        fs::write(faces, bytes).unwrap();
+    }
+    let source = open(ForeignFormat::Released, folder.path(), &released_options()).unwrap();
+    let found = read_all(&source).unwrap().remove(0);
+    assert_eq!(found.cloth().topology(), plain.cloth().topology());
+    assert_eq!(found.positions(), plain.positions());
+    assert_eq!(
+        found.cloth().material_coordinates(),
+        plain.cloth().material_coordinates()
+    );
+}

@@ -186,6 +186,46 @@ fn released_folders_are_read_as_they_were_written() {
     }
 }
 
+/// The numbers of the corners of `faces` faces of face.npy in `folder`, each turned round.
+fn turn_faces(folder: &Path, faces: usize) {
+    let path = folder.join("face.npy");
+    let mut bytes = fs::read(&path).unwrap();
+    let first = bytes.len() - 8 * 3 * 8;
+    for face in bytes[first..].chunks_exact_mut(24).take(faces) {
+        let (second, third) = face[8..].split_at_mut(8);
+        second.swap_with_slice(third);
+    }
+    fs::write(&path, bytes).unwrap();
+}
+
+#[test]
+fn released_folders_that_are_clockwise_throughout_are_turned_round_and_mixed_ones_refused() {
+    let read = |folder: &TempDir| {
+        let source = open(ForeignFormat::Released, folder.path(), &released_options())?;
+        Ok::<_, String>(read_all(&source)?.remove(0))
+    };
+    let straight = read(&copy_of("released")).unwrap();
+    let clockwise = copy_of("released");
+    let forward = clockwise.path().join("forward");
+    turn_faces(&forward, 8);
+    // The faces of rest.obj are turned round, too, as a program that has y down writes them.
+    let rest = fs::read_to_string(forward.join("rest.obj")).unwrap();
+    let turned = rest.lines().map(|line| match line.strip_prefix("f ") {
+        Some(corners) => {
+            let corners: Vec<&str> = corners.split_whitespace().collect();
+            format!("f {} {} {}\n", corners[0], corners[2], corners[1])
+        }
+        None => format!("{line}\n"),
+    });
+    for text in [rest.clone(), turned.collect()] {
+        fs::write(forward.join("rest.obj"), text).unwrap();
+        assert_eq!(read(&clockwise).unwrap(), straight);
+    }
+    turn_faces(&forward, 3);
+    let error = read(&clockwise).unwrap_err();
+    assert!(error.contains("clockwise"), "{error}");
+}
+
 #[test]
 fn a_sagged_rest_pose_without_texture_takes_its_coordinates_from_a_flat_mesh() {
     let folder = copy_of("released");
@@ -294,6 +334,7 @@ fn what_the_data_lack_must_be_said_and_what_they_have_must_not() {
         let (folder, mut options) = match format {
             FlagSimple => ("flag_simple", flag_options()),
             Released => ("released", released_options()),
+            ForeignFormat::Cache => unreachable!("caches have tests of their own"),
         };
         change(&mut options);
         let result = open(format, &fixture(folder), &options);

@@ -52,17 +52,7 @@ impl Cuda {
     /// # Errors
     /// A missing library or GPU, or a driver that is too old, with a remedy.
     pub fn new(number: usize) -> Result<Self, DeviceError> {
-        require_libraries()?;
-        result::init().map_err(|error| match error.0 {
-            CUresult::CUDA_ERROR_NO_DEVICE => DeviceError::NoDevice,
-            _ => failed("cuInit")(error),
-        })?;
-        require_version()?;
-        let count = result::device::get_count().map_err(failed("cuDeviceGetCount"))?;
-        let count = usize::try_from(count).unwrap_or(0);
-        if count == 0 {
-            return Err(DeviceError::NoDevice);
-        }
+        let count = Self::count()?;
         if number >= count {
             return Err(DeviceError::NoSuchDevice { number, count });
         }
@@ -86,6 +76,24 @@ impl Cuda {
             architecture,
             images: Mutex::default(),
         })
+    }
+
+    /// GPUs that this process can see, at least one.
+    ///
+    /// # Errors
+    /// A missing library or GPU, or a driver that is too old, with a remedy.
+    pub fn count() -> Result<usize, DeviceError> {
+        require_libraries()?;
+        result::init().map_err(|error| match error.0 {
+            CUresult::CUDA_ERROR_NO_DEVICE => DeviceError::NoDevice,
+            _ => failed("cuInit")(error),
+        })?;
+        require_version()?;
+        let count = result::device::get_count().map_err(failed("cuDeviceGetCount"))?;
+        match usize::try_from(count) {
+            Ok(count) if count > 0 => Ok(count),
+            _ => Err(DeviceError::NoDevice),
+        }
     }
 
     /// The machine code of a source, which is compiled once.

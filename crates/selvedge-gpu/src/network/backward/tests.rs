@@ -62,7 +62,11 @@ impl Lowered {
         let gradient = plan.floats("gradient", network.parameter_count());
         let counts = [graph.vertex_count(), graph.arc_count()];
         let ones = plan.floats("ones", counts[0].max(counts[1]));
-        let graph = GraphArrays::new(&mut plan, counts[0], counts[1]);
+        let graph = GraphArrays::new(&mut plan, counts[0], counts[1]).with_modes(
+            &mut plan,
+            graph.cloths().len(),
+            graph.mode_count(),
+        );
         let spec = network.spec();
         let steps = match start {
             Start::Zero => [spec.node_window(), spec.edge_window()],
@@ -296,8 +300,8 @@ fn compare(network: &Network, graph: &Connectivity, (start, drops): (Start, bool
 
 #[test]
 fn gradients_of_weights_and_features_are_those_of_the_cpu() {
-    let graph = squares(&[30, 17]);
     for spec in specs() {
+        let graph = squares(&[30, 17], spec.filter_modes);
         let network = Network::new(&spec).expect("a spec");
         compare(&network, &graph, (Start::Zero, false));
     }
@@ -306,8 +310,8 @@ fn gradients_of_weights_and_features_are_those_of_the_cpu() {
 #[test]
 fn the_same_values_are_dropped_as_on_the_cpu() {
     // Several leaves and several chunks; slots of one size.
-    let graph = squares(&[150; CLOTHS]);
     for spec in specs().into_iter().filter(|spec| spec.window() > 1) {
+        let graph = squares(&[150; CLOTHS], spec.filter_modes);
         let network = Network::new(&spec).expect("a spec");
         compare(&network, &graph, (Start::Zero, true));
     }
@@ -315,7 +319,7 @@ fn the_same_values_are_dropped_as_on_the_cpu() {
 
 #[test]
 fn gradients_go_through_carried_states_as_on_the_cpu() {
-    let graph = squares(&[25; CLOTHS]);
+    let graph = squares(&[25; CLOTHS], 0);
     let streaming = specs()
         .into_iter()
         .map(|spec| Network::new(&spec).expect("a spec"));

@@ -30,7 +30,10 @@ impl Lowered {
         let mut program = Program::new(Sizes::of(network.spec()));
         program.add(&layers::PART);
         let weights = WeightArrays::new(&mut plan, network);
-        let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count());
+        let cloths = graph.cloths().len();
+        let modes = graph.mode_count();
+        let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count())
+            .with_modes(&mut plan, cloths, modes);
         let input = InputArrays::whole(&mut plan, network, &graph);
         let mut pack = Schedule::new("pack");
         weights.pack(&mut pack);
@@ -59,16 +62,9 @@ impl Lowered {
 
     /// The arrays that are written from outside.
     fn given(&self) -> Vec<Region> {
-        let [a, b, c, d] = self.graph.regions();
-        vec![
-            self.weights.flat(),
-            self.input.nodes,
-            self.input.arcs,
-            a,
-            b,
-            c,
-            d,
-        ]
+        let mut given = vec![self.weights.flat(), self.input.nodes, self.input.arcs];
+        given.extend(self.graph.regions());
+        given
     }
 }
 
@@ -85,8 +81,8 @@ fn worst(found: &[f32], expected: impl IntoIterator<Item = f64>) -> f64 {
 
 #[test]
 fn schedules_read_what_they_wrote_and_stay_within_their_regions() {
-    let graph = squares(&[30, 17]);
     for spec in specs() {
+        let graph = squares(&[30, 17], spec.filter_modes);
         let network = Network::new(&spec).expect("a spec");
         for keep in [Keep::Output, Keep::Activations(None)] {
             let lowered = Lowered::new(&network, &graph, keep);
@@ -111,7 +107,7 @@ fn schedules_read_what_they_wrote_and_stay_within_their_regions() {
 
 #[test]
 fn to_keep_nothing_takes_memory_that_does_not_grow_with_blocks() {
-    let graph = squares(&[30]);
+    let graph = squares(&[30], 0);
     let words = |blocks| {
         let spec = ModelSpec::physical(selvedge_model::Encoder::MLP, 16, blocks);
         let network = Network::new(&spec).expect("a spec");
@@ -126,8 +122,8 @@ fn to_keep_nothing_takes_memory_that_does_not_grow_with_blocks() {
 #[test]
 fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
     let device = device();
-    let graph = squares(&[30, 17]);
     for spec in specs() {
+        let graph = squares(&[30, 17], spec.filter_modes);
         let network = Network::new(&spec).expect("a spec");
         let (weights, [nodes, edges]) = (weights(&network, 3), features(&spec, &graph));
         let input = Input {

@@ -13,10 +13,11 @@ use selvedge_view::plot::PlotError;
 use self::reading::{own, shown};
 use super::order::FAR;
 use super::outcome::{Measure, Outcome};
+use crate::folder_kind::CONVERGENCE;
 use crate::report::{Page, Report};
 
 /// The files of numbers that every report has.
-pub const TABLES: [&str; 3] = ["convergence.csv", "starts.csv", "times.csv"];
+pub const TABLES: [&str; 3] = [CONVERGENCE, "starts.csv", "times.csv"];
 
 /// The report of a study with a case at least.
 ///

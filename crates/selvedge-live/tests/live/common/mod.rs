@@ -91,7 +91,7 @@ impl Served {
         let uri = format!("ws://{}/socket", self.server.address());
         let mut request = uri.into_client_request().unwrap();
         let headers = request.headers_mut();
-        headers.insert("Sec-WebSocket-Protocol", "selvedge.v2".parse().unwrap());
+        headers.insert("Sec-WebSocket-Protocol", "selvedge.v3".parse().unwrap());
         request
     }
 
@@ -138,7 +138,7 @@ pub(crate) struct Frame {
 
 impl Page {
     pub(crate) fn send(&mut self, kind: u8, body: &[u8]) {
-        let bytes = [&[2, kind, 0, 0], body].concat();
+        let bytes = [&[3, kind, 0, 0], body].concat();
         self.socket.send(Message::Binary(bytes.into())).unwrap();
     }
 
@@ -236,7 +236,7 @@ fn read_frame(bytes: &[u8]) -> Frame {
         |place: usize| u32::from_le_bytes(bytes[4 * place..4 * place + 4].try_into().unwrap());
     let [handles, tracks, vertices] = [6, 7, 8].map(|place| word(place) as usize);
     let point = |place: usize| Vec3::from_array([0, 1, 2].map(|k| f32::from_bits(word(place + k))));
-    let first = 9 + 4 * handles;
+    let first = 11 + 4 * handles;
     let track = |t: usize| {
         (0..vertices)
             .map(|v| point(first + 3 * (t * vertices + v)))
@@ -245,7 +245,7 @@ fn read_frame(bytes: &[u8]) -> Frame {
     Frame {
         number: word(2),
         drag: [word(4), word(5)],
-        handles: (0..handles).map(|h| word(9 + 4 * h)).collect(),
+        handles: (0..handles).map(|h| word(11 + 4 * h)).collect(),
         tracks: (0..tracks).map(track).collect(),
     }
 }

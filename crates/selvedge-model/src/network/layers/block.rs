@@ -1,11 +1,13 @@
 //! One message-passing block (Pfaff et al. 2021) `[eq:graph-block]`: e' = MLP([v_s, v_r, e]),
 //! v' = MLP([v, Σ_{arcs into v} e']), then e ← e + e', v ← v + v'. The sum is of e' before the
-//! residual is added.
+//! residual is added. With a filter over the whole cloth, v' is of [v, Σ e', filtered v].
 //!
 //! The first arc layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
 //! applied once per vertex instead of once per arc. These **endpoint products** of all vertices
 //! must be there before a block begins; then one thread takes a partition through all of it. The
 //! tests compare the split update with the update on concatenated rows.
+
+use std::ops::Range;
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{Partition, chunks, counted_from, of_rows};
@@ -17,9 +19,11 @@ use crate::kernels::real::Real;
 use crate::kernels::rows::{
     ColumnBlock, OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing,
 };
+use crate::network::layers::filter::{Filter, FilterRoom, ModeSums, OfVertices, Through};
 use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord, MlpRows};
 use crate::network::layers::scratch::{GroupWork, Scratch, pick};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
+use crate::network::parameters::ModuleGradient;
 
 /// Places of the weights of a block.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +40,8 @@ pub(crate) struct Block {
     of_node: Piece,
     /// The first node layer's columns for Σ e'.
     of_incoming: Piece,
+    /// The filter over the whole cloth, if there is one.
+    pub(crate) filter: Option<Filter>,
 }
 
 /// Activations of one block, kept for the backward pass.
@@ -114,6 +120,8 @@ pub(crate) struct BlockInput<'a, T> {
     pub(crate) partition: &'a Partition,
     /// Endpoint products of all vertices, `[all vertices, 2 latent]`.
     pub(crate) endpoint_products: &'a [T],
+    /// The filter's matrices, where the block has a filter.
+    pub(crate) filter: &'a FilterRoom<T>,
 }
 
 /// A partition after the forward pass of a block.
@@ -122,6 +130,8 @@ pub(crate) struct BlockKept<'a, T> {
     pub(crate) graph: &'a Connectivity,
     pub(crate) partition: &'a Partition,
     pub(crate) record: &'a BlockRecord<T>,
+    /// The filter's matrices, where the block has a filter.
+    pub(crate) filter: &'a FilterRoom<T>,
 }
 
 impl<T: Real> BlockRecord<T> {
@@ -160,9 +170,17 @@ impl<T: Real> BlockRecord<T> {
 }
 
 impl Block {
-    pub(crate) fn new(module: &mut ModuleBuilder, path: &str, latent: usize) -> Self {
+    pub(crate) fn new(
+        module: &mut ModuleBuilder,
+        path: &str,
+        latent: usize,
+        is_filtered: bool,
+    ) -> Self {
         let arc = Mlp::normalised(module, &format!("{path}.edge"), 3 * latent, latent);
-        let node = Mlp::normalised(module, &format!("{path}.node"), 2 * latent, latent);
+        let of_node = (2 + usize::from(is_filtered)) * latent;
+        let node = Mlp::normalised(module, &format!("{path}.node"), of_node, latent);
+        let filter = is_filtered
+            .then(|| Filter::new(module, &format!("{path}.filter"), latent, &node.first));
         let size = &mut module.size;
         Self {
             arc,
@@ -172,6 +190,7 @@ impl Block {
             of_arc: Piece::new(size, &arc.first, 2 * latent, latent),
             of_node: Piece::new(size, &node.first, 0, latent),
             of_incoming: Piece::new(size, &node.first, latent, latent),
+            filter,
         }
     }
 
@@ -185,6 +204,9 @@ impl Block {
         }
         for piece in [&self.of_arc, &self.of_node, &self.of_incoming] {
             piece.pack(packer);
+        }
+        if let Some(filter) = &self.filter {
+            filter.of_filtered.pack(packer);
         }
         let (latent, flat) = (self.latent(), packer.flat);
         let weight = &flat[self.arc.first.weight_range()];
@@ -217,6 +239,20 @@ impl Block {
             epilogue,
             products,
         );
+    }
+
+    /// Sets the sums of a partition that the block's filter needs; nothing without a filter.
+    pub(crate) fn add_modes<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        filter: &FilterRoom<T>,
+        of: OfVertices<'_, T>,
+        sums: &mut ModeSums<T>,
+    ) {
+        if self.filter.is_some() {
+            sums.begin(of.graph, of.vertices, self.latent());
+            filter.add(weights.instructions, Through::Weighted, of, sums);
+        }
     }
 
     /// Updates the latent vectors of a partition in place.
@@ -259,16 +295,38 @@ impl Block {
         if !record.before.is_empty() {
             record.before.copy_from_slice(nodes);
         }
-        let count = input.partition.vertices.len();
-        let kept = record.mlp.part(&(0..count));
-        let mut tile = scratch.tiles.tile(kept, count, self.latent());
-        let terms = &[
-            self.of_node.times(weights, nodes),
-            self.of_incoming.times(weights, incoming),
-        ];
-        let epilogue = self.node.first_epilogue(weights);
-        self.node.first_layer(weights, terms, epilogue, &mut tile);
-        self.node.forward(weights, tile, Normalised::Add(nodes));
+        let vertices = &input.partition.vertices;
+        for (cloth, part) in self.parts(input.graph, vertices) {
+            let local = counted_from(&part, vertices.start);
+            let rows = of_rows(&local, self.latent());
+            let kept = record.mlp.part(&local);
+            let mut tile = scratch.tiles.tile(kept, local.len(), self.latent());
+            let of_node = self.of_node.times(weights, &nodes[rows.clone()]);
+            let of_incoming = self.of_incoming.times(weights, &incoming[rows.clone()]);
+            let epilogue = self.node.first_epilogue(weights);
+            let terms: &[Term<'_, T>] = match self.filter {
+                None => &[of_node, of_incoming],
+                Some(_) => {
+                    let filtered = input.filter.term(cloth, &part, Through::Values);
+                    &[of_node, of_incoming, filtered]
+                }
+            };
+            self.node.first_layer(weights, terms, epilogue, &mut tile);
+            self.node
+                .forward(weights, tile, Normalised::Add(&mut nodes[rows]));
+        }
+    }
+
+    /// The parts of a partition that have one matrix each, and the number of the matrix: all of it
+    /// without a filter, else those that belong to one cloth.
+    fn parts(
+        &self,
+        graph: &Connectivity,
+        vertices: &Range<usize>,
+    ) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let whole = self.filter.is_none().then(|| (0, vertices.clone()));
+        let by_cloth = self.filter.map(|_| graph.by_cloth(vertices.clone()));
+        whole.into_iter().chain(by_cloth.into_iter().flatten())
     }
 
     /// Takes the gradients of a partition's latent vectors from after the block to before it,
@@ -365,6 +423,11 @@ impl Block {
             self.node
                 .first_backward(weights, number * latent, left, right, gradient);
         }
+        if self.filter.is_some() {
+            let of = OfVertices::new(kept.graph, kept.partition, pre_activation);
+            let sums = &mut scratch.mode_sums;
+            kept.filter.add(using, Through::Values, of, sums);
+        }
         let term = self.of_node.back(weights, pre_activation);
         multiply(using, &[term], latent, Epilogue::Add, nodes);
         let term = self.of_incoming.back(weights, pre_activation);
@@ -372,8 +435,24 @@ impl Block {
         multiply(using, &[term], latent, Epilogue::Set, incoming);
     }
 
+    /// Adds the gradient of the first node layer's columns for the filter: `mixed` is the gradient
+    /// of the filtered modes' products with them, both `[all modes, latent]`.
+    pub(crate) fn filtered_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        mixed: &[T],
+        filtered: &[T],
+        gradient: &mut ModuleGradient<'_, T>,
+    ) {
+        let latent = self.latent();
+        let [left, right] = [mixed, filtered].map(|rows| Columns::all(rows, latent));
+        self.node
+            .first_backward(weights, 2 * latent, left, right, gradient);
+    }
+
     /// The gradient of the nodes through A and B, after [`Self::backward`] of all partitions left
-    /// the pre-activation gradients `[all arcs, latent]`.
+    /// the pre-activation gradients `[all arcs, latent]`, and through the filter, whose matrices
+    /// are those of the way back by then.
     pub(crate) fn endpoints_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
@@ -406,5 +485,12 @@ impl Block {
             packed: self.endpoints_backward.of(&weights.module.backward),
         };
         multiply(using, &[term], latent, Epilogue::Add, &mut nodes);
+        if self.filter.is_some() {
+            for (cloth, part) in graph.by_cloth(vertices.clone()) {
+                let rows = of_rows(&counted_from(&part, vertices.start), latent);
+                let term = kept.filter.term(cloth, &part, Through::Weighted);
+                multiply(using, &[term], latent, Epilogue::Add, &mut nodes[rows]);
+            }
+        }
     }
 }

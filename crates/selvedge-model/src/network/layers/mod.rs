@@ -5,6 +5,7 @@
 
 pub(crate) mod block;
 pub(crate) mod encoder;
+pub(crate) mod filter;
 pub(crate) mod gru;
 mod gru_layer;
 pub(crate) mod mlp;

@@ -16,6 +16,7 @@ use super::block::{
 use super::encoder::{
     EncoderGradients, EncoderInput, EncoderKept, EncoderLayers, EncoderRecord, EncoderRows,
 };
+use super::filter::FilterRoom;
 use super::mlp::{Mlp, MlpGradients, MlpRecord};
 use super::scratch::{GroupScratch, GroupWork, Scratch};
 use crate::graph::connectivity::Connectivity;
@@ -332,23 +333,30 @@ fn block_arcs<'a, T>(arcs: &'a mut [T], pre_activation: &'a mut [T]) -> ArcGradi
     }
 }
 
+/// Scratch of a forward pass of width 5.
+fn scratch<T: Real>() -> Scratch<T> {
+    let mut scratch = Scratch::default();
+    scratch.fit(5, 0, 0);
+    scratch
+}
+
 fn block_case<T: Real>() {
     let mut case = Case::new::<T>("block");
     let (graph, order) = cloth();
-    let (block, parameters, size) = laid_out(|module| Block::new(module, "layer", 5));
+    let (block, parameters, size) = laid_out(|module| Block::new(module, "layer", 5, false));
     let flat: Vec<T> = real(&case.flat("weight", &parameters));
     let module = packed(&size, &flat, |packer| block.pack(packer));
     let weights = layer(&flat, &module);
     let mut nodes: Vec<T> = case.real("input.nodes");
     let arcs = |case: &Case, name: &str| reordered(&case.tensor(name), &order, 5);
     let mut edges: Vec<T> = real(&arcs(&case, "input.edges"));
-    let (vertices, [partition]) = (nodes.len() / 5, &*graph.partitions) else {
+    let [partition] = &*graph.partitions else {
         panic!("one partition");
     };
-    let mut products = vec![T::ZERO; vertices * 10];
+    let mut products = vec![T::ZERO; 2 * nodes.len()];
     block.endpoint_products(weights, &nodes, &mut products);
     let mut record = BlockRecord::default();
-    record.fit(&block, vertices, graph.arc_count());
+    record.fit(&block, graph.vertex_count(), graph.arc_count());
     let (node_record, arc_record) = record.rows(&block);
     let mut node_rows = NodeRows {
         nodes: Rows::new(&mut nodes, 5),
@@ -358,29 +366,29 @@ fn block_case<T: Real>() {
         arcs: Rows::new(&mut edges, 5),
         record: arc_record,
     };
-    let mut scratch = Scratch::default();
-    scratch.fit(5, 0, 0);
+    let filter = &FilterRoom::default();
     let input = BlockInput {
         graph: &graph,
         partition,
         endpoint_products: &products,
+        filter,
     };
-    block.forward(weights, input, &mut node_rows, arc_rows, &mut scratch);
+    block.forward(weights, input, &mut node_rows, arc_rows, &mut scratch());
     case.compare("nodes", &nodes, &case.tensor("output.nodes"));
     case.compare("edges", &edges, &arcs(&case, "output.edges"));
     let mut gradient = vec![T::ZERO; flat.len()];
-    let mut nodes: Vec<T> = case.real("cotangent.nodes");
-    let mut edges: Vec<T> = real(&arcs(&case, "cotangent.edges"));
+    nodes = case.real("cotangent.nodes");
+    edges = real(&arcs(&case, "cotangent.edges"));
     let mut pre_activation = vec![T::ZERO; edges.len()];
-    let mut scratch = group_scratch(5, 0, 0);
     let mut group = GroupWork {
-        scratch: &mut scratch,
+        scratch: &mut group_scratch(5, 0, 0),
         gradient: ModuleGradient::new(&mut gradient, 0),
     };
     let kept = BlockKept {
         graph: &graph,
         partition,
         record: &record,
+        filter,
     };
     let by_nodes = block_nodes(&mut nodes, &mut products);
     let by_arcs = block_arcs(&mut edges, &mut pre_activation);

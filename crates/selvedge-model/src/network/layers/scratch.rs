@@ -4,6 +4,7 @@ use crate::graph::partition::{CHUNK, PARTITION_VERTICES};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::norm::NormRows;
 use crate::kernels::real::Real;
+use crate::network::layers::filter::ModeSums;
 use crate::network::layers::mlp::{MlpRows, MlpTile};
 use crate::network::parameters::ModuleGradient;
 
@@ -106,6 +107,8 @@ pub(crate) struct GroupScratch<T> {
     pub(crate) states: [Aligned<T>; 2],
     /// Sums of columns of `gates` of both layers, `[4 latent]`.
     pub(crate) biases: [Aligned<T>; 2],
+    /// Gradients of what the modes of the group's cloths give to a node update.
+    pub(crate) mode_sums: ModeSums<T>,
 }
 
 impl<T: Real> GroupScratch<T> {

@@ -5,7 +5,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::HandleError;
-use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 
 use super::*;
 use crate::features::normalizer::Normalizer;
@@ -258,6 +258,7 @@ fn a_learned_stepper_conforms() {
         let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
         let make = || stepper(&model, parts.clone(), &start(&parts));
         assert_eq!(check_correctable(make, HandlesEnd::AtTargets), Ok(()));
+        assert_eq!(check_stop(make), Ok(()));
     }
 }
 

@@ -31,6 +31,8 @@ pub(crate) enum Make {
     Npz,
     /// TFRecord: records with lengths and checksums.
     Records,
+    /// Bytes of any other make.
+    Binary,
     /// A message of the viewer's socket.
     Message,
 }
@@ -63,6 +65,7 @@ fn once(make: Make, bytes: &[u8], other: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8>
         Make::Npy => containers::npy(bytes, rng),
         Make::Npz => containers::npz(bytes, rng),
         Make::Records => containers::records(bytes, rng),
+        Make::Binary => None,
         Make::Message => containers::message(bytes, rng),
     };
     match structured {

@@ -1,4 +1,5 @@
-//! Files for and of other programs: archives of arrays (.npz), and nodes that move (.glb, .usda).
+//! Files for and of other programs: archives of arrays (.npz), and nodes that move (.glb, USD,
+//! .abc).
 
 use std::path::Path;
 

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow};
+use selvedge_lab::folder_kind::{EVALUATIONS, FolderKind, TRAININGS};
 use selvedge_lab::report::TrainingLog;
 use selvedge_train::{CorrectionConfig, TrainConfig, files};
 use serde_json::{Value, json};
@@ -10,47 +11,16 @@ use serde_json::{Value, json};
 use crate::commands::dataset_inspect;
 use crate::output::{Answer, Facts, folded};
 
-/// The kind of a folder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum FolderKind {
-    DataSet,
-    Training,
-    Study,
-}
-
-/// Returns the kind of `folder`.
-///
-/// # Errors
-/// When it is nothing that Selvedge makes.
-pub(super) fn kind_of(folder: &Path) -> anyhow::Result<FolderKind> {
-    let has = |name: &str| folder.join(name).exists();
-    if has("index.json") || has("index.partial.json") {
-        Ok(FolderKind::DataSet)
-    } else if has(files::LOG) || has(files::CHECKPOINT) {
-        Ok(FolderKind::Training)
-    } else if has(TRAININGS) || has(EVALUATIONS) {
-        Ok(FolderKind::Study)
-    } else {
-        bail!(
-            "{}: is no folder that Selvedge makes: a data set has an index.json, a training a {}, a study a folder {TRAININGS}",
-            folder.display(),
-            files::LOG
-        )
-    }
-}
-
-const TRAININGS: &str = "trainings";
-const EVALUATIONS: &str = "evaluations";
-
 /// Says what is in `folder`.
 ///
 /// # Errors
 /// What of it cannot be read.
 pub(super) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
-    match kind_of(folder)? {
-        FolderKind::DataSet => dataset_inspect::run(folder, None),
-        FolderKind::Training => inspect_training(folder),
-        FolderKind::Study => inspect_study(folder),
+    match FolderKind::of(folder) {
+        Some(FolderKind::DataSet) => dataset_inspect::run(folder, None),
+        Some(FolderKind::Training) => inspect_training(folder),
+        Some(FolderKind::Study) => inspect_study(folder),
+        other => Err(unknown(folder, other)),
     }
 }
 
@@ -80,6 +50,21 @@ pub(super) fn config_in(folder: &Path) -> anyhow::Result<Configured> {
         name: cfg.name,
         steps: cfg.steps,
     })
+}
+
+/// Says that there is nothing to say on a folder of this kind.
+pub(super) fn unknown(folder: &Path, kind: Option<FolderKind>) -> anyhow::Error {
+    match kind {
+        Some(kind) => anyhow!(
+            "{}: holds {kind}, of which only the files are inspected: name one of them",
+            folder.display()
+        ),
+        None => anyhow!(
+            "{}: is no folder that Selvedge makes: a data set has an index.json, a training a {}, a study a folder {TRAININGS}",
+            folder.display(),
+            files::LOG
+        ),
+    }
 }
 
 fn inspect_training(folder: &Path) -> anyhow::Result<Answer> {

@@ -11,6 +11,7 @@ use selvedge_data::{
     MeshOptions, STATES_FORMAT, StateRun, Trajectory, TrajectoryFileError, read_mesh,
     write_atomically,
 };
+use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::physics;
 use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_model::{MODEL_FORMAT, Model};
@@ -19,7 +20,7 @@ use selvedge_view::plot::{Axis, HistogramPlot, Line, LineChart, Role, Scale, his
 use selvedge_view::{Body, Colouring, Image, Panel, Run, StillSettings, still};
 
 use super::exported::read_npz;
-use super::folders::{self, FolderKind};
+use super::folders;
 use crate::commands::dataset_inspect;
 use crate::failure::WrongUsage;
 use crate::{pictures, scenes};
@@ -31,24 +32,25 @@ use crate::{pictures, scenes};
 pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
     let name = path.to_string_lossy();
     if path.is_dir() {
-        return match folders::kind_of(path)? {
-            FolderKind::DataSet => write_image(to, &dataset_inspect::histograms(path)?),
-            FolderKind::Training => {
+        return match FolderKind::of(path) {
+            Some(FolderKind::DataSet) => write_image(to, &dataset_inspect::histograms(path)?),
+            Some(FolderKind::Training) => {
                 let cfg = folders::config_in(path)?;
                 let log = TrainingLog::read(&path.join(files::LOG))?;
                 write_chart(to, &training_chart(&cfg.name, &log))
             }
-            FolderKind::Study => {
+            Some(FolderKind::Study) => {
                 bail!(
                     "{name}: a study has its plots in the folder report, and each training its own"
                 )
             }
+            other => Err(folders::unknown(path, other)),
         };
     }
     match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => draw_container(path, to),
         Some("npz") => draw_run(&read_npz(path)?, path, to),
-        Some("obj" | "glb" | "usda") => {
+        Some("obj" | "glb" | "usda" | "usdc" | "usdz" | "usd" | "abc") => {
             let read = read_mesh(path, MeshOptions::default())?;
             draw_mesh(&read.sheet.mesh, &[], &[], to)
         }

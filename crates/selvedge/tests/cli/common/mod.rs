@@ -79,6 +79,18 @@ impl Desk {
         names_in(self.folder.path())
     }
 
+    /// Names below a folder and their bytes, sorted.
+    pub(crate) fn files(&self, name: &str) -> Vec<(String, Vec<u8>)> {
+        let folder = self.path(name);
+        let files = contents(&folder).into_iter();
+        files
+            .map(|(path, bytes)| {
+                let path = path.strip_prefix(&folder).unwrap();
+                (path.display().to_string(), bytes)
+            })
+            .collect()
+    }
+
     /// The program with these arguments, split at spaces.
     pub(crate) fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_selvedge"));

@@ -4,13 +4,14 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use selvedge_data::RestPoseFolder;
-use selvedge_lab::rest_pose;
+
+use crate::rest_pose;
 
 /// Variable that names the folder, or is "off".
 const VARIABLE: &str = "SELVEDGE_CACHE";
 
-/// Keeps rest poses in the user's cache folder, if there is one.
-pub(crate) fn open() {
+/// Keeps rest poses in the user's cache folder from now on, for the whole process, if there is one.
+pub fn open() {
     match folder(|name| std::env::var_os(name)) {
         Some(folder) => rest_pose::keep_in(RestPoseFolder::new(folder.join("rest-poses"))),
         None => tracing::debug!("no cache: rest poses are found anew"),

@@ -1,0 +1,229 @@
+//! A scene that was opened, and a cloth that moves: what handles stand for, without C.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{HandlePath, HandleTargets, Scene, StepError, Stepper};
+use selvedge_data::{LoadedScene, SavedState, StartSpec};
+use selvedge_guard::{Guard, GuardSettings, Trust};
+use selvedge_lab::machine::{Machine, Mover};
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::state_log::simulator_of_run;
+use selvedge_lab::{domain, start};
+use selvedge_sim::{Simulator, Threads};
+
+use crate::fault::Fault;
+use crate::listener::Ear;
+use crate::registry::{Kind, Registry};
+use crate::status::SelvedgeStatus;
+
+/// Scenes by their handles.
+pub(crate) static SCENES: Registry<Mutex<OpenScene>> = Registry::new(Kind::Scene);
+/// Models by their handles.
+pub(crate) static MODELS: Registry<NamedModel> = Registry::new(Kind::Model);
+/// Steppers by their handles.
+pub(crate) static STEPPERS: Registry<KeptCloth> = Registry::new(Kind::Stepper);
+
+/// A scene, and its rest pose once that was needed.
+pub(crate) struct OpenScene {
+    loaded: LoadedScene,
+    rest: Option<Vec<DVec3>>,
+}
+
+/// A cloth that moves, and beside its lock the wish that its steps stop.
+pub(crate) struct KeptCloth {
+    pub(crate) cloth: Mutex<MovingCloth>,
+    pub(crate) stop: Arc<AtomicBool>,
+}
+
+/// A cloth that moves.
+pub(crate) struct MovingCloth {
+    scene: Arc<Scene>,
+    path: HandlePath,
+    engine: Engine,
+    /// A line each.
+    pub(crate) warnings: Vec<String>,
+}
+
+#[allow(clippy::large_enum_variant, reason = "each is behind a pointer anyway")]
+enum Engine {
+    Physics(Simulator),
+    Model(Guard<Mover>),
+    #[cfg(test)]
+    Other(Box<dyn Stepper + Send>),
+}
+
+impl OpenScene {
+    pub(crate) fn new(loaded: LoadedScene) -> Self {
+        Self { loaded, rest: None }
+    }
+
+    pub(crate) fn warnings(&self) -> &[String] {
+        &self.loaded.warnings
+    }
+
+    /// The sagged rest pose `[m]`, `[vertices]`; searched for once.
+    fn rest(&mut self, at_rest: &LoadedScene, ear: &mut Ear) -> Result<Vec<DVec3>, Fault> {
+        if let Some(rest) = &self.rest {
+            return Ok(rest.clone());
+        }
+        let found = find(at_rest, ear)?.state.positions;
+        self.rest = Some(found.clone());
+        Ok(found)
+    }
+
+    /// The physics of the scene, where the scene starts.
+    pub(crate) fn physics(&mut self, ear: &mut Ear) -> Result<MovingCloth, Fault> {
+        let loaded = self.loaded.clone();
+        let mut warnings = loaded.warnings.clone();
+        let state = if loaded.spec.start == StartSpec::Rest && loaded.state.is_none() {
+            SavedState::at_rest(self.rest(&loaded, ear)?)
+        } else {
+            let start = find(&loaded, ear)?;
+            warnings.extend(start.fitted.and_then(|fitted| fitted.warning));
+            start.state
+        };
+        let scene = Arc::new(loaded.scene);
+        let simulator = simulator_of_run(&scene, state);
+        let mut simulator = simulator.map_err(|error| Fault::of(SelvedgeStatus::Start, &error))?;
+        simulator.set_threads(Threads::Pool);
+        MovingCloth::new(scene, Engine::Physics(simulator), warnings)
+    }
+
+    /// A model at work on the cloth of the scene, from its rest pose on.
+    pub(crate) fn model(
+        &mut self,
+        model: &NamedModel,
+        settings: GuardSettings,
+        ear: &mut Ear,
+    ) -> Result<MovingCloth, Fault> {
+        let failed =
+            |error: &(dyn std::error::Error + 'static)| Fault::of(SelvedgeStatus::Start, error);
+        let mut loaded = self.loaded.clone();
+        start::for_model(&mut loaded);
+        let mut warnings = loaded.warnings.clone();
+        let frames = loaded.scene.frame_count().map_err(|error| failed(&error))?;
+        let beyond = domain::of_scene(&model.model, &loaded.scene, frames);
+        match beyond.map_err(|error| failed(&error))? {
+            None => warnings.push(format!(
+                "model {}: its file does not say what it was trained on",
+                model.name
+            )),
+            Some(beyond) => warnings.extend(
+                beyond
+                    .departures
+                    .iter()
+                    .map(|departure| format!("beyond training: {departure}")),
+            ),
+        }
+        let rest = self.rest(&loaded, ear)?;
+        let scene = Arc::new(loaded.scene);
+        let guard = start::guarded(&scene, &rest, model, &Machine::Cpu, settings);
+        let guard = guard.map_err(|error| failed(&error))?;
+        MovingCloth::new(scene, Engine::Model(guard), warnings)
+    }
+}
+
+fn find(loaded: &LoadedScene, ear: &mut Ear) -> Result<start::Start, Fault> {
+    start::find(loaded, &mut |event| ear.tell(event)).map_err(|error| {
+        let status = match ear.was_stopped() {
+            true => SelvedgeStatus::Stopped,
+            false => SelvedgeStatus::Start,
+        };
+        Fault::of(status, &error)
+    })
+}
+
+impl From<MovingCloth> for KeptCloth {
+    fn from(mut cloth: MovingCloth) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        cloth.stepper_mut().stop_by(Arc::clone(&stop).into());
+        let cloth = Mutex::new(cloth);
+        Self { cloth, stop }
+    }
+}
+
+impl MovingCloth {
+    fn new(scene: Arc<Scene>, engine: Engine, warnings: Vec<String>) -> Result<Self, Fault> {
+        let path = scene.handle_path();
+        let path = path.map_err(|error| Fault::of(SelvedgeStatus::Start, &error))?;
+        Ok(Self {
+            scene,
+            path,
+            engine,
+            warnings,
+        })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn other(scene: Scene, stepper: Box<dyn Stepper + Send>) -> Self {
+        Self::new(Arc::new(scene), Engine::Other(stepper), Vec::new()).unwrap()
+    }
+
+    pub(crate) fn stepper(&self) -> &dyn Stepper {
+        match &self.engine {
+            Engine::Physics(simulator) => simulator,
+            Engine::Model(guard) => guard,
+            #[cfg(test)]
+            Engine::Other(stepper) => stepper,
+        }
+    }
+
+    fn stepper_mut(&mut self) -> &mut dyn Stepper {
+        match &mut self.engine {
+            Engine::Physics(simulator) => simulator,
+            Engine::Model(guard) => guard,
+            #[cfg(test)]
+            Engine::Other(stepper) => stepper,
+        }
+    }
+
+    /// Targets per frame with which the command line drives such a stepper.
+    pub(crate) fn samples(&self) -> usize {
+        match &self.engine {
+            Engine::Physics(_) => self.scene.physics.substeps as usize,
+            _ => 1,
+        }
+    }
+
+    /// Frames of the scene's motion.
+    pub(crate) fn frames(&self) -> usize {
+        self.path.frame_count()
+    }
+
+    pub(crate) fn frame_rate(&self) -> f64 {
+        self.scene.frame_rate
+    }
+
+    /// Targets of the scene's motion for the next step.
+    pub(crate) fn targets(&self, samples: usize) -> Result<HandleTargets, Fault> {
+        let targets = self.path.targets(self.stepper().frame(), samples);
+        targets.map_err(|error| Fault::targets(&error))
+    }
+
+    pub(crate) fn step(&mut self, targets: &HandleTargets) -> Result<(), Fault> {
+        let stepped = self.stepper_mut().step(targets);
+        stepped.map_err(|error: StepError| Fault::step(&error))
+    }
+
+    /// Positions in f64 `[m]`, `[vertices]`: those of the state, where the stepper has one.
+    pub(crate) fn positions_f64(&self) -> Vec<DVec3> {
+        match &self.engine {
+            Engine::Physics(simulator) => simulator.positions_f64().to_vec(),
+            _ => self.stepper().positions().iter().map(wide).collect(),
+        }
+    }
+
+    /// The guard's word on the newest frame; none for physics.
+    pub(crate) fn trust(&self) -> Option<&Trust> {
+        match &self.engine {
+            Engine::Model(guard) => Some(guard.trust()),
+            _ => None,
+        }
+    }
+}
+
+fn wide(position: &Vec3) -> DVec3 {
+    position.as_dvec3()
+}

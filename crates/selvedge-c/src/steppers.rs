@@ -1,0 +1,210 @@
+//! Steppers: made, stepped, read, freed.
+#![allow(unsafe_code, reason = "exported to C, with pointers of the caller")]
+
+mod read;
+
+use std::sync::atomic::Ordering;
+
+use glam::DVec3;
+use selvedge_cloth::HandleTargets;
+
+use crate::border::{call, put, put_all, values};
+use crate::cloth::{MODELS, MovingCloth, SCENES, STEPPERS};
+use crate::fault::Fault;
+use crate::listener::{Ear, SelvedgeListener};
+use crate::models::SelvedgeModel;
+use crate::registry::lock;
+use crate::scenes::SelvedgeScene;
+use crate::status::SelvedgeStatus;
+use crate::trust;
+
+pub use read::*;
+
+/// Handle of a stepper, a cloth that moves one frame at a time; 0 is none.
+pub type SelvedgeStepper = u64;
+
+/// Makes a stepper of the physics of a scene, where the scene starts: what `selvedge simulate`
+/// runs. A rest pose is searched for first, which may take a while; it is kept for the other
+/// steppers of the scene.
+///
+/// # Safety
+/// `listener` is null or a listener that lives during the call; `out` may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_stepper_physics(
+    scene: SelvedgeScene,
+    listener: *const SelvedgeListener,
+    out: *mut SelvedgeStepper,
+) -> SelvedgeStatus {
+    call(|| {
+        // SAFETY: as for this function.
+        let mut ear = unsafe { Ear::of(listener) };
+        // SAFETY: likewise.
+        unsafe { put(out, "out", 0) }?;
+        let scene = SCENES.get(scene)?;
+        let cloth = lock(&scene)?.physics(&mut ear)?;
+        // SAFETY: likewise.
+        unsafe { put(out, "out", keep(cloth)?) }
+    })
+}
+
+/// Makes a stepper of a model on a scene, from the rest pose of the scene on: what
+/// `selvedge rollout` runs. A model that corrects physics brings its physics along. `guard` is a
+/// `SelvedgeGuard`; 0 is that of the command line.
+///
+/// # Safety
+/// `listener` is null or a listener that lives during the call; `out` may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_stepper_model(
+    scene: SelvedgeScene,
+    model: SelvedgeModel,
+    guard: i32,
+    listener: *const SelvedgeListener,
+    out: *mut SelvedgeStepper,
+) -> SelvedgeStatus {
+    call(|| {
+        // SAFETY: as for this function.
+        let mut ear = unsafe { Ear::of(listener) };
+        // SAFETY: likewise.
+        unsafe { put(out, "out", 0) }?;
+        let settings = trust::settings(guard)?;
+        let (scene, model) = (SCENES.get(scene)?, MODELS.get(model)?);
+        let cloth = lock(&scene)?.model(&model, settings, &mut ear)?;
+        // SAFETY: likewise.
+        unsafe { put(out, "out", keep(cloth)?) }
+    })
+}
+
+fn keep(cloth: MovingCloth) -> Result<SelvedgeStepper, Fault> {
+    STEPPERS.keep(cloth.into())
+}
+
+/// Moves the cloth by one frame, its handles to `targets` `[m]`, `[samples][handles][3]`: where
+/// they are at equally spaced times of the frame, the last at its end. One sample is enough;
+/// handles move evenly between samples. `released`, `[handles]` or null, is not 0 for handles that
+/// do not hold the cloth during this frame, which only the physics can follow.
+///
+/// A step that fails leaves the cloth as it was before it.
+///
+/// # Safety
+/// `targets` has `samples * handles * 3` numbers, `released` is null or has `handles` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_step(
+    stepper: SelvedgeStepper,
+    targets: *const f64,
+    samples: usize,
+    handles: usize,
+    released: *const u8,
+) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        let mut cloth = lock(&kept.cloth)?;
+        check_handles(&cloth, handles)?;
+        let count = numbers_of(samples, handles)?;
+        // SAFETY: as for this function.
+        let numbers = unsafe { values(targets, count, "targets") }?;
+        let positions = numbers.chunks_exact(3).map(DVec3::from_slice).collect();
+        let mut given =
+            HandleTargets::sampled(positions, handles).map_err(|error| Fault::targets(&error))?;
+        if !released.is_null() {
+            // SAFETY: likewise.
+            let free = unsafe { values(released, handles, "released") }?;
+            let free = free.into_iter().map(|byte| byte != 0).collect();
+            given = given
+                .releasing(free)
+                .map_err(|error| Fault::targets(&error))?;
+        }
+        cloth.step(&given)
+    })
+}
+
+/// Moves the cloth by one frame, its handles as the motion of the scene has them: what the command
+/// line does. Past the end of the motion the handles stay where they are.
+#[unsafe(no_mangle)]
+pub extern "C" fn selvedge_step_along(stepper: SelvedgeStepper) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        let mut cloth = lock(&kept.cloth)?;
+        let targets = cloth.targets(cloth.samples())?;
+        cloth.step(&targets)
+    })
+}
+
+/// Writes the targets of the next step as the motion of the scene has them, in the form that
+/// `selvedge_step` takes: `targets` `[m]`, `[samples][handles][3]`, and `released`, `[handles]` or
+/// null. With the `samples` of `SelvedgeCounts`, they move the cloth as the command line does.
+///
+/// # Safety
+/// `targets` has room for `samples * handles * 3` numbers, `released` is null or has room for
+/// `handles` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_motion_targets(
+    stepper: SelvedgeStepper,
+    targets: *mut f64,
+    samples: usize,
+    handles: usize,
+    released: *mut u8,
+) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        let cloth = lock(&kept.cloth)?;
+        check_handles(&cloth, handles)?;
+        let count = numbers_of(samples, handles)?;
+        let given = cloth.targets(samples)?;
+        let mut numbers = Vec::with_capacity(count);
+        for sample in 1..=samples {
+            let fraction = sample as f64 / samples as f64;
+            for handle in 0..handles {
+                numbers.extend(given.at(handle, fraction, DVec3::ZERO).to_array());
+            }
+        }
+        // SAFETY: as for this function.
+        unsafe { put_all(targets, "targets", numbers.into_iter()) }?;
+        if released.is_null() {
+            return Ok(());
+        }
+        let free = (0..handles).map(|handle| u8::from(!given.holds(handle)));
+        // SAFETY: likewise.
+        unsafe { put_all(released, "released", free) }
+    })
+}
+
+/// Lets the steps of this stepper end with `SELVEDGE_STATUS_STOPPED`, the one under way too, within
+/// a frame where a frame takes long; with `wanted` 0, lets them go on again. It does not wait for
+/// the step that another thread has under way.
+#[unsafe(no_mangle)]
+pub extern "C" fn selvedge_stepper_stop(stepper: SelvedgeStepper, wanted: i32) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        kept.stop.store(wanted != 0, Ordering::Relaxed);
+        Ok(())
+    })
+}
+
+/// Frees a stepper. Positions that were borrowed from it are no longer to be read.
+#[unsafe(no_mangle)]
+pub extern "C" fn selvedge_stepper_free(stepper: SelvedgeStepper) -> SelvedgeStatus {
+    call(|| STEPPERS.free(stepper))
+}
+
+fn check_handles(cloth: &MovingCloth, found: usize) -> Result<(), Fault> {
+    match cloth.stepper().handles().len() {
+        wanted if wanted == found => Ok(()),
+        wanted => Err(Fault::count("handles", "handles", wanted, found)),
+    }
+}
+
+/// Samples of a frame beyond which a number is a mistake.
+const MOST_SAMPLES: usize = 1 << 20;
+
+/// Numbers in an array of targets.
+fn numbers_of(samples: usize, handles: usize) -> Result<usize, Fault> {
+    let is_within = (1..=MOST_SAMPLES).contains(&samples);
+    let count = samples.checked_mul(handles).and_then(|n| n.checked_mul(3));
+    count.filter(|_| is_within).ok_or_else(|| {
+        let text = format!("samples: expected 1 to {MOST_SAMPLES} times, found {samples}");
+        Fault::argument(text)
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,213 @@
+//! What can be read of a stepper: counts, positions, faces, handles, trust, warnings.
+#![allow(unsafe_code, reason = "exported to C, with pointers of the caller")]
+
+use std::ffi::c_char;
+
+use crate::border::{call, put, put_all, put_text};
+use crate::cloth::{MovingCloth, STEPPERS};
+use crate::fault::Fault;
+use crate::registry::lock;
+use crate::status::SelvedgeStatus;
+use crate::steppers::SelvedgeStepper;
+use crate::trust::SelvedgeTrust;
+
+/// Counts of a stepper.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SelvedgeCounts {
+    /// Vertices of the cloth.
+    pub vertices: u64,
+    /// Faces of the cloth, triangles.
+    pub faces: u64,
+    /// Handles, the vertices that are led.
+    pub handles: u64,
+    /// Targets per frame with which the command line drives such a stepper: one per substep of the
+    /// physics, one for a model.
+    pub samples: u64,
+    /// Frames that the motion of the scene lasts.
+    pub motion_frames: u64,
+    /// Frames since the start; a scene that starts in a saved state begins with its frame.
+    pub frame: u64,
+    /// Frames per second.
+    pub frame_rate: f64,
+}
+
+/// Writes the counts of a stepper.
+///
+/// # Safety
+/// `out` may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_stepper_counts(
+    stepper: SelvedgeStepper,
+    out: *mut SelvedgeCounts,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let now = cloth.stepper();
+        let counts = SelvedgeCounts {
+            vertices: now.positions().len() as u64,
+            faces: now.topology().faces().len() as u64,
+            handles: now.handles().len() as u64,
+            samples: cloth.samples() as u64,
+            motion_frames: cloth.frames() as u64,
+            frame: now.frame() as u64,
+            frame_rate: cloth.frame_rate(),
+        };
+        // SAFETY: as for this function.
+        unsafe { put(out, "out", counts) }
+    })
+}
+
+/// Lends the positions `[m]`, `[vertices][3]`, without a copy: `out` gets their address, `vertices`
+/// how many there are. They may be read until the next call that steps or frees this stepper, from
+/// whichever thread; whoever cannot rule that out copies them.
+///
+/// # Safety
+/// `out` and `vertices` may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_positions(
+    stepper: SelvedgeStepper,
+    out: *mut *const f32,
+    vertices: *mut usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let positions = cloth.stepper().positions();
+        // SAFETY: as for this function.
+        unsafe { put(vertices, "vertices", positions.len()) }?;
+        // SAFETY: likewise. A position is three f32 in a row.
+        unsafe { put(out, "out", positions.as_ptr().cast::<f32>()) }
+    })
+}
+
+/// Copies the positions `[m]` to `out`, `[vertices][3]`.
+///
+/// # Safety
+/// `out` has room for `3 * vertices` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_copy_positions(
+    stepper: SelvedgeStepper,
+    out: *mut f32,
+    vertices: usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let positions = cloth.stepper().positions();
+        check("vertices", positions.len(), vertices)?;
+        let numbers: Vec<f32> = positions.iter().flat_map(|p| p.to_array()).collect();
+        // SAFETY: as for this function, and the count is the cloth's.
+        unsafe { put_all(out, "out", numbers.into_iter()) }
+    })
+}
+
+/// Copies the positions `[m]` to `out`, `[vertices][3]`: those of the state of the physics, which
+/// has more digits than frames have, and those of a model as they are.
+///
+/// # Safety
+/// `out` has room for `3 * vertices` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_copy_positions_f64(
+    stepper: SelvedgeStepper,
+    out: *mut f64,
+    vertices: usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let positions = cloth.positions_f64();
+        check("vertices", positions.len(), vertices)?;
+        let numbers: Vec<f64> = positions.iter().flat_map(|p| p.to_array()).collect();
+        // SAFETY: as for this function, and the count is the cloth's.
+        unsafe { put_all(out, "out", numbers.into_iter()) }
+    })
+}
+
+/// Copies the faces to `out`, `[faces][3]`: numbers of their vertices, counterclockwise where they
+/// are seen from the front.
+///
+/// # Safety
+/// `out` has room for `3 * faces` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_copy_faces(
+    stepper: SelvedgeStepper,
+    out: *mut u32,
+    faces: usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let all = cloth.stepper().topology().faces();
+        check("faces", all.len(), faces)?;
+        let numbers: Vec<u32> = all.iter().flatten().map(|vertex| vertex.0).collect();
+        // SAFETY: as for this function, and the count is the cloth's.
+        unsafe { put_all(out, "out", numbers.into_iter()) }
+    })
+}
+
+/// Copies the vertices of the handles to `out`, `[handles]`, in the order in which a step takes
+/// their targets.
+///
+/// # Safety
+/// `out` has room for `handles` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_copy_handles(
+    stepper: SelvedgeStepper,
+    out: *mut u32,
+    handles: usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let all = cloth.stepper().handles().vertices();
+        check("handles", all.len(), handles)?;
+        // SAFETY: as for this function, and the count is the cloth's.
+        unsafe { put_all(out, "out", all.iter().map(|vertex| vertex.0)) }
+    })
+}
+
+/// Writes the guard's word on the newest frame of a model.
+///
+/// # Safety
+/// `out` may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_trust(
+    stepper: SelvedgeStepper,
+    out: *mut SelvedgeTrust,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        let Some(trust) = cloth.trust() else {
+            let text = "the physics has no guard: ask a stepper of a model for its trust";
+            return Err(Fault::argument(text));
+        };
+        // SAFETY: as for this function.
+        unsafe { put(out, "out", SelvedgeTrust::from(trust)) }
+    })
+}
+
+/// Writes what is to be known of a stepper, a line each: the warnings of its scene, what of the
+/// scene a model does not do, and what goes beyond the model's training. `text`, `room` and
+/// `needed` are those of `selvedge_scene_warnings`.
+///
+/// # Safety
+/// `text` is null or has `room` bytes; `needed` is null or may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_stepper_warnings(
+    stepper: SelvedgeStepper,
+    text: *mut c_char,
+    room: usize,
+    needed: *mut usize,
+) -> SelvedgeStatus {
+    with(stepper, |cloth| {
+        // SAFETY: as for this function.
+        unsafe { put_text(&cloth.warnings.join("\n"), text, room, needed) }
+    })
+}
+
+fn with(
+    stepper: SelvedgeStepper,
+    read: impl FnOnce(&MovingCloth) -> Result<(), Fault>,
+) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        let cloth = lock(&kept.cloth)?;
+        read(&cloth)
+    })
+}
+
+fn check(unit: &str, wanted: usize, found: usize) -> Result<(), Fault> {
+    match wanted == found {
+        true => Ok(()),
+        false => Err(Fault::count(unit, unit, wanted, found)),
+    }
+}

@@ -1,0 +1,248 @@
+//! Calls as C makes them: wrong handles, wrong counts, panics, threads.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::ptr;
+
+use glam::Vec3;
+use selvedge_cloth::{Handles, Scene, StepError, Stepper, Topology};
+use selvedge_data::open_scene;
+
+use super::*;
+use crate::process::selvedge_last_error;
+use crate::scenes::{selvedge_scene_free, selvedge_scene_open, selvedge_scene_warnings};
+
+/// A small scene that is at rest at once.
+const SMALL: &str = "name = \"small\"\nstart = \"mesh\"\nmaterial = \"gray-interlock\"\n\
+    mesh = { generator = { kind = \"square\", vertices = 25, size = 0.5, seed = 1 } }\n\
+    handles = { label = \"upper-corners\" }\nmotion = { named = \"forward\" }\n";
+
+fn words() -> String {
+    let words = unsafe { CStr::from_ptr(selvedge_last_error()) };
+    words.to_str().unwrap().to_owned()
+}
+
+fn scene() -> SelvedgeScene {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("small.toml");
+    std::fs::write(&path, SMALL).unwrap();
+    let text = std::ffi::CString::new(path.to_str().unwrap()).unwrap();
+    let mut handle = 0;
+    let status = unsafe { selvedge_scene_open(text.as_ptr(), &raw mut handle) };
+    assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+    handle
+}
+
+fn physics(scene: SelvedgeScene) -> SelvedgeStepper {
+    let mut stepper = 0;
+    let status = unsafe { selvedge_stepper_physics(scene, ptr::null(), &raw mut stepper) };
+    assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+    stepper
+}
+
+fn positions(stepper: SelvedgeStepper, vertices: usize) -> Vec<f32> {
+    let mut copied = vec![f32::NAN; 3 * vertices];
+    let status = unsafe { selvedge_copy_positions(stepper, copied.as_mut_ptr(), vertices) };
+    assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+    copied
+}
+
+/// A stepper with a defect: its second step panics.
+struct Defective {
+    scene: Scene,
+    positions: Vec<Vec3>,
+    frame: usize,
+}
+
+impl Stepper for Defective {
+    fn topology(&self) -> &Topology {
+        self.scene.mesh.topology()
+    }
+
+    fn handles(&self) -> &Handles {
+        &self.scene.handles
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    fn frame(&self) -> usize {
+        self.frame
+    }
+
+    fn step(&mut self, _: &HandleTargets) -> Result<(), StepError> {
+        self.frame += 1;
+        assert!(self.frame < 2, "frame {} is one too many", self.frame);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_panic_becomes_an_error_and_leaves_a_handle_that_can_only_be_freed() {
+    let scene = open_scene("default").unwrap().scene;
+    let positions = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
+    let defective = Defective {
+        scene: scene.clone(),
+        positions,
+        frame: 0,
+    };
+    let stepper = keep(MovingCloth::other(scene, Box::new(defective))).unwrap();
+    assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
+    assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Panic);
+    assert!(words().contains("frame 2 is one too many"), "{}", words());
+    for _ in 0..2 {
+        assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Poisoned);
+        let (mut lent, mut count) = (ptr::null(), 0);
+        let status = unsafe { selvedge_positions(stepper, &raw mut lent, &raw mut count) };
+        assert_eq!((status, count), (SelvedgeStatus::Poisoned, 0));
+    }
+    assert_eq!(selvedge_stepper_free(stepper), SelvedgeStatus::Ok);
+    assert_eq!(selvedge_stepper_free(stepper), SelvedgeStatus::Freed);
+}
+
+#[test]
+fn handles_that_were_freed_or_are_of_something_else_are_errors() {
+    let scene = scene();
+    let stepper = physics(scene);
+    assert_eq!(selvedge_step_along(scene), SelvedgeStatus::Handle);
+    assert!(words().contains("found a scene"), "{}", words());
+    assert_eq!(selvedge_scene_free(scene), SelvedgeStatus::Ok);
+    assert_eq!(selvedge_scene_free(scene), SelvedgeStatus::Freed);
+    assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
+    assert_eq!(selvedge_stepper_free(stepper), SelvedgeStatus::Ok);
+    assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Freed);
+    assert_eq!(selvedge_step_along(0), SelvedgeStatus::Handle);
+}
+
+#[test]
+fn wrong_counts_and_null_pointers_are_errors_and_move_nothing() {
+    let scene = scene();
+    let stepper = physics(scene);
+    let start = positions(stepper, 25);
+    let targets = [0.0; 9];
+    let step = |samples, handles| unsafe {
+        selvedge_step(stepper, targets.as_ptr(), samples, handles, ptr::null())
+    };
+    assert_eq!(step(1, 3), SelvedgeStatus::Count);
+    assert!(
+        words().contains("expected 2 handles, found 3"),
+        "{}",
+        words()
+    );
+    assert_eq!(step(0, 2), SelvedgeStatus::Argument);
+    assert_eq!(step(usize::MAX, 2), SelvedgeStatus::Argument);
+    let null = unsafe { selvedge_step(stepper, ptr::null(), 1, 2, ptr::null()) };
+    assert_eq!(null, SelvedgeStatus::Argument);
+    let bad = [f64::NAN; 6];
+    let status = unsafe { selvedge_step(stepper, bad.as_ptr(), 1, 2, ptr::null()) };
+    assert_eq!(status, SelvedgeStatus::Argument);
+    let mut few = [0.0_f32; 3];
+    let status = unsafe { selvedge_copy_positions(stepper, few.as_mut_ptr(), 1) };
+    assert_eq!((status, few), (SelvedgeStatus::Count, [0.0; 3]));
+    assert_eq!(positions(stepper, 25), start);
+    let status = unsafe { selvedge_stepper_physics(scene, ptr::null(), ptr::null_mut()) };
+    assert_eq!(status, SelvedgeStatus::Argument);
+    assert!(words().contains("out is null"), "{}", words());
+    selvedge_stepper_free(stepper);
+    selvedge_scene_free(scene);
+}
+
+#[test]
+fn targets_of_the_motion_move_the_cloth_as_the_motion_does() {
+    let scene = scene();
+    let (along, led) = (physics(scene), physics(scene));
+    let mut counts = unsafe { std::mem::zeroed::<SelvedgeCounts>() };
+    let status = unsafe { selvedge_stepper_counts(led, &raw mut counts) };
+    assert_eq!(status, SelvedgeStatus::Ok);
+    let (samples, handles) = (counts.samples as usize, counts.handles as usize);
+    assert!(samples > 0 && counts.vertices == 25 && handles == 2);
+    let (mut targets, mut released) = (vec![0.0; samples * handles * 3], vec![9; handles]);
+    for _ in 0..10 {
+        assert_eq!(selvedge_step_along(along), SelvedgeStatus::Ok);
+        let written = unsafe {
+            let (targets, released) = (targets.as_mut_ptr(), released.as_mut_ptr());
+            selvedge_motion_targets(led, targets, samples, handles, released)
+        };
+        assert_eq!((written, &released[..]), (SelvedgeStatus::Ok, &[0, 0][..]));
+        let (given, free) = (targets.as_ptr(), released.as_ptr());
+        let status = unsafe { selvedge_step(led, given, samples, handles, free) };
+        assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+    }
+    assert_eq!(positions(along, 25), positions(led, 25));
+    let (mut lent, mut count) = (ptr::null(), 0);
+    let status = unsafe { selvedge_positions(led, &raw mut lent, &raw mut count) };
+    assert_eq!((status, count), (SelvedgeStatus::Ok, 25));
+    let lent = unsafe { std::slice::from_raw_parts(lent, 75) };
+    assert_eq!(lent, positions(led, 25));
+    for handle in [along, led] {
+        selvedge_stepper_free(handle);
+    }
+    selvedge_scene_free(scene);
+}
+
+/// Stops at the third unit, which `context` counts.
+unsafe extern "C" fn stop_at_third(
+    context: *mut c_void,
+    _: *const c_char,
+    done: u64,
+    _: u64,
+) -> i32 {
+    unsafe { *context.cast::<u64>() = done };
+    i32::from(done >= 3)
+}
+
+#[test]
+fn a_listener_hears_of_the_rest_pose_and_stops_it() {
+    let (mut scene, mut stepper, mut heard) = (0, 7, 0_u64);
+    let name = c"default";
+    let status = unsafe { selvedge_scene_open(name.as_ptr(), &raw mut scene) };
+    assert_eq!(status, SelvedgeStatus::Ok);
+    let listener = SelvedgeListener {
+        hear: Some(stop_at_third),
+        context: (&raw mut heard).cast(),
+    };
+    let status = unsafe { selvedge_stepper_physics(scene, &raw const listener, &raw mut stepper) };
+    assert_eq!((status, stepper, heard), (SelvedgeStatus::Stopped, 0, 3));
+    let mut needed = 0;
+    let status = unsafe { selvedge_scene_warnings(scene, ptr::null_mut(), 0, &raw mut needed) };
+    assert_eq!((status, needed), (SelvedgeStatus::Ok, 1));
+    selvedge_scene_free(scene);
+}
+
+#[test]
+fn threads_step_their_own_cloths_alike_and_one_cloth_in_turn() {
+    let scene = scene();
+    let shared = physics(scene);
+    let ends: Vec<Vec<f32>> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..4)
+            .map(|_| {
+                scope.spawn(move || {
+                    let own = physics(scene);
+                    for _ in 0..20 {
+                        assert_eq!(selvedge_step_along(own), SelvedgeStatus::Ok);
+                        assert_eq!(selvedge_step_along(shared), SelvedgeStatus::Ok);
+                        positions(shared, 25);
+                    }
+                    let end = positions(own, 25);
+                    selvedge_stepper_free(own);
+                    end
+                })
+            })
+            .collect();
+        threads
+            .into_iter()
+            .map(|thread| thread.join().unwrap())
+            .collect()
+    });
+    assert!(ends.iter().all(|end| *end == ends[0]));
+    let mut counts = unsafe { std::mem::zeroed::<SelvedgeCounts>() };
+    unsafe { selvedge_stepper_counts(shared, &raw mut counts) };
+    assert_eq!(counts.frame, 80);
+    let alone = physics(scene);
+    (0..80).for_each(|_| assert_eq!(selvedge_step_along(alone), SelvedgeStatus::Ok));
+    assert_eq!(positions(alone, 25), positions(shared, 25));
+    for stepper in [alone, shared] {
+        selvedge_stepper_free(stepper);
+    }
+    selvedge_scene_free(scene);
+}

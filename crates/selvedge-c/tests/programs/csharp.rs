@@ -1,0 +1,99 @@
+//! The classes for C# and the component for Unity, compiled and run by Mono.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::common::{Desk, HEADER, SMALL, declared, read_positions};
+
+const PACKAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/unity");
+
+/// The program for the console, compiled; none where Mono is not here.
+fn compiled(desk: &Desk) -> Option<PathBuf> {
+    for name in ["mcs", "mono"] {
+        if Command::new(name).arg("--version").output().is_err() {
+            eprintln!("skipped: {name} is not here (Debian: mono-mcs mono-runtime)");
+            return None;
+        }
+    }
+    desk.write("small.toml", SMALL);
+    let program = desk.path("program.exe");
+    let mut mcs = Command::new("mcs");
+    mcs.args(["-langversion:7", "-warnaserror+"]);
+    mcs.arg(format!("-out:{}", program.display()));
+    for folder in ["Runtime", "Tests~"] {
+        mcs.args(scripts(&Path::new(PACKAGE).join(folder)));
+    }
+    desk.run(&mut mcs);
+    Some(program)
+}
+
+fn scripts(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths
+        .filter(|path| path.extension().is_some_and(|e| e == "cs"))
+        .collect()
+}
+
+fn mono(desk: &Desk, program: &Path, words: &str) -> String {
+    let mut mono = Command::new("mono");
+    desk.run(mono.arg(program).args(words.split(' ')))
+}
+
+#[test]
+fn a_program_in_csharp_prints_the_positions_of_the_command_line_to_the_bit() {
+    let desk = Desk::new();
+    let Some(program) = compiled(&desk) else {
+        return;
+    };
+    for model in ["physics", "small"] {
+        let said = mono(&desk, &program, &format!("small.toml {model} 12"));
+        let bits = said.split_whitespace();
+        let bits: Vec<u32> = bits
+            .map(|bits| u32::from_str_radix(bits, 16).unwrap())
+            .collect();
+        let wanted = read_positions(&desk.command_line(model, 12));
+        let wanted: Vec<u32> = wanted.iter().map(|number| number.to_bits()).collect();
+        assert_eq!(bits.len(), 13 * 25 * 3, "{model}");
+        assert_eq!(bits, wanted, "{model}");
+    }
+}
+
+#[test]
+fn mistakes_of_a_program_in_csharp_are_exceptions() {
+    let desk = Desk::new();
+    if let Some(program) = compiled(&desk) {
+        let said = mono(&desk, &program, "small.toml mistakes");
+        for words in [
+            "few targets: Count",
+            "after disposal: Freed",
+            "0 not as expected",
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+    }
+}
+
+#[test]
+fn the_component_leads_a_mesh_by_two_transforms() {
+    let desk = Desk::new();
+    if let Some(program) = compiled(&desk) {
+        let said = mono(&desk, &program, "small.toml component");
+        assert!(said.contains("the scene has 2, found 3"), "{said}");
+    }
+}
+
+#[test]
+fn the_package_is_of_this_version_and_declares_what_the_header_does() {
+    let read = |path: &str| std::fs::read_to_string(Path::new(PACKAGE).join(path)).unwrap();
+    let version = format!("\"version\": \"{}\"", env!("CARGO_PKG_VERSION"));
+    assert!(read("package.json").contains(&version), "{version}");
+    let native = read("Runtime/Native.cs");
+    let number = selvedge_c::process::SELVEDGE_INTERFACE;
+    assert!(native.contains(&format!("const uint Interface = {number};")));
+    let imported = native.lines().filter(|line| line.contains("static extern"));
+    let names = imported.filter_map(|line| line.split_whitespace().nth(4)?.split('(').next());
+    let mut names: Vec<&str> = names.collect();
+    names.sort_unstable();
+    assert_eq!(names, declared(&std::fs::read_to_string(HEADER).unwrap()));
+}

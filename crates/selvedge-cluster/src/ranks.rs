@@ -1,0 +1,366 @@
+//! The ranks as each of them sees them: messages by rank and tag, failures that are told to all,
+//! and counts of what went over the wires.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::error::ClusterError;
+use crate::transport::{Letter, Transport};
+
+/// A kind of message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tag(pub(crate) u32);
+
+impl Tag {
+    const FAILED: Self = Self(1);
+    const HALT: Self = Self(2);
+    pub(crate) const GATHER: Self = Self(3);
+    pub(crate) const BROADCAST: Self = Self(4);
+    pub(crate) const SUM: Self = Self(5);
+    pub(crate) const TOTAL: Self = Self(6);
+    pub(crate) const ASK: Self = Self(7);
+    const END: Self = Self(8);
+    /// Answers to the workers of a rank: the tag of the first, then one each.
+    pub(crate) const JOB: u32 = 1000;
+}
+
+/// Waiting without a pause: for answers that are on their way.
+const EAGER: Duration = Duration::from_millis(1);
+/// The shortest and the longest pause between two looks.
+const PAUSES: [Duration; 2] = [Duration::from_micros(50), Duration::from_millis(2)];
+/// Between two looks at whether the other one still lives.
+const LOOK: Duration = Duration::from_millis(20);
+/// Waiting for a rank that works on the same thing as this one.
+const PATIENCE: Duration = Duration::from_secs(1800);
+
+/// Messages that this rank sent, and the time of its talk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes sent to other ranks.
+    pub bytes: u64,
+    /// Messages sent to other ranks.
+    pub messages: u64,
+    /// Time spent in sums, gathers and broadcasts, waiting included.
+    pub time: Duration,
+}
+
+/// The ranks of a job, seen from one of them.
+#[derive(Clone)]
+pub struct Ranks {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    /// None for a rank alone.
+    transport: Option<Box<dyn Transport>>,
+    inbox: Mutex<Inbox>,
+    halted: AtomicBool,
+    bytes: AtomicU64,
+    messages: AtomicU64,
+    nanoseconds: AtomicU64,
+}
+
+#[derive(Default)]
+struct Inbox {
+    letters: VecDeque<Letter>,
+    failure: Option<ClusterError>,
+}
+
+impl Ranks {
+    /// One rank without others.
+    #[must_use]
+    pub fn alone() -> Self {
+        Self::with(None)
+    }
+
+    /// The ranks that `transport` joins.
+    #[must_use]
+    pub fn new(transport: Box<dyn Transport>) -> Self {
+        Self::with(Some(transport))
+    }
+
+    fn with(transport: Option<Box<dyn Transport>>) -> Self {
+        Self {
+            inner: Arc::new(Inner {
+                transport,
+                inbox: Mutex::default(),
+                halted: AtomicBool::new(false),
+                bytes: AtomicU64::new(0),
+                messages: AtomicU64::new(0),
+                nanoseconds: AtomicU64::new(0),
+            }),
+        }
+    }
+
+    /// This rank, from 0.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.inner.transport.as_ref().map_or(0, |t| t.rank())
+    }
+
+    /// The number of this rank, from 0, among those of its machine.
+    #[must_use]
+    pub fn local_rank(&self) -> usize {
+        self.inner.transport.as_ref().map_or(0, |t| t.local_rank())
+    }
+
+    /// The number of ranks.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.inner.transport.as_ref().map_or(1, |t| t.count())
+    }
+
+    /// Returns true for rank 0, which writes files and talks to people.
+    #[must_use]
+    pub fn is_first(&self) -> bool {
+        self.rank() == 0
+    }
+
+    /// Returns true where there are other ranks.
+    #[must_use]
+    pub fn are_several(&self) -> bool {
+        self.count() > 1
+    }
+
+    /// Messages sent so far, and the time of them.
+    #[must_use]
+    pub fn traffic(&self) -> Traffic {
+        let inner = &self.inner;
+        Traffic {
+            bytes: inner.bytes.load(Ordering::Relaxed),
+            messages: inner.messages.load(Ordering::Relaxed),
+            time: Duration::from_nanos(inner.nanoseconds.load(Ordering::Relaxed)),
+        }
+    }
+
+    /// Counts the time of `work` as that of the ranks' talk.
+    pub(crate) fn timed<T>(&self, work: impl FnOnce() -> T) -> T {
+        let started = Instant::now();
+        let answer = work();
+        let spent = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.inner.nanoseconds.fetch_add(spent, Ordering::Relaxed);
+        answer
+    }
+
+    /// Sends a message and returns at once; one to this rank itself arrives like any other.
+    ///
+    /// # Errors
+    /// When the carrier fails.
+    pub(crate) fn send(&self, to: usize, tag: Tag, bytes: Vec<u8>) -> Result<(), ClusterError> {
+        let (from, Tag(tag)) = (self.rank(), tag);
+        if to == from {
+            self.inbox().letters.push_back(Letter { from, tag, bytes });
+            return Ok(());
+        }
+        let Some(transport) = &self.inner.transport else {
+            return Ok(());
+        };
+        let length = bytes.len() as u64;
+        self.inner.bytes.fetch_add(length, Ordering::Relaxed);
+        self.inner.messages.fetch_add(1, Ordering::Relaxed);
+        transport.send(to, tag, bytes)
+    }
+
+    /// Waits for the next message of this tag from `from`.
+    ///
+    /// # Errors
+    /// A rank that failed, one that has ended, or one that is silent for half an hour.
+    pub(crate) fn receive(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
+        let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
+        let letter = self.wait(&[from], &is_it, Some(PATIENCE))?;
+        Ok(letter.bytes)
+    }
+
+    /// As [`Self::receive`], as long as it takes: for a rank that has work of its own to do.
+    pub(crate) fn receive_patiently(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
+        let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
+        Ok(self.wait(&[from], &is_it, None)?.bytes)
+    }
+
+    /// Waits for the next message of this tag from any rank, as long as it takes; `busy` are those
+    /// that must live meanwhile.
+    pub(crate) fn receive_any(&self, tag: Tag, busy: &[usize]) -> Result<Letter, ClusterError> {
+        self.wait(busy, &|letter| letter.tag == tag.0, None)
+    }
+
+    fn wait(
+        &self,
+        busy: &[usize],
+        is_it: &dyn Fn(&Letter) -> bool,
+        patience: Option<Duration>,
+    ) -> Result<Letter, ClusterError> {
+        let (started, mut looked, mut pause) = (Instant::now(), Instant::now(), PAUSES[0]);
+        loop {
+            if let Some(letter) = self.take(is_it)? {
+                return Ok(letter);
+            }
+            if looked.elapsed() > LOOK {
+                looked = Instant::now();
+                if let Some(error) = self.missing(busy) {
+                    // It may have written before it ended.
+                    return self.take(is_it)?.ok_or(error);
+                }
+            }
+            let waited = started.elapsed();
+            if let (Some(patience), Some(&rank)) = (patience, busy.first())
+                && waited > patience
+            {
+                let seconds = patience.as_secs();
+                return Err(ClusterError::Silent { rank, seconds });
+            }
+            // What this rank has sent moves on only while it looks.
+            if waited < EAGER || self.is_sending() {
+                thread::yield_now();
+            } else {
+                thread::sleep(pause);
+                pause = (pause * 5 / 4).min(PAUSES[1]);
+            }
+        }
+    }
+
+    fn is_sending(&self) -> bool {
+        let transport = self.inner.transport.as_ref();
+        transport.is_some_and(|transport| transport.is_sending())
+    }
+
+    /// Waits until what was sent has reached `to`: large messages stand still while this rank works
+    /// on something else.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    pub(crate) fn flush(&self, to: usize) -> Result<(), ClusterError> {
+        let is_none = |_: &Letter| false;
+        let started = Instant::now();
+        let mut looked = started;
+        while self.is_sending() {
+            self.take(&is_none)?;
+            if looked.elapsed() > LOOK {
+                looked = Instant::now();
+                self.missing(&[to]).map_or(Ok(()), Err)?;
+            }
+            if started.elapsed() > PATIENCE {
+                let seconds = PATIENCE.as_secs();
+                return Err(ClusterError::Silent { rank: to, seconds });
+            }
+            thread::yield_now();
+        }
+        Ok(())
+    }
+
+    /// Takes the first message that is asked for out of those that are there.
+    fn take(&self, is_it: &dyn Fn(&Letter) -> bool) -> Result<Option<Letter>, ClusterError> {
+        // Messages are taken from the carrier under the lock, or two threads could swap them.
+        let mut inbox = self.inbox();
+        self.fetch(&mut inbox)?;
+        if let Some(place) = inbox.letters.iter().position(is_it) {
+            return Ok(inbox.letters.remove(place));
+        }
+        match &inbox.failure {
+            Some(failure) => Err(failure.clone()),
+            None => Ok(None),
+        }
+    }
+
+    fn fetch(&self, inbox: &mut Inbox) -> Result<(), ClusterError> {
+        let Some(transport) = &self.inner.transport else {
+            return Ok(());
+        };
+        while let Some(letter) = transport.poll()? {
+            match Tag(letter.tag) {
+                Tag::FAILED => {
+                    let message = String::from_utf8_lossy(&letter.bytes).into_owned();
+                    let rank = letter.from;
+                    let failure = ClusterError::Failed { rank, message };
+                    inbox.failure.get_or_insert(failure);
+                    self.inner.halted.store(true, Ordering::Relaxed);
+                }
+                Tag::HALT => self.inner.halted.store(true, Ordering::Relaxed),
+                _ => inbox.letters.push_back(letter),
+            }
+        }
+        Ok(())
+    }
+
+    fn missing(&self, busy: &[usize]) -> Option<ClusterError> {
+        let transport = self.inner.transport.as_ref()?;
+        let rank = busy
+            .iter()
+            .copied()
+            .find(|rank| !transport.is_alive(*rank))?;
+        let place = transport.place(rank);
+        Some(ClusterError::Gone { rank, place })
+    }
+
+    /// Tells all other ranks that this one has failed: whoever waits for anybody ends with that.
+    pub fn fail(&self, message: &str) {
+        self.tell_others(Tag::FAILED, message.as_bytes());
+    }
+
+    /// Asks all ranks to end what they are at; see [`Self::is_halted`].
+    pub(crate) fn halt(&self) {
+        self.inner.halted.store(true, Ordering::Relaxed);
+        self.tell_others(Tag::HALT, &[]);
+    }
+
+    fn tell_others(&self, tag: Tag, bytes: &[u8]) {
+        for to in (0..self.count()).filter(|to| *to != self.rank()) {
+            // Who cannot be told is no longer there.
+            let _ = self.send(to, tag, bytes.to_vec());
+        }
+    }
+
+    /// Returns true once a rank has failed or was stopped: long work is to end.
+    #[must_use]
+    pub fn is_halted(&self) -> bool {
+        if let Ok(mut inbox) = self.inner.inbox.try_lock() {
+            // What the carrier says is said again to whoever waits.
+            let _ = self.fetch(&mut inbox);
+        }
+        self.inner.halted.load(Ordering::Relaxed)
+    }
+
+    /// Waits until rank 0 has done all that it does alone, and takes leave of the others.
+    ///
+    /// # Errors
+    /// A rank that failed meanwhile.
+    pub fn leave(&self) -> Result<(), ClusterError> {
+        if self.is_first() {
+            self.tell_others(Tag::END, &[]);
+        } else {
+            self.receive_patiently(0, Tag::END)?;
+        }
+        self.close();
+        Ok(())
+    }
+
+    /// Fails where another rank is known to have ended: before [`Self::leave`] none does.
+    ///
+    /// # Errors
+    /// [`ClusterError::Gone`], with its number.
+    pub fn check_all_there(&self) -> Result<(), ClusterError> {
+        let all: Vec<usize> = (0..self.count()).collect();
+        self.missing(&all).map_or(Ok(()), Err)
+    }
+
+    /// Takes leave of the others without waiting for them longer than a few seconds.
+    pub fn close(&self) {
+        if let Some(transport) = &self.inner.transport {
+            transport.close();
+        }
+    }
+
+    fn inbox(&self) -> MutexGuard<'_, Inbox> {
+        // A panic elsewhere does not make messages wrong.
+        let inbox = self.inner.inbox.lock();
+        inbox.unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl std::fmt::Debug for Ranks {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "rank {} of {}", self.rank(), self.count())
+    }
+}

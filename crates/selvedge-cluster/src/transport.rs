@@ -1,0 +1,53 @@
+//! The seam to what carries messages between ranks.
+
+use crate::error::ClusterError;
+
+/// A message that has arrived.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Letter {
+    /// The rank that sent it.
+    pub from: usize,
+    /// Its tag.
+    pub tag: u32,
+    /// Its contents.
+    pub bytes: Vec<u8>,
+}
+
+/// A carrier of messages. Messages of one rank to another arrive in the order in which they were
+/// sent.
+pub trait Transport: Send + Sync {
+    /// This rank, from 0.
+    fn rank(&self) -> usize;
+
+    /// The number of ranks.
+    fn count(&self) -> usize;
+
+    /// Hands over a message to another rank and returns at once.
+    ///
+    /// # Errors
+    /// When the carrier fails.
+    fn send(&self, to: usize, tag: u32, bytes: Vec<u8>) -> Result<(), ClusterError>;
+
+    /// The next message that has arrived, if there is one.
+    ///
+    /// # Errors
+    /// When the carrier fails.
+    fn poll(&self) -> Result<Option<Letter>, ClusterError>;
+
+    /// Returns true while a message that was handed over is on its way and needs this rank to call
+    /// [`Self::poll`] before it gets there.
+    fn is_sending(&self) -> bool;
+
+    /// Returns `false` where a rank is known to have ended.
+    fn is_alive(&self, rank: usize) -> bool;
+
+    /// The number of this rank, from 0, among those of its machine.
+    fn local_rank(&self) -> usize;
+
+    /// Process and machine of a rank, in words.
+    fn place(&self, rank: usize) -> String;
+
+    /// Waits until what was sent has gone, and takes leave of the other ranks. Nothing can be sent
+    /// afterwards.
+    fn close(&self);
+}

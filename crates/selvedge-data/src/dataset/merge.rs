@@ -1,0 +1,183 @@
+//! Parts of a data set made one: every part is there once, has all of its trajectories, and was
+//! made by the same plan.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use selvedge_cluster::Shard;
+
+use crate::dataset::plan::DatasetPlan;
+use crate::dataset::problem::PartsProblem;
+use crate::dataset::writer::{DatasetWriter, PARTIAL, PartialIndex};
+use crate::dataset::{Dataset, DatasetError, Entry, Split, Splits, read_checked};
+
+/// A part that was read.
+struct Part {
+    folder: PathBuf,
+    shard: Shard,
+    plan: DatasetPlan,
+    done: Splits,
+}
+
+/// All parts of a data set, checked to fit together.
+pub struct DatasetParts {
+    plan: DatasetPlan,
+    /// The trajectories and their parts' folders, in the order of the plan.
+    files: Vec<(Split, Entry, PathBuf)>,
+}
+
+/// The end of a merge.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Merged {
+    /// The data set is complete.
+    Complete(Box<Dataset>),
+    /// An end was asked for; the same merge goes on.
+    Stopped,
+}
+
+impl DatasetParts {
+    /// Opens the parts in `folders`, in any order.
+    ///
+    /// # Errors
+    /// [`DatasetError`] names the folder that is no part, does not fit the others or lacks
+    /// something, or the parts that are missing.
+    pub fn open(folders: &[PathBuf]) -> Result<Self, DatasetError> {
+        let mut parts: BTreeMap<usize, Part> = BTreeMap::new();
+        for folder in folders {
+            let part = Part::open(folder)?;
+            if let Some(first) = parts.values().next() {
+                part.check_fits(first)?;
+            }
+            part.check_complete()?;
+            if let Some(twice) = parts.get(&part.shard.number()) {
+                return Err(PartsProblem::Twice {
+                    first: twice.folder.clone(),
+                    second: part.folder,
+                    part: part.shard.to_string(),
+                }
+                .into());
+            }
+            parts.insert(part.shard.number(), part);
+        }
+        let first = parts.values().next().ok_or(PartsProblem::None)?;
+        let (count, plan) = (first.shard.count(), first.plan.clone());
+        let missing = (1..=count).filter(|number| !parts.contains_key(number));
+        let missing: Vec<String> = missing.map(|number| format!("{number}/{count}")).collect();
+        if !missing.is_empty() {
+            return Err(PartsProblem::Missing { missing }.into());
+        }
+        let files = plan.of_part(None).into_iter().enumerate();
+        let files = files.filter_map(|(number, (split, motion))| {
+            let part = parts.get(&(number % count + 1))?;
+            let entry = part.entry(split, motion)?;
+            Some((split, entry.clone(), part.folder.clone()))
+        });
+        let files = files.collect();
+        Ok(Self { plan, files })
+    }
+
+    /// Name of the data set.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.plan.name
+    }
+
+    /// Number of trajectories.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.files.len()
+    }
+
+    /// Returns true for a data set without trajectories.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.files.is_empty()
+    }
+
+    /// Writes the whole into `folder`, or goes on with it; `observe` hears of every trajectory and
+    /// may break. The parts stay as they are.
+    ///
+    /// # Errors
+    /// A file of a part that has changed, a folder that holds something else, two trajectories that
+    /// are the same, or a failure to write.
+    pub fn merge(
+        &self,
+        folder: &Path,
+        observe: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Merged, DatasetError> {
+        let mut writer = DatasetWriter::open(folder, self.plan.clone())?;
+        for (split, entry, from) in &self.files {
+            if writer.written(*split, &entry.motion).is_none() {
+                let bytes = read_checked(&from.join(&entry.file), entry)?;
+                writer.add_file(*split, &entry.motion, &bytes)?;
+            }
+            if observe().is_break() {
+                return Ok(Merged::Stopped);
+            }
+        }
+        Ok(Merged::Complete(Box::new(writer.finish()?)))
+    }
+}
+
+impl Part {
+    fn open(folder: &Path) -> Result<Self, DatasetError> {
+        let no_part = || PartsProblem::NoPart {
+            folder: folder.to_owned(),
+        };
+        let path = folder.join(PARTIAL);
+        if !path.is_file() {
+            return Err(no_part().into());
+        }
+        let index = PartialIndex::read(&path)?;
+        let shard = index.part.and_then(|part| part.parse().ok());
+        Ok(Self {
+            folder: folder.to_owned(),
+            shard: shard.ok_or_else(no_part)?,
+            plan: index.plan,
+            done: index.done,
+        })
+    }
+
+    fn check_fits(&self, first: &Self) -> Result<(), PartsProblem> {
+        let (folder, first_folder) = (self.folder.clone(), first.folder.clone());
+        if let Some(difference) = first.plan.difference_of_plan(&self.plan) {
+            return Err(PartsProblem::OtherPlan {
+                folder,
+                first: first_folder,
+                difference,
+            });
+        }
+        if self.shard.count() != first.shard.count() {
+            return Err(PartsProblem::OtherCount {
+                folder,
+                part: self.shard.to_string(),
+                first: first_folder,
+                other: first.shard.to_string(),
+            });
+        }
+        Ok(())
+    }
+
+    fn check_complete(&self) -> Result<(), PartsProblem> {
+        let own = self.plan.of_part(Some(self.shard)).into_iter();
+        let missing = own.filter(|(split, motion)| self.entry(*split, motion).is_none());
+        let missing: Vec<String> = missing.map(|(_, motion)| motion.to_owned()).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        Err(PartsProblem::Incomplete {
+            folder: self.folder.clone(),
+            part: self.shard.to_string(),
+            missing,
+        })
+    }
+
+    fn entry(&self, split: Split, motion: &str) -> Option<&Entry> {
+        let entries = match split {
+            Split::Train => &self.done.train,
+            Split::Test => &self.done.test,
+        };
+        entries.iter().find(|entry| entry.motion == motion)
+    }
+}

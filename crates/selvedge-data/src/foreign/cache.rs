@@ -1,0 +1,436 @@
+//! Caches of other programs, a file per trajectory: .abc, .usda, .usdc, .usdz and .glb have the
+//! mesh and its points over time; .pc2, .mdd and .npz have the points, and the mesh is the .obj of
+//! the same name beside them.
+//!
+//! A file has one cloth: its only mesh, or the one called `sheet`, as our exports call it. Faces
+//! are cut into triangles as they are in the first frame. Texture coordinates are the material
+//! coordinates `[m]`, one per vertex. Frames are taken at the rate that is asked for, linearly
+//! between those of the file.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DVec2, DVec3};
+use serde_json::{Value, json};
+
+use super::assemble::{Parts, Weight, hanging};
+use super::error::{ForeignError, ForeignProblem};
+use super::options::{ForeignFormat, ImportOptions, RestSource, describe_file, positive};
+use crate::UpAxis;
+use crate::formats::input::read_file;
+use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
+use crate::formats::polygons::{Polygons, triangles_in_space};
+use crate::obstacle::moving_points;
+use crate::rig::RigFormat;
+use crate::rig::mesh::polygons;
+
+/// Endings of caches that are read.
+const WITH_MESH: [&str; 6] = ["abc", "usda", "usdc", "usdz", "usd", "glb"];
+const POINTS_ONLY: [&str; 3] = ["pc2", "mdd", "npz"];
+
+/// The cloth among several meshes.
+const SHEET: &str = "sheet";
+
+/// Largest difference of texture coordinates of a vertex that are taken for one `[m]`.
+const SAME: f64 = 1e-6;
+
+/// Reader of caches.
+#[derive(Clone, Debug)]
+pub(super) struct Caches {
+    density: f64,
+    pub(super) frame_rate: f64,
+    handles: Vec<u32>,
+    rest: RestSource,
+    flat: Option<PathBuf>,
+    up: UpAxis,
+}
+
+fn ending_of(path: &Path) -> &str {
+    path.extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default()
+}
+
+fn at(path: &Path, problem: ForeignProblem) -> ForeignError {
+    ForeignError {
+        path: path.to_owned(),
+        problem,
+    }
+}
+
+/// True for a file that is a cache.
+pub(super) fn is_cache(path: &Path) -> bool {
+    let ending = ending_of(path);
+    WITH_MESH.contains(&ending) || POINTS_ONLY.contains(&ending)
+}
+
+impl Caches {
+    pub(super) fn new(options: &ImportOptions) -> Result<Self, ForeignProblem> {
+        let missing = |what, option, hint| ForeignProblem::Missing { what, option, hint };
+        Ok(Self {
+            density: positive(options.density, "--density")?.ok_or(missing(
+                "what the cloth weighs",
+                "--density",
+                "in kg/m², as 0.15",
+            ))?,
+            frame_rate: positive(options.frame_rate, "--frame-rate")?.ok_or(missing(
+                "how many frames per second to take",
+                "--frame-rate",
+                "as 60",
+            ))?,
+            handles: options.handles.clone().ok_or(missing(
+                "which vertices are held",
+                "--handles",
+                "numbers from 0, as 0,30",
+            ))?,
+            rest: options.rest.clone().unwrap_or(RestSource::FirstFrame),
+            flat: options.flat.clone(),
+            up: options.up.unwrap_or(UpAxis::Y),
+        })
+    }
+
+    /// The resolved options.
+    pub(super) fn describe(&self) -> Result<Value, ForeignError> {
+        let mut import = json!({
+            "format": ForeignFormat::Cache,
+            "density": self.density,
+            "frame_rate": self.frame_rate,
+            "handles": self.handles,
+            "rest": self.rest.describe()?,
+            "up": self.up,
+        });
+        if let Some(flat) = &self.flat {
+            import["flat"] = describe_file(flat)?;
+        }
+        Ok(import)
+    }
+
+    /// The parts of the trajectory in a file.
+    pub(super) fn read(&self, path: &Path) -> Result<Parts, ForeignError> {
+        let layout = |problem: String| at(path, ForeignProblem::Layout(problem));
+        let bytes = read_file(path).map_err(|e| at(path, ForeignProblem::Read(e)))?;
+        let format = RigFormat::of(ending_of(path));
+        let mesh = mesh_of(path, &bytes, format)?;
+        let name = path.to_string_lossy();
+        let (rate, frames) = moving_points(&name, &bytes, self.frame_rate).map_err(layout)?;
+        let points = mesh.positions.len();
+        if let Some(found) = frames.iter().map(Vec::len).find(|&found| found != points) {
+            return Err(layout(format!(
+                "has frames of {found} points, and a mesh of {points}"
+            )));
+        }
+        let span = cloth_of(&mesh).map_err(layout)?;
+        // USD and glTF say which axis is up.
+        let up = match format {
+            Some(RigFormat::Usd | RigFormat::Glb) => UpAxis::Y,
+            _ => self.up,
+        };
+        let own = |frame: &Vec<DVec3>| {
+            let own = frame[span[0]..span[1]].iter();
+            own.map(|&p| up.to_ours(p)).collect()
+        };
+        let frames = at_rate(&frames, rate, self.frame_rate);
+        let frames: Vec<Vec<DVec3>> = frames.iter().map(own).collect();
+        let faces = triangles(&mesh, span).map_err(layout)?;
+        let material = self
+            .material(&mesh, span)
+            .map_err(|problem| at(path, problem))?;
+        Ok(Parts {
+            format: ForeignFormat::Cache,
+            faces,
+            rest: self.rest(path, &material, &frames)?,
+            material,
+            positions: frames.concat(),
+            handles: self.handles.clone(),
+            weight: Weight::Density(self.density),
+            frame_rate: self.frame_rate,
+        })
+    }
+
+    /// The rest pose of the cloth in the file at `path`.
+    fn rest(
+        &self,
+        path: &Path,
+        material: &[DVec2],
+        frames: &[Vec<DVec3>],
+    ) -> Result<Vec<DVec3>, ForeignError> {
+        let rest = match &self.rest {
+            RestSource::Flat => hanging(material),
+            RestSource::FirstFrame => frames.first().cloned().unwrap_or_default(),
+            RestSource::Obj(file) => {
+                read_obj_positions(file).map_err(|e| at(file, ForeignProblem::Obj(e)))?
+            }
+        };
+        if rest.len() == material.len() {
+            return Ok(rest);
+        }
+        let problem = ForeignProblem::Count {
+            what: "the rest pose".to_owned(),
+            unit: "vertices",
+            expected: material.len(),
+            found: rest.len(),
+        };
+        Err(at(path, problem))
+    }
+
+    /// Material coordinates of the cloth: of the flat mesh, or the texture coordinates.
+    fn material(&self, mesh: &Polygons, span: [usize; 2]) -> Result<Vec<DVec2>, ForeignProblem> {
+        let [start, end] = span;
+        if let Some(flat) = &self.flat {
+            let material = read_obj(flat)?.mesh.material_coordinates().to_vec();
+            if material.len() == end - start {
+                return Ok(material);
+            }
+            return Err(ForeignProblem::Count {
+                what: "the flat mesh".to_owned(),
+                unit: "vertices",
+                expected: end - start,
+                found: material.len(),
+            });
+        }
+        let layout = |problem: String| Err(ForeignProblem::Layout(problem));
+        let mut material: Vec<Option<DVec2>> = vec![None; end - start];
+        for corner in mesh.polygons.iter().flat_map(|polygon| &polygon.corners) {
+            let Some(own) = (corner.vertex as usize).checked_sub(start) else {
+                continue;
+            };
+            let (Some(known), Some(texture)) = (material.get_mut(own), corner.texture) else {
+                continue;
+            };
+            let found = mesh.texture[texture];
+            if known.is_some_and(|known| known.distance(found) > SAME) {
+                return layout(format!(
+                    "has a seam at vertex {own}, where it has two texture coordinates: name a flat mesh of the same vertices (--flat)"
+                ));
+            }
+            *known = Some(found);
+        }
+        match material.into_iter().collect::<Option<Vec<DVec2>>>() {
+            Some(material) => Ok(material),
+            None => layout(
+                "has no texture coordinates, which are the flat, unstrained cloth in metres: name a flat mesh of the same vertices (--flat)"
+                    .to_owned(),
+            ),
+        }
+    }
+}
+
+/// The meshes of a file, or of the .obj beside it.
+fn mesh_of(path: &Path, bytes: &[u8], format: Option<RigFormat>) -> Result<Polygons, ForeignError> {
+    let layout = |path: &Path, problem: String| at(path, ForeignProblem::Layout(problem));
+    if let Some(format) = format {
+        return polygons(bytes, format).map_err(|e| layout(path, e.to_string()));
+    }
+    let beside = path.with_extension("obj");
+    let text = read_file(&beside).map_err(|e| at(&beside, ForeignProblem::Read(e)))?;
+    parse_obj_polygons(&text).map_err(|e| layout(&beside, e.to_string()))
+}
+
+/// The vertices of the cloth, from one to before another.
+fn cloth_of(mesh: &Polygons) -> Result<[usize; 2], String> {
+    if mesh.parts.len() <= 1 {
+        return Ok([0, mesh.positions.len()]);
+    }
+    let sheet = mesh.labels.get(SHEET).and_then(|vertices| {
+        let (first, last) = (*vertices.first()? as usize, *vertices.last()? as usize);
+        (last + 1 - first == vertices.len()).then_some([first, last + 1])
+    });
+    sheet.ok_or_else(|| {
+        let names: Vec<&str> = mesh.labels.keys().map(String::as_str).take(20).collect();
+        format!(
+            "has {} meshes, [{}]: leave only the cloth, or call it {SHEET}",
+            mesh.parts.len(),
+            names.join(", ")
+        )
+    })
+}
+
+/// The faces of the cloth as triangles, by its own vertices.
+fn triangles(mesh: &Polygons, span: [usize; 2]) -> Result<Vec<[u32; 3]>, String> {
+    let [start, end] = span;
+    let mut faces = Vec::new();
+    for (number, polygon) in mesh.polygons.iter().enumerate() {
+        let corners: Vec<usize> = polygon.corners.iter().map(|c| c.vertex as usize).collect();
+        if let Some(beyond) = corners.iter().find(|&&c| c >= mesh.positions.len()) {
+            return Err(format!(
+                "face {number} names vertex {beyond}, which is not there"
+            ));
+        }
+        if !corners.iter().all(|corner| (start..end).contains(corner)) {
+            continue;
+        }
+        let places: Vec<DVec3> = corners.iter().map(|&c| mesh.positions[c]).collect();
+        let cut = triangles_in_space(&places).ok_or_else(|| {
+            format!("face {number} crosses itself or has no area: cut it into triangles")
+        })?;
+        let own = |k: usize| (corners[k] - start) as u32;
+        faces.extend(cut.into_iter().map(|triangle| triangle.map(own)));
+    }
+    Ok(faces)
+}
+
+/// Frames at another rate, linearly between those that there are, from the first to the last.
+fn at_rate(frames: &[Vec<DVec3>], from: f64, to: f64) -> Vec<Vec<DVec3>> {
+    // Rates of files in single precision.
+    if (from / to - 1.0).abs() < 1e-4 || frames.is_empty() {
+        return frames.to_vec();
+    }
+    let last = frames.len() - 1;
+    let count = (last as f64 / from * to + 1e-6).floor() as usize;
+    let frame = |number: usize| {
+        let place = number as f64 / to * from;
+        let before = (place.floor() as usize).min(last);
+        let after = (before + 1).min(last);
+        let part = place - before as f64;
+        let pairs = frames[before].iter().zip(&frames[after]);
+        pairs.map(|(a, b)| a.lerp(*b, part)).collect()
+    };
+    (0..=count).map(frame).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use glam::{Vec2, Vec3};
+    use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+
+    use super::*;
+    use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+    use crate::foreign::ForeignSource;
+    use crate::trajectory::{Provenance, Trajectory};
+
+    /// A square of two triangles that falls and bends.
+    fn trajectory() -> Trajectory {
+        let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        let at = |frame: usize| {
+            let t = frame as f32;
+            flat.map(|c| Vec3::new(0.05 * t * c.x, c.y - 0.01 * t * t, c.x))
+        };
+        let arrays = ClothArrays {
+            rest_positions: at(0).to_vec(),
+            material_coordinates: flat.to_vec(),
+            vertex_mass: vec![0.1; 4],
+            face_area: vec![0.5; 2],
+        };
+        let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+        let cloth = Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap();
+        let provenance = Provenance {
+            frame_rate: 30.0,
+            scene: Value::Null,
+            made_by: "tests".to_owned(),
+        };
+        Trajectory::new(cloth, (0..5).flat_map(at).collect(), provenance).unwrap()
+    }
+
+    fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let options = ExportOptions {
+            format,
+            frames: FrameSpan::default(),
+            up: UpAxis::Y,
+            normals: Normals::LeftOut,
+            velocities: Velocities::LeftOut,
+        };
+        let path = folder.path().join(format!("a.{ending}"));
+        export(&trajectory(), &path, &options, &mut || {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        folder
+    }
+
+    fn options(rate: f64) -> ImportOptions {
+        ImportOptions {
+            density: Some(0.2),
+            frame_rate: Some(rate),
+            handles: Some(vec![3, 2]),
+            ..ImportOptions::default()
+        }
+    }
+
+    fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
+        let source = ForeignSource::open(ForeignFormat::Cache, folder, &options(rate))?;
+        source.read(&source.runs()[0])
+    }
+
+    #[test]
+    fn every_cache_that_is_written_can_be_learned_from() {
+        let expected = trajectory();
+        for (format, ending) in [
+            (ExportFormat::Abc, "abc"),
+            (ExportFormat::Usda, "usda"),
+            (ExportFormat::Usdc, "usdc"),
+            (ExportFormat::Usdz, "usdz"),
+            (ExportFormat::Glb, "glb"),
+            (ExportFormat::Pc2, "pc2"),
+            (ExportFormat::Mdd, "mdd"),
+        ] {
+            let folder = exported(format, ending);
+            let read = import(folder.path(), 30.0).unwrap();
+            assert_eq!(read.frame_count(), 5, "{ending}");
+            assert_eq!(read.frame_rate(), 30.0);
+            for (a, b) in read.positions().iter().zip(expected.positions()) {
+                assert!(a.distance(*b) < 1e-6, "{ending}: {a} {b}");
+            }
+            assert_eq!(
+                read.topology().faces(),
+                expected.topology().faces(),
+                "{ending}"
+            );
+            assert_eq!(read.handles().vertices(), expected.handles().vertices());
+            let mass: f32 = read.cloth().vertex_mass().iter().sum();
+            assert!((mass - 0.2).abs() < 1e-6, "{ending}: {mass} kg");
+        }
+    }
+
+    #[test]
+    fn frames_are_taken_at_the_rate_that_is_asked_for() {
+        for (format, ending) in [(ExportFormat::Mdd, "mdd"), (ExportFormat::Abc, "abc")] {
+            let folder = exported(format, ending);
+            let twice = import(folder.path(), 60.0).unwrap();
+            assert_eq!(twice.frame_count(), 9, "{ending}");
+            for vertex in 0..4 {
+                let [a, b] = [0, 1].map(|frame| trajectory().frame(frame)[vertex]);
+                assert!(
+                    twice.frame(1)[vertex].distance(a.midpoint(b)) < 1e-5,
+                    "{ending}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let folder = exported(ExportFormat::Mdd, "mdd");
+        std::fs::remove_file(folder.path().join("a.obj")).unwrap();
+        let error = import(folder.path(), 30.0).unwrap_err().to_string();
+        assert!(error.contains("a.obj"), "{error}");
+        for (options, word) in [
+            (ImportOptions::default(), "--density"),
+            (
+                ImportOptions {
+                    frame_rate: None,
+                    ..options(1.0)
+                },
+                "--frame-rate",
+            ),
+            (
+                ImportOptions {
+                    handles: None,
+                    ..options(1.0)
+                },
+                "--handles",
+            ),
+        ] {
+            let error = ForeignSource::open(ForeignFormat::Cache, folder.path(), &options);
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+        let empty = tempfile::tempdir().unwrap();
+        let error = import(empty.path(), 30.0).unwrap_err().to_string();
+        assert!(error.contains("no cache"), "{error}");
+        std::fs::write(empty.path().join("a.fbx"), "").unwrap();
+        let error = import(empty.path(), 30.0).unwrap_err().to_string();
+        assert!(error.contains("a.fbx"), "{error}");
+    }
+}

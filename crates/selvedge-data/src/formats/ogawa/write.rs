@@ -1,0 +1,59 @@
+//! Writing of an Ogawa container: children before their group, the root last.
+
+use std::io::{self, Seek, SeekFrom, Write};
+
+use super::{DATA, MAGIC, NO_DATA, NO_GROUP};
+
+/// A container under way.
+pub(crate) struct OgawaOut<'a, W> {
+    out: &'a mut W,
+    at: u64,
+}
+
+impl<'a, W: Write + Seek> OgawaOut<'a, W> {
+    /// Begins a container in an empty file.
+    ///
+    /// # Errors
+    /// Those of writing, as all of its functions.
+    pub(crate) fn new(out: &'a mut W) -> io::Result<Self> {
+        out.write_all(MAGIC)?;
+        out.write_all(&[0; 8])?;
+        Ok(Self { out, at: 16 })
+    }
+
+    /// Writes the bytes of all `parts` as one piece of data; returns what a group has of it.
+    pub(crate) fn data(&mut self, parts: &[&[u8]]) -> io::Result<u64> {
+        let length: usize = parts.iter().map(|part| part.len()).sum();
+        if length == 0 {
+            return Ok(NO_DATA);
+        }
+        let place = self.at;
+        self.out.write_all(&(length as u64).to_le_bytes())?;
+        for part in parts {
+            self.out.write_all(part)?;
+        }
+        self.at += 8 + length as u64;
+        Ok(place | DATA)
+    }
+
+    /// Writes a group; returns what the group above has of it.
+    pub(crate) fn group(&mut self, children: &[u64]) -> io::Result<u64> {
+        if children.is_empty() {
+            return Ok(NO_GROUP);
+        }
+        let place = self.at;
+        self.out.write_all(&(children.len() as u64).to_le_bytes())?;
+        for child in children {
+            self.out.write_all(&child.to_le_bytes())?;
+        }
+        self.at += 8 + 8 * children.len() as u64;
+        Ok(place)
+    }
+
+    /// Ends the container; `root` is its first group.
+    pub(crate) fn finish(self, root: u64) -> io::Result<()> {
+        self.out.seek(SeekFrom::Start(MAGIC.len() as u64))?;
+        self.out.write_all(&root.to_le_bytes())?;
+        self.out.seek(SeekFrom::End(0)).map(drop)
+    }
+}

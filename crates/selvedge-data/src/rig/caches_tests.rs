@@ -1,0 +1,243 @@
+//! Caches of other programs: what Blender wrote of a scene that is known, what we write, and
+//! damage.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+
+use super::*;
+use crate::UpAxis;
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+use crate::trajectory::{Provenance, Trajectory};
+
+/// A grid of two quads that rises by a metre in three frames of 1/24 s while the node that it hangs
+/// in moves by (1, 2, 3), all in Blender's axes; exported by Blender 5.0.1.
+const BLENDER_ABC: &[u8] = include_bytes!("../../tests/fixtures/caches/blender.abc");
+
+/// The same as binary USD.
+const BLENDER_USDC: &[u8] = include_bytes!("../../tests/fixtures/caches/blender.usdc");
+
+fn check_blender(bytes: &[u8], format: RigFormat) {
+    let body = read_body(bytes, format, None, false).unwrap();
+    let [first, last] = body.span().unwrap();
+    assert!((last - first - 3.0 / 24.0).abs() < 1e-9, "{first} {last}");
+    let frames = body.frames(24.0, 0.0).unwrap();
+    assert_eq!(frames.len(), 4);
+    let flat = [-0.5, 0.5].map(|z| [-0.5, 0.0, 0.5].map(|x| DVec3::new(x, 0.0, z)));
+    for (number, shift) in [(0, DVec3::ZERO), (3, DVec3::new(1.0, 4.0, -2.0))] {
+        for expected in flat.as_flattened() {
+            let nearest = frames[number].iter().map(|p| p.distance(expected + shift));
+            assert!(nearest.fold(1.0, f64::min) < 1e-6, "{expected} in {number}");
+        }
+    }
+    // Seen from above, faces go counter-clockwise.
+    for face in body.faces().unwrap() {
+        let at = |corner: usize| frames[0][face[corner] as usize];
+        assert!((at(1) - at(0)).cross(at(2) - at(0)).y > 0.0);
+    }
+    let polygons = mesh::polygons(bytes, format).unwrap();
+    assert_eq!((polygons.positions.len(), polygons.polygons.len()), (6, 2));
+    // The grid's texture coordinates are its place in the unit square.
+    for corner in polygons
+        .polygons
+        .iter()
+        .flat_map(|polygon| &polygon.corners)
+    {
+        let place = polygons.positions[corner.vertex as usize];
+        let expected = DVec2::new(place.x + 0.5, 0.5 - place.z);
+        let found = polygons.texture[corner.texture.unwrap()];
+        assert!(found.distance(expected) < 1e-6, "{place}: {found}");
+    }
+}
+
+#[test]
+fn an_archive_of_blender_is_read() {
+    check_blender(BLENDER_ABC, RigFormat::Alembic);
+    let rig = abc::parse(BLENDER_ABC).unwrap();
+    let hand = rig.find("hand").unwrap();
+    let place = |time| rig.placement(hand, time).transform_point3(DVec3::ZERO);
+    assert!(place(0.0).length() < 1e-6);
+    assert!(place(3.0 / 24.0).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
+}
+
+/// A square of two triangles, sewn or not, that moves and bends.
+fn trajectory() -> Trajectory {
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let at = |frame: usize| {
+        let t = frame as f32;
+        flat.map(|c| Vec3::new(c.x + 0.1 * t, c.y * (1.0 - 0.01 * t), 0.05 * t * t * c.x))
+    };
+    let arrays = ClothArrays {
+        rest_positions: at(0).to_vec(),
+        material_coordinates: flat.to_vec(),
+        vertex_mass: vec![0.1; 4],
+        face_area: vec![0.5; 2],
+    };
+    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+    let cloth = Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap();
+    let provenance = Provenance {
+        frame_rate: 60.0,
+        scene: serde_json::Value::Null,
+        made_by: "tests; of = caches".to_owned(),
+    };
+    Trajectory::new(cloth, (0..5).flat_map(at).collect(), provenance).unwrap()
+}
+
+fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a");
+    let options = ExportOptions {
+        format,
+        frames: FrameSpan {
+            every: 2,
+            ..frames.parse().unwrap()
+        },
+        up,
+        normals: Normals::Written,
+        velocities: Velocities::Written,
+    };
+    let mut observe = || ControlFlow::Continue(());
+    export(&trajectory(), Path::new(&path), &options, &mut observe).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+fn check_ours(format: ExportFormat, rig_format: RigFormat, up: UpAxis) {
+    let trajectory = trajectory();
+    let bytes = exported(format, up, "0..4");
+    let ours = |p: DVec3| match rig_format {
+        RigFormat::Alembic => up.to_ours(p),
+        _ => p,
+    };
+    let body = read_body(&bytes, rig_format, None, false).unwrap();
+    let frames = body.frames(30.0, 0.0).unwrap();
+    assert_eq!(frames.len(), 3);
+    for (number, points) in frames.iter().enumerate() {
+        let expected = trajectory.frame(2 * number);
+        assert!(
+            points
+                .iter()
+                .zip(expected)
+                .all(|(p, e)| ours(*p).distance(e.as_dvec3()) < 1e-12)
+        );
+    }
+    assert_eq!(body.faces().unwrap(), [[0, 1, 2], [0, 2, 3]]);
+    let polygons = mesh::polygons(&bytes, rig_format).unwrap();
+    for corner in polygons
+        .polygons
+        .iter()
+        .flat_map(|polygon| &polygon.corners)
+    {
+        let expected = trajectory.cloth().pattern().points()[corner.vertex as usize];
+        assert_eq!(
+            polygons.texture[corner.texture.unwrap()],
+            expected.as_dvec2()
+        );
+    }
+    for cut in (0..bytes.len()).step_by(7) {
+        let cut = &bytes[..cut];
+        assert!(read_body(cut, rig_format, None, false).is_err());
+    }
+}
+
+#[test]
+fn our_archives_come_back() {
+    check_ours(ExportFormat::Abc, RigFormat::Alembic, UpAxis::Y);
+    check_ours(ExportFormat::Abc, RigFormat::Alembic, UpAxis::Z);
+    let rig = abc::parse(&exported(ExportFormat::Abc, UpAxis::Y, "0..4")).unwrap();
+    let node = rig.find("handle_1").unwrap();
+    for frame in [0, 2, 4] {
+        let found = rig
+            .placement(node, frame as f64 / 60.0)
+            .transform_point3(DVec3::ZERO);
+        assert_eq!(found, trajectory().frame(frame)[2].as_dvec3());
+    }
+    // One frame does not move.
+    let one = exported(ExportFormat::Abc, UpAxis::Y, "3");
+    let body = read_body(&one, RigFormat::Alembic, None, false).unwrap();
+    assert_eq!(body.span(), None);
+    assert_eq!(body.positions(9.0)[0], trajectory().frame(3)[0].as_dvec3());
+}
+
+/// Reads `bytes` with every byte changed in some ways: no panic.
+fn damage(bytes: &[u8], format: RigFormat) {
+    for at in 0..bytes.len() {
+        for value in [0, 1, 0x7f, 0x80, 0xff, bytes[at] ^ 4] {
+            let mut spoilt = bytes.to_vec();
+            spoilt[at] = value;
+            if let Ok(body) = read_body(&spoilt, format, None, false) {
+                let _ = (body.faces(), body.frames(24.0, 0.0).map(|f| f.len()));
+            }
+            let _ = mesh::polygons(&spoilt, format);
+        }
+    }
+}
+
+#[test]
+fn binary_usd_of_blender_is_read() {
+    check_blender(BLENDER_USDC, RigFormat::Usd);
+    let rig = usda::parse(BLENDER_USDC).unwrap();
+    let hand = rig.find("hand").unwrap();
+    let [first, last] = rig.span(hand).unwrap();
+    let place = |time| rig.placement(hand, time).transform_point3(DVec3::ZERO);
+    assert!(place(first).length() < 1e-6);
+    assert!(place(last).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
+}
+
+#[test]
+fn our_binary_usd_comes_back_as_our_text() {
+    for up in [UpAxis::Y, UpAxis::Z] {
+        let text = exported(ExportFormat::Usda, up, "0..4");
+        for format in [ExportFormat::Usdc, ExportFormat::Usdz] {
+            check_ours(format, RigFormat::Usd, up);
+            let bytes = exported(format, up, "0..4");
+            let [binary, text] = [&bytes, &text].map(|bytes| usda::parse(bytes).unwrap());
+            assert_eq!(binary.nodes.len(), text.nodes.len());
+            for node in ["sheet", "handle_0", "handle_1"] {
+                let [ours, theirs] = [&binary, &text].map(|rig| rig.find(node).unwrap());
+                assert_eq!(binary.span(ours), text.span(theirs));
+                for time in [0.0, 0.01, 4.0 / 60.0] {
+                    let apart = binary.placement(ours, time) - text.placement(theirs, time);
+                    // Text has the shortest decimals of single precision.
+                    assert!(
+                        apart.to_cols_array().iter().all(|x| x.abs() < 1e-7),
+                        "{node}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn archives_of_usd_that_are_packed_or_old_are_refused() {
+    let mut packed = exported(ExportFormat::Usdz, UpAxis::Y, "0..4");
+    packed[8] = 8;
+    let text = usda::parse(&packed).unwrap_err().to_string();
+    assert!(text.contains("packed or encrypted"), "{text}");
+    let mut old = exported(ExportFormat::Usdc, UpAxis::Y, "0..4");
+    old[9] = 3;
+    let text = usda::parse(&old).unwrap_err().to_string();
+    assert!(text.contains("0.3") && text.contains("usdcat"), "{text}");
+}
+
+#[test]
+fn damaged_binary_usd_is_an_error_or_another_stage() {
+    damage(BLENDER_USDC, RigFormat::Usd);
+    damage(
+        &exported(ExportFormat::Usdc, UpAxis::Y, "0..4"),
+        RigFormat::Usd,
+    );
+}
+
+#[test]
+fn damaged_archives_are_errors_or_other_meshes() {
+    damage(BLENDER_ABC, RigFormat::Alembic);
+    damage(
+        &exported(ExportFormat::Abc, UpAxis::Y, "0..4"),
+        RigFormat::Alembic,
+    );
+    let text = read_body(b"\x89HDF\r\n\x1a\n", RigFormat::Alembic, None, true).unwrap_err();
+    assert!(text.to_string().contains("abcconvert"), "{text}");
+}

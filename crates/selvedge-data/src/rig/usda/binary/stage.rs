@@ -1,0 +1,233 @@
+//! From the specs of a crate to prims: the same as text gives.
+
+use super::super::meshes;
+use super::super::operations::{Attribute, Samples};
+use super::super::prim::{Prim, Stage};
+use super::tables::{ATTRIBUTE, PRIM, PSEUDO_ROOT, Spec, Tables, VARIANT_SET};
+use super::values::{Rep, Values};
+
+/// The prims of a crate, with the arrays of meshes where they are wanted, and its stage.
+pub(in super::super) fn read(
+    bytes: &[u8],
+    keeps_arrays: bool,
+) -> Result<(Vec<Prim>, Stage), String> {
+    let tables = Tables::read(bytes)?;
+    let values = Values::new(bytes, tables.version);
+    let mut reader = Reader {
+        numbers: vec![None; tables.paths.len()],
+        tables: &tables,
+        values,
+        prims: Vec::new(),
+        keeps_arrays,
+    };
+    let mut specs = tables.specs.clone();
+    if specs.iter().any(|spec| spec.path >= tables.paths.len()) {
+        return Err("has a spec without a path: it was changed".to_owned());
+    }
+    // What is above comes before what is in it.
+    specs.sort_by_key(|spec| tables.paths[spec.path].order);
+    let mut stage = Stage::default();
+    for spec in specs {
+        match spec.kind {
+            PSEUDO_ROOT => stage = reader.stage(spec)?,
+            PRIM => reader.prim(spec)?,
+            ATTRIBUTE => reader.attribute(spec)?,
+            kind if kind >= VARIANT_SET - 1 => {
+                let problem = "it has variants, which are not followed here: flatten the stage";
+                if let Some(prim) = reader.above(spec) {
+                    prim.obstacle.get_or_insert(problem.to_owned());
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok((reader.prims, stage))
+}
+
+struct Reader<'a> {
+    tables: &'a Tables,
+    values: Values<'a>,
+    /// Number of the prim at each path.
+    numbers: Vec<Option<usize>>,
+    prims: Vec<Prim>,
+    keeps_arrays: bool,
+}
+
+impl Reader<'_> {
+    /// The prim above a spec.
+    fn above(&mut self, spec: Spec) -> Option<&mut Prim> {
+        let above = self.tables.paths[spec.path].above?;
+        let number = self.numbers[above]?;
+        self.prims.get_mut(number)
+    }
+
+    fn token(&self, rep: Rep) -> &str {
+        let token = self.tables.tokens.get(rep.low() as usize);
+        token.map(String::as_str).unwrap_or_default()
+    }
+
+    fn stage(&self, spec: Spec) -> Result<Stage, String> {
+        let mut stage = Stage::default();
+        let positive = |name: &str, rep: Rep| match self.values.numbers(rep)?.as_deref() {
+            Some(&[number]) if number > 0.0 && number.is_finite() => Ok(number),
+            found => Err(format!("{name} must be positive, found {found:?}")),
+        };
+        for (name, rep) in self.tables.fields(spec)? {
+            match name {
+                "timeCodesPerSecond" => stage.codes_per_second = Some(positive(name, rep)?),
+                "framesPerSecond" => stage.frames_per_second = Some(positive(name, rep)?),
+                "metersPerUnit" => stage.metres_per_unit = positive(name, rep)?,
+                "upAxis" => {
+                    stage.is_z_up = match self.token(rep) {
+                        "Y" => false,
+                        "Z" => true,
+                        found => return Err(format!("upAxis: expected Y or Z, found {found:?}")),
+                    };
+                }
+                "subLayers" if rep.is_strings() => {
+                    return Err(
+                        "has sublayers, which are not followed: flatten it (usdcat --flatten)"
+                            .to_owned(),
+                    );
+                }
+                _ => {}
+            }
+        }
+        Ok(stage)
+    }
+
+    fn prim(&mut self, spec: Spec) -> Result<(), String> {
+        let path = &self.tables.paths[spec.path];
+        let mut prim = Prim {
+            name: path.name.clone(),
+            parent: path.above.and_then(|above| self.numbers[above]),
+            ..Prim::default()
+        };
+        let flatten = "flatten the stage (usdcat --flatten)";
+        for (name, rep) in self.tables.fields(spec)? {
+            match name {
+                "typeName" => self.token(rep).clone_into(&mut prim.kind),
+                "specifier" if rep.low() != 0 => {
+                    let word = if rep.low() == 1 { "an over" } else { "a class" };
+                    let problem = format!("it is {word}, which is not understood here: {flatten}");
+                    prim.obstacle = Some(problem);
+                }
+                "references" | "payload" | "inheritPaths" | "specializes" | "variantSetNames" => {
+                    prim.obstacle.get_or_insert(format!(
+                        "it has {name}, which are not followed here: {flatten}"
+                    ));
+                }
+                _ => {}
+            }
+        }
+        self.numbers[spec.path] = Some(self.prims.len());
+        self.prims.push(prim);
+        Ok(())
+    }
+
+    fn attribute(&mut self, spec: Spec) -> Result<(), String> {
+        let tables = self.tables;
+        let path = &tables.paths[spec.path];
+        if !path.is_property {
+            return Ok(());
+        }
+        let fields = tables.fields(spec)?;
+        let find = |wanted: &str| fields.iter().find(|field| field.0 == wanted).map(|f| f.1);
+        let kind = find("typeName")
+            .map_or("", |rep| self.token(rep))
+            .to_owned();
+        let (name, default) = (path.name.as_str(), find("default"));
+        if name == "xformOpOrder" {
+            let order = default.map(|rep| self.values.tokens(rep)).transpose()?;
+            let order = order.flatten().unwrap_or_default();
+            let text = |token: usize| tables.tokens.get(token).cloned().unwrap_or_default();
+            let order = order.into_iter().map(text).collect();
+            if let Some(prim) = self.above(spec) {
+                prim.order = Some(order);
+            }
+            return Ok(());
+        }
+        let array = meshes::array_of(&kind, name).filter(|_| self.keeps_arrays);
+        if array.is_none() && !name.starts_with("xformOp:") {
+            return Ok(());
+        }
+        if find("connectionPaths").is_some() && array.is_none() {
+            if let Some(prim) = self.above(spec) {
+                let problem = format!("its {name} is not understood here: bake it to samples");
+                prim.obstacle = Some(problem);
+            }
+            return Ok(());
+        }
+        let timed = find("timeSamples").map(|rep| self.values.samples(rep));
+        let timed = timed.transpose()?.flatten();
+        match array {
+            Some(array) => self.mesh_array(spec, array, default, timed),
+            None => self.operation(spec, name, default, timed),
+        }
+    }
+
+    /// An array of a mesh: of time samples the first; those of points are kept all.
+    fn mesh_array(
+        &mut self,
+        spec: Spec,
+        array: String,
+        default: Option<Rep>,
+        timed: Option<Vec<(f64, Rep)>>,
+    ) -> Result<(), String> {
+        let mut samples = Vec::new();
+        for (code, rep) in timed.unwrap_or_default() {
+            let is_first = samples.is_empty();
+            if (is_first || array == meshes::POINTS)
+                && let Some(numbers) = self.values.numbers(rep)?
+            {
+                samples.push((code, numbers));
+            }
+        }
+        let first = match (samples.first(), default) {
+            (Some((_, numbers)), _) => Some(numbers.clone()),
+            (None, Some(rep)) => self.values.numbers(rep)?,
+            (None, None) => None,
+        };
+        let Some(prim) = self.above(spec) else {
+            return Ok(());
+        };
+        if array == meshes::POINTS {
+            prim.point_samples = samples;
+        }
+        if let Some(first) = first {
+            prim.arrays.insert(array, first);
+        }
+        Ok(())
+    }
+
+    fn operation(
+        &mut self,
+        spec: Spec,
+        name: &str,
+        default: Option<Rep>,
+        timed: Option<Vec<(f64, Rep)>>,
+    ) -> Result<(), String> {
+        let samples = match (timed, default) {
+            (Some(timed), _) => {
+                let mut samples = Vec::new();
+                for (code, rep) in timed {
+                    if rep.is_block() {
+                        continue;
+                    }
+                    samples.push((code, self.values.numbers(rep)?.unwrap_or_default()));
+                }
+                Samples::Timed(samples)
+            }
+            (None, Some(rep)) => Samples::Constant(self.values.numbers(rep)?.unwrap_or_default()),
+            (None, None) => return Ok(()),
+        };
+        if let Some(prim) = self.above(spec) {
+            prim.attributes.push(Attribute {
+                name: name.to_owned(),
+                samples,
+                line: 0,
+            });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,190 @@
+//! The tables of a crate.
+
+use super::paths::{Path, paths};
+use super::values::Rep;
+use crate::formats::packing::{unpack, unpack_numbers};
+
+/// Specs by their kinds.
+pub(super) const ATTRIBUTE: i64 = 1;
+pub(super) const PRIM: i64 = 6;
+pub(super) const PSEUDO_ROOT: i64 = 7;
+pub(super) const VARIANT_SET: i64 = 11;
+
+/// End of a set of fields.
+const END: i64 = -1;
+const MOST_FIELDS: usize = 1000;
+/// Oldest version that is read, as of OpenUSD.
+const OLDEST: u8 = 4;
+
+/// The tables.
+pub(super) struct Tables {
+    /// Number of the version after "0.".
+    pub(super) version: u8,
+    pub(super) tokens: Vec<String>,
+    fields: Vec<(usize, Rep)>,
+    sets: Vec<i64>,
+    pub(super) paths: Vec<Path>,
+    pub(super) specs: Vec<Spec>,
+}
+
+/// A spec.
+#[derive(Clone, Copy)]
+pub(super) struct Spec {
+    pub(super) path: usize,
+    set: usize,
+    pub(super) kind: i64,
+}
+
+impl Tables {
+    /// The tables of a crate.
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
+        let version = match bytes.get(8..10) {
+            Some(&[0, minor]) if minor >= OLDEST => minor,
+            Some(&[major, minor]) => {
+                return Err(format!(
+                    "is binary USD of version {major}.{minor}, known are 0.{OLDEST} and later: save it anew, or as text (usdcat in.usdc --out out.usda)"
+                ));
+            }
+            _ => return Err(cut()),
+        };
+        let contents = Part {
+            bytes,
+            at: Part { bytes, at: 16 }.count()?,
+        };
+        let most = bytes.len().saturating_mul(4) + 4096;
+        let section = |name: &str| contents.section(name);
+        let tokens = tokens(section("TOKENS")?, most)?;
+        let mut part = section("FIELDS")?;
+        let count = part.bounded(most)?;
+        let names = part.numbers(count)?;
+        let values = unpack(part.counted()?, 8 * count)?;
+        let values = values.chunks_exact(8).map(Rep::of);
+        let fields = names.into_iter().map(|name| name as usize).zip(values);
+        let mut sets = section("FIELDSETS")?;
+        let count = sets.bounded(most)?;
+        let sets = sets.numbers(count)?;
+        let mut part = section("PATHS")?;
+        let all = part.bounded(most)?;
+        let count = part.bounded(all)?;
+        let lists = [
+            part.numbers(count)?,
+            part.numbers(count)?,
+            part.numbers(count)?,
+        ];
+        let mut part = section("SPECS")?;
+        let count = part.bounded(most)?;
+        let columns = [
+            part.numbers(count)?,
+            part.numbers(count)?,
+            part.numbers(count)?,
+        ];
+        let spec = |k: usize| Spec {
+            path: columns[0][k] as usize,
+            set: columns[1][k] as usize,
+            kind: columns[2][k],
+        };
+        Ok(Self {
+            version,
+            paths: paths(&lists, all, &tokens)?,
+            fields: fields.collect(),
+            sets,
+            specs: (0..count).map(spec).collect(),
+            tokens,
+        })
+    }
+
+    /// The fields of a spec: names and values.
+    pub(super) fn fields(&self, spec: Spec) -> Result<Vec<(&str, Rep)>, String> {
+        let mut fields = Vec::new();
+        for &number in self.sets.get(spec.set..).unwrap_or_default() {
+            if number == END {
+                return Ok(fields);
+            }
+            if fields.len() == MOST_FIELDS {
+                break;
+            }
+            let field = self.fields.get(number as usize);
+            let &(name, value) = field.ok_or_else(cut)?;
+            let name = self.tokens.get(name).ok_or_else(cut)?;
+            fields.push((name.as_str(), value));
+        }
+        Err("has a set of fields without an end: it was changed".to_owned())
+    }
+}
+
+fn cut() -> String {
+    "is no whole binary USD file: it was cut short or changed".to_owned()
+}
+
+/// Texts, each ended by a zero.
+fn tokens(mut part: Part<'_>, most: usize) -> Result<Vec<String>, String> {
+    let (count, length) = (part.bounded(most)?, part.count()?);
+    let packed = part.counted()?;
+    if length > packed.len().saturating_mul(256) {
+        return Err(cut());
+    }
+    let text = unpack(packed, length)?;
+    let tokens = text.split(|&byte| byte == 0).take(count);
+    Ok(tokens
+        .map(|token| String::from_utf8_lossy(token).into_owned())
+        .collect())
+}
+
+/// Bytes that are read from a place on.
+#[derive(Clone, Copy)]
+struct Part<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Part<'a> {
+    fn take(&mut self, length: usize) -> Result<&'a [u8], String> {
+        let end = self.at.checked_add(length).ok_or_else(cut)?;
+        let taken = self.bytes.get(self.at..end).ok_or_else(cut)?;
+        self.at = end;
+        Ok(taken)
+    }
+
+    /// A number of 64 bits.
+    fn count(&mut self) -> Result<usize, String> {
+        let eight = self.take(8)?.try_into().map_err(|_| cut())?;
+        usize::try_from(u64::from_le_bytes(eight)).map_err(|_| cut())
+    }
+
+    /// A number of entries, at most `most`.
+    fn bounded(&mut self, most: usize) -> Result<usize, String> {
+        match self.count()? {
+            count if count <= most => Ok(count),
+            count => Err(format!("has a table of {count} entries, more than {most}")),
+        }
+    }
+
+    /// Bytes after their length.
+    fn counted(&mut self) -> Result<&'a [u8], String> {
+        let length = self.count()?;
+        self.take(length)
+    }
+
+    /// Packed whole numbers of 32 bits after their length.
+    fn numbers(&mut self, count: usize) -> Result<Vec<i64>, String> {
+        let packed = self.counted()?;
+        unpack_numbers(packed, count, 4)
+    }
+
+    /// The table of this name, of the contents here.
+    fn section(mut self, name: &str) -> Result<Self, String> {
+        let count = self.bounded(64)?;
+        for _ in 0..count {
+            let entry = self.take(16)?;
+            let start = self.count()?;
+            self.count()?;
+            if entry.split(|&byte| byte == 0).next() == Some(name.as_bytes()) {
+                return Ok(Self {
+                    bytes: self.bytes,
+                    at: start,
+                });
+            }
+        }
+        Err(format!("has no table {name}"))
+    }
+}

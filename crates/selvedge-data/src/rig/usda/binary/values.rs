@@ -1,0 +1,351 @@
+//! Values of a crate: 64 bits each, with their type, whether they are an array, here or packed, and
+//! 48 bits of value or offset.
+
+use std::cell::Cell;
+
+use crate::formats::packing::unpack_numbers;
+
+const TOKEN: u64 = 11;
+const TOKEN_VECTOR: u64 = 41;
+const TIME_SAMPLES: u64 = 46;
+const DOUBLE_VECTOR: u64 = 48;
+const STRING_VECTOR: u64 = 50;
+const BLOCK: u64 = 51;
+
+/// Arrays of fewer numbers are not packed.
+const LEAST_PACKED: usize = 16;
+
+/// Samples at most of a property.
+const MOST_SAMPLES: usize = 100_000;
+
+/// A value of 64 bits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rep(u64);
+
+impl Rep {
+    pub(super) fn of(eight: &[u8]) -> Self {
+        Self(
+            eight
+                .iter()
+                .rev()
+                .fold(0, |n, &byte| (n << 8) | u64::from(byte)),
+        )
+    }
+
+    fn kind(self) -> u64 {
+        (self.0 >> 48) & 0xff
+    }
+
+    fn is_array(self) -> bool {
+        self.0 >> 63 == 1
+    }
+
+    fn is_here(self) -> bool {
+        (self.0 >> 62) & 1 == 1
+    }
+
+    fn is_packed(self) -> bool {
+        (self.0 >> 61) & 1 == 1
+    }
+
+    fn payload(self) -> u64 {
+        self.0 & 0xffff_ffff_ffff
+    }
+
+    /// The low 32 bits of a value that is here.
+    pub(super) fn low(self) -> u32 {
+        self.0 as u32
+    }
+
+    /// True for a value that hides weaker ones.
+    pub(super) fn is_block(self) -> bool {
+        self.kind() == BLOCK
+    }
+
+    /// True for a list of strings, which is not empty.
+    pub(super) fn is_strings(self) -> bool {
+        self.kind() == STRING_VECTOR
+    }
+}
+
+/// A type of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Number {
+    Int,
+    UInt,
+    Long,
+    ULong,
+    Half,
+    Float,
+    Double,
+}
+
+impl Number {
+    fn width(self) -> usize {
+        match self {
+            Self::Half => 2,
+            Self::Int | Self::UInt | Self::Float => 4,
+            Self::Long | Self::ULong | Self::Double => 8,
+        }
+    }
+
+    fn is_whole(self) -> bool {
+        matches!(self, Self::Int | Self::UInt | Self::Long | Self::ULong)
+    }
+
+    fn read(self, b: &[u8]) -> f64 {
+        let bits = b
+            .iter()
+            .rev()
+            .fold(0, |n, &byte| (n << 8) | u64::from(byte));
+        match self {
+            Self::Int => f64::from(bits as i32),
+            Self::UInt => f64::from(bits as u32),
+            Self::Long => bits.cast_signed() as f64,
+            Self::ULong => bits as f64,
+            Self::Half => half(bits as u16),
+            Self::Float => f64::from(f32::from_bits(bits as u32)),
+            Self::Double => f64::from_bits(bits),
+        }
+    }
+}
+
+/// A number of 16 bits: a sign, five bits of exponent, ten of fraction.
+fn half(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
+    let (exponent, fraction) = ((bits >> 10) & 31, f64::from(bits & 1023) / 1024.0);
+    sign * match exponent {
+        0 => fraction * 2_f64.powi(-14),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        exponent => (1.0 + fraction) * 2_f64.powi(i32::from(exponent) - 15),
+    }
+}
+
+/// Form of a type: how many numbers it has, and of which type.
+fn form(kind: u64) -> Option<(usize, Number)> {
+    Some(match kind {
+        3 => (1, Number::Int),
+        4 => (1, Number::UInt),
+        5 => (1, Number::Long),
+        6 => (1, Number::ULong),
+        7 => (1, Number::Half),
+        8 => (1, Number::Float),
+        9 | 56 => (1, Number::Double),
+        15 => (16, Number::Double),
+        16 | 27 => (4, Number::Double),
+        17 | 28 => (4, Number::Float),
+        18 | 29 => (4, Number::Half),
+        19 => (2, Number::Double),
+        20 => (2, Number::Float),
+        21 => (2, Number::Half),
+        22 => (2, Number::Int),
+        23 => (3, Number::Double),
+        24 => (3, Number::Float),
+        25 => (3, Number::Half),
+        26 => (3, Number::Int),
+        30 => (4, Number::Int),
+        _ => return None,
+    })
+}
+
+/// Values in the bytes of a crate.
+pub(super) struct Values<'a> {
+    bytes: &'a [u8],
+    version: u8,
+    /// Numbers that may still be taken from arrays.
+    left: Cell<usize>,
+}
+
+fn cut() -> String {
+    "has a value that leads out of the file: it was cut short or changed".to_owned()
+}
+
+impl<'a> Values<'a> {
+    pub(super) fn new(bytes: &'a [u8], version: u8) -> Self {
+        Self {
+            bytes,
+            version,
+            left: Cell::new(bytes.len().saturating_mul(8) + (1 << 22)),
+        }
+    }
+
+    fn slice(&self, at: u64, length: usize) -> Result<&'a [u8], String> {
+        let at = usize::try_from(at).map_err(|_| cut())?;
+        let end = at.checked_add(length).ok_or_else(cut)?;
+        self.bytes.get(at..end).ok_or_else(cut)
+    }
+
+    fn word(&self, at: u64, width: usize) -> Result<u64, String> {
+        let own = self.slice(at, width)?.iter().rev();
+        Ok(own.fold(0, |n, &byte| (n << 8) | u64::from(byte)))
+    }
+
+    fn spend(&self, count: usize) -> Result<(), String> {
+        let left = self.left.get().checked_sub(count);
+        self.left
+            .set(left.ok_or("has arrays that are far larger than the file")?);
+        Ok(())
+    }
+
+    /// The numbers of a value; none where it has no numbers.
+    pub(super) fn numbers(&self, rep: Rep) -> Result<Option<Vec<f64>>, String> {
+        let Some((width, number)) = form(rep.kind()) else {
+            return Ok(None);
+        };
+        let mut numbers = match (rep.is_array(), rep.is_here()) {
+            (true, _) => self.array(rep, width, number)?,
+            (false, true) => Self::inlined(rep, width, number),
+            (false, false) => {
+                let bytes = self.slice(rep.payload(), width * number.width())?;
+                bytes
+                    .chunks_exact(number.width())
+                    .map(|b| number.read(b))
+                    .collect()
+            }
+        };
+        // Turns have their real part last here, and first in text.
+        if (16..=18).contains(&rep.kind()) {
+            for turn in numbers.chunks_exact_mut(4) {
+                turn.rotate_right(1);
+            }
+        }
+        Ok(Some(numbers))
+    }
+
+    fn inlined(rep: Rep, width: usize, number: Number) -> Vec<f64> {
+        let low = rep.low();
+        let part = |k: usize| f64::from(low.to_le_bytes()[k].cast_signed());
+        match (width, number) {
+            (1, Number::Double) => vec![f64::from(f32::from_bits(low))],
+            (1, Number::Long) => vec![f64::from(low.cast_signed())],
+            (1, number) => vec![number.read(&low.to_le_bytes()[..number.width().min(4)])],
+            (16, _) => (0..16)
+                .map(|k| if k % 5 == 0 { part(k / 5) } else { 0.0 })
+                .collect(),
+            (width, _) => (0..width).map(part).collect(),
+        }
+    }
+
+    fn array(&self, rep: Rep, width: usize, number: Number) -> Result<Vec<f64>, String> {
+        let mut at = rep.payload();
+        if at == 0 {
+            return Ok(Vec::new());
+        }
+        if self.version < 5 {
+            at += 4;
+        }
+        let size = if self.version < 7 { 4 } else { 8 };
+        let count = usize::try_from(self.word(at, size)?).map_err(|_| cut())?;
+        at += size as u64;
+        self.spend(count.checked_mul(width).ok_or_else(cut)?)?;
+        if rep.is_packed() && width == 1 && count >= LEAST_PACKED {
+            return self.packed(at, count, number);
+        }
+        let length = count.checked_mul(width * number.width()).ok_or_else(cut)?;
+        let bytes = self.slice(at, length)?;
+        Ok(bytes
+            .chunks_exact(number.width())
+            .map(|b| number.read(b))
+            .collect())
+    }
+
+    fn packed(&self, at: u64, count: usize, number: Number) -> Result<Vec<f64>, String> {
+        if number.is_whole() {
+            let whole = self.packed_whole(at, count, number.width())?;
+            let unsigned = number == Number::UInt;
+            let as_real = |n: i64| {
+                if unsigned {
+                    f64::from(n as u32)
+                } else {
+                    n as f64
+                }
+            };
+            return Ok(whole.into_iter().map(as_real).collect());
+        }
+        match self.word(at, 1)? as u8 {
+            b'i' => {
+                let whole = self.packed_whole(at + 1, count, 4)?;
+                Ok(whole.into_iter().map(|n| n as f64).collect())
+            }
+            b't' => {
+                let entries = self.word(at + 1, 4)? as usize;
+                let length = entries.checked_mul(number.width()).ok_or_else(cut)?;
+                let table = self.slice(at + 5, length)?;
+                let entry = |n: i64| {
+                    let start = usize::try_from(n).ok()?.checked_mul(number.width())?;
+                    let own = table.get(start..start.checked_add(number.width())?)?;
+                    Some(number.read(own))
+                };
+                let places = self.packed_whole(at + 5 + length as u64, count, 4)?;
+                let found: Option<Vec<f64>> = places.into_iter().map(entry).collect();
+                found.ok_or_else(cut)
+            }
+            _ => Err("has an array that is packed in an unknown way".to_owned()),
+        }
+    }
+
+    fn packed_whole(&self, at: u64, count: usize, width: usize) -> Result<Vec<i64>, String> {
+        let length = usize::try_from(self.word(at, 8)?).map_err(|_| cut())?;
+        unpack_numbers(self.slice(at + 8, length)?, count, width)
+    }
+
+    /// The tokens of an array or a list of them, by number; none for another value.
+    pub(super) fn tokens(&self, rep: Rep) -> Result<Option<Vec<usize>>, String> {
+        let mut at = rep.payload();
+        let size = match (rep.kind(), rep.is_array()) {
+            (TOKEN, false) => return Ok(Some(vec![rep.low() as usize])),
+            (TOKEN, true) if at == 0 => return Ok(Some(Vec::new())),
+            (TOKEN, true) if self.version < 7 => 4,
+            (TOKEN, true) | (TOKEN_VECTOR, _) => 8,
+            _ => return Ok(None),
+        };
+        if self.version < 5 && rep.is_array() {
+            at += 4;
+        }
+        let count = usize::try_from(self.word(at, size)?).map_err(|_| cut())?;
+        let length = count.checked_mul(4).ok_or_else(cut)?;
+        let bytes = self.slice(at + size as u64, length)?;
+        let number = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize;
+        Ok(Some(bytes.chunks_exact(4).map(number).collect()))
+    }
+
+    /// Time samples: codes and values. None for another value.
+    pub(super) fn samples(&self, rep: Rep) -> Result<Option<Vec<(f64, Rep)>>, String> {
+        if rep.kind() != TIME_SAMPLES {
+            return Ok(None);
+        }
+        // A way to the codes, a way on, each from where it stands.
+        let jump = |at: u64| -> Result<u64, String> {
+            let way = self.word(at, 8)?.cast_signed();
+            at.checked_add_signed(way).ok_or_else(cut)
+        };
+        let codes = jump(rep.payload())?;
+        let times = Rep(self.word(codes, 8)?);
+        let next = jump(codes.checked_add(8).ok_or_else(cut)?)?;
+        let count = self.word(next, 8)? as usize;
+        if count > MOST_SAMPLES {
+            return Err(format!(
+                "has {count} samples of a property, more than {MOST_SAMPLES}"
+            ));
+        }
+        let values = self.slice(next + 8, 8 * count)?.chunks_exact(8);
+        let times = self.times(times)?;
+        if times.len() != count {
+            return Err(format!("has {count} samples at {} times", times.len()));
+        }
+        Ok(Some(times.into_iter().zip(values.map(Rep::of)).collect()))
+    }
+
+    fn times(&self, rep: Rep) -> Result<Vec<f64>, String> {
+        if rep.kind() != DOUBLE_VECTOR {
+            return Ok(self.numbers(rep)?.unwrap_or_default());
+        }
+        let at = rep.payload();
+        let count = usize::try_from(self.word(at, 8)?).map_err(|_| cut())?;
+        self.spend(count)?;
+        let length = count.checked_mul(8).ok_or_else(cut)?;
+        let bytes = self.slice(at + 8, length)?.chunks_exact(8);
+        Ok(bytes.map(|b| Number::Double.read(b)).collect())
+    }
+}

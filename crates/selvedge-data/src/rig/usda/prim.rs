@@ -1,0 +1,93 @@
+//! A stage and its prims, as far as nodes and meshes need them, whatever they were read from.
+
+use std::collections::BTreeMap;
+
+use glam::DMat4;
+
+use super::super::error::RigError;
+use super::super::node::{Rig, RigNode};
+use super::operations::{Attribute, RESET, operations_of};
+
+/// USD's own defaults.
+const CODES_PER_SECOND: f64 = 24.0;
+const METRES_PER_UNIT: f64 = 0.01;
+
+/// Metadata of a stage.
+pub(super) struct Stage {
+    pub(super) codes_per_second: Option<f64>,
+    pub(super) frames_per_second: Option<f64>,
+    pub(super) metres_per_unit: f64,
+    pub(super) is_z_up: bool,
+}
+
+impl Default for Stage {
+    fn default() -> Self {
+        Self {
+            codes_per_second: None,
+            frames_per_second: None,
+            metres_per_unit: METRES_PER_UNIT,
+            is_z_up: false,
+        }
+    }
+}
+
+impl Stage {
+    /// Time codes per second.
+    pub(super) fn rate(&self) -> f64 {
+        let codes = self.codes_per_second.or(self.frames_per_second);
+        codes.unwrap_or(CODES_PER_SECOND)
+    }
+
+    /// Transform from the world of the stage to ours.
+    fn world(&self) -> DMat4 {
+        let scale = DMat4::from_scale(glam::DVec3::splat(self.metres_per_unit));
+        match self.is_z_up {
+            true => DMat4::from_rotation_x(-std::f64::consts::FRAC_PI_2) * scale,
+            false => scale,
+        }
+    }
+}
+
+/// A prim under way.
+#[derive(Default)]
+pub(super) struct Prim {
+    pub(super) name: String,
+    pub(super) parent: Option<usize>,
+    pub(super) attributes: Vec<Attribute>,
+    pub(super) order: Option<Vec<String>>,
+    pub(super) obstacle: Option<String>,
+    /// Type of the prim.
+    pub(super) kind: String,
+    /// Arrays that make a mesh, by name.
+    pub(super) arrays: BTreeMap<String, Vec<f64>>,
+    /// Points over time, by time codes.
+    pub(super) point_samples: Vec<(f64, Vec<f64>)>,
+}
+
+/// The rig of these prims.
+pub(super) fn rig(prims: Vec<Prim>, stage: &Stage) -> Result<Rig, RigError> {
+    let rate = stage.rate();
+    let nodes = prims.into_iter().map(|prim| node(prim, rate));
+    Ok(Rig {
+        nodes: nodes.collect::<Result<_, _>>()?,
+        world: stage.world(),
+    })
+}
+
+fn node(prim: Prim, rate: f64) -> Result<RigNode, RigError> {
+    let mut obstacle = prim.obstacle;
+    let operations = match operations_of(&prim.attributes, prim.order.as_deref(), rate) {
+        Ok(operations) => operations,
+        Err(problem) => {
+            obstacle = obstacle.or(Some(problem));
+            Vec::new()
+        }
+    };
+    let stands_alone = prim.order.iter().flatten().any(|op| op == RESET);
+    Ok(RigNode {
+        name: prim.name,
+        parent: if stands_alone { None } else { prim.parent },
+        operations,
+        obstacle,
+    })
+}

@@ -1,0 +1,150 @@
+//! Caches for artists: what they hold, read by small readers of this file, and velocities.
+
+use glam::DVec3;
+
+use super::*;
+
+fn float_be(bytes: &[u8], at: usize) -> f32 {
+    f32::from_be_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+#[test]
+fn a_mdd_has_every_position_at_its_time() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.mdd");
+    let thin = ExportOptions {
+        frames: odd(),
+        ..options(ExportFormat::Mdd)
+    };
+    write(&trajectory, &path, &thin);
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(
+        planned_bytes(&trajectory, &thin).unwrap(),
+        Some(bytes.len() as u64)
+    );
+    assert_eq!(bytes[..8], [0, 0, 0, 3, 0, 0, 0, VERTICES as u8]);
+    for (number, at) in [8, 12, 16].into_iter().enumerate() {
+        assert_eq!(float_be(&bytes, at), (2.0 * number as f64 / 60.0) as f32);
+    }
+    let values: Vec<f32> = (20..bytes.len())
+        .step_by(4)
+        .map(|at| float_be(&bytes, at))
+        .collect();
+    let expected = [1, 3, 5].map(|frame| trajectory.frame(frame)).concat();
+    assert_eq!(points(&values), expected);
+    let mesh = read_obj(&folder.path().join("a.obj")).unwrap().mesh;
+    assert_eq!(mesh.positions()[0].as_vec3(), trajectory.frame(1)[0]);
+}
+
+/// The velocity of vertex `v` in `frame` by differences of the positions, as far as they are good
+/// to the second order.
+fn slope(trajectory: &Trajectory, frame: usize, v: usize) -> DVec3 {
+    let at = |frame: usize| trajectory.frame(frame)[v].as_dvec3();
+    let last = FRAMES - 1;
+    let twice = match frame {
+        0 => 4.0 * at(1) - 3.0 * at(0) - at(2),
+        f if f == last => 3.0 * at(last) - 4.0 * at(last - 1) + at(last - 2),
+        f => at(f + 1) - at(f - 1),
+    };
+    30.0 * twice
+}
+
+#[test]
+fn velocities_are_differences_of_positions_whichever_frames_are_taken() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.usda");
+    for (frames, taken) in [
+        (FrameSpan::default(), (0..FRAMES).collect::<Vec<_>>()),
+        (odd(), vec![1, 3, 5]),
+        (FrameSpan::from_str_of("6"), vec![6]),
+    ] {
+        for up in [UpAxis::Y, UpAxis::Z] {
+            let with = ExportOptions {
+                frames,
+                up,
+                velocities: Velocities::Written,
+                ..options(ExportFormat::Usda)
+            };
+            write(&trajectory, &path, &with);
+            let text = std::fs::read_to_string(&path).unwrap();
+            let found = samples(&text, "vector3f[] velocities");
+            assert_eq!(found.len(), taken.len());
+            for ((_, velocities), &frame) in found.iter().zip(&taken) {
+                for (v, velocity) in velocities.iter().enumerate() {
+                    let expected = slope(&trajectory, frame, v).as_vec3();
+                    let turned = match up {
+                        UpAxis::Y => expected,
+                        UpAxis::Z => Vec3::new(expected.x, -expected.z, expected.y),
+                    };
+                    // Rounded once, after sums in double precision.
+                    assert!(
+                        (*velocity - turned).abs().max_element() <= 1e-6,
+                        "{frame} {v}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn velocities_of_a_parabola_are_exact_to_rounding() {
+    let of = trajectory();
+    let rate = of.frame_rate();
+    let at = |frame: usize| {
+        let t = (frame as f64 / rate) as f32;
+        Vec3::new(2.0 * t, 1.0 - 4.905 * t * t, 0.25)
+    };
+    let positions = (0..FRAMES).flat_map(|k| std::iter::repeat_n(at(k), VERTICES));
+    let provenance = of.provenance().clone();
+    let falling = Trajectory::new(of.cloth().clone(), positions.collect(), provenance).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.usda");
+    let with = ExportOptions {
+        velocities: Velocities::Written,
+        ..options(ExportFormat::Usda)
+    };
+    write(&falling, &path, &with);
+    let text = std::fs::read_to_string(&path).unwrap();
+    for (code, velocities) in samples(&text, "vector3f[] velocities") {
+        let expected = Vec3::new(2.0, (-9.81 * code / rate) as f32, 0.0);
+        // Positions near 1 are rounded by 6e-8, five of which count, over two frames.
+        let bound = 5.0 * 6e-8 * rate as f32 / 2.0 * 2.0;
+        assert!(
+            (velocities[0] - expected).abs().max_element() < bound,
+            "{code}"
+        );
+    }
+}
+
+#[test]
+fn velocities_are_refused_by_formats_without_them() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    for format in [ExportFormat::Glb, ExportFormat::Pc2, ExportFormat::Mdd] {
+        let with = ExportOptions {
+            velocities: Velocities::Written,
+            ..options(format)
+        };
+        let path = folder.path().join("a");
+        let error = export(&trajectory, &path, &with, &mut || ControlFlow::Continue(()));
+        assert!(matches!(error, Err(ExportError::NoVelocities)));
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_mesh_of_usd_is_bound_to_a_material() {
+    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("a.usda");
+    write(&trajectory, &path, &options(ExportFormat::Usda));
+    let text = std::fs::read_to_string(&path).unwrap();
+    for said in [
+        "prepend apiSchemas = [\"MaterialBindingAPI\"]",
+        "rel material:binding = </cloth/materials/matte>",
+        "token outputs:surface.connect = </cloth/materials/matte/surface.outputs:surface>",
+        "uniform token info:id = \"UsdPreviewSurface\"",
+        "color3f inputs:diffuseColor = (0.08, 0.13, 0.4)",
+    ] {
+        assert!(text.contains(said), "{said}");
+    }
+}

@@ -1,0 +1,188 @@
+//! Pictures of one or two trajectories of a cloth, side by side, as bytes of a file.
+
+use std::io::Write;
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+use selvedge_data::{Trajectory, metrics};
+use selvedge_view::{
+    Body, ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, StillSettings,
+    ViewError, contact_sheet, still, write_clip,
+};
+
+/// A run to draw, alone or beside another.
+pub struct Show<'a> {
+    /// The heading.
+    pub title: &'a str,
+    /// The label over the run.
+    pub label: &'a str,
+    /// The run: the model's, where there is a truth.
+    pub prediction: &'a Trajectory,
+    /// The run to compare it with, of as many frames.
+    pub truth: Option<&'a Trajectory>,
+}
+
+/// The label over a model's run.
+pub const MODEL: &str = "model";
+/// The label over a run of the physics.
+pub const PHYSICS: &str = "physics";
+
+/// A contact sheet (.png) of moments in motion; beside a truth, the model's run once more in the
+/// colours of its error.
+///
+/// # Errors
+/// A run that cannot be drawn.
+pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
+    let prediction = run_of(show.prediction)?;
+    let truth = show.truth.map(run_of).transpose()?;
+    let error = match &truth {
+        Some(truth) => Some(ScalarField::distance(truth, &prediction)?),
+        None => None,
+    };
+    let mut panels = panels(show.label, &prediction, truth.as_ref());
+    panels.extend(error.as_ref().map(|error| Panel {
+        label: "error",
+        run: &prediction,
+        colouring: Colouring::PerVertex(error),
+    }));
+    let settings = SheetSettings {
+        tile: [240, 240],
+        columns: 6,
+        pictures: 6,
+        ..SheetSettings::default()
+    };
+    contact_sheet(show.title, &panels, &settings)?.to_png()
+}
+
+/// A contact sheet (.png) of moments in motion in the colours of the strain: of each vertex, the
+/// largest elongation of its edges against the material.
+///
+/// # Errors
+/// A run that cannot be drawn.
+pub fn strain_sheet(title: &str, trajectory: &Trajectory) -> Result<Vec<u8>, ViewError> {
+    let run = run_of(trajectory)?;
+    let strain = strain_of(trajectory)?;
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::PerVertex(&strain),
+    };
+    contact_sheet(title, &[panel], &SheetSettings::default())?.to_png()
+}
+
+/// One frame (.png).
+///
+/// # Errors
+/// A frame that the trajectory does not have, or a run that cannot be drawn.
+pub fn picture(
+    trajectory: &Trajectory,
+    frame: usize,
+    settings: &StillSettings,
+) -> Result<Vec<u8>, ViewError> {
+    let frames = trajectory.frame_count();
+    if frame >= frames {
+        return Err(ViewError::FrameOutOfRange { frame, frames });
+    }
+    let run = run_of_frames(trajectory, &[frame], trajectory.frame_rate())?;
+    let panel = Panel {
+        label: "",
+        run: &run,
+        colouring: Colouring::Plain,
+    };
+    still(&panel, 0, settings)?.to_png()
+}
+
+/// Number of pictures of a clip of `trajectory`.
+#[must_use]
+pub fn clip_pictures(trajectory: &Trajectory) -> usize {
+    let last = trajectory.frame_count().saturating_sub(1);
+    let seconds = last as f64 / trajectory.frame_rate();
+    (1e3 * seconds / f64::from(ClipSettings::default().delay_ms)) as usize + 1
+}
+
+/// Writes a clip (.gif) in real time to `out`. `on_picture` hears of every picture and may stop;
+/// the clip then ends early, but is whole.
+///
+/// # Errors
+/// A run that cannot be drawn, or an `out` that cannot be written.
+pub fn clip(
+    out: &mut dyn Write,
+    show: &Show<'_>,
+    on_picture: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<ClipEnd, ViewError> {
+    let prediction = run_of(show.prediction)?;
+    let truth = show.truth.map(run_of).transpose()?;
+    let panels = panels(show.label, &prediction, truth.as_ref());
+    let settings = ClipSettings::default();
+    write_clip(out, show.title, &panels, &settings, &mut |_| on_picture())
+}
+
+fn strain_of(trajectory: &Trajectory) -> Result<ScalarField, ViewError> {
+    let topology = trajectory.topology();
+    let lengths = metrics::material_edge_lengths(trajectory.cloth());
+    let of_frame = |positions: &[Vec3]| {
+        let mut strain = vec![0.0_f32; positions.len()];
+        for (edge, length) in topology.edges().iter().zip(&lengths) {
+            let [a, b] = edge.vertices.map(|vertex| vertex.index());
+            let stretch = f64::from(positions[a].distance(positions[b])) / length;
+            let percent = (100.0 * (stretch - 1.0)) as f32;
+            for vertex in [a, b] {
+                strain[vertex] = strain[vertex].max(percent);
+            }
+        }
+        strain
+    };
+    let values = trajectory.frames().iter().map(of_frame).collect();
+    ScalarField::new("largest elongation [%]", values)
+}
+
+/// The truth first, as in a table of results.
+fn panels<'a>(
+    label: &'a str,
+    prediction: &'a Run<'a>,
+    truth: Option<&'a Run<'a>>,
+) -> Vec<Panel<'a>> {
+    let panel = |label: &'a str, run| Panel {
+        label,
+        run,
+        colouring: Colouring::Plain,
+    };
+    truth
+        .map(|run| panel(PHYSICS, run))
+        .into_iter()
+        .chain([panel(label, prediction)])
+        .collect()
+}
+
+fn run_of(trajectory: &Trajectory) -> Result<Run<'_>, ViewError> {
+    let frames: Vec<usize> = (0..trajectory.frame_count()).collect();
+    run_of_frames(trajectory, &frames, trajectory.frame_rate())
+}
+
+/// These frames of a trajectory, `frame_rate` per second, with the obstacles beside the cloth.
+///
+/// # Errors
+/// A run that cannot be drawn.
+pub fn run_of_frames<'a>(
+    trajectory: &'a Trajectory,
+    frames: &[usize],
+    frame_rate: f64,
+) -> Result<Run<'a>, ViewError> {
+    let run = Run::new(
+        trajectory.topology(),
+        frames.iter().map(|&frame| trajectory.frame(frame)),
+        trajectory.handles().vertices(),
+        frame_rate,
+    );
+    let bodies = trajectory.obstacles().iter().map(|obstacle| {
+        let taken = if obstacle.is_still() {
+            &frames[..1]
+        } else {
+            frames
+        };
+        let points = taken.iter().map(|&frame| obstacle.frame(frame));
+        Body::new(obstacle.faces(), points)
+    });
+    let bodies: Result<Vec<Body<'a>>, _> = bodies.collect();
+    run.and_then(|run| run.with_bodies(bodies?))
+}

@@ -1,0 +1,69 @@
+//! Obstacles that are led by hand: each may be shifted from its own path, straight within a frame.
+
+use glam::DVec3;
+use selvedge_contact::{Candidates, Reach, gap};
+
+use super::Contact;
+
+/// Distance of an obstacle from its own path `[m]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Shift {
+    /// At the last frame.
+    pub(crate) now: DVec3,
+    /// At the next.
+    pub(crate) next: DVec3,
+}
+
+impl Contact {
+    /// Takes the frame as done: obstacles are where they were led to.
+    pub(crate) fn arrive(&mut self) {
+        for shift in &mut self.shifts {
+            shift.now = shift.next;
+        }
+    }
+
+    /// Points of all obstacles at frame `frame`, at `rate` frames per second `[m]`.
+    pub(crate) fn obstacle_points(&self, frame: usize, rate: f64) -> Vec<DVec3> {
+        let mut points = Vec::new();
+        for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
+            let places = obstacle.positions_at(frame as f64 / rate);
+            points.extend(places.map(|p| p + shift.now));
+        }
+        points
+    }
+
+    /// Smallest gap of each vertex of the cloth at `positions` to what it does not share a vertex
+    /// with, at frame `frame` `[m]`, `[vertices]`; `far` where nothing is nearer. A gap of an edge
+    /// or a face counts for all its vertices.
+    pub(crate) fn vertex_gaps(
+        &self,
+        positions: &[DVec3],
+        frame: usize,
+        rate: f64,
+        far: f64,
+    ) -> Vec<f64> {
+        let mut points = positions.to_vec();
+        points.extend(self.obstacle_points(frame, rate));
+        let reach = Reach {
+            gap: far,
+            slack: 0.0,
+        };
+        let mut candidates = Candidates::new(&self.surface, &points, self.settings.self_contact);
+        candidates.find(&self.surface, &points, &points, reach);
+        let mut gaps = vec![far; positions.len()];
+        for pair in candidates.pairs() {
+            let is_own = self.other_body(pair) == 0 && self.neighbours.join(pair);
+            if is_own && self.neighbours.gap(pair) < 2.0 * far {
+                continue;
+            }
+            let corners = pair.corners.map(|p| points[p as usize]);
+            let distance = gap(pair.kind, corners).distance;
+            for corner in pair.corners {
+                if let Some(least) = gaps.get_mut(corner as usize) {
+                    *least = least.min(distance);
+                }
+            }
+        }
+        gaps
+    }
+}

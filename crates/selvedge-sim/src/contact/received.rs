@@ -1,0 +1,72 @@
+//! Momentum that obstacles receive from the cloth. Obstacles do not answer to it: who leads them
+//! may.
+
+use glam::DVec3;
+use selvedge_contact::Surface;
+
+use super::touches::Touches;
+
+/// Momentum that obstacles have received over the frame under way.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Received {
+    /// `[N s]`, `[obstacles]`.
+    all: Vec<DVec3>,
+    /// Mass by way that pushes of a projection moved since the last solve `[kg m]`, `[obstacles]`.
+    pushed: Vec<DVec3>,
+}
+
+impl Received {
+    /// Nothing yet, of so many obstacles.
+    pub(super) fn none(obstacles: usize) -> Self {
+        Self {
+            all: vec![DVec3::ZERO; obstacles],
+            pushed: vec![DVec3::ZERO; obstacles],
+        }
+    }
+
+    /// Momentum of each obstacle since [`Self::forget`] `[N s]`, `[obstacles]`.
+    pub(super) fn all(&self) -> &[DVec3] {
+        &self.all
+    }
+
+    /// Begins anew.
+    pub(super) fn forget(&mut self) {
+        self.all.fill(DVec3::ZERO);
+    }
+
+    /// Adds the forces at the end of a solve, where points are at `end` `[m]`, over all of its
+    /// `left` `[s]`.
+    pub(super) fn add_forces(
+        &mut self,
+        surface: &Surface,
+        end: &[DVec3],
+        left: f64,
+        touches: &Touches,
+    ) {
+        self.pushed.fill(DVec3::ZERO);
+        for touch in &touches.list {
+            let first = surface.body_of(touch.corners[0]);
+            let body = first.max(surface.body_of(touch.corners[3]));
+            if let Some(own) = body.checked_sub(1) {
+                let whole: f64 = touch.weights.iter().sum();
+                let force = touch.force_at(touch.displacement(|v| end[v]));
+                self.all[own] -= force * (whole * left);
+            }
+        }
+    }
+
+    /// Notes that a push against this body, 0 for the cloth, moved a `mass` `[kg]` by `shift`
+    /// `[m]`.
+    pub(super) fn note_push(&mut self, body: usize, mass: f64, shift: DVec3) {
+        if let Some(own) = body.checked_sub(1) {
+            self.pushed[own] -= shift * mass;
+        }
+    }
+
+    /// Adds the pushes after a solve over `left` `[s]`.
+    pub(super) fn add_pushes(&mut self, left: f64) {
+        for (all, pushed) in self.all.iter_mut().zip(&self.pushed) {
+            *all += *pushed / left;
+        }
+    }
+}

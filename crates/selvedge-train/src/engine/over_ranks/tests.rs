@@ -1,0 +1,138 @@
+//! A training on any number of ranks has the bytes of a training on one.
+
+use std::path::PathBuf;
+use std::thread;
+
+use selvedge_cluster::{Delays, threads};
+use selvedge_model::Encoder;
+
+use super::*;
+use crate::engine::OnProcessor;
+use crate::test_data::{Swinging, busy, config, two_cloths};
+use crate::trainer::Trainer;
+
+const ENGINE: OnProcessor = OnProcessor { micro_batch: 2 };
+
+/// A configuration whose slots go on from predictions, in five pieces.
+fn five_pieces(encoder: Encoder) -> TrainConfig {
+    let mut cfg = busy(encoder);
+    cfg.batch.samples = 9;
+    cfg
+}
+
+/// Trains up to step `steps` on so many ranks, from the checkpoint in `from` if there is one; gives
+/// the bytes of the checkpoint that rank 0 has written to `to`.
+fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str>; 2]) -> Vec<u8> {
+    let [from, to] = names.map(|name| name.map(|name| data.folder.path().join(name)));
+    let train = |ranks: Ranks| {
+        let engine = OverRanks {
+            engine: &ENGINE,
+            ranks: ranks.clone(),
+        };
+        let mut trainer = match &from {
+            Some(from) => Trainer::resume(cfg.clone(), &data.dataset, from, &engine).unwrap(),
+            None => Trainer::new(cfg.clone(), &data.dataset, &engine).unwrap(),
+        };
+        while trainer.steps_done() < cfg.steps {
+            trainer.step().unwrap();
+        }
+        trainer.collect().unwrap();
+        if ranks.is_first() {
+            let to: &PathBuf = to.as_ref().unwrap();
+            trainer.save(to, &data.dataset).unwrap();
+        }
+        trainer.learned().clone()
+    };
+    let all: Vec<Learned> = thread::scope(|scope| {
+        let ranks = threads(count, Delays::NONE).into_iter();
+        let all: Vec<_> = ranks.map(|ranks| scope.spawn(|| train(ranks))).collect();
+        all.into_iter().map(|rank| rank.join().unwrap()).collect()
+    });
+    assert!(
+        all.iter().all(|learned| *learned == all[0]),
+        "{count} ranks"
+    );
+    std::fs::read(to.unwrap()).unwrap()
+}
+
+#[test]
+fn any_number_of_ranks_gives_the_bytes_of_one_with_a_resume_on_another_number() {
+    let data = two_cloths();
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
+        let mut cfg = five_pieces(encoder);
+        cfg.steps = 10;
+        let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
+        // Without ranks at all.
+        let mut alone = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).unwrap();
+        for _ in 0..10 {
+            alone.step().unwrap();
+        }
+        let path = data.folder.path().join("alone");
+        alone.save(&path, &data.dataset).unwrap();
+        assert!(std::fs::read(path).unwrap() == whole);
+        for (count, then) in [(2, 3), (3, 1), (4, 5), (5, 2)] {
+            cfg.steps = 4;
+            trained(&data, &cfg, count, [None, Some("half")]);
+            cfg.steps = 10;
+            let resumed = trained(&data, &cfg, then, [Some("half"), Some("resumed")]);
+            assert!(resumed == whole, "{encoder:?}: {count} ranks, then {then}");
+        }
+    }
+}
+
+#[test]
+fn steps_of_several_frames_are_the_same_too() {
+    let data = two_cloths();
+    let mut cfg = five_pieces(Encoder::MLP);
+    cfg.unroll = crate::schedule::UnrollFrames::Constant { frames: 3 };
+    cfg.losses.kinetic_energy = 0.0;
+    cfg.steps = 6;
+    let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
+    assert!(trained(&data, &cfg, 3, [None, Some("three")]) == whole);
+}
+
+/// The error of rank 0 where every rank makes a trainer of its own configuration.
+fn error_of(count: usize, cfg: impl Fn(usize) -> TrainConfig + Sync) -> String {
+    let data = two_cloths();
+    let make = |ranks: Ranks| {
+        let cfg = cfg(ranks.rank());
+        let engine = OverRanks {
+            engine: &ENGINE,
+            ranks,
+        };
+        let made = Trainer::new(cfg, &data.dataset, &engine);
+        made.err()
+            .map_or_else(String::new, |error| error.to_string())
+    };
+    let errors: Vec<String> = thread::scope(|scope| {
+        let make = &make;
+        let ranks = threads(count, Delays::NONE).into_iter();
+        let all: Vec<_> = ranks
+            .map(|ranks| scope.spawn(move || make(ranks)))
+            .collect();
+        all.into_iter().map(|rank| rank.join().unwrap()).collect()
+    });
+    errors[0].clone()
+}
+
+#[test]
+fn more_ranks_than_pieces_and_other_configurations_are_refused() {
+    let error = error_of(3, |_| TrainConfig {
+        batch: crate::config::BatchConfig { samples: 4 },
+        ..config(Encoder::MLP)
+    });
+    let words = [
+        "work to 2 of 3 ranks",
+        "rank 2 would have none",
+        "batch.samples=6 or more",
+    ];
+    assert!(words.iter().all(|words| error.contains(words)), "{error}");
+    let error = error_of(2, |rank| TrainConfig {
+        seed: rank as u64,
+        ..five_pieces(Encoder::MLP)
+    });
+    assert!(
+        error.contains("rank 1 has another configuration"),
+        "{error}"
+    );
+}

@@ -1,0 +1,86 @@
+//! One reader with its examples, for a fuzzer that chooses inputs by what they reach.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::bench::Bench;
+use super::examples::written_examples;
+use super::seeds::Seeds;
+use super::targets::{TARGETS, Target};
+use super::{is_too_long, mutate};
+use crate::program::Program;
+
+/// A reader that is given one input after another.
+pub struct Guided {
+    target: &'static Target,
+    bench: Bench,
+    path: PathBuf,
+    examples: Vec<Vec<u8>>,
+}
+
+impl Guided {
+    /// The reader of the target called `name`, at work in `folder`, which is made anew.
+    ///
+    /// # Errors
+    /// A target that does not exist, a folder that cannot be made, or a program that is missing.
+    pub fn open(name: &str, folder: &Path) -> Result<Self> {
+        let Some(target) = TARGETS.iter().find(|target| target.name == name) else {
+            bail!("there is no target {name:?}");
+        };
+        if folder.exists() {
+            fs::remove_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        let [made, bench] = ["made", "bench"].map(|name| folder.join(name));
+        for inner in [&made, &bench] {
+            fs::create_dir_all(inner).with_context(|| inner.display().to_string())?;
+        }
+        let seeds = Seeds::make(&Program::find()?, &made)?;
+        let bench = Bench::new(&bench, &seeds)?;
+        let mut examples = target.examples(&seeds)?;
+        examples.extend(written_examples(target.name, &bench)?);
+        Ok(Self {
+            path: bench.folder.join(target.file.unwrap_or("input")),
+            target,
+            bench,
+            examples,
+        })
+    }
+
+    /// Whole inputs.
+    #[must_use]
+    pub fn examples(&self) -> &[Vec<u8>] {
+        &self.examples
+    }
+
+    /// Gives `input` to the reader.
+    ///
+    /// # Panics
+    /// Where the reader does, accepts what does not hold, or says pages.
+    pub fn read(&self, input: &[u8]) {
+        if self.target.file.is_some() && fs::write(&self.path, input).is_err() {
+            return;
+        }
+        if let Err(text) = (self.target.read)(&self.bench, &self.path, input) {
+            assert!(
+                !is_too_long(&text, input),
+                "an error of {} bytes",
+                text.len()
+            );
+        }
+    }
+
+    /// `input` damaged by what it is made of, as `seed` decides.
+    #[must_use]
+    pub fn damaged(&self, input: &[u8], seed: u32) -> Vec<u8> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed.into());
+        let other = self
+            .examples
+            .get(rng.random_range(0..self.examples.len().max(1)));
+        let other = other.map_or(&[][..], Vec::as_slice);
+        mutate::mutate(self.target.make, input, other, &mut rng)
+    }
+}

@@ -1,0 +1,94 @@
+//! What contact did in a run, and what it left in the frames that are written.
+
+use selvedge_cloth::Scene;
+use selvedge_data::Trajectory;
+use selvedge_sim::{ContactCounts, ContactGauge};
+use serde::Serialize;
+
+use crate::interrupt;
+use crate::output::Facts;
+use crate::progress::Progress;
+
+/// Contact in a run.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct Touched {
+    /// Pairs of faces that meet, exactly, over all frames at their written positions; none where
+    /// not all frames were looked at.
+    intersections: Option<usize>,
+    /// Smallest gap of a frame that was looked at `[m]`; none where all are above the thickness.
+    smallest_gap: Option<f64>,
+    /// The frame of it, counted from the start of the motion.
+    smallest_gap_frame: Option<usize>,
+    /// Solves with contact.
+    solves: u64,
+    /// Solves that were repeated.
+    repeated: u64,
+    /// Substeps that were divided.
+    divisions: u64,
+    /// Rounds in which vertices were held back.
+    held_back: u64,
+}
+
+/// Measures the frames of a run that began after `passed` frames; none without contact. Stops
+/// early where the user asks for it.
+pub(super) fn measure(
+    scene: &Scene,
+    trajectory: &Trajectory,
+    passed: usize,
+    counts: ContactCounts,
+) -> Option<Touched> {
+    let mut gauge = ContactGauge::of(scene)?;
+    let count = trajectory.frame_count();
+    let progress = Progress::new("looking for intersections", count, "frames");
+    let mut touched = Touched {
+        intersections: Some(0),
+        smallest_gap: None,
+        smallest_gap_frame: None,
+        solves: counts.solves,
+        repeated: counts.repeated,
+        divisions: counts.divisions,
+        held_back: counts.held_back,
+    };
+    for (number, positions) in trajectory.frames().iter().enumerate() {
+        if interrupt::requested() {
+            touched.intersections = None;
+            break;
+        }
+        let found = gauge.measure(passed + number, positions);
+        touched.intersections = touched.intersections.map(|n| n + found.intersections);
+        let is_less = |gap: &f64| touched.smallest_gap.is_none_or(|least| *gap < least);
+        if let Some(gap) = found.smallest_gap.filter(is_less) {
+            touched.smallest_gap = Some(gap);
+            touched.smallest_gap_frame = Some(passed + number);
+        }
+        progress.advance();
+    }
+    Some(touched)
+}
+
+impl Touched {
+    /// Adds what is worth a line.
+    pub(super) fn add_to(self, facts: &mut Facts) {
+        let met = match self.intersections {
+            Some(0) => "no intersections".to_owned(),
+            Some(count) => format!("{count} intersections"),
+            None => "not all frames were looked at for intersections".to_owned(),
+        };
+        let gap = match (self.smallest_gap, self.smallest_gap_frame) {
+            (Some(gap), Some(frame)) => {
+                format!(", smallest gap {:.3} mm in frame {frame}", 1e3 * gap)
+            }
+            _ => ", nothing nearer than the thickness".to_owned(),
+        };
+        facts.add("contact", met + &gap);
+        if self.repeated + self.divisions > 0 {
+            facts.add(
+                "solves",
+                format!(
+                    "{}, {} repeated; {} substeps divided",
+                    self.solves, self.repeated, self.divisions
+                ),
+            );
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Arrays of numbers between NumPy and the libraries.
+//!
+//! What never changes (the frames of a trajectory, the faces of a mesh) is shared: the array points
+//! into the memory of the object that made it, keeps that object alive and cannot be written.
+
+use glam::{DVec2, DVec3, Vec3};
+use numpy::ndarray::{ArrayView, Dimension, ShapeBuilder};
+use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray, PyArray2, PyArrayLikeDyn};
+use numpy::{PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use selvedge_cloth::Topology;
+
+use crate::errors::wrong;
+
+/// Numbers that Python gave: an array, or what NumPy makes one of.
+pub(crate) type Numbers<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// An array of a shape that cannot be written, over the memory of `values`, which `owner` holds.
+///
+/// `owner` must be frozen and must never change or move these values while it lives.
+///
+/// # Errors
+/// Another number of values than the shape has.
+#[allow(
+    unsafe_code,
+    reason = "NumPy is given an address; the owner of the memory becomes the base of the array, and no owner here changes its values"
+)]
+pub(crate) fn shared<'py, T: Element, D: Dimension>(
+    owner: &Bound<'py, PyAny>,
+    values: &[T],
+    shape: impl ShapeBuilder<Dim = D>,
+) -> PyResult<Bound<'py, PyArray<T, D>>> {
+    let view = ArrayView::from_shape(shape, values).map_err(|error| wrong(error.to_string()))?;
+    // SAFETY: `owner` is a frozen object whose values stay where they are until it is dropped, and
+    // the array keeps it alive.
+    let array = unsafe { PyArray::borrow_from_array(&view, owner.clone()) };
+    lock(&array)?;
+    Ok(array)
+}
+
+/// Lets nobody write to `array`.
+pub(crate) fn lock<'py>(array: &Bound<'py, impl pyo3::PyTypeInfo>) -> PyResult<()> {
+    array.as_any().getattr("flags")?.setattr("writeable", false)
+}
+
+/// Positions as numbers, three for each.
+pub(crate) fn flat(positions: &[Vec3]) -> &[f32] {
+    bytemuck::cast_slice(positions)
+}
+
+/// Positions in f64 as numbers, three for each.
+pub(crate) fn flat_f64(positions: &[DVec3]) -> &[f64] {
+    bytemuck::cast_slice(positions)
+}
+
+/// An array of its own of positions in f64, `[n, 3]`.
+///
+/// # Errors
+/// Memory that NumPy does not get.
+pub(crate) fn of_f64<'py>(
+    py: Python<'py>,
+    positions: &[DVec3],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let count = positions.len();
+    let numbers = flat_f64(positions).to_vec().into_pyarray(py);
+    numbers.reshape([count, 3])
+}
+
+/// The faces of a mesh, `[faces, 3]`, that cannot be written.
+///
+/// # Errors
+/// Memory that NumPy does not get.
+pub(crate) fn faces_of(py: Python<'_>, topology: &Topology) -> PyResult<Py<PyArray2<u32>>> {
+    let faces: Vec<u32> = topology.face_indices().into_iter().flatten().collect();
+    let count = faces.len() / 3;
+    let faces = faces.into_pyarray(py).reshape([count, 3])?;
+    lock(&faces)?;
+    Ok(faces.unbind())
+}
+
+/// Reads `[n, 3]` numbers as positions.
+///
+/// # Errors
+/// Another shape; `what` names the argument.
+pub(crate) fn positions(numbers: &Numbers<'_>, what: &str) -> PyResult<Vec<DVec3>> {
+    match numbers.shape() {
+        [_, 3] => Ok(triples(numbers)),
+        found => Err(wrong(format!(
+            "{what} must have the shape (n, 3), found {found:?}"
+        ))),
+    }
+}
+
+/// Reads `[n, 2]` numbers as material coordinates.
+///
+/// # Errors
+/// Another shape; `what` names the argument.
+pub(crate) fn pairs(numbers: &Numbers<'_>, what: &str) -> PyResult<Vec<DVec2>> {
+    match numbers.shape() {
+        [_, 2] => {
+            let flat: Vec<f64> = numbers.as_array().iter().copied().collect();
+            Ok(flat.chunks_exact(2).map(DVec2::from_slice).collect())
+        }
+        found => Err(wrong(format!(
+            "{what} must have the shape (n, 2), found {found:?}"
+        ))),
+    }
+}
+
+/// The numbers three by three, whatever the shape before the last axis.
+pub(crate) fn triples(numbers: &Numbers<'_>) -> Vec<DVec3> {
+    if let Ok(flat) = numbers.as_slice() {
+        return flat.chunks_exact(3).map(DVec3::from_slice).collect();
+    }
+    let flat: Vec<f64> = numbers.as_array().iter().copied().collect();
+    flat.chunks_exact(3).map(DVec3::from_slice).collect()
+}

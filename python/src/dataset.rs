@@ -1,0 +1,183 @@
+//! Data sets as sequences of trajectories.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
+use pyo3::exceptions::{PyIndexError, PyKeyError};
+use pyo3::prelude::*;
+use selvedge_data::{Dataset as Folder, DatasetPreset, Split as Part};
+use selvedge_lab::generation::{self, Order};
+use selvedge_lab::workers::Crew;
+
+use crate::errors::{told, wrong};
+use crate::json;
+use crate::long::{Stop, Teller, beside};
+use crate::trajectory::Trajectory;
+
+/// A folder of trajectories with an index: some to train on, others to test on.
+///
+/// `Dataset(folder)` opens a complete one.
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Dataset {
+    pub(crate) inner: Arc<Folder>,
+}
+
+#[pymethods]
+impl Dataset {
+    /// Opens a complete data set.
+    #[new]
+    fn new(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
+        let opened = py.detach(|| generation::open(&folder)).map_err(told)?;
+        let inner = Arc::new(opened);
+        Ok(Self { inner })
+    }
+
+    /// Makes the data set of a `preset` (a shipped name or a TOML file) in `folder`, or goes on
+    /// with it, as `selvedge dataset generate` does. After Ctrl-C the same call goes on.
+    #[staticmethod]
+    #[pyo3(signature = (preset, folder, threads=None, progress=None))]
+    fn generate(
+        py: Python<'_>,
+        preset: &str,
+        folder: PathBuf,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let stop = Stop::default();
+        let mut teller = Teller::new(progress, &stop);
+        beside(py, &stop, || {
+            let preset = DatasetPreset::open(preset).map_err(told)?;
+            for warning in preset.warnings() {
+                tracing::warn!("{warning}");
+            }
+            let order = Order {
+                preset: &preset,
+                folder: &folder,
+                part: None,
+            };
+            let crew = Crew::of_threads(threads);
+            let made = generation::generate(order, &crew, &mut |event| teller.hear(event));
+            made.map_err(told)
+        })??;
+        Self::new(py, folder)
+    }
+
+    /// Name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.index().name
+    }
+
+    /// The index as a dictionary: the configuration, the files and their hashes, statistics.
+    #[getter]
+    fn index<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json::to_python(py, self.inner.index())
+    }
+
+    /// Trajectories to train on.
+    #[getter]
+    fn train(&self) -> Split {
+        self.split(Part::Train)
+    }
+
+    /// Trajectories to test on.
+    #[getter]
+    fn test(&self) -> Split {
+        self.split(Part::Test)
+    }
+
+    /// The samples to learn from, (samples, 2), uint32: a trajectory of `train` and its current
+    /// frame; the frames before and after it are there too.
+    #[getter]
+    fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let pairs = self.inner.samples().flat_map(|s| [s.trajectory, s.current]);
+        let numbers: Vec<u32> = pairs.map(|number| number as u32).collect();
+        let count = numbers.len() / 2;
+        numbers.into_pyarray(py).reshape([count, 2])
+    }
+
+    fn __repr__(&self) -> String {
+        let counts = [Part::Train, Part::Test].map(|part| self.inner.entries(part).len());
+        let [train, test] = counts;
+        format!(
+            "Dataset({:?}, {train} to train on, {test} to test on)",
+            self.name()
+        )
+    }
+}
+
+impl Dataset {
+    fn split(&self, part: Part) -> Split {
+        let inner = Arc::clone(&self.inner);
+        Split { inner, part }
+    }
+}
+
+/// The trajectories of one split, read from their files one at a time when they are asked for.
+#[pyclass(frozen, sequence, module = "selvedge")]
+pub(crate) struct Split {
+    inner: Arc<Folder>,
+    part: Part,
+}
+
+#[derive(FromPyObject)]
+enum Which {
+    Number(isize),
+    Motion(String),
+}
+
+#[pymethods]
+impl Split {
+    /// Names of the motions, in order.
+    #[getter]
+    fn motions(&self) -> Vec<String> {
+        let entries = self.inner.entries(self.part).iter();
+        entries.map(|entry| entry.motion.clone()).collect()
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.entries(self.part).len()
+    }
+
+    fn __getitem__(&self, py: Python<'_>, which: Which) -> PyResult<Trajectory> {
+        let entries = self.inner.entries(self.part);
+        let entry = match which {
+            Which::Number(number) => {
+                let place = if number < 0 {
+                    number + entries.len() as isize
+                } else {
+                    number
+                };
+                let place = usize::try_from(place).ok();
+                place.and_then(|place| entries.get(place)).ok_or_else(|| {
+                    let count = entries.len();
+                    PyIndexError::new_err(format!("trajectory {number} of {count}"))
+                })?
+            }
+            Which::Motion(name) => {
+                let found = entries.iter().find(|entry| entry.motion == name);
+                found.ok_or_else(|| {
+                    let known = self.motions().join(", ");
+                    PyKeyError::new_err(format!("motion {name}: there are {known}"))
+                })?
+            }
+        };
+        let read = py.detach(|| self.inner.read(entry)).map_err(told)?;
+        Trajectory::of(py, read)
+    }
+}
+
+/// The split of this name.
+///
+/// # Errors
+/// Another name.
+pub(crate) fn split_named(name: &str) -> PyResult<Part> {
+    match name {
+        "train" => Ok(Part::Train),
+        "test" => Ok(Part::Test),
+        _ => Err(wrong(format!(
+            "split must be train or test, found {name:?}"
+        ))),
+    }
+}

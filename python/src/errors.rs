@@ -1,0 +1,42 @@
+//! Errors of the libraries as Python exceptions, with their own words.
+
+use std::error::Error;
+
+use pyo3::create_exception;
+use pyo3::exceptions::{PyException, PyValueError};
+use pyo3::prelude::*;
+use selvedge_cloth::StepError;
+use selvedge_lab::cause;
+
+create_exception!(
+    selvedge,
+    SelvedgeError,
+    PyException,
+    "Something that could not be done. The message names the file, field, frame or vertex, and the remedy."
+);
+create_exception!(
+    selvedge,
+    FrameError,
+    SelvedgeError,
+    "A frame that could not be reached. `frame` is its number; the stepper is as it was before."
+);
+
+/// An error with its causes as an exception.
+pub(crate) fn told(error: impl Error + 'static) -> PyErr {
+    SelvedgeError::new_err(cause::chain(&error))
+}
+
+/// A wrong argument as an exception.
+pub(crate) fn wrong(problem: impl Into<String>) -> PyErr {
+    PyValueError::new_err(problem.into())
+}
+
+/// A step that failed as an exception with the number of its frame.
+pub(crate) fn step_failed(py: Python<'_>, error: StepError) -> PyErr {
+    let frame = error.frame();
+    let exception = FrameError::new_err(cause::chain(&error));
+    match exception.value(py).setattr("frame", frame) {
+        Ok(()) => exception,
+        Err(problem) => problem,
+    }
+}

@@ -1,0 +1,60 @@
+//! Trajectories as files of other programs.
+
+use std::path::Path;
+
+use pyo3::prelude::*;
+use selvedge_data::export::{ExportOptions, FrameSpan, export};
+use selvedge_data::{Trajectory, UpAxis};
+
+use crate::errors::{told, wrong};
+use crate::long::{Stop, Teller, beside};
+
+/// Options of an export to `path`, whose name says the format.
+///
+/// # Errors
+/// A name that says no format, or a span that is none.
+pub(crate) fn options(
+    path: &Path,
+    frames: Option<&str>,
+    every: usize,
+    up: UpAxis,
+) -> PyResult<ExportOptions> {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let Some(usual) = ending.and_then(ExportOptions::of_ending) else {
+        return Err(wrong(format!(
+            "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .mdd, .npz or .obj",
+            path.display()
+        )));
+    };
+    let mut span = match frames {
+        Some(text) => text.parse().map_err(told)?,
+        None => FrameSpan::default(),
+    };
+    span.every = every;
+    Ok(ExportOptions {
+        frames: span,
+        up,
+        ..usual
+    })
+}
+
+/// Writes `trajectory`; Ctrl-C leaves nothing.
+///
+/// # Errors
+/// What cannot be written.
+pub(crate) fn export_to(
+    py: Python<'_>,
+    trajectory: &Trajectory,
+    path: &Path,
+    options: &ExportOptions,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<()> {
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    let frames = options.frames.of(trajectory.frame_count()).map_err(told)?;
+    teller.begin("writing", Some(frames.len() as u64));
+    let written = beside(py, &stop, || {
+        export(trajectory, path, options, &mut || teller.advance())
+    })?;
+    written.map(drop).map_err(told)
+}

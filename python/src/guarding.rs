@@ -1,0 +1,107 @@
+//! Guards by their names, and their word on a frame.
+
+use std::collections::BTreeMap;
+
+use numpy::IntoPyArray;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use selvedge_guard::{Correction, GuardSettings, Replacement, Trust, When};
+
+use crate::errors::wrong;
+
+/// Settings of the guard of this name, as the command line has them.
+///
+/// # Errors
+/// A name that no guard has.
+pub(crate) fn settings(name: &str) -> PyResult<GuardSettings> {
+    match name {
+        "none" => Ok(GuardSettings::with(Correction::None)),
+        "limit" => Ok(GuardSettings::with(Correction::Limit)),
+        "physics" => Ok(GuardSettings::with(Correction::Physics)),
+        "physics-always" => Ok(GuardSettings {
+            when: When::Always,
+            ..GuardSettings::with(Correction::Physics)
+        }),
+        _ => Err(wrong(format!(
+            "guard must be none, limit, physics or physics-always, found {name:?}"
+        ))),
+    }
+}
+
+/// The numbers of a word. Strains and shares have no unit.
+fn numbers(trust: &Trust) -> [(&'static str, f64); 8] {
+    let given = trust.given;
+    let nan = f64::NAN;
+    [
+        ("largest_strain", given.largest_strain),
+        ("smallest_strain", given.smallest_strain),
+        ("strain_rms", given.strain_rms),
+        ("kinetic_energy", given.kinetic_energy),
+        ("largest_speed", given.largest_speed),
+        (
+            "predicted_strain",
+            trust.predicted.map_or(nan, |m| m.largest_strain),
+        ),
+        ("correction_rms", trust.correction.map_or(nan, |m| m.rms)),
+        (
+            "correction_largest",
+            trust.correction.map_or(nan, |m| m.largest),
+        ),
+    ]
+}
+
+/// The words of a word.
+fn words(trust: &Trust) -> [(&'static str, &'static str); 3] {
+    let replaced = trust.verdict.replaced_by();
+    [
+        ("verdict", trust.verdict.name()),
+        ("contact", trust.contact.name()),
+        ("replaced_by", replaced.map_or("", Replacement::name)),
+    ]
+}
+
+/// The guard's word on a frame.
+///
+/// # Errors
+/// Memory that Python does not get.
+pub(crate) fn word<'py>(py: Python<'py>, trust: &Trust) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("frame", trust.frame)?;
+    for (name, word) in words(trust) {
+        dict.set_item(name, word)?;
+    }
+    for (name, number) in numbers(trust) {
+        dict.set_item(name, number)?;
+    }
+    dict.set_item("physics_failed", trust.physics_failed)?;
+    Ok(dict)
+}
+
+/// The words on all frames as columns: arrays of numbers, lists of words.
+///
+/// # Errors
+/// Memory that Python does not get.
+pub(crate) fn columns<'py>(py: Python<'py>, log: &[Trust]) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let frames: Vec<u64> = log.iter().map(|trust| trust.frame as u64).collect();
+    dict.set_item("frame", frames.into_pyarray(py))?;
+    let mut of_words: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    let mut of_numbers: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for trust in log {
+        for (name, word) in words(trust) {
+            of_words.entry(name).or_default().push(word);
+        }
+        for (name, number) in numbers(trust) {
+            of_numbers.entry(name).or_default().push(number);
+        }
+    }
+    for (name, words) in of_words {
+        dict.set_item(name, words)?;
+    }
+    for (name, numbers) in of_numbers {
+        dict.set_item(name, numbers.into_pyarray(py))?;
+    }
+    let failed: Vec<bool> = log.iter().map(|trust| trust.physics_failed).collect();
+    dict.set_item("physics_failed", failed.into_pyarray(py))?;
+    Ok(dict)
+}

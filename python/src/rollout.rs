@@ -1,0 +1,307 @@
+//! Whole runs in one call: the physics, or a model under a guard with its word on every frame.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use selvedge_cloth::{Cloth, Scene as Built, Stepper};
+use selvedge_data::{LoadedScene, Trajectory as Recorded};
+use selvedge_guard::Trust;
+use selvedge_lab::domain::{self, Beyond};
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models;
+use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
+use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
+use selvedge_lab::{End, start};
+use selvedge_sim::Threads;
+use serde_json::Value;
+
+use crate::arrays::Numbers;
+use crate::errors::told;
+use crate::guarding;
+use crate::json;
+use crate::long::{Stop, Teller, beside};
+use crate::model::Model;
+use crate::scene::Scene;
+use crate::stepper::{begin, state_at};
+use crate::trajectory::Trajectory;
+
+/// A model's run, with the guard's word on every frame.
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Rollout {
+    trajectory: Py<Trajectory>,
+    truth: Option<Py<Trajectory>>,
+    log: Vec<Trust>,
+    summary: GuardSummary,
+    beyond: Option<Beyond>,
+    ms_per_frame: f64,
+    is_complete: bool,
+}
+
+#[pymethods]
+impl Rollout {
+    /// The model's motion.
+    #[getter]
+    fn trajectory(&self, py: Python<'_>) -> Py<Trajectory> {
+        self.trajectory.clone_ref(py)
+    }
+
+    /// The physics from the same start, where it was asked for.
+    #[getter]
+    fn truth(&self, py: Python<'_>) -> Option<Py<Trajectory>> {
+        self.truth.as_ref().map(|truth| truth.clone_ref(py))
+    }
+
+    /// The guard's word on every frame but the first, as columns.
+    #[getter]
+    fn trust<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        guarding::columns(py, &self.log)
+    }
+
+    /// The guard's words summed up.
+    #[getter]
+    fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json::to_python(py, &self.summary)
+    }
+
+    /// Parts of the scene that the model was not trained on, in words; `None` where its file does
+    /// not say.
+    #[getter]
+    fn beyond(&self) -> Option<Vec<String>> {
+        let beyond = self.beyond.as_ref()?;
+        Some(beyond.departures.iter().map(ToString::to_string).collect())
+    }
+
+    /// Wall time of a frame of the model [ms].
+    #[getter]
+    fn ms_per_frame(&self) -> f64 {
+        self.ms_per_frame
+    }
+
+    /// False where the progress callback asked to stop.
+    #[getter]
+    fn is_complete(&self) -> bool {
+        self.is_complete
+    }
+
+    /// Writes the guard's words (.csv), as `selvedge rollout --trust` does.
+    fn write_trust(&self, path: PathBuf) -> PyResult<()> {
+        watched::write_trust(&path, &self.log, self.beyond.as_ref()).map_err(told)
+    }
+
+    /// The measures of the rollout against its truth, in SI units; `None` without one.
+    fn comparison<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(truth) = &self.truth else {
+            return Ok(None);
+        };
+        let compared = truth.get().compared(py, self.trajectory.get())?;
+        Ok(Some(compared))
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
+        let truth = self.truth.as_ref().map(|truth| truth.get());
+        Ok(self.trajectory.get().drawn(py, truth)?.bytes(py))
+    }
+
+    fn __repr__(&self) -> String {
+        let GuardSummary {
+            frames,
+            corrected,
+            lost,
+            ..
+        } = self.summary;
+        format!("Rollout({frames} frames, {corrected} corrected, {lost} lost)")
+    }
+}
+
+/// The trajectory of a run, with the scene where its spec says all of it.
+fn trajectory_of(
+    scene: &Scene,
+    loaded: &LoadedScene,
+    first: usize,
+    rest: &[DVec3],
+    positions: Vec<Vec3>,
+) -> PyResult<Recorded> {
+    let (spec, built) = (&loaded.spec, &loaded.scene);
+    if scene.has_spec {
+        return physics::trajectory_from(first, spec, built, rest, positions).map_err(told);
+    }
+    let mut provenance = physics::provenance(spec, built).map_err(told)?;
+    provenance.scene = Value::Null;
+    let cloth = Cloth::of_scene(built, physics::rounded(rest)).map_err(told)?;
+    Recorded::new(cloth, positions, provenance).map_err(told)
+}
+
+/// Simulates a scene by the reference physics, as `selvedge simulate` does: from where the scene
+/// says, or from `positions` (n, 3) [m] and `velocities` (n, 3) [m/s]. Ctrl-C stops within a
+/// substep; an answer `False` of `progress(task, done, goal)` keeps the frames until then.
+///
+/// # Errors
+/// What of the scene or a step went wrong.
+#[pyfunction]
+#[pyo3(signature = (scene, frames=None, positions=None, velocities=None, progress=None))]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    scene: &Scene,
+    frames: Option<usize>,
+    positions: Option<Numbers<'_>>,
+    velocities: Option<Numbers<'_>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Trajectory> {
+    let given = state_at(positions.as_ref(), velocities.as_ref())?;
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    let made = beside(py, &stop, || {
+        let (state, rest) = begin(scene, given, &mut teller)?;
+        let (built, first) = (&scene.loaded.scene, state.frame);
+        let frames = match frames {
+            Some(frames) => frames,
+            None => built.frame_count().map_err(told)?.saturating_sub(first),
+        };
+        let plan = SimulationPlan {
+            start: state,
+            frames,
+            keep: Keep::Positions,
+            threads: Threads::Pool,
+            stop: stop.flag(),
+        };
+        teller.begin("simulating", Some(frames as u64));
+        let run = physics::run_plan(built, plan, &mut || teller.advance());
+        let (run, _) = run.map_err(told)?;
+        let at_rest = rest.as_ref().map(|rest| rest.positions.as_slice());
+        let at_rest = at_rest.unwrap_or(built.mesh.positions());
+        trajectory_of(scene, &scene.loaded, first, at_rest, run.positions)
+    })??;
+    Trajectory::of(py, made)
+}
+
+/// The outcome of a rollout before Python has it.
+struct Made {
+    run: Recorded,
+    truth: Option<Recorded>,
+    watched: (Vec<Trust>, GuardSummary),
+    beyond: Option<Beyond>,
+    ms_per_frame: f64,
+    end: End,
+}
+
+/// The wishes for a rollout.
+struct Asked<'a> {
+    scene: &'a Scene,
+    model: &'a Model,
+    frames: Option<usize>,
+    guard: selvedge_guard::GuardSettings,
+    has_truth: bool,
+}
+
+/// Runs a model on a scene from its rest pose, as `selvedge rollout` does, with the `guard` none,
+/// limit, physics or physics-always. `truth=True` also runs the physics. `progress(task, done,
+/// goal)` hears of every frame; its answer `False` keeps the frames until then.
+///
+/// # Errors
+/// What of the scene, the model or a step went wrong.
+#[pyfunction]
+#[pyo3(signature = (scene, model, frames=None, guard="limit", truth=false, progress=None))]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "each has a name and a default in Python"
+)]
+pub(crate) fn rollout(
+    py: Python<'_>,
+    scene: &Scene,
+    model: &Model,
+    frames: Option<usize>,
+    guard: &str,
+    truth: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Rollout> {
+    let asked = Asked {
+        scene,
+        model,
+        frames,
+        guard: guarding::settings(guard)?,
+        has_truth: truth,
+    };
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    let made = beside(py, &stop, || roll(&asked, &stop, &mut teller))??;
+    let (log, summary) = made.watched;
+    let truth = made.truth.map(|truth| Trajectory::of(py, truth));
+    let truth = truth.transpose()?.map(|truth| Py::new(py, truth));
+    Ok(Rollout {
+        trajectory: Py::new(py, Trajectory::of(py, made.run)?)?,
+        truth: truth.transpose()?,
+        log,
+        summary,
+        beyond: made.beyond,
+        ms_per_frame: made.ms_per_frame,
+        is_complete: made.end == End::Complete,
+    })
+}
+
+fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Made> {
+    let Asked { scene, model, .. } = asked;
+    let mut loaded = scene.loaded.clone();
+    for warning in start::for_model(&mut loaded) {
+        tracing::warn!("{}: {warning}", loaded.spec.name);
+    }
+    let built = Arc::new(loaded.scene.clone());
+    let frames = match asked.frames {
+        Some(frames) => frames,
+        None => built.frame_count().map_err(told)?,
+    };
+    let beyond = domain::of_scene(&model.model, &built, frames).map_err(told)?;
+    let rest = scene.found_rest(teller).map_err(told)?;
+    let rest = &rest.positions;
+    let path = built.handle_path().map_err(told)?;
+    let guard = start::guarded(&built, rest, &model.named(), &Machine::Cpu, asked.guard);
+    let mut watched = WatchedModel::of(guard.map_err(told)?);
+    watched.stop_by(stop.flag().into());
+    teller.begin("predicting", Some(frames as u64));
+    let run = models::drive(&mut watched, &path, frames, &mut || teller.advance());
+    let run = run.map_err(told)?;
+    if let Some(failure) = watched.physics_failure() {
+        tracing::warn!("the guard did without its physics: {failure}");
+    }
+    let mut end = run.end;
+    let ms_per_frame = run.ms_per_frame;
+    let mut truth = None;
+    if asked.has_truth && end == End::Complete {
+        let finer = models::truth_scene(&built, &model.model);
+        let run = simulated(&finer, rest, frames, stop, teller)?;
+        end = run.end;
+        let mut loaded = loaded.clone();
+        loaded.spec.setting.physics = finer.physics;
+        loaded.scene = finer;
+        truth = Some(trajectory_of(scene, &loaded, 0, rest, run.positions)?);
+    }
+    Ok(Made {
+        run: trajectory_of(scene, &loaded, 0, rest, run.positions)?,
+        truth,
+        watched: (watched.log().to_vec(), watched.summary()),
+        beyond,
+        ms_per_frame,
+        end,
+    })
+}
+
+fn simulated(
+    scene: &Built,
+    rest: &[DVec3],
+    frames: usize,
+    stop: &Stop,
+    teller: &mut Teller<'_>,
+) -> PyResult<TimedRun> {
+    let plan = SimulationPlan {
+        start: selvedge_data::SavedState::at_rest(rest.to_vec()),
+        frames,
+        keep: Keep::Positions,
+        threads: Threads::Pool,
+        stop: stop.flag(),
+    };
+    teller.begin("simulating the truth", Some(frames as u64));
+    let run = physics::run_plan(scene, plan, &mut || teller.advance());
+    Ok(run.map_err(told)?.0)
+}

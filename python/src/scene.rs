@@ -1,0 +1,435 @@
+//! Scenes, meshes and materials.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
+use selvedge_cloth::{
+    Handles, Material as ClothMaterial, Mesh as ClothMesh, Motion, RecordedMotion,
+};
+use selvedge_data::{
+    LoadedScene, MeshOptions, materials, open_scene, parse_scene, read_mesh, shipped_scenes,
+};
+use selvedge_lab::physics;
+use selvedge_sim::SaggedRest;
+
+use crate::arrays::{self, Numbers};
+use crate::errors::{told, wrong};
+use crate::json;
+use crate::long::{Stop, Teller, beside};
+
+/// A mesh of triangles with its material coordinates, before anything moves it.
+///
+/// `Mesh(positions, faces, material=None)` takes positions (n, 3) [m], faces (f, 3), and material
+/// coordinates (n, 2) [m]; without these the mesh must be flat in a plane x = constant, where they
+/// are (z, y).
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Mesh {
+    pub(crate) mesh: ClothMesh,
+    labels: std::collections::BTreeMap<String, Vec<u32>>,
+    faces: Py<PyArray2<u32>>,
+}
+
+impl Mesh {
+    fn of(
+        py: Python<'_>,
+        mesh: ClothMesh,
+        labels: std::collections::BTreeMap<String, Vec<u32>>,
+    ) -> PyResult<Self> {
+        let faces = arrays::faces_of(py, mesh.topology())?;
+        Ok(Self {
+            mesh,
+            labels,
+            faces,
+        })
+    }
+}
+
+#[pymethods]
+impl Mesh {
+    /// A mesh of `positions` (n, 3) [m] and `faces` (f, 3). Without `material` (n, 2) [m], the
+    /// material coordinates, the mesh must be flat in a plane x = constant: they are (z, y).
+    #[new]
+    #[pyo3(signature = (positions, faces, material=None))]
+    fn new(
+        py: Python<'_>,
+        positions: Numbers<'_>,
+        faces: Numbers<'_>,
+        material: Option<Numbers<'_>>,
+    ) -> PyResult<Self> {
+        let positions = arrays::positions(&positions, "positions")?;
+        let faces = corners(&faces)?;
+        let material = match material {
+            Some(material) => arrays::pairs(&material, "material")?,
+            None => flat_coordinates(&positions)?,
+        };
+        let mesh = ClothMesh::new(&faces, material, positions).map_err(told)?;
+        Self::of(py, mesh, Default::default())
+    }
+
+    /// Reads a mesh from a file (.obj, .glb, .usda).
+    #[staticmethod]
+    fn read(py: Python<'_>, path: std::path::PathBuf) -> PyResult<Self> {
+        let read = py.detach(|| read_mesh(&path, MeshOptions::default()));
+        let read = read.map_err(told)?;
+        for warning in &read.warnings {
+            tracing::warn!("{}: {warning}", path.display());
+        }
+        Self::of(py, read.sheet.mesh, read.sheet.labels)
+    }
+
+    /// An irregular sheet that hangs flat: `shape` is square, long, wide, triangle, diamond, disc,
+    /// l-shape or holed; `size` [m] is the side of a square; `seed` places the inner vertices.
+    #[staticmethod]
+    #[pyo3(signature = (shape="square", vertices=400, size=1.0, seed=1))]
+    fn generate(
+        py: Python<'_>,
+        shape: &str,
+        vertices: usize,
+        size: f64,
+        seed: u64,
+    ) -> PyResult<Self> {
+        let shape: Shape = serde_json::from_value(shape.into()).map_err(told)?;
+        let spec = SheetSpec {
+            shape,
+            vertices,
+            size,
+            seed,
+        };
+        let made = py.detach(|| sheet(&spec)).map_err(told)?;
+        Self::of(py, made.mesh, made.labels)
+    }
+
+    /// Start positions [m], (n, 3), float64; shared, not copied.
+    #[getter]
+    fn positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let positions = slf.get().mesh.positions();
+        let shape = (positions.len(), 3);
+        arrays::shared(slf.as_any(), arrays::flat_f64(positions), shape)
+    }
+
+    /// Faces, (f, 3), uint32.
+    #[getter]
+    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
+        self.faces.clone_ref(py)
+    }
+
+    /// Lists of vertices by their names.
+    #[getter]
+    fn labels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let labels = PyDict::new(py);
+        for (name, vertices) in &self.labels {
+            labels.set_item(name, vertices.clone().into_pyarray(py))?;
+        }
+        Ok(labels)
+    }
+
+    fn __repr__(&self) -> String {
+        let topology = self.mesh.topology();
+        let (vertices, faces) = (topology.vertex_count(), topology.faces().len());
+        format!("Mesh({vertices} vertices, {faces} faces)")
+    }
+}
+
+fn corners(faces: &Numbers<'_>) -> PyResult<Vec<[u32; 3]>> {
+    let is_vertex = |x: f64| x >= 0.0 && x <= f64::from(u32::MAX) && x.fract() == 0.0;
+    let whole = arrays::positions(faces, "faces")?;
+    let corner = |face: &glam::DVec3| match face.to_array() {
+        numbers if numbers.into_iter().all(is_vertex) => Ok(numbers.map(|x| x as u32)),
+        numbers => Err(wrong(format!(
+            "faces must be numbers of vertices, found {numbers:?}"
+        ))),
+    };
+    whole.iter().map(corner).collect()
+}
+
+fn flat_coordinates(positions: &[glam::DVec3]) -> PyResult<Vec<glam::DVec2>> {
+    let first = positions.first().map_or(0.0, |p| p.x);
+    match positions.iter().position(|p| p.x != first) {
+        None => Ok(positions
+            .iter()
+            .map(|p| glam::DVec2::new(p.z, p.y))
+            .collect()),
+        Some(vertex) => Err(wrong(format!(
+            "material is missing: vertex {vertex} is not in the plane x = {first} of vertex 0, so that the mesh does not say what the cloth is like when flat; give material coordinates (n, 2) in metres"
+        ))),
+    }
+}
+
+/// The constants of a fabric.
+///
+/// `Material(name_or_file)` opens a shipped fabric by its name, or a fabric of a TOML file.
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Material {
+    pub(crate) material: ClothMaterial,
+}
+
+#[pymethods]
+impl Material {
+    /// A shipped fabric by its name, or a fabric of a TOML file.
+    #[new]
+    fn new(name_or_file: &str) -> PyResult<Self> {
+        let scene = open_scene("default").map_err(told)?;
+        let scene = scene.of_material(name_or_file).map_err(told)?;
+        Ok(Self {
+            material: scene.scene.material,
+        })
+    }
+
+    /// Names of the shipped fabrics.
+    #[staticmethod]
+    fn names() -> Vec<&'static str> {
+        materials().iter().map(|material| material.0).collect()
+    }
+
+    /// Name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.material.name
+    }
+
+    /// Mass per area [kg/m²].
+    #[getter]
+    fn density(&self) -> f64 {
+        self.material.density
+    }
+
+    /// Everything as a dictionary, in SI units.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json::to_python(py, &self.material)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Material({:?})", self.material.name)
+    }
+}
+
+/// A mesh, its handles, its material, its surroundings and a motion of the handles.
+///
+/// `Scene(name_or_file)` opens a file (.toml, ARCSim's .json) or a shipped scene by its name.
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Scene {
+    pub(crate) loaded: LoadedScene,
+    /// False where arrays of Python are in it, which its spec does not have.
+    pub(crate) has_spec: bool,
+    rest: Mutex<Option<Arc<SaggedRest>>>,
+    faces: Py<PyArray2<u32>>,
+}
+
+impl Scene {
+    pub(crate) fn of(py: Python<'_>, loaded: LoadedScene, has_spec: bool) -> PyResult<Self> {
+        for warning in &loaded.warnings {
+            tracing::warn!("{}: {warning}", loaded.spec.name);
+        }
+        let faces = arrays::faces_of(py, loaded.scene.mesh.topology())?;
+        Ok(Self {
+            loaded,
+            has_spec,
+            rest: Mutex::default(),
+            faces,
+        })
+    }
+
+    /// The rest pose, found once. Long work: the lock must be released.
+    pub(crate) fn found_rest(
+        &self,
+        teller: &mut Teller<'_>,
+    ) -> Result<Arc<SaggedRest>, physics::RestPoseError> {
+        let mut known = self.rest.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(rest) = &*known {
+            return Ok(Arc::clone(rest));
+        }
+        let found = physics::rest_pose(&self.loaded.scene, &mut |event| teller.hear(event))?;
+        Ok(Arc::clone(known.insert(Arc::new(found))))
+    }
+
+    fn copy(&self) -> LoadedScene {
+        let mut loaded = self.loaded.clone();
+        loaded.warnings.clear();
+        loaded
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// Opens a scene by the path of its file (.toml, ARCSim's .json) or by a shipped name.
+    #[new]
+    #[pyo3(signature = (name_or_file="default"))]
+    fn new(py: Python<'_>, name_or_file: &str) -> PyResult<Self> {
+        let loaded = py.detach(|| open_scene(name_or_file)).map_err(told)?;
+        Self::of(py, loaded, true)
+    }
+
+    /// Reads a scene from the TOML text of its file; paths in it are relative to `folder`.
+    #[staticmethod]
+    #[pyo3(signature = (text, folder=std::path::PathBuf::new()))]
+    fn parse(py: Python<'_>, text: &str, folder: std::path::PathBuf) -> PyResult<Self> {
+        let loaded = py.detach(|| parse_scene(text, &folder, "the text"));
+        Self::of(py, loaded.map_err(told)?, true)
+    }
+
+    /// Names of the shipped scenes.
+    #[staticmethod]
+    fn names() -> Vec<&'static str> {
+        shipped_scenes().iter().map(|scene| scene.0).collect()
+    }
+
+    /// The same scene of another material.
+    fn with_material(&self, py: Python<'_>, material: &Material) -> PyResult<Self> {
+        let mut loaded = self.copy();
+        loaded.spec.setting.material = material.material.clone();
+        loaded.scene.material = material.material.clone();
+        loaded.scene.validate().map_err(told)?;
+        Self::of(py, loaded, self.has_spec)
+    }
+
+    /// The same scene with another motion: a shipped name, a TOML file, or a recorded motion (.csv,
+    /// .npz).
+    fn with_motion(&self, py: Python<'_>, name_or_file: &str) -> PyResult<Self> {
+        let loaded = self.copy().of_motion(name_or_file).map_err(told)?;
+        Self::of(py, loaded, self.has_spec)
+    }
+
+    /// The same scene with handles that move as `targets` (frames, handles, 3) [m]; frame 0 is the
+    /// start.
+    fn with_targets(&self, py: Python<'_>, targets: Numbers<'_>) -> PyResult<Self> {
+        let handles = self.loaded.scene.handles.len();
+        let frames = match targets.shape() {
+            [frames, found, 3] if *found == handles && *frames > 0 => *frames,
+            found => {
+                return Err(wrong(format!(
+                    "targets must have the shape (frames, {handles}, 3), found {found:?}"
+                )));
+            }
+        };
+        let positions = arrays::triples(&targets);
+        let each = positions.chunks_exact(handles.max(1)).take(frames);
+        let motion = Motion::Recorded(RecordedMotion {
+            positions: each.map(<[_]>::to_vec).collect(),
+        });
+        let mut loaded = self.copy();
+        loaded.spec.motion = motion.clone();
+        loaded.scene.motion = motion;
+        loaded.scene.validate().map_err(told)?;
+        Self::of(py, loaded, self.has_spec)
+    }
+
+    /// The same scene of another mesh, held at the vertices `handles`. Its motion must fit them.
+    fn with_mesh(&self, py: Python<'_>, mesh: &Mesh, handles: Vec<u32>) -> PyResult<Self> {
+        let mut loaded = self.copy();
+        let count = mesh.mesh.topology().vertex_count();
+        loaded.scene.handles = Handles::new(&handles, count).map_err(told)?;
+        loaded.scene.mesh = mesh.mesh.clone();
+        loaded.scene.validate().map_err(told)?;
+        loaded.state = None;
+        loaded.loose = None;
+        Self::of(py, loaded, false)
+    }
+
+    /// Name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.loaded.scene.name
+    }
+
+    /// Frames of the motion, the start included not.
+    #[getter]
+    fn frames(&self) -> PyResult<usize> {
+        self.loaded.scene.frame_count().map_err(told)
+    }
+
+    /// Frames per second.
+    #[getter]
+    fn frame_rate(&self) -> f64 {
+        self.loaded.scene.frame_rate
+    }
+
+    /// The material.
+    #[getter]
+    fn material(&self) -> Material {
+        Material {
+            material: self.loaded.scene.material.clone(),
+        }
+    }
+
+    /// Start positions [m], (n, 3), float64; shared, not copied.
+    #[getter]
+    fn positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let positions = slf.get().loaded.scene.mesh.positions();
+        let shape = (positions.len(), 3);
+        arrays::shared(slf.as_any(), arrays::flat_f64(positions), shape)
+    }
+
+    /// Faces, (f, 3), uint32.
+    #[getter]
+    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
+        self.faces.clone_ref(py)
+    }
+
+    /// Numbers of the held vertices, (handles,), uint32, in the order of the targets.
+    #[getter]
+    fn handles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let vertices = self.loaded.scene.handles.vertices().iter();
+        let numbers: Vec<u32> = vertices.map(|vertex| vertex.0).collect();
+        numbers.into_pyarray(py)
+    }
+
+    /// Warnings of what the file asks for and cannot have.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.loaded.warnings.clone()
+    }
+
+    /// Targets of the handles by the scene's motion for the step from `frame` on [m], (samples,
+    /// handles, 3), at equally spaced times of which the last is the end of the frame.
+    #[pyo3(signature = (frame, samples=1))]
+    fn targets<'py>(
+        &self,
+        py: Python<'py>,
+        frame: usize,
+        samples: usize,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let path = self.loaded.scene.handle_path().map_err(told)?;
+        let handles = self.loaded.scene.handles.len();
+        let rate = self.loaded.scene.frame_rate;
+        let mut numbers = Vec::with_capacity(3 * handles * samples);
+        for k in 1..=samples {
+            let time = (frame as f64 + k as f64 / samples as f64) / rate;
+            numbers.extend(path.at(time).into_iter().flat_map(|p| p.to_array()));
+        }
+        numbers.into_pyarray(py).reshape([samples, handles, 3])
+    }
+
+    /// The static equilibrium in which the cloth hangs from its handles [m], (n, 3), float64. It is
+    /// searched for once; `progress(task, done, goal)` hears of every solve.
+    #[pyo3(signature = (progress=None))]
+    fn rest_pose<'py>(
+        &self,
+        py: Python<'py>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let stop = Stop::default();
+        let mut teller = Teller::new(progress, &stop);
+        let found = beside(py, &stop, || self.found_rest(&mut teller))?;
+        arrays::of_f64(py, &found.map_err(told)?.positions)
+    }
+
+    /// The resolved scene as a dictionary, as results carry it; `None` where arrays are in it.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        match self.has_spec {
+            true => json::to_python(py, &self.loaded.spec).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let scene = &self.loaded.scene;
+        let (vertices, handles) = (scene.mesh.positions().len(), scene.handles.len());
+        format!(
+            "Scene({:?}, {vertices} vertices, {handles} handles)",
+            scene.name
+        )
+    }
+}

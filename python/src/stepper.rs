@@ -1,0 +1,567 @@
+//! Cloths that move one frame at a time.
+//!
+//! The array of positions is one for the whole life of a stepper: after each step the newest frame
+//! is put into it, with the interpreter's lock held. So it is never seen half made, reading it
+//! costs nothing, and writing to it cannot reach the state, which belongs to the stepper alone.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use selvedge_cloth::{Cloth, HandlePath, HandleTargets, Stepper as MovesCloth};
+use selvedge_data::{Drive, Playback, RecordingEnd, SavedState, StartSpec, record};
+use selvedge_guard::Guard;
+use selvedge_lab::machine::{Machine, Mover};
+use selvedge_lab::rigid::RigidRest;
+use selvedge_lab::{physics, start, state_log};
+use selvedge_sim::{SaggedRest, Simulator as Physics};
+
+use crate::arrays::{self, Numbers};
+use crate::errors::{SelvedgeError, step_failed, told, wrong};
+use crate::guarding;
+use crate::long::{Stop, Teller, beside};
+use crate::model::Model;
+use crate::scene::Scene;
+use crate::trajectory::Trajectory;
+
+/// Time of a step from which the next one listens for Ctrl-C, which takes some microseconds.
+const LONG: Duration = Duration::from_millis(20);
+
+/// The mover of a cloth.
+pub(crate) enum Kind {
+    /// The physics, in f64.
+    Physics(Box<Physics>),
+    /// A model, under a guard that may only measure.
+    Model(Box<Guard<Mover>>),
+    /// The physics under a guard, a recording, or a rigid cloth.
+    Other(Box<dyn MovesCloth + Send>),
+}
+
+impl Kind {
+    fn mover(&mut self) -> &mut (dyn MovesCloth + Send) {
+        match self {
+            Self::Physics(physics) => physics.as_mut(),
+            Self::Model(model) => model.as_mut(),
+            Self::Other(other) => other.as_mut(),
+        }
+    }
+
+    fn positions(&self) -> &[Vec3] {
+        match self {
+            Self::Physics(physics) => physics.positions(),
+            Self::Model(model) => model.positions(),
+            Self::Other(other) => other.positions(),
+        }
+    }
+
+    fn frame(&self) -> usize {
+        match self {
+            Self::Physics(physics) => physics.frame(),
+            Self::Model(model) => model.frame(),
+            Self::Other(other) => other.frame(),
+        }
+    }
+}
+
+/// The parts of a stepper that a step changes.
+struct Core {
+    kind: Kind,
+    last: Duration,
+}
+
+/// The motion of the handles that a stepper follows by itself.
+struct Course {
+    path: HandlePath,
+    samples: usize,
+}
+
+/// A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
+/// `Simulator`, `LearnedStepper`, `CorrectedStepper`, `Playback`, `RigidStepper`.
+#[pyclass(frozen, subclass, module = "selvedge")]
+pub(crate) struct Stepper {
+    core: Mutex<Core>,
+    stop: Arc<AtomicBool>,
+    buffer: Py<PyArray2<f32>>,
+    shown: Py<PyAny>,
+    faces: Py<PyArray2<u32>>,
+    handles: Vec<u32>,
+    frame_rate: f64,
+    course: Option<Course>,
+}
+
+impl Stepper {
+    fn of(
+        py: Python<'_>,
+        mut kind: Kind,
+        frame_rate: f64,
+        course: Option<Course>,
+    ) -> PyResult<Self> {
+        let stop = Arc::<AtomicBool>::default();
+        let mover = kind.mover();
+        mover.stop_by(Arc::clone(&stop).into());
+        let faces = arrays::faces_of(py, mover.topology())?;
+        let handles = mover.handles().vertices().iter().map(|v| v.0).collect();
+        let positions = arrays::flat(mover.positions()).to_vec();
+        let count = positions.len() / 3;
+        let buffer = positions.into_pyarray(py).reshape([count, 3])?;
+        let shown = buffer.call_method0("view")?;
+        shown.getattr("flags")?.setattr("writeable", false)?;
+        Ok(Self {
+            core: Mutex::new(Core { kind, last: LONG }),
+            stop,
+            buffer: buffer.unbind(),
+            shown: shown.unbind(),
+            faces,
+            handles,
+            frame_rate,
+            course,
+        })
+    }
+
+    fn free(&self) -> PyResult<MutexGuard<'_, Core>> {
+        match self.core.try_lock() {
+            Ok(core) => Ok(core),
+            Err(TryLockError::Poisoned(core)) => Ok(core.into_inner()),
+            Err(TryLockError::WouldBlock) => Err(PyRuntimeError::new_err(
+                "this stepper is moving in another thread: give each thread one of its own",
+            )),
+        }
+    }
+
+    /// Puts the newest frame into the array of positions.
+    fn show(&self, py: Python<'_>, core: &Core) -> PyResult<()> {
+        let mut buffer = self.buffer.bind(py).try_readwrite()?;
+        let shown = buffer.as_slice_mut()?;
+        shown.copy_from_slice(arrays::flat(core.kind.positions()));
+        Ok(())
+    }
+
+    /// Moves by a frame; listens for Ctrl-C where the last step was long.
+    fn move_on(&self, py: Python<'_>, targets: &HandleTargets) -> PyResult<()> {
+        let mut guard = self.free()?;
+        let core = &mut *guard;
+        let is_long = core.last >= LONG;
+        let work = || {
+            let began = Instant::now();
+            let moved = core.kind.mover().step(targets);
+            core.last = began.elapsed();
+            moved
+        };
+        let moved = match is_long {
+            false => py.detach(work),
+            true => {
+                let stop = Stop::with_flag(Arc::clone(&self.stop));
+                let moved = beside(py, &stop, work);
+                self.stop.store(false, Ordering::Relaxed);
+                // A step that came to its end in spite of a signal is shown.
+                self.show(py, &guard)?;
+                moved?
+            }
+        };
+        moved.map_err(|error| step_failed(py, error))?;
+        self.show(py, &guard)
+    }
+
+    fn targets_of(&self, numbers: &Numbers<'_>) -> PyResult<HandleTargets> {
+        let handles = self.handles.len();
+        match numbers.shape() {
+            [found, 3] if *found == handles => {}
+            [samples, found, 3] if *found == handles && *samples > 0 => {}
+            found => {
+                return Err(wrong(format!(
+                    "targets must have the shape ({handles}, 3), or (samples, {handles}, 3) for several times in the frame, found {found:?}"
+                )));
+            }
+        }
+        HandleTargets::sampled(arrays::triples(numbers), handles).map_err(told)
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Moves the cloth by one frame, its handles to `targets` [m], (handles, 3), at its end; or
+    /// (samples, handles, 3) at equally spaced times of which the last is its end. Handles in
+    /// `released`, (handles,) of bool, are let go during this frame; only physics can. Without
+    /// targets the handles follow the scene's motion. Returns `positions`.
+    ///
+    /// Raises `FrameError`; the cloth is then as it was before.
+    #[pyo3(signature = (targets=None, released=None))]
+    fn step(
+        &self,
+        py: Python<'_>,
+        targets: Option<Numbers<'_>>,
+        released: Option<Vec<bool>>,
+    ) -> PyResult<Py<PyAny>> {
+        let targets = match &targets {
+            Some(numbers) => self.targets_of(numbers)?,
+            None => {
+                let course = self.course()?;
+                let frame = self.free()?.kind.frame();
+                let targets = course.path.targets(frame, course.samples);
+                targets.map_err(told)?
+            }
+        };
+        let targets = match released {
+            Some(released) => targets.releasing(released).map_err(told)?,
+            None => targets,
+        };
+        self.move_on(py, &targets)?;
+        Ok(self.shown.clone_ref(py))
+    }
+
+    /// Follows the scene's motion for `frames` steps and returns all positions [m], (frames + 1, n,
+    /// 3), float32, with those now first. Ctrl-C stops at the frame that was reached.
+    /// `progress(task, done, goal)` hears of every frame; its answer `False` stops too.
+    #[pyo3(signature = (frames, progress=None))]
+    fn follow<'py>(
+        &self,
+        py: Python<'py>,
+        frames: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let course = self.course()?;
+        let mut guard = self.free()?;
+        let core = &mut *guard;
+        let stop = Stop::with_flag(Arc::clone(&self.stop));
+        let mut teller = Teller::new(progress, &stop);
+        teller.begin("moving", Some(frames as u64));
+        let drive = Drive {
+            path: &course.path,
+            samples_per_frame: course.samples,
+        };
+        let made = beside(py, &stop, || {
+            record(core.kind.mover(), drive, frames, &mut |_| teller.advance())
+        });
+        self.stop.store(false, Ordering::Relaxed);
+        self.show(py, &guard)?;
+        let made = made?;
+        if let RecordingEnd::Failed(error) = made.end {
+            return Err(step_failed(py, error));
+        }
+        let vertices = guard.kind.positions().len();
+        let count = made.positions.len() / vertices.max(1);
+        let numbers = arrays::flat(&made.positions).to_vec();
+        numbers.into_pyarray(py).reshape([count, vertices, 3])
+    }
+
+    /// Targets of the scene's motion for the next step [m], (samples, handles, 3), as `step` takes
+    /// them.
+    fn next_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let course = self.course()?;
+        let frame = self.free()?.kind.frame();
+        let mut numbers = Vec::new();
+        for k in 1..=course.samples {
+            let time = (frame as f64 + k as f64 / course.samples as f64) / self.frame_rate;
+            numbers.extend(course.path.at(time).into_iter().flat_map(|p| p.to_array()));
+        }
+        let shape = [course.samples, self.handles.len(), 3];
+        numbers.into_pyarray(py).reshape(shape)
+    }
+
+    /// Positions of the newest frame [m], (n, 3), float32. It is the same array for the whole life
+    /// of the stepper, and cannot be written; take a copy of a frame that is to be kept.
+    #[getter]
+    fn positions(&self, py: Python<'_>) -> Py<PyAny> {
+        self.shown.clone_ref(py)
+    }
+
+    /// Frames stepped since the start.
+    #[getter]
+    fn frame(&self) -> PyResult<usize> {
+        Ok(self.free()?.kind.frame())
+    }
+
+    /// Frames per second.
+    #[getter]
+    fn frame_rate(&self) -> f64 {
+        self.frame_rate
+    }
+
+    /// Faces, (f, 3), uint32.
+    #[getter]
+    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
+        self.faces.clone_ref(py)
+    }
+
+    /// Numbers of the held vertices, (handles,), uint32, in the order of the targets.
+    #[getter]
+    fn handles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        self.handles.clone().into_pyarray(py)
+    }
+
+    /// The guard's word on the newest frame as a dictionary; `None` without a guard.
+    #[getter]
+    fn trust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        match &self.free()?.kind {
+            Kind::Model(guard) => guarding::word(py, guard.trust()).map(Some),
+            Kind::Physics(_) | Kind::Other(_) => Ok(None),
+        }
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let name = slf.get_type().name()?.to_string();
+        let stepper = slf.get();
+        let core = stepper.free()?;
+        Ok(format!(
+            "{name}({} vertices, frame {})",
+            core.kind.positions().len(),
+            core.kind.frame()
+        ))
+    }
+}
+
+impl Stepper {
+    fn course(&self) -> PyResult<&Course> {
+        self.course.as_ref().ok_or_else(|| {
+            wrong("targets are missing: this stepper has no motion of its own to follow")
+        })
+    }
+}
+
+fn course_of(scene: &selvedge_cloth::Scene, samples: usize) -> PyResult<Option<Course>> {
+    let path = scene.handle_path().map_err(told)?;
+    Ok(Some(Course { path, samples }))
+}
+
+/// The reference physics of a scene: cloth with measured stiffness, gravity, air and contact. The
+/// state is float64; `positions` are its float32 copies.
+///
+/// `Simulator(scene, positions=None, velocities=None)` starts where the scene says (by default in
+/// its sagged rest pose, which is searched for), or at positions (n, 3) [m] with velocities (n, 3)
+/// [m/s].
+#[pyclass(frozen, extends = Stepper, module = "selvedge")]
+pub(crate) struct Simulator;
+
+#[pymethods]
+impl Simulator {
+    /// Starts where the scene says (by default in its sagged rest pose, which is searched for), or
+    /// at `positions` (n, 3) [m] with `velocities` (n, 3) [m/s], zero without.
+    #[new]
+    #[pyo3(signature = (scene, positions=None, velocities=None, progress=None))]
+    fn new(
+        py: Python<'_>,
+        scene: &Scene,
+        positions: Option<Numbers<'_>>,
+        velocities: Option<Numbers<'_>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let built = &scene.loaded.scene;
+        let given = state_at(positions.as_ref(), velocities.as_ref())?;
+        let stop = Stop::default();
+        let mut teller = Teller::new(progress, &stop);
+        let (state, _) = beside(py, &stop, || begin(scene, given, &mut teller))??;
+        let made = py.detach(|| state_log::simulator_of_run(built, state));
+        let kind = Kind::Physics(Box::new(made.map_err(told)?));
+        let course = course_of(built, built.physics.substeps as usize)?;
+        let stepper = Stepper::of(py, kind, built.frame_rate, course)?;
+        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
+    }
+
+    /// Positions of the state [m], (n, 3), a float64 copy.
+    fn state_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        physics_of(slf, |physics| {
+            arrays::of_f64(slf.py(), physics.positions_f64())
+        })
+    }
+
+    /// Velocities of the state [m/s], (n, 3), a float64 copy.
+    fn state_velocities<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        physics_of(slf, |physics| {
+            arrays::of_f64(slf.py(), physics.velocities_f64())
+        })
+    }
+
+    /// Kinetic energy [J].
+    #[getter]
+    fn kinetic_energy(slf: &Bound<'_, Self>) -> PyResult<f64> {
+        physics_of(slf, |physics| Ok(physics.kinetic_energy()))
+    }
+}
+
+fn physics_of<R>(
+    slf: &Bound<'_, Simulator>,
+    read: impl FnOnce(&Physics) -> PyResult<R>,
+) -> PyResult<R> {
+    let stepper = slf.as_super().get();
+    match &stepper.free()?.kind {
+        Kind::Physics(physics) => read(physics),
+        Kind::Model(_) | Kind::Other(_) => Err(SelvedgeError::new_err("this is no physics")),
+    }
+}
+
+/// The state that Python gave; none where it gave none.
+///
+/// # Errors
+/// Arrays of other shapes.
+pub(crate) fn state_at(
+    positions: Option<&Numbers<'_>>,
+    velocities: Option<&Numbers<'_>>,
+) -> PyResult<Option<SavedState>> {
+    let Some(positions) = positions else {
+        return match velocities {
+            None => Ok(None),
+            Some(_) => Err(wrong("positions are missing: velocities are of a state")),
+        };
+    };
+    let mut state = SavedState::at_rest(arrays::positions(positions, "positions")?);
+    if let Some(velocities) = velocities {
+        state.velocities = arrays::positions(velocities, "velocities")?;
+    }
+    Ok(Some(state))
+}
+
+/// The state in which the physics of a scene starts, and the rest pose where it starts in that.
+/// Long work: the lock must be released.
+///
+/// # Errors
+/// A start that is not found.
+pub(crate) fn begin(
+    scene: &Scene,
+    given: Option<SavedState>,
+    teller: &mut Teller<'_>,
+) -> PyResult<(SavedState, Option<Arc<SaggedRest>>)> {
+    if let Some(state) = given {
+        return Ok((state, None));
+    }
+    let loaded = &scene.loaded;
+    let is_at_rest = loaded.state.is_none() && loaded.spec.start == StartSpec::Rest;
+    if is_at_rest && !loaded.scene.handles.is_empty() {
+        let rest = scene.found_rest(teller).map_err(told)?;
+        return Ok((SavedState::at_rest(rest.positions.clone()), Some(rest)));
+    }
+    let found = start::find(loaded, &mut |event| teller.hear(event)).map_err(told)?;
+    if let Some(warning) = found.fitted.and_then(|fitted| fitted.warning) {
+        tracing::warn!("{warning}");
+    }
+    Ok((found.state, None))
+}
+
+/// A trained model on the cloth of a scene, from its sagged rest pose.
+///
+/// `LearnedStepper(scene, model, guard="none")`; the guard is none, limit, physics or
+/// physics-always.
+#[pyclass(frozen, extends = Stepper, module = "selvedge")]
+pub(crate) struct LearnedStepper;
+
+/// A model that corrects physics on the cloth of a scene, from its sagged rest pose.
+///
+/// `CorrectedStepper(scene, model, guard="none")`; the guard is none, limit, physics or
+/// physics-always.
+#[pyclass(frozen, extends = Stepper, module = "selvedge")]
+pub(crate) struct CorrectedStepper;
+
+/// Puts a model on a scene.
+fn on_scene(
+    py: Python<'_>,
+    scene: &Scene,
+    model: &Model,
+    guard: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Stepper> {
+    let settings = guarding::settings(guard)?;
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    let built = Arc::new(scene.loaded.scene.clone());
+    let named = model.named();
+    let made = beside(py, &stop, || {
+        let rest = scene.found_rest(&mut teller).map_err(told)?;
+        start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
+    })??;
+    let course = course_of(&built, 1)?;
+    Stepper::of(py, Kind::Model(Box::new(made)), built.frame_rate, course)
+}
+
+#[pymethods]
+impl LearnedStepper {
+    /// Puts `model` on the cloth of `scene`; `guard` is none, limit, physics or physics-always.
+    #[new]
+    #[pyo3(signature = (scene, model, guard="none", progress=None))]
+    fn new(
+        py: Python<'_>,
+        scene: &Scene,
+        model: &Model,
+        guard: &str,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        if model.corrects_physics() {
+            return Err(wrong(
+                "this model corrects physics and does not move cloth by itself: make a CorrectedStepper",
+            ));
+        }
+        let stepper = on_scene(py, scene, model, guard, progress)?;
+        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
+    }
+}
+
+#[pymethods]
+impl CorrectedStepper {
+    /// Puts `model` on the cloth of `scene`; `guard` is none, limit, physics or physics-always.
+    #[new]
+    #[pyo3(signature = (scene, model, guard="none", progress=None))]
+    fn new(
+        py: Python<'_>,
+        scene: &Scene,
+        model: &Model,
+        guard: &str,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        if !model.corrects_physics() {
+            return Err(wrong(
+                "this model moves cloth by itself and corrects no physics: make a LearnedStepper",
+            ));
+        }
+        let stepper = on_scene(py, scene, model, guard, progress)?;
+        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
+    }
+}
+
+/// A recording, played frame by frame. Its targets are ignored but for their number.
+///
+/// `PlaybackStepper(trajectory)` begins with the first frame.
+#[pyclass(frozen, extends = Stepper, module = "selvedge")]
+pub(crate) struct PlaybackStepper;
+
+#[pymethods]
+impl PlaybackStepper {
+    /// Plays `trajectory` from its first frame.
+    #[new]
+    fn new(py: Python<'_>, trajectory: &Trajectory) -> PyResult<PyClassInitializer<Self>> {
+        let played = trajectory.inner.as_ref().clone();
+        let rate = played.frame_rate();
+        let kind = Kind::Other(Box::new(Playback::new(played)));
+        let stepper = Stepper::of(py, kind, rate, None)?;
+        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
+    }
+}
+
+/// The rest pose, moved rigidly with its handles: the rival that a model must beat.
+///
+/// `RigidStepper(scene)` starts in the sagged rest pose.
+#[pyclass(frozen, extends = Stepper, module = "selvedge")]
+pub(crate) struct RigidStepper;
+
+#[pymethods]
+impl RigidStepper {
+    /// Starts in the sagged rest pose of `scene`.
+    #[new]
+    #[pyo3(signature = (scene, progress=None))]
+    fn new(
+        py: Python<'_>,
+        scene: &Scene,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let stop = Stop::default();
+        let mut teller = Teller::new(progress, &stop);
+        let rest = beside(py, &stop, || scene.found_rest(&mut teller))?.map_err(told)?;
+        let built = &scene.loaded.scene;
+        let cloth = Cloth::of_scene(built, physics::rounded(&rest.positions)).map_err(told)?;
+        let kind = Kind::Other(Box::new(RigidRest::new(&cloth)));
+        let stepper = Stepper::of(py, kind, built.frame_rate, course_of(built, 1)?)?;
+        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
+    }
+}

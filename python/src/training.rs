@@ -1,0 +1,314 @@
+//! Trainings on data sets, and of models that correct physics, with a callback per step.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::machine::Machine;
+use selvedge_lab::teaching::{Teaching, TeachingScenes};
+use selvedge_lab::{assets, folder, training};
+use selvedge_train::{
+    CorrectionConfig, CorrectionEvent, CorrectionTrainer, RunEnd, RunLimits, Setting, TrainConfig,
+    Trainer, files, run_correction,
+};
+use serde::Serialize;
+use serde_json::json;
+
+use crate::dataset::Dataset;
+use crate::errors::{told, wrong};
+use crate::json as python;
+use crate::long::{Stop, Teller, beside, call};
+
+/// The wishes for a training.
+struct Asked<'a> {
+    /// Name or file of the configuration, for messages.
+    origin: &'a str,
+    text: String,
+    settings: Vec<Setting>,
+    out: &'a Path,
+    steps: Option<u64>,
+    resume: bool,
+    from: Option<PathBuf>,
+    micro_batch: usize,
+    limits: RunLimits,
+}
+
+/// The end of a training.
+struct Done {
+    end: RunEnd,
+    steps_done: u64,
+    steps: u64,
+    parameters: usize,
+}
+
+/// Names of the shipped configurations of trainings.
+#[pyfunction]
+pub(crate) fn training_presets() -> Vec<&'static str> {
+    assets::TRAININGS.iter().map(|entry| entry.0).collect()
+}
+
+/// Trains a model, or goes on with training, as `selvedge train` does, into the folder `out`.
+///
+/// `config` is a shipped name or a TOML file, `settings` changes its values by dotted paths.
+/// `on_step(report)` hears of every step as a dictionary; its answer `False` ends the training.
+/// Ctrl-C ends it too and raises `KeyboardInterrupt` once the checkpoint is written: the same call
+/// with `resume=True` goes on. `seconds` limits the time, `checkpoint_every` is the time between
+/// checkpoints `[s]`. A model that corrects physics needs no `data`.
+///
+/// # Errors
+/// What of the configuration, the data, the folder or a step went wrong.
+#[pyfunction]
+#[pyo3(signature = (config, data=None, *, out, steps=None, settings=None, resume=false,
+    start_from=None, micro_batch=1, seconds=None, checkpoint_every=300.0, on_step=None,
+    progress=None))]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "each has a name and a default in Python"
+)]
+pub(crate) fn train<'py>(
+    py: Python<'py>,
+    config: &str,
+    data: Option<&Dataset>,
+    out: PathBuf,
+    steps: Option<u64>,
+    settings: Option<&Bound<'py, PyDict>>,
+    resume: bool,
+    start_from: Option<PathBuf>,
+    micro_batch: usize,
+    seconds: Option<f64>,
+    checkpoint_every: f64,
+    on_step: Option<Py<PyAny>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    if micro_batch == 0 {
+        return Err(wrong("micro_batch must be at least 1"));
+    }
+    let text = match assets::training(config) {
+        Some(text) => text.to_owned(),
+        None => selvedge_data::read_text(Path::new(config))
+            .map_err(|error| wrong(format!("{config}: {error}")))?,
+    };
+    let asked = Asked {
+        origin: config,
+        text,
+        settings: settings_of(settings)?,
+        out: &out,
+        steps,
+        resume,
+        from: start_from,
+        micro_batch,
+        limits: RunLimits {
+            time: seconds.map(span).transpose()?,
+            checkpoint_every: span(checkpoint_every)?,
+        },
+    };
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    let listener = Listener {
+        on_step,
+        stop: &stop,
+    };
+    let done = beside(py, &stop, || {
+        match CorrectionConfig::is_meant(&asked.text) {
+            true => correct(&asked, data, &listener, &mut teller),
+            false => learn(&asked, data, &listener, &mut teller),
+        }
+    })??;
+    done.report(py, &out)
+}
+
+impl Done {
+    fn report<'py>(&self, py: Python<'py>, out: &Path) -> PyResult<Bound<'py, PyDict>> {
+        let report = PyDict::new(py);
+        report.set_item("steps_done", self.steps_done)?;
+        report.set_item("steps", self.steps)?;
+        report.set_item("parameters", self.parameters)?;
+        report.set_item("is_finished", self.end == RunEnd::Finished)?;
+        report.set_item("model", out.join(files::MODEL))?;
+        report.set_item("log", out.join(files::LOG))?;
+        Ok(report)
+    }
+}
+
+/// A span of time of so many seconds.
+fn span(seconds: f64) -> PyResult<Duration> {
+    Duration::try_from_secs_f64(seconds).map_err(|error| wrong(format!("a time: {error}")))
+}
+
+/// Changes of a configuration, as `--set` takes them.
+fn settings_of(settings: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Setting>> {
+    let Some(settings) = settings else {
+        return Ok(Vec::new());
+    };
+    let one = |(path, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let json = settings.py().import("json")?;
+        let value: String = match value.extract::<String>() {
+            Ok(text) => text,
+            Err(_) => json.call_method1("dumps", (value,))?.extract()?,
+        };
+        let text = format!("{}={value}", path.extract::<String>()?);
+        text.parse().map_err(told)
+    };
+    settings.iter().map(one).collect()
+}
+
+/// The callback that hears of steps.
+struct Listener<'a> {
+    on_step: Option<Py<PyAny>>,
+    stop: &'a Stop,
+}
+
+impl Listener<'_> {
+    fn hear(&self, report: &impl Serialize) -> ControlFlow<()> {
+        if let Some(on_step) = &self.on_step {
+            call(on_step, self.stop, |py| {
+                let report = python::to_python(py, report)?;
+                Ok((report,).into_pyobject(py)?.unbind())
+            });
+        }
+        self.stop.flow()
+    }
+}
+
+/// The checkpoint of a folder, where the training goes on; otherwise the folder must have none.
+fn check_folder(asked: &Asked<'_>) -> PyResult<PathBuf> {
+    let checkpoint = asked.out.join(files::CHECKPOINT);
+    let kept = [files::CHECKPOINT, files::MODEL];
+    let kept = kept.iter().find(|name| asked.out.join(name).exists());
+    match kept {
+        Some(kept) if !asked.resume => Err(wrong(format!(
+            "{}: there is a training in this folder ({kept}): go on with it with resume=True, or choose another folder",
+            asked.out.display()
+        ))),
+        _ => Ok(checkpoint),
+    }
+}
+
+fn learn(
+    asked: &Asked<'_>,
+    data: Option<&Dataset>,
+    listener: &Listener<'_>,
+    teller: &mut Teller<'_>,
+) -> PyResult<Done> {
+    let origin = Path::new(asked.origin);
+    let mut cfg = TrainConfig::parse_with(&asked.text, origin, &asked.settings).map_err(told)?;
+    if let Some(steps) = asked.steps {
+        cfg.steps = steps;
+    }
+    let steps = cfg.steps;
+    let Some(data) = data else {
+        return Err(wrong(format!(
+            "data is missing: {} learns from a data set; Dataset.generate makes one",
+            asked.origin
+        )));
+    };
+    let data = &data.inner;
+    let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(told)?;
+    let checkpoint = check_folder(asked)?;
+    let engine = Machine::Cpu.engine(asked.micro_batch);
+    let trainer = match (&asked.from, asked.resume) {
+        (_, true) => Some(Trainer::resume(cfg, data, &checkpoint, &*engine).map_err(told)?),
+        (Some(folder), false) => {
+            let from = folder.join(files::CHECKPOINT);
+            Some(Trainer::start_from(cfg, data, &from, &*engine).map_err(told)?)
+        }
+        (None, false) => {
+            training::fresh(cfg, data, &*engine, &mut |event| teller.hear(event)).map_err(told)?
+        }
+    };
+    let Some(mut trainer) = trainer else {
+        return Ok(Done {
+            end: RunEnd::Stopped,
+            steps_done: 0,
+            steps,
+            parameters: 0,
+        });
+    };
+    trainer.stop_by(listener.stop.flag().into());
+    training::warn_of_data(&trainer);
+    teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
+    let end = selvedge_train::run(&mut trainer, data, asked.out, asked.limits, &mut |step| {
+        // Whoever wants to stop is heard by the listener too.
+        let _ = teller.advance();
+        listener.hear(step)
+    });
+    Ok(Done {
+        end: end.map_err(told)?,
+        steps_done: trainer.steps_done(),
+        steps,
+        parameters: trainer.parameter_count(),
+    })
+}
+
+fn correct(
+    asked: &Asked<'_>,
+    data: Option<&Dataset>,
+    listener: &Listener<'_>,
+    teller: &mut Teller<'_>,
+) -> PyResult<Done> {
+    if data.is_some() || asked.from.is_some() || asked.micro_batch > 1 {
+        return Err(wrong(format!(
+            "{}: data, start_from and micro_batch are of a training on a data set: this one asks a teacher; leave them out",
+            asked.origin
+        )));
+    }
+    let origin = Path::new(asked.origin);
+    let mut cfg =
+        CorrectionConfig::parse_with(&asked.text, origin, &asked.settings).map_err(told)?;
+    if let Some(steps) = asked.steps {
+        cfg.steps = steps;
+    }
+    let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(told)?;
+    let checkpoint = check_folder(asked)?;
+    let mut trainer = corrector(asked, cfg, &checkpoint)?;
+    trainer.stop_by(listener.stop.flag().into());
+    let cfg = trainer.config().clone();
+    let scenes = TeachingScenes::open(&cfg.teacher.scenes, &cfg.model, &mut |event| {
+        teller.hear(event)
+    });
+    let mut end = RunEnd::Stopped;
+    if let Some(scenes) = scenes.map_err(told)? {
+        let mut teaching = Teaching::new(scenes, cfg.clone(), trainer.steps_done());
+        let left = cfg.steps - trainer.steps_done().min(cfg.steps);
+        teller.begin("training", Some(left));
+        let run = run_correction(
+            &mut trainer,
+            &mut teaching,
+            asked.out,
+            asked.limits,
+            &mut |event| match event {
+                CorrectionEvent::Samples(_) => listener.stop.flow(),
+                CorrectionEvent::Step(step) => {
+                    let _ = teller.advance();
+                    listener.hear(&json!({
+                        "step": step.step,
+                        "loss": step.loss,
+                        "gradient_norm": step.gradient_norm,
+                        "learning_rate": step.learning_rate,
+                    }))
+                }
+            },
+        );
+        end = run.map_err(told)?;
+    }
+    Ok(Done {
+        end,
+        steps_done: trainer.steps_done(),
+        steps: cfg.steps,
+        parameters: trainer.parameter_count(),
+    })
+}
+
+fn corrector(
+    asked: &Asked<'_>,
+    cfg: CorrectionConfig,
+    checkpoint: &Path,
+) -> PyResult<CorrectionTrainer> {
+    match asked.resume {
+        true => CorrectionTrainer::resume(cfg, checkpoint).map_err(told),
+        false => CorrectionTrainer::new(cfg).map_err(told),
+    }
+}

@@ -1,0 +1,246 @@
+//! Recordings of a cloth over time.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
+use pyo3::prelude::*;
+use selvedge_data::Trajectory as Recorded;
+use selvedge_data::{UpAxis, write_atomically};
+use selvedge_lab::comparison;
+use selvedge_lab::pictures::{self, Show};
+use selvedge_view::StillSettings;
+
+use crate::arrays;
+use crate::errors::told;
+use crate::exporting;
+use crate::json;
+use crate::long::{Stop, Teller, beside};
+use crate::picture::Picture;
+
+/// A cloth and its positions over time: what simulations, rollouts and data sets are made of.
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Trajectory {
+    pub(crate) inner: Arc<Recorded>,
+    faces: Py<PyArray2<u32>>,
+}
+
+impl Trajectory {
+    pub(crate) fn of(py: Python<'_>, inner: Recorded) -> PyResult<Self> {
+        let faces = arrays::faces_of(py, inner.topology())?;
+        let inner = Arc::new(inner);
+        Ok(Self { inner, faces })
+    }
+
+    /// The measures of `other` against this one.
+    pub(crate) fn compared<'py>(
+        &self,
+        py: Python<'py>,
+        other: &Self,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let measures = py.detach(|| comparison::compare(&self.inner, &other.inner));
+        json::to_python(py, &measures.map_err(told)?)
+    }
+
+    /// A contact sheet, beside a truth where there is one.
+    pub(crate) fn drawn(&self, py: Python<'_>, truth: Option<&Self>) -> PyResult<Picture> {
+        let title = self.name();
+        let show = self.show(&title, truth);
+        let png = py.detach(|| pictures::sheet(&show)).map_err(told)?;
+        Ok(Picture::of(png))
+    }
+
+    fn show<'a>(&'a self, title: &'a str, truth: Option<&'a Self>) -> Show<'a> {
+        Show {
+            title,
+            label: if truth.is_some() { pictures::MODEL } else { "" },
+            prediction: &self.inner,
+            truth: truth.map(|truth| truth.inner.as_ref()),
+        }
+    }
+
+    fn name(&self) -> String {
+        let scene = &self.inner.provenance().scene;
+        scene["name"].as_str().unwrap_or_default().to_owned()
+    }
+}
+
+#[pymethods]
+impl Trajectory {
+    /// Reads a trajectory (.safetensors).
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let read = py.detach(|| Recorded::read(&path)).map_err(told)?;
+        Self::of(py, read)
+    }
+
+    /// Writes the trajectory (.safetensors), whole or not at all.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.inner.write(&path)).map_err(told)
+    }
+
+    /// The bytes of the trajectory's file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, pyo3::types::PyBytes> {
+        let bytes = py.detach(|| self.inner.to_bytes());
+        pyo3::types::PyBytes::new(py, &bytes)
+    }
+
+    /// Positions of all frames [m], (frames, n, 3), float32; shared, not copied.
+    #[getter]
+    fn positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let inner = &slf.get().inner;
+        let shape = (inner.frame_count(), inner.vertex_count(), 3);
+        arrays::shared(slf.as_any(), arrays::flat(inner.positions()), shape)
+    }
+
+    /// Positions of the cloth at rest [m], (n, 3), float32; shared, not copied.
+    #[getter]
+    fn rest_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let rest = slf.get().inner.cloth().rest_positions();
+        arrays::shared(slf.as_any(), arrays::flat(rest), (rest.len(), 3))
+    }
+
+    /// Mass of each vertex [kg], (n,), float32; shared, not copied.
+    #[getter]
+    fn masses<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let masses = slf.get().inner.cloth().vertex_mass();
+        arrays::shared(slf.as_any(), masses, masses.len())
+    }
+
+    /// Faces, (f, 3), uint32.
+    #[getter]
+    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
+        self.faces.clone_ref(py)
+    }
+
+    /// Edges, (e, 2), uint32.
+    #[getter]
+    fn edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        use numpy::PyArrayMethods;
+        let edges = self.inner.topology().edges();
+        let ends: Vec<u32> = edges.iter().flat_map(|e| e.vertices.map(|v| v.0)).collect();
+        ends.into_pyarray(py).reshape([edges.len(), 2])
+    }
+
+    /// Numbers of the held vertices, (handles,), uint32.
+    #[getter]
+    fn handles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        let vertices = self.inner.handles().vertices().iter();
+        let numbers: Vec<u32> = vertices.map(|vertex| vertex.0).collect();
+        numbers.into_pyarray(py)
+    }
+
+    /// Frames per second.
+    #[getter]
+    fn frame_rate(&self) -> f64 {
+        self.inner.frame_rate()
+    }
+
+    /// The resolved scene that it is from, as a dictionary; `None` where it is not known.
+    #[getter]
+    fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json::to_python(py, &self.inner.provenance().scene)
+    }
+
+    /// The measures of `other` against this trajectory of the same mesh, in SI units.
+    fn compare<'py>(&self, py: Python<'py>, other: &Self) -> PyResult<Bound<'py, PyAny>> {
+        self.compared(py, other)
+    }
+
+    /// Writes the trajectory for other programs, in the format that the name ends in. `frames` is a
+    /// span such as "20..80", of which `every` n-th frame is taken; `up` is "y" or "z".
+    #[pyo3(signature = (path, frames=None, every=1, up="y", progress=None))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each has a name and a default in Python"
+    )]
+    fn export(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        frames: Option<&str>,
+        every: usize,
+        up: &str,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let up = match up {
+            "z" => UpAxis::Z,
+            "y" => UpAxis::Y,
+            _ => {
+                return Err(crate::errors::wrong(format!(
+                    "up must be y or z, found {up:?}"
+                )));
+            }
+        };
+        let options = exporting::options(&path, frames, every, up)?;
+        exporting::export_to(py, &self.inner, &path, &options, progress)
+    }
+
+    /// A picture of one frame.
+    #[pyo3(signature = (frame=-1, size=[960, 720]))]
+    fn picture(&self, py: Python<'_>, frame: isize, size: [u32; 2]) -> PyResult<Picture> {
+        let count = self.inner.frame_count();
+        let wanted = if frame < 0 {
+            frame + count as isize
+        } else {
+            frame
+        };
+        let wanted = usize::try_from(wanted).unwrap_or(usize::MAX);
+        let settings = StillSettings {
+            size,
+            ..StillSettings::default()
+        };
+        let png = py.detach(|| pictures::picture(&self.inner, wanted, &settings));
+        Ok(Picture::of(png.map_err(told)?))
+    }
+
+    /// A contact sheet of moments in motion; beside a `truth` of as many frames, with the error.
+    #[pyo3(signature = (truth=None))]
+    fn sheet(&self, py: Python<'_>, truth: Option<&Self>) -> PyResult<Picture> {
+        self.drawn(py, truth)
+    }
+
+    /// A contact sheet in the colours of the strain.
+    fn strain_sheet(&self, py: Python<'_>) -> PyResult<Picture> {
+        let title = self.name();
+        let png = py.detach(|| pictures::strain_sheet(&title, &self.inner));
+        Ok(Picture::of(png.map_err(told)?))
+    }
+
+    /// Writes a clip (.gif) in real time, beside a `truth` of as many frames where there is one.
+    #[pyo3(signature = (path, truth=None, progress=None))]
+    fn clip(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        truth: Option<&Self>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let title = self.name();
+        let show = self.show(&title, truth);
+        let stop = Stop::default();
+        let mut teller = Teller::new(progress, &stop);
+        let count = pictures::clip_pictures(&self.inner);
+        teller.begin("drawing the clip", Some(count as u64));
+        let drawn = beside(py, &stop, || {
+            let mut gif = Vec::new();
+            pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(told)?;
+            write_atomically(&path, |out| out.write_all(&gif)).map_err(told)
+        });
+        drawn?
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.frame_count()
+    }
+
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {
+        Ok(self.drawn(py, None)?.bytes(py))
+    }
+
+    fn __repr__(&self) -> String {
+        let (frames, vertices) = (self.inner.frame_count(), self.inner.vertex_count());
+        format!("Trajectory({frames} frames, {vertices} vertices)")
+    }
+}

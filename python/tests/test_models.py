@@ -1,0 +1,129 @@
+"""Models as state dicts, data sets as sequences, the environment, and PyTorch where it is there."""
+
+import importlib
+import sys
+import types
+
+import numpy as np
+import pytest
+import selvedge
+
+
+def test_a_model_goes_to_a_state_dict_and_back(model):
+    state = model.state_dict()
+    assert sum(x.size for k, x in state.items() if not k.startswith("normalizer.")) == model.parameters
+    assert all(not x.flags.writeable for x in state.values())
+    assert state["decoder.4.weight"].base is model
+    again = selvedge.Model.from_state_dict(model.spec, state, training=model.training)
+    assert again.to_bytes() == model.to_bytes()
+    halved = {name: values / 2 for name, values in state.items()}
+    assert selvedge.Model.from_state_dict(model.spec, halved).to_bytes() != model.to_bytes()
+
+
+def test_a_state_dict_that_does_not_fit_is_refused(model):
+    state = dict(model.state_dict())
+    weight = state.pop("decoder.4.weight")
+    with pytest.raises(ValueError, match="decoder.4.weight is missing"):
+        selvedge.Model.from_state_dict(model.spec, state)
+    with pytest.raises(ValueError, match="decoder.4.weight must have the shape"):
+        selvedge.Model.from_state_dict(model.spec, state | {"decoder.4.weight": weight.T})
+    with pytest.raises(ValueError, match="more is in the state dict"):
+        selvedge.Model.from_state_dict(model.spec, model.state_dict() | {"more": weight})
+    broken = weight.copy()
+    broken[0, 0] = np.nan
+    with pytest.raises(selvedge.SelvedgeError, match=r"decoder.4.weight\[0\] is not finite"):
+        selvedge.Model.from_state_dict(model.spec, state | {"decoder.4.weight": broken})
+    with pytest.raises(selvedge.SelvedgeError, match="no shipped model of this name"):
+        selvedge.Model("nope")
+
+
+def test_a_data_set_is_a_sequence_of_trajectories(data, tmp_path):
+    assert len(data.train) == len(data.train.motions) > 0
+    first = data.train[0]
+    assert np.array_equal(data.train[data.train.motions[0]].positions, first.positions)
+    assert np.array_equal(data.train[-1].positions, list(data.train)[-1].positions)
+    with pytest.raises(IndexError):
+        data.train[len(data.train)]
+    with pytest.raises(KeyError, match="there are"):
+        data.test["nope"]
+    samples = data.samples
+    assert samples.shape == (data.index["statistics"]["samples"], 2)
+    assert (samples[:, 1] >= 1).all()
+    with pytest.raises(selvedge.SelvedgeError, match="nope"):
+        selvedge.Dataset(tmp_path / "nope")
+
+
+def test_the_environment_reaches_a_pose(small):
+    gymnasium = pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
+    from selvedge import gym
+
+    env = gym.ReachPose(small, frames=360, tolerance=0.03)
+    check_env(env, skip_render_check=True)
+    first, _ = env.reset(seed=4)
+    again, info = env.reset(seed=4)
+    assert np.array_equal(first["goal"], again["goal"])
+    start = info["distance"]
+    # The handles go where they are in the goal: a policy that anyone can write.
+    done = cut = False
+    observation = again
+    while not (done or cut):
+        missing = observation["goal"][small.handles] - observation["handles"]
+        observation, reward, done, cut, info = env.step(missing / env._step_length)
+    assert done and info["distance"] < 0.03 < start
+    gym.register()
+    made = gymnasium.make("selvedge/ReachPose-v0", scene=small)
+    assert made.observation_space["positions"].shape == (36, 3)
+
+
+def test_the_environment_draws_itself(small):
+    pytest.importorskip("gymnasium")
+    pytest.importorskip("matplotlib")
+    from selvedge import gym
+
+    env = gym.ReachPose(small, render_mode="rgb_array")
+    env.reset(seed=1)
+    assert env.render().shape == (400, 400, 3)
+
+
+def test_pytorch_sees_windows(data):
+    torch = pytest.importorskip("torch", reason="PyTorch is not here")
+    from selvedge.torch import Windows
+
+    windows = Windows(data, history=3)
+    batch = next(iter(torch.utils.data.DataLoader(windows, batch_size=4, shuffle=True)))
+    assert batch["positions"].shape == (4, 3, 36, 3)
+    sample = windows[10]
+    positions = data.train[sample["trajectory"]].positions
+    assert np.array_equal(sample["target"].numpy(), positions[sample["frame"] + 1])
+
+
+def test_windows_end_with_the_current_frame(data, monkeypatch):
+    """The same with a stand-in for PyTorch, which may not be here."""
+    stand_in = types.ModuleType("torch")
+    stand_in.utils = types.SimpleNamespace(data=types.SimpleNamespace(Dataset=object))
+    stand_in.from_numpy = lambda array: array
+    monkeypatch.setitem(sys.modules, "torch", stand_in)
+    monkeypatch.delitem(sys.modules, "selvedge.torch", raising=False)
+    windows = importlib.import_module("selvedge.torch").Windows(data, history=4)
+    monkeypatch.delitem(sys.modules, "selvedge.torch", raising=False)
+    assert len(windows) == len(data.samples)
+    for number in [0, len(windows) - 1]:
+        trajectory, frame = data.samples[number]
+        positions = data.train[int(trajectory)].positions
+        item = windows[number]
+        frames = [max(0, int(frame) - back) for back in (3, 2, 1, 0)]
+        assert np.array_equal(item["positions"], positions[frames])
+        assert np.array_equal(item["target"], positions[frame + 1])
+        assert (item["trajectory"], item["frame"]) == (trajectory, frame)
+        assert item["positions"].flags.writeable and item["target"].flags.writeable
+    with pytest.raises(ValueError, match="history must be at least 1"):
+        type(windows)(data, history=0)
+
+
+def test_pytorch_gives_and_takes_a_state_dict(model):
+    torch = pytest.importorskip("torch", reason="PyTorch is not here")
+    state = {name: torch.from_numpy(values.copy()) for name, values in model.state_dict().items()}
+    again = selvedge.Model.from_state_dict(model.spec, state, training=model.training)
+    assert again.to_bytes() == model.to_bytes()

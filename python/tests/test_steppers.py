@@ -1,0 +1,179 @@
+"""Steppers: arrays that are shared, errors with their words, level memory."""
+
+import gc
+import logging
+import resource
+import threading
+
+import numpy as np
+import pytest
+import selvedge
+
+
+def test_the_array_of_positions_is_one_and_cannot_be_written(small):
+    stepper = selvedge.Simulator(small)
+    positions = stepper.positions
+    before = positions.copy()
+    assert stepper.step() is positions
+    assert np.shares_memory(positions, stepper.positions)
+    assert not np.array_equal(positions, before)
+    assert positions.dtype == np.float32 and positions.shape == (36, 3)
+    with pytest.raises(ValueError, match="read-only"):
+        positions[0] = 0
+
+
+def test_an_array_outlives_its_stepper(small):
+    positions = selvedge.Simulator(small).positions
+    gc.collect()
+    assert np.isfinite(positions).all()
+
+
+def test_handles_are_where_the_targets_are(scene, model):
+    for stepper in [
+        selvedge.Simulator(scene),
+        selvedge.LearnedStepper(scene, model, guard="limit"),
+        selvedge.CorrectedStepper(scene, selvedge.Model("corrected")),
+        selvedge.RigidStepper(scene),
+    ]:
+        targets = stepper.positions[stepper.handles] + np.array([0.002, 0.0, 0.001])
+        stepper.step(targets)
+        assert stepper.frame == 1
+        assert np.abs(stepper.positions[stepper.handles] - targets).max() < 1e-6, stepper
+
+
+def test_following_is_stepping(small):
+    one, other = selvedge.Simulator(small), selvedge.Simulator(small)
+    frames = one.follow(20)
+    assert frames.shape == (21, 36, 3)
+    for frame in range(1, 21):
+        other.step(other.next_targets())
+        assert np.array_equal(frames[frame], other.positions)
+    assert np.array_equal(one.positions, other.positions)
+
+
+def test_a_simulator_goes_on_from_a_state(small):
+    whole = selvedge.Simulator(small)
+    whole.follow(10)
+    again = selvedge.Simulator(small, whole.state_positions(), whole.state_velocities())
+    held = whole.positions[whole.handles].astype(float)
+    assert np.abs(whole.step(held) - again.step(held)).max() < 1e-4
+    assert whole.kinetic_energy > 0
+
+
+def test_a_wrong_step_changes_nothing_and_says_what_is_wrong(small):
+    stepper = selvedge.Simulator(small)
+    before = stepper.positions.copy()
+    with pytest.raises(ValueError, match=r"must have the shape \(2, 3\).*found \[3, 3\]"):
+        stepper.step(np.zeros((3, 3)))
+    with pytest.raises(selvedge.SelvedgeError, match="target of handle 0 is not finite"):
+        stepper.step(np.full((2, 3), np.nan))
+    apart = stepper.positions[stepper.handles] + [[0, 0, -9], [0, 0, 9]]
+    with pytest.raises(selvedge.FrameError, match="frame 1: ") as failed:
+        stepper.step(apart)
+    assert failed.value.frame == 1 and stepper.frame == 0
+    assert np.array_equal(stepper.positions, before)
+
+
+def test_models_say_which_stepper_is_theirs(scene, model):
+    with pytest.raises(ValueError, match="make a LearnedStepper"):
+        selvedge.CorrectedStepper(scene, model)
+    with pytest.raises(ValueError, match="make a CorrectedStepper"):
+        selvedge.LearnedStepper(scene, selvedge.Model("corrected"))
+    with pytest.raises(ValueError, match="guard must be none, limit"):
+        selvedge.LearnedStepper(scene, model, guard="strong")
+
+
+def test_physics_lets_handles_go_and_models_do_not(small, scene, model):
+    stepper = selvedge.Simulator(small)
+    held = stepper.positions[stepper.handles].astype(float)
+    for _ in range(10):
+        stepper.step(held, released=[True, False])
+    assert stepper.positions[stepper.handles[0], 1] < held[0, 1] - 0.01
+    learned = selvedge.LearnedStepper(scene, model)
+    held = learned.positions[learned.handles]
+    with pytest.raises(selvedge.FrameError, match="frame 1: .*handle 0"):
+        learned.step(held, released=[True, False])
+
+
+def test_trust_is_there_where_a_guard_is(scene, model, small):
+    guarded = selvedge.LearnedStepper(scene, model, guard="limit")
+    guarded.step()
+    assert guarded.trust["verdict"] == "held" and guarded.trust["frame"] == 1
+    assert 0 < guarded.trust["largest_strain"] < 0.3
+    assert selvedge.Simulator(small).trust is None
+
+
+def test_a_recording_is_a_stepper(small):
+    run = selvedge.simulate(small, frames=5)
+    playback = selvedge.PlaybackStepper(run)
+    with pytest.raises(ValueError, match="targets are missing"):
+        playback.step()
+    for frame in range(1, 6):
+        assert np.array_equal(playback.step(np.zeros((2, 3))), run.positions[frame])
+    with pytest.raises(selvedge.FrameError, match="only 6 frames"):
+        playback.step(np.zeros((2, 3)))
+
+
+def test_other_threads_run_while_cloth_moves(scene):
+    stepper = selvedge.Simulator(scene)
+    stepper.step()
+    counted = [0]
+    end = threading.Event()
+
+    def count():
+        while not end.is_set():
+            counted[0] += 1
+
+    other = threading.Thread(target=count)
+    other.start()
+    before = counted[0]
+    stepper.follow(20)
+    made = counted[0] - before
+    end.set()
+    other.join()
+    assert made > 1000
+
+
+def test_one_stepper_is_not_moved_by_two_threads(scene):
+    stepper = selvedge.Simulator(scene)
+    moving = threading.Thread(target=stepper.follow, args=(200,))
+    moving.start()
+    said = None
+    while moving.is_alive() and said is None:
+        try:
+            stepper.frame
+        except RuntimeError as error:
+            said = str(error)
+    moving.join()
+    assert said is not None and "moving in another thread" in said
+
+
+def test_memory_stays_level(small):
+    stepper = selvedge.Simulator(small)
+    held = stepper.positions[stepper.handles].astype(float)
+
+    def peak():
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    for _ in range(2000):
+        stepper.step(held)
+    before = peak()
+    for _ in range(20_000):
+        stepper.step(held).sum()
+    # In kilobytes; a frame that stayed would be 0.4 of them.
+    assert peak() - before < 2000
+
+
+def test_warnings_go_to_logging(caplog):
+    with caplog.at_level(logging.WARNING, logger="selvedge"):
+        selvedge.Scene.parse(
+            """
+name = "tight"
+mesh.generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }
+mesh.transform.material_scale = 0.5
+handles.label = "upper-corners"
+material = "gray-interlock"
+motion.named = "forward"
+"""
+        )
+    assert "material" in caplog.text
