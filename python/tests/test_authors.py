@@ -2,6 +2,7 @@
 
 The files are written here as PyTorch pickles whole modules, without PyTorch: modules of its names
 stand in while they are written. The step is computed by formulas of this file alone, in float64.
+Where PyTorch is there, it also writes a file itself, and computes the network.
 """
 
 import collections
@@ -245,8 +246,8 @@ def angles(faces, arcs, p):
     return found
 
 
-def their_step(w, statistics, run, frames, goal, recurrent, blocks, rest_axes):
-    """The frame after `frames` (window + 1, n, 3), by the paper's formulas."""
+def their_step(net, statistics, run, area, frames, goal):
+    """The frame after `frames` (window + 1, n, 3), by the paper's formulas and this network."""
     handles, faces, mass = run.handles, run.faces, run.masses.astype(float)
     edges = run.edges
     arcs = np.concatenate([edges, edges[:, ::-1]])
@@ -257,7 +258,8 @@ def their_step(w, statistics, run, frames, goal, recurrent, blocks, rest_axes):
     axes = np.array([x, up, np.cross(x, up)])
     local = (frames - frames[-1][handles[0]]) @ axes.T
     rest = run.rest_positions.astype(float)
-    rest_edge = (rest[s] - rest[r]) @ rest_axes.T
+    # Their rest vectors stay in the axes of the world.
+    rest_edge = rest[s] - rest[r]
     rest_length = np.linalg.norm(rest_edge, axis=1, keepdims=True)
     kind = np.zeros((len(mass), 9))
     kind[:, 0] = 1
@@ -272,7 +274,7 @@ def their_step(w, statistics, run, frames, goal, recurrent, blocks, rest_axes):
         flow = (n * wind).sum(1, keepdims=True)
         force = mass[:, None] * np.array([0, -9.8, 0])
         for corner in range(3):
-            np.add.at(force, faces[:, corner], AREA[:, None] / 3 * abs(flow) * flow * n)
+            np.add.at(force, faces[:, corner], area[:, None] / 3 * abs(flow) * flow * n)
         energy = 0.5 * mass[:, None] * (v**2).sum(1, keepdims=True)
         nodes.append(np.concatenate([v, force, energy, kind], 1))
         d = now[s] - now[r]
@@ -284,57 +286,44 @@ def their_step(w, statistics, run, frames, goal, recurrent, blocks, rest_axes):
         mean, deviation = statistics[name]
         return (np.array(rows) - mean) / np.maximum(deviation, 1e-8)
 
-    out = network(w, scaled(nodes, "node"), scaled(links, "edge"), arcs, recurrent, blocks)
+    out = net(scaled(nodes, "node"), scaled(links, "edge"), arcs)
     mean, deviation = statistics["output"]
     following = (out * deviation + mean) @ axes + 2 * frames[-1] - frames[-2]
     following[handles] = goal
     return following
 
 
-AREA = None
+STILL = np.r_[np.full(3, 2e-3), np.full(3, 1e-3), 1e-9, 0.2, 0.2, np.zeros(7)]
+STATISTICS = {
+    "node": (np.r_[np.zeros(4), -0.04, np.zeros(2), 0.95, 0.05, np.zeros(7)], STILL),
+    "edge": (
+        np.r_[np.zeros(3), 0.2, 0.0, 0, 0, 0.2, 0, 0],
+        np.r_[0.05, 0.1, 0.12, 0.05, 0.04, 0.1, 0.13, 0.05, 0.003, 0.3],
+    ),
+    "output": (np.zeros(3), np.full(3, 5e-4)),
+}
+NORMALIZERS = [("node", "node"), ("edge", "mesh_edge"), ("output", "output")]
 
 
-@pytest.mark.parametrize("recurrent", [True, False], ids=["gru", "mlp"])
-@pytest.mark.parametrize("turned", [False, True], ids=["ahead", "turned"])
-def test_one_step_is_that_of_their_formulas(pretend, tmp_path, recurrent, turned):
-    global AREA
-    kind, normalizer = pretend
-    rng = np.random.default_rng(1)
-    blocks, window = 3, 5 if recurrent else 1
-    weights = random_weights(rng, recurrent, blocks)
-    still = np.r_[np.full(3, 2e-3), np.full(3, 1e-3), 1e-9, 0.2, 0.2, np.zeros(7)]
-    statistics = {
-        "node": (np.r_[np.zeros(4), -0.04, np.zeros(2), 0.95, 0.05, np.zeros(7)], still),
-        "edge": (
-            np.r_[np.zeros(3), 0.2, 0.0, 0, 0, 0.2, 0, 0],
-            np.r_[0.05, 0.1, 0.12, 0.05, 0.04, 0.1, 0.13, 0.05, 0.003, 0.3],
-        ),
-        "output": (np.zeros(3), np.full(3, 5e-4)),
-    }
-    write(tmp_path / "run_learned_model.pth", module_of(kind, weights))
-    for name, part in [("node", "node"), ("edge", "mesh_edge"), ("output", "output")]:
-        write(tmp_path / f"run_{part}_normalizer.pth", sums_of(normalizer, *statistics[name]))
-
-    statistics = {name: rounded(*of) for name, of in statistics.items()}
+def check_steps(folder, net, window, turned, blocks):
+    """Compares six steps of the model in `folder` with those of the formulas."""
     # Vertex 0 is at -z of the other corner.
     corners = [0, 5] if turned else [5, 0]
     scene = selvedge.Scene.parse(SCENE.format(handles=corners))
     yaw = np.pi if turned else 0.0
-    model = authors.import_checkpoint(tmp_path / "run", window=window, rest_yaw=yaw)
+    model = authors.import_checkpoint(folder / "run", window=window, rest_yaw=yaw)
     assert model.spec["blocks"] == blocks
     run = selvedge.simulate(scene, frames=1)
     p = run.positions[0].astype(float)
     uv = scene.positions[run.faces]
-    AREA = 0.5 * np.linalg.norm(np.cross(uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]), axis=1)
+    area = 0.5 * np.linalg.norm(np.cross(uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]), axis=1)
+    statistics = {name: rounded(*of) for name, of in STATISTICS.items()}
     stepper = selvedge.LearnedStepper(scene, model)
     frames = [p] * (window + 1)
     worst = moved = 0.0
     for frame in range(1, 7):
         goal = stepper.positions[stepper.handles] + np.array([0.004, 0.0, 0.002 * frame])
-        # Their rest vectors stay in the axes of the world.
-        expected = their_step(
-            weights, statistics, run, np.array(frames), goal, recurrent, blocks, np.eye(3)
-        )
+        expected = their_step(net, statistics, run, area, np.array(frames), goal)
         found = stepper.step(goal).astype(float)
         worst = max(worst, abs(found - expected).max())
         moved = max(moved, abs(found - frames[-1]).max())
@@ -342,6 +331,99 @@ def test_one_step_is_that_of_their_formulas(pretend, tmp_path, recurrent, turned
     print(f"largest difference of a coordinate {worst:.1e} m, largest move {moved:.1e} m")
     # Positions up to 1 m are exact to 0.6e-7 m in float32, and 2 p - q rounds twice.
     assert worst < 2e-7 and moved > 1e-3
+
+
+@pytest.mark.parametrize("recurrent", [True, False], ids=["gru", "mlp"])
+@pytest.mark.parametrize("turned", [False, True], ids=["ahead", "turned"])
+def test_one_step_is_that_of_their_formulas(pretend, tmp_path, recurrent, turned):
+    kind, normalizer = pretend
+    blocks, window = 3, 5 if recurrent else 1
+    weights = random_weights(np.random.default_rng(1), recurrent, blocks)
+    write(tmp_path / "run_learned_model.pth", module_of(kind, weights))
+    for name, part in NORMALIZERS:
+        write(tmp_path / f"run_{part}_normalizer.pth", sums_of(normalizer, *STATISTICS[name]))
+
+    def net(nodes, edges, arcs):
+        return network(weights, nodes, edges, arcs, recurrent, blocks)
+
+    check_steps(tmp_path, net, window, turned, blocks)
+
+
+@pytest.mark.parametrize("recurrent", [True, False], ids=["gru", "mlp"])
+def test_one_step_is_that_of_pytorch(tmp_path, recurrent):
+    """Modules of PyTorch, written by it and computed by it, in float64."""
+    torch = pytest.importorskip("torch", reason="PyTorch is not here")
+    nn = torch.nn
+    torch.manual_seed(1)
+    blocks, window = 2, 5 if recurrent else 1
+
+    def tree(**parts):
+        made = nn.Module()
+        for name, part in parts.items():
+            setattr(made, name, part)
+        return made
+
+    def perceptron(inputs, outputs=WIDTH, normed=True):
+        layers = collections.OrderedDict()
+        for layer, (i, o) in enumerate([(inputs, WIDTH), (WIDTH, WIDTH), (WIDTH, outputs)]):
+            layers[f"linear_{layer}"] = nn.Linear(i, o)
+            if layer < 2:
+                layers[f"relu_{layer}"] = nn.ReLU()
+        made = tree(layers=nn.Sequential(layers))
+        return nn.Sequential(made, nn.LayerNorm(WIDTH)) if normed else made
+
+    def encoder(inputs):
+        if not recurrent:
+            return perceptron(inputs)
+        gru = nn.GRU(inputs, WIDTH, num_layers=2, dropout=0.2)
+        return nn.Sequential(tree(gru=gru, output_fc=nn.Linear(WIDTH, WIDTH)), nn.LayerNorm(WIDTH))
+
+    def block():
+        # What is never used stays without a shape.
+        return tree(
+            mesh_edge_model=perceptron(3 * WIDTH),
+            node_model=perceptron(2 * WIDTH),
+            world_edge_model=nn.LazyLinear(WIDTH),
+        )
+
+    node_name = "node_mode" if recurrent else "node_model"
+    model = tree(
+        encoder=tree(**{node_name: encoder(16), "mesh_edge_model": encoder(10)}),
+        processor=tree(graphnet_blocks=nn.ModuleList([block() for _ in range(blocks)])),
+        decoder=tree(model=perceptron(WIDTH, 3, normed=False)),
+    )
+    torch.save(model, tmp_path / "run_learned_model.pth")
+    for name, part in NORMALIZERS:
+        mean, deviation = STATISTICS[name]
+        sums = tree()
+        for key, value in [("", mean), ("_squared", deviation**2 + mean**2)]:
+            setattr(sums, f"_acc_sum{key}", torch.tensor(4096.0 * value, dtype=torch.float32))
+        sums._acc_count = torch.tensor([4096.0])
+        torch.save(sums, tmp_path / f"run_{part}_normalizer.pth")
+    model = model.double().eval()
+
+    def of(part, x):
+        inner = part[0] if isinstance(part, nn.Sequential) else part
+        if hasattr(inner, "gru"):
+            x = inner.output_fc(inner.gru(x)[0][-1])
+        else:
+            x = inner.layers(x)
+        return part[1](x) if isinstance(part, nn.Sequential) else x
+
+    def net(nodes, edges, arcs):
+        s, r = torch.tensor(arcs.T.astype(np.int64))
+        nodes, edges = (torch.tensor(x if recurrent else x[-1]) for x in (nodes, edges))
+        with torch.no_grad():
+            v = of(getattr(model.encoder, node_name), nodes)
+            e = of(model.encoder.mesh_edge_model, edges)
+            for part in model.processor.graphnet_blocks:
+                message = of(part.mesh_edge_model, torch.cat([v[s], v[r], e], 1))
+                gathered = torch.zeros_like(v).index_add_(0, r, message)
+                v = v + of(part.node_model, torch.cat([v, gathered], 1))
+                e = e + message
+            return of(model.decoder.model, v).numpy()
+
+    check_steps(tmp_path, net, window, turned=False, blocks=blocks)
 
 
 def test_damaged_and_foreign_files_are_refused(pretend, tmp_path):

@@ -14,8 +14,9 @@ first:
 - Rest vectors stay in the axes of the world; here they are in the local frame of the rest pose, whose
   z axis leads from the second handle to the first. The weights are turned from one to the other,
   exactly, for the rest pose of the training: by `rest_yaw`.
-- Dropout stays on and statistics grow in use, so that a rollout differs from run to run; here the
-  statistics are those of the file, and there is no dropout.
+- Dropout stays on in use, so that a rollout differs from run to run; here there is none. Statistics
+  grow until they were used a million times, which the paper's training goes beyond; here they are
+  those of the file.
 - Air has density 1 and no drag; here it is that of the scene.
 
 A model that is to be used on other meshes should be trained further, with its statistics taken anew:
