@@ -104,6 +104,9 @@ impl Rough {
     }
 }
 
+/// The group of a node that stands for none.
+pub(crate) const NO_GROUP: u32 = u32::MAX;
+
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Rough,
@@ -111,6 +114,8 @@ struct Node {
     link: u32,
     /// Faces below; a leaf has one.
     count: u32,
+    /// The group of faces that are all those below, or [`NO_GROUP`].
+    group: u32,
 }
 
 /// The tree of a body's faces. Children stand after their parent.
@@ -144,8 +149,35 @@ impl Tree {
         }
     }
 
-    /// Calls `found` for each two faces of the tree whose boxes meet.
-    pub(crate) fn own_pairs(&self, mut found: impl FnMut(u32, u32)) {
+    /// Makes groups of the faces, each of `most` faces at most: those below a node whose parent has
+    /// more. Returns the faces of each.
+    pub(crate) fn group(&mut self, most: u32) -> Vec<Vec<u32>> {
+        let mut groups: Vec<Vec<u32>> = Vec::new();
+        let mut k = 0;
+        while k < self.nodes.len() {
+            let count = self.nodes[k].count;
+            if count > most {
+                k += 1;
+                continue;
+            }
+            // The nodes below follow: one less than there are faces, and the faces.
+            let end = k + 2 * count as usize - 1;
+            let leaves = self.nodes[k..end].iter().filter(|node| node.count == 1);
+            let faces = leaves.map(|node| node.link).collect();
+            self.nodes[k].group = groups.len() as u32;
+            groups.push(faces);
+            k = end;
+        }
+        groups
+    }
+
+    /// Calls `found` for each two faces of the tree whose boxes meet, but for those below two
+    /// groups, or the same, that `are_apart`.
+    pub(crate) fn own_pairs(
+        &self,
+        are_apart: impl Fn(u32, u32) -> bool,
+        mut found: impl FnMut(u32, u32),
+    ) {
         let mut open: Vec<Two> = Vec::with_capacity(64);
         if !self.nodes.is_empty() {
             open.push(Two {
@@ -155,6 +187,10 @@ impl Tree {
         }
         while let Some(two) = open.pop() {
             let own = two.first;
+            let group = |node: u32| self.nodes[node as usize].group;
+            if are_apart(group(own), group(two.second)) {
+                continue;
+            }
             if own != two.second {
                 visit(&self.nodes, &self.nodes, two, &mut open, &mut found);
             } else if self.nodes[own as usize].count > 1 {
@@ -215,6 +251,7 @@ fn build(nodes: &mut Vec<Node>, faces: &mut [(u32, DVec3)]) {
         bounds: Bounds::of(DVec3::ZERO).into(),
         link: faces[0].0,
         count: faces.len() as u32,
+        group: NO_GROUP,
     });
     if faces.len() == 1 {
         return;
@@ -274,7 +311,7 @@ mod tests {
             first.refit(|f| boxes[f as usize].into());
             second.refit(|f| boxes[f as usize].into());
             let (mut own, mut across) = (Vec::new(), Vec::new());
-            first.own_pairs(|a, b| own.push((a.min(b), a.max(b))));
+            first.own_pairs(|_, _| false, |a, b| own.push((a.min(b), a.max(b))));
             first.pairs(&second, |a, b| across.push((a, b)));
             orders.push(across.clone());
             own.sort_unstable();

@@ -1,9 +1,10 @@
 //! Candidates: all pairs that could come near each other while the points stay close to a path.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::boxes::{Bounds, Rough, Tree};
 use crate::pair::Pair;
+use crate::patches::Patches;
 use crate::surface::{NONE, Surface};
 
 /// Pairs of a surface whose boxes met when they were found, and the trees that find them.
@@ -12,6 +13,8 @@ pub struct Candidates {
     /// One for the cloth, one for each obstacle.
     trees: Vec<Tree>,
     touches_itself: bool,
+    /// Patches of the cloth whose pairs need no search.
+    patches: Option<Patches>,
     pairs: Vec<Pair>,
     /// Boxes that the points must not leave while the pairs hold.
     allowed: Vec<Bounds>,
@@ -19,6 +22,29 @@ pub struct Candidates {
     faces: Vec<Rough>,
     edges: Vec<Rough>,
     points: Vec<Rough>,
+}
+
+/// Ways of all points, for which candidates are found.
+#[derive(Clone, Copy, Debug)]
+pub struct Ways<'a> {
+    /// Where the points are `[m]`, `[points]`.
+    pub from: &'a [DVec3],
+    /// Where they go now, on straight ways `[m]`, `[points]`.
+    pub to: &'a [DVec3],
+    /// Where they may go later: the candidates hold as far as that `[m]`, `[points]`.
+    pub later: &'a [DVec3],
+}
+
+impl<'a> Ways<'a> {
+    /// Points that stay where they are `[m]`, `[points]`.
+    #[must_use]
+    pub fn still(points: &'a [DVec3]) -> Self {
+        Self {
+            from: points,
+            to: points,
+            later: points,
+        }
+    }
 }
 
 /// Distances in a search for candidates `[m]`.
@@ -45,12 +71,28 @@ impl Candidates {
         Self {
             trees: bodies.map(|body| tree(body.faces.clone())).collect(),
             touches_itself,
+            patches: None,
             pairs: Vec::new(),
             allowed: Vec::new(),
             faces: Vec::new(),
             edges: Vec::new(),
             points: Vec::new(),
         }
+    }
+
+    /// The same, but pairs within a patch of the cloth that is too smooth to meet itself are left
+    /// out. The cloth's faces have these `corners` in its pattern `[m]`, `[faces, 3]`. `[eq:patch]`
+    #[must_use]
+    pub fn with_pattern(mut self, surface: &Surface, corners: &[[DVec2; 3]]) -> Self {
+        if let Some(cloth) = self.trees.first_mut().filter(|_| self.touches_itself) {
+            self.patches = Some(Patches::new(surface, corners, cloth));
+        }
+        self
+    }
+
+    #[cfg(test)]
+    pub(crate) fn patches(&self) -> Option<&Patches> {
+        self.patches.as_ref()
     }
 
     /// Trees of every body, their nodes around the faces' `bounds`.
@@ -79,11 +121,14 @@ impl Candidates {
     pub fn clear(&mut self) {
         self.pairs.clear();
         self.allowed.clear();
+        if let Some(patches) = &mut self.patches {
+            patches.clear();
+        }
     }
 
     /// Returns true if no pair is missed while the points move from `from` to `to` `[m]`.
     #[must_use]
-    pub fn cover(&self, from: &[DVec3], to: &[DVec3]) -> bool {
+    pub fn cover(&mut self, from: &[DVec3], to: &[DVec3]) -> bool {
         self.allowed.len() == from.len()
             && self
                 .allowed
@@ -92,16 +137,26 @@ impl Candidates {
                 .all(|(allowed, (from, to))| {
                     allowed.contains(&Bounds::of(*from).around(Bounds::of(*to)))
                 })
+            && match &mut self.patches {
+                Some(patches) => patches.hold(from, to),
+                None => true,
+            }
     }
 
     /// Finds all pairs that could come nearer than `reach.gap` while no point strays further than
     /// `reach.slack` from the box around its path.
-    pub fn find(&mut self, surface: &Surface, from: &[DVec3], to: &[DVec3], reach: Reach) {
+    pub fn find(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) {
+        let Ways { from, to, later } = ways;
+        if let Some(patches) = &mut self.patches {
+            patches.look(from, to, reach.gap);
+        }
         let margin = reach.slack + 0.5 * reach.gap;
         self.points.clear();
         self.allowed.clear();
-        for (from, to) in from.iter().zip(to) {
-            let path = Bounds::of(*from).around(Bounds::of(*to));
+        for ((from, to), later) in from.iter().zip(to).zip(later) {
+            let path = Bounds::of(*from)
+                .around(Bounds::of(*to))
+                .around(Bounds::of(*later));
             self.allowed.push(path.widened(reach.slack));
             self.points.push(path.widened(margin).into());
         }
@@ -132,7 +187,9 @@ impl Candidates {
             return;
         };
         if self.touches_itself {
-            cloth.own_pairs(|a, b| finder.of_faces(a, b));
+            let patches = self.patches.as_ref();
+            let are_apart = |a, b| patches.is_some_and(|patches| patches.are_apart(a, b));
+            cloth.own_pairs(are_apart, |a, b| finder.of_faces(a, b));
         }
         for obstacle in obstacles {
             cloth.pairs(obstacle, |a, b| finder.of_faces(a, b));
@@ -263,7 +320,12 @@ mod tests {
             let crumpled = |p: &DVec3, by: DVec3| DVec3::new(0.0, p.y * 0.5, p.z * 0.5) + by;
             let from: Vec<DVec3> = start.iter().map(|p| crumpled(p, point(0.1))).collect();
             let to: Vec<DVec3> = from.iter().map(|p| *p + point(0.05)).collect();
-            candidates.find(&surface, &from, &to, reach);
+            let ways = Ways {
+                from: &from,
+                to: &to,
+                later: &to,
+            };
+            candidates.find(&surface, ways, reach);
             let mut found: Vec<Pair> = candidates.pairs().iter().map(ordered).collect();
             found.sort_unstable();
             let count = found.len();

@@ -35,7 +35,7 @@ pub fn intersections(surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
         a.around(b).around(c)
     });
     if let Some((cloth, obstacles)) = trees.split_first() {
-        cloth.own_pairs(&mut test);
+        cloth.own_pairs(|_, _| false, &mut test);
         for obstacle in obstacles {
             cloth.pairs(obstacle, &mut test);
         }

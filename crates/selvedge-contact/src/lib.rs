@@ -24,11 +24,12 @@ mod certificate;
 mod closest;
 mod intersect;
 mod pair;
+mod patches;
 mod separate;
 mod surface;
 
 pub use boxes::Bounds;
-pub use candidates::{Candidates, Reach};
+pub use candidates::{Candidates, Reach, Ways};
 pub use certificate::{Approach, Path, certify, certify_straight};
 pub use closest::{Gap, gap};
 pub use intersect::{Intersection, intersections, triangles_meet};

@@ -10,7 +10,7 @@ use selvedge_cloth::{
     Environment, HandleSchedule, Handles, Isotropic, Material, Motion, PhysicsSettings,
     SagSettings, Scene,
 };
-use selvedge_contact::{Candidates, Path, Reach, Surface, certify, certify_straight, gap};
+use selvedge_contact::{Candidates, Path, Reach, Surface, Ways, certify, certify_straight, gap};
 use selvedge_sim::Simulator;
 
 /// Pairs by what became of them.
@@ -102,7 +102,12 @@ fn follow(scene: &Scene, wave: bool) -> Result<Count, Box<dyn std::error::Error>
         let targets: Vec<DVec3> = hold.iter().map(|p| *p + DVec3::X * shift).collect();
         simulator.substep(1.0 / 120.0, &targets)?;
         let to = simulator.positions_f64().to_vec();
-        candidates.find(&surface, &from, &to, reach);
+        let ways = Ways {
+            from: &from,
+            to: &to,
+            later: &to,
+        };
+        candidates.find(&surface, ways, reach);
         for pair in candidates.pairs() {
             let path = Path {
                 from: pair.places(&from),

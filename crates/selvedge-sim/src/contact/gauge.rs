@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::Scene;
-use selvedge_contact::{Candidates, Reach, gap};
+use selvedge_contact::{Candidates, Reach, Ways, gap};
 
 use super::Contact;
 
@@ -55,7 +55,7 @@ impl ContactGauge {
             slack: 0.0,
         };
         let (surface, points) = (&self.contact.surface, &self.points);
-        self.candidates.find(surface, points, points, reach);
+        self.candidates.find(surface, Ways::still(points), reach);
         let gaps = self.candidates.pairs().iter().map(|pair| {
             let corners = pair.corners.map(|p| points[p as usize]);
             gap(pair.kind, corners).distance

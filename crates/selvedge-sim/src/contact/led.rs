@@ -1,7 +1,7 @@
 //! Obstacles that are led by hand: each may be shifted from its own path, straight within a frame.
 
 use glam::DVec3;
-use selvedge_contact::{Candidates, Reach, gap};
+use selvedge_contact::{Candidates, Reach, Ways, gap};
 
 use super::Contact;
 
@@ -49,7 +49,7 @@ impl Contact {
             slack: 0.0,
         };
         let mut candidates = Candidates::new(&self.surface, &points, self.settings.self_contact);
-        candidates.find(&self.surface, &points, &points, reach);
+        candidates.find(&self.surface, Ways::still(&points), reach);
         let mut gaps = vec![far; positions.len()];
         for pair in candidates.pairs() {
             let is_own = self.other_body(pair) == 0 && self.neighbours.join(pair);

@@ -17,9 +17,9 @@ mod received;
 mod separation;
 mod touches;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, VertexId};
-use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, intersections};
+use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways, intersections};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
@@ -223,8 +223,10 @@ impl Contact {
         let friction = std::iter::once(settings.friction).chain(obstacles().map(rough));
         let count = points.len();
         let obstacle_points = points[mass.len()..].to_vec();
+        let corners: Vec<[DVec2; 3]> = scene.mesh.pattern().faces().collect();
         Some(Self {
-            candidates: Candidates::new(&surface, &points, settings.self_contact),
+            candidates: Candidates::new(&surface, &points, settings.self_contact)
+                .with_pattern(&surface, &corners),
             thickness: thickness.collect(),
             friction: friction.collect(),
             arcsim: (settings.law == ContactLaw::Arcsim).then(|| arcsim::Law::new(scene, &surface)),
@@ -488,8 +490,12 @@ impl Contact {
             let further = (*end - *start) * (AHEAD - 1.0);
             *end + further.clamp_length_max(most)
         }));
-        self.candidates
-            .find(&self.surface, &self.start, &self.ahead, reach);
+        let ways = Ways {
+            from: &self.start,
+            to: &self.end,
+            later: &self.ahead,
+        };
+        self.candidates.find(&self.surface, ways, reach);
         self.clearances.reset(self.candidates.pairs().len());
         true
     }

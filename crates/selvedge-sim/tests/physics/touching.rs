@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use selvedge_cloth::{
     ContactSettings, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle, Scene, Stepper,
 };
-use selvedge_contact::{Candidates, Reach, Surface, gap};
+use selvedge_contact::{Candidates, Reach, Surface, Ways, gap};
 use selvedge_sim::Simulator;
 
 use crate::scenes::{GRAY, hanging, material, square_mesh};
@@ -150,7 +150,7 @@ pub(crate) fn smallest_gap(scene: &Scene, positions: &[DVec3], time: f64, most: 
         gap: most,
         slack: 0.0,
     };
-    candidates.find(&surface, &points, &points, reach);
+    candidates.find(&surface, Ways::still(&points), reach);
     let pairs = candidates.pairs().iter();
     pairs
         .map(|pair| gap(pair.kind, pair.places(&points)).distance)
