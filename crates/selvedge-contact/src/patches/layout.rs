@@ -13,7 +13,7 @@ use glam::DVec2;
 use super::Group;
 
 /// Width of the surroundings around a group, in units of its longer side.
-const AROUND: f64 = 1.25;
+const AROUND: f64 = 0.8;
 /// Angle by which a corner of a straight boundary may be off `[rad]`.
 const STRAIGHT: f64 = 1e-6;
 /// A number that is none.
