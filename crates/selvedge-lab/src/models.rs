@@ -167,7 +167,8 @@ pub fn drive(
     };
     let started = Instant::now();
     let recording = record(stepper, drive, frames, &mut |_| on_frame());
-    physics::timed(recording, vertices, started)
+    let (run, failure) = physics::timed(recording, vertices, started);
+    failure.map_or(Ok(run), Err)
 }
 
 #[cfg(test)]

@@ -137,7 +137,7 @@ pub fn run(
         threads,
         stop: Arc::default(),
     };
-    Ok(run_plan(scene, plan, on_frame)?.0)
+    Ok(run_plan(scene, plan, on_frame)?.whole()?.0)
 }
 
 /// The part of a run that is kept.
@@ -163,19 +163,48 @@ pub struct SimulationPlan {
     pub stop: Arc<AtomicBool>,
 }
 
-/// Simulates `scene` as `plan` says; also returns the states, where they are kept. `on_frame` hears
-/// of every frame and may stop.
+/// A run as far as it came.
+pub struct Simulated {
+    /// The frames; those before the one that failed, if one did.
+    pub run: TimedRun,
+    /// Their states, where they are kept.
+    pub states: Option<StateRun>,
+    /// The step that failed, after which nothing was simulated.
+    pub failure: Option<SimulationError>,
+}
+
+impl Simulated {
+    /// The run and its states.
+    ///
+    /// # Errors
+    /// The step that failed.
+    pub fn whole(self) -> Result<(TimedRun, Option<StateRun>), SimulationError> {
+        match self.failure {
+            Some(error) => Err(error),
+            None => Ok((self.run, self.states)),
+        }
+    }
+}
+
+/// Simulates `scene` as `plan` says. `on_frame` hears of every frame and may stop. A step that fails
+/// is in what is returned, with the frames before it.
 ///
 /// # Errors
-/// As for [`run`].
+/// A simulator that cannot be made.
 pub fn run_plan(
     scene: &Scene,
     plan: SimulationPlan,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<(TimedRun, Option<StateRun>), SimulationError> {
-    simulate(scene, plan, on_frame).map_err(|source| SimulationError {
+) -> Result<Simulated, SimulationError> {
+    let failed = |source| SimulationError {
         scene: scene.name.clone(),
         source,
+    };
+    let (run, states, failure) = simulate(scene, plan, on_frame).map_err(failed)?;
+    Ok(Simulated {
+        run,
+        states,
+        failure: failure.map(|error| failed(error.into())),
     })
 }
 
@@ -183,7 +212,7 @@ fn simulate(
     scene: &Scene,
     plan: SimulationPlan,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<(TimedRun, Option<StateRun>), SimulationProblem> {
+) -> Result<(TimedRun, Option<StateRun>, Option<StepError>), SimulationProblem> {
     let mut simulator = simulator_of_run(scene, plan.start)?;
     simulator.set_threads(plan.threads);
     simulator.stop_by(plan.stop.into());
@@ -198,13 +227,13 @@ fn simulate(
     };
     let started = Instant::now();
     let recording = record(simulator.stepper(), drive, plan.frames, &mut |_| on_frame());
-    let mut run = timed(recording, scene.mesh.positions().len(), started)?;
+    let (mut run, failure) = timed(recording, scene.mesh.positions().len(), started);
     if scene.physics.integrator.order() > 1 {
         run.substeps = Some(simulator.simulator().substep_counts());
     }
     run.divided = simulator.simulator().divided_frames();
     run.contact = simulator.simulator().contact_counts();
-    Ok((run, simulator.into_states()))
+    Ok((run, simulator.into_states(), failure))
 }
 
 #[allow(clippy::large_enum_variant, reason = "there is one at a time")]
@@ -236,30 +265,28 @@ impl Kept {
     }
 }
 
-/// A recording that did not fail, with its cost since `started`.
-///
-/// # Errors
-/// The step that failed.
+/// A recording with its cost since `started`, and the step that failed.
 pub(crate) fn timed(
     recording: Recording,
     vertices: usize,
     started: Instant,
-) -> Result<TimedRun, StepError> {
+) -> (TimedRun, Option<StepError>) {
     let elapsed_ms = 1e3 * started.elapsed().as_secs_f64();
     let steps = (recording.positions.len() / vertices).saturating_sub(1);
-    let end = match recording.end {
-        RecordingEnd::Complete => End::Complete,
-        RecordingEnd::Stopped => End::Interrupted,
-        RecordingEnd::Failed(error) => return Err(error),
+    let (end, failure) = match recording.end {
+        RecordingEnd::Complete => (End::Complete, None),
+        RecordingEnd::Stopped => (End::Interrupted, None),
+        RecordingEnd::Failed(error) => (End::Interrupted, Some(error)),
     };
-    Ok(TimedRun {
+    let run = TimedRun {
         positions: recording.positions,
         end,
         ms_per_frame: elapsed_ms / steps.max(1) as f64,
         substeps: None,
         divided: DividedFrames::default(),
         contact: ContactCounts::default(),
-    })
+    };
+    (run, failure)
 }
 
 /// Returns the origin of a run of `spec`.

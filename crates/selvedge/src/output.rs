@@ -77,7 +77,6 @@ impl Answer {
     }
 
     /// The same, which is told and then fails: what it says is not as it should be.
-    #[cfg(feature = "gpu")]
     pub(crate) fn failing(self, problem: String) -> Self {
         Self {
             problem: Some(problem),

@@ -3,8 +3,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 
-use super::layout::Layout;
 use super::KEPT;
+use super::layout::Layout;
 use crate::candidates::{Candidates, Reach, Ways};
 use crate::closest::gap;
 use crate::pair::Pair;

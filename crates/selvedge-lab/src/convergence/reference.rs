@@ -148,7 +148,7 @@ pub(super) fn make(
         stop: Arc::default(),
     };
     let (run, states) =
-        physics::run_plan(&scene, plan, &mut || task.advance_by(job.method.substeps))?;
+        physics::run_plan(&scene, plan, &mut || task.advance_by(job.method.substeps))?.whole()?;
     let Some(states) = states.filter(|_| run.end == End::Complete) else {
         return Ok(None);
     };

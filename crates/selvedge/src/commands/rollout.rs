@@ -291,7 +291,8 @@ fn simulate(setup: &Setup, scene: &Scene) -> anyhow::Result<TimedTrajectory> {
     let (run, _) = physics::run_plan(scene, plan, &mut || {
         progress.advance();
         interrupt::flow()
-    })?;
+    })?
+    .whole()?;
     timed(setup, scene, run)
 }
 

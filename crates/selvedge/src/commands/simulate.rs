@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
-use selvedge_data::{
-    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
-};
+use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, Trajectory, metrics};
 use selvedge_lab::fitting::FittedCloth;
-use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Keep, Simulated, SimulationError, SimulationPlan};
 use selvedge_lab::start;
 use selvedge_sim::{DividedFrames, Threads};
 use serde::Serialize;
@@ -49,6 +47,8 @@ struct SimulateReport {
     /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
     interrupted: bool,
+    /// The step that failed, after the frames that were written.
+    failure: Option<String>,
 }
 
 /// Substeps of second order.
@@ -64,7 +64,7 @@ struct SubstepReport {
 /// Share of substeps that fell back to first order from which a run warns.
 const MANY: f64 = 0.1;
 
-/// Simulates a scene and writes the trajectory.
+/// Simulates a scene and writes the trajectory, that of the frames before where one fails.
 ///
 /// # Errors
 /// What of the scene, the solve or the file went wrong.
@@ -82,7 +82,16 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         Some(frames) => frames as usize,
         None => frames_left(scene.frame_count()?, passed)?,
     };
-    let (run, states) = simulate(args, scene, state, frames)?;
+    let Simulated {
+        run,
+        states,
+        failure,
+    } = simulate(args, scene, state, frames)?;
+    let came_far = run.positions.len() > scene.mesh.positions().len();
+    let failure = match failure {
+        Some(error) if !came_far => return Err(error.into()),
+        failure => failure,
+    };
     let rest_positions = rest
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
@@ -123,9 +132,23 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         contact,
         exported,
         warnings: loaded.warnings.clone(),
-        interrupted: end == End::Interrupted,
+        interrupted: end == End::Interrupted && failure.is_none(),
+        failure: failure.as_ref().map(ToString::to_string),
     };
-    Ok(Answer::new(text(&report, frames + 1, run.divided), &report)?.ended(end))
+    let answer = Answer::new(text(&report, frames + 1, run.divided), &report)?;
+    Ok(match failure {
+        Some(error) => answer.failing(whats_left(&error, &report)),
+        None => answer.ended(end),
+    })
+}
+
+/// Says why a run failed, and where the frames before are.
+fn whats_left(error: &SimulationError, report: &SimulateReport) -> String {
+    let last = report.first_frame + report.frames - 1;
+    format!(
+        "{error}; the frames before, up to {last}, are in {}",
+        report.out.display()
+    )
 }
 
 /// Warns of a run of second order with many substeps of first order, and says what helps.
@@ -163,13 +186,13 @@ fn check_files(args: &SimulateArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs the physics; also returns the states where they are asked for.
+/// Runs the physics, with the states where they are asked for.
 fn simulate(
     args: &SimulateArgs,
     scene: &Scene,
     start: SavedState,
     frames: usize,
-) -> anyhow::Result<(TimedRun, Option<StateRun>)> {
+) -> anyhow::Result<Simulated> {
     let plan = SimulationPlan {
         start,
         frames,
@@ -261,10 +284,10 @@ fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts
     let mut facts = Facts::new();
     facts.add("scene", &report.scene);
     facts.add("vertices", report.vertices);
-    let frames = if report.interrupted {
-        format!("{} of {wanted}: interrupted", report.frames)
-    } else {
-        report.frames.to_string()
+    let frames = match &report.failure {
+        Some(_) => format!("{} of {wanted}: failed", report.frames),
+        None if report.interrupted => format!("{} of {wanted}: interrupted", report.frames),
+        None => report.frames.to_string(),
     };
     facts.add("frames", frames);
     if report.first_frame > 0 {

@@ -295,3 +295,52 @@ fn a_state_goes_on_at_its_own_frame_rate_only() {
         desk.fails(&call, 1, &words);
     }
 }
+
+#[test]
+fn frames_before_one_that_fails_are_kept() {
+    let desk = Desk::new();
+    // A sheet lies on its way down on a ball, through which its middle is led.
+    let scene = r#"
+name = "led"
+material = "gray-interlock"
+start = "mesh"
+mesh = { generator = { kind = "square", vertices = 49, size = 1.0, seed = 1 }, transform = { rotation = { axis = [0, 0, 1], angle_deg = 90 }, translation = [-0.5, 0.35, 0] } }
+contact = {}
+obstacles = [{ name = "ball", sphere = { radius = 0.3 } }]
+[[handles.groups]]
+name = "middle"
+select = { box = { min = [-0.1, 0.3, -0.1], max = [0.1, 0.4, 0.1] } }
+[motion.groups]
+duration = 1.0
+[[motion.groups.moves]]
+group = "middle"
+keyframes = [{ time = 1.0, translation = [0, -0.7, 0] }]
+"#;
+    desk.write("led.toml", scene);
+    let call = "simulate led.toml --out led.safetensors --states states.safetensors";
+    let said = desk.run(call);
+    assert_eq!(said.code, Some(1), "{}", said.err);
+    for words in ["frame ", "\"ball\"", "the frames before", "led.safetensors"] {
+        assert!(said.err.contains(words), "{words}: {}", said.err);
+    }
+    let trajectory = Trajectory::read(&desk.path("led.safetensors")).unwrap();
+    let kept = trajectory.frame_count();
+    assert!((2..61).contains(&kept), "{kept}");
+    assert!(
+        said.err.contains(&format!("up to {}, are in", kept - 1)),
+        "{}",
+        said.err
+    );
+    // They are those of a run that ends there.
+    let report = desk.json(&format!(
+        "simulate led.toml --out short.safetensors --frames {}",
+        kept - 1
+    ));
+    assert!(
+        report["failure"].is_null() && report["contact"]["intersections"] == 0,
+        "{report}"
+    );
+    let short = Trajectory::read(&desk.path("short.safetensors")).unwrap();
+    assert_eq!(short.frame_count(), kept);
+    assert_eq!(trajectory.frames(), short.frames());
+}
