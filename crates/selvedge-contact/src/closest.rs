@@ -36,6 +36,23 @@ pub fn gap(kind: Kind, corners: [DVec3; 4]) -> Gap {
     }
 }
 
+/// A distance that the gap of the two features with these corners is not below `[m]`, at a fraction
+/// of its cost: that of the boxes around them, along the axis in which it is largest; negative
+/// where they overlap.
+#[must_use]
+#[inline]
+pub fn least_gap(kind: Kind, corners: [DVec3; 4]) -> f64 {
+    let (first, second) = corners.split_at(kind.split());
+    let ends = |points: &[DVec3]| {
+        let rest = points[1..].iter();
+        rest.fold((points[0], points[0]), |(least, greatest), p| {
+            (least.min(*p), greatest.max(*p))
+        })
+    };
+    let (first, second) = (ends(first), ends(second));
+    (first.0 - second.1).max(second.0 - first.1).max_element()
+}
+
 /// Weights of a vertex p and the nearest point of the triangle a, b, c (Ericson 2005, 5.1.5).
 #[inline]
 fn vertex_face(corners: [DVec3; 4]) -> [f64; 4] {
@@ -198,6 +215,7 @@ mod tests {
             }
             for kind in [Kind::VertexFace, Kind::EdgeEdge] {
                 let found = gap(kind, corners);
+                assert!(least_gap(kind, corners) <= found.distance + 1e-15);
                 let expected = searched(kind, corners);
                 // The nested search stops at about the root of the rounding.
                 let bound = if expected < 1e-6 { 1e-7 } else { 1e-10 };
@@ -213,5 +231,16 @@ mod tests {
                 assert!(first.iter().all(|w| *w >= 0.0) && second.iter().all(|w| *w <= 0.0));
             }
         }
+    }
+
+    #[test]
+    fn boxes_that_are_apart_along_an_axis_are_as_far_as_that() {
+        let face = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let above = DVec3::new(0.3, 0.3, 2.0);
+        let corners = [above, face[0], face[1], face[2]];
+        assert_eq!(least_gap(Kind::VertexFace, corners), 2.0);
+        let edges = [DVec3::ZERO, DVec3::X, above, above + DVec3::Y];
+        assert_eq!(least_gap(Kind::EdgeEdge, edges), 2.0);
+        assert!(least_gap(Kind::EdgeEdge, [face[0], face[1], face[1], face[2]]) <= 0.0);
     }
 }

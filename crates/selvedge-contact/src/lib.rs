@@ -31,7 +31,7 @@ mod surface;
 pub use boxes::Bounds;
 pub use candidates::{Candidates, Reach, Ways};
 pub use certificate::{Approach, Path, certify, certify_straight};
-pub use closest::{Gap, gap};
+pub use closest::{Gap, gap, least_gap};
 pub use intersect::{Intersection, intersections, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use separate::{Push, push};

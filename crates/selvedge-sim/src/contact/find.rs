@@ -5,7 +5,7 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
-use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap};
+use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 
 use super::arcsim;
 use super::barrier::LEAST;
@@ -166,6 +166,14 @@ impl Contact {
         for (k, pair) in self.candidates.pairs().iter().enumerate() {
             if clearances.surely_apart(k, pair, most) {
                 continue;
+            }
+            // What is far needs no closest point.
+            let least = least_gap(pair.kind, pair.places(&self.start));
+            if least > most {
+                clearances.keep(k, pair, least);
+                if clearances.surely_apart(k, pair, most) {
+                    continue;
+                }
             }
             let body = self.other_body(pair);
             let thickness = self.thickness[body];
