@@ -27,11 +27,11 @@ pub struct Candidates {
 /// Ways of all points, for which candidates are found.
 #[derive(Clone, Copy, Debug)]
 pub struct Ways<'a> {
-    /// Where the points are `[m]`, `[points]`.
+    /// Places of the points now `[m]`, `[points]`.
     pub from: &'a [DVec3],
-    /// Where they go now, on straight ways `[m]`, `[points]`.
+    /// Places to which they go now, on straight ways `[m]`, `[points]`.
     pub to: &'a [DVec3],
-    /// Where they may go later: the candidates hold as far as that `[m]`, `[points]`.
+    /// Places to which they may go later: the candidates hold as far as that `[m]`, `[points]`.
     pub later: &'a [DVec3],
 }
 

@@ -186,8 +186,8 @@ impl Simulated {
     }
 }
 
-/// Simulates `scene` as `plan` says. `on_frame` hears of every frame and may stop. A step that fails
-/// is in what is returned, with the frames before it.
+/// Simulates `scene` as `plan` says. `on_frame` hears of every frame and may stop. A step that
+/// fails is in what is returned, with the frames before it.
 ///
 /// # Errors
 /// A simulator that cannot be made.

@@ -1,3 +1,5 @@
+//! Patches against brute force: what is left out stays apart, and what could meet is not left out.
+
 use glam::{DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -169,11 +169,9 @@ impl Contact {
             }
             // What is far needs no closest point.
             let least = least_gap(pair.kind, pair.places(&self.start));
-            if least > most {
-                clearances.keep(k, pair, least);
-                if clearances.surely_apart(k, pair, most) {
-                    continue;
-                }
+            clearances.keep(k, pair, least);
+            if clearances.surely_apart(k, pair, most) {
+                continue;
             }
             let body = self.other_body(pair);
             let thickness = self.thickness[body];
@@ -183,16 +181,7 @@ impl Contact {
             };
             let now = gap(pair.kind, path.from);
             clearances.keep(k, pair, now.distance);
-            if now.distance >= thickness && path.boxes_apart(pair.kind, thickness) {
-                continue;
-            }
-            let near = if now.distance < thickness {
-                Some(now)
-            } else {
-                let approach = certify(pair.kind, path, LEAST * thickness).err();
-                approach.map(|approach| approach.gap)
-            };
-            let Some(gap) = near.filter(|gap| gap.normal != DVec3::ZERO) else {
+            let Some(gap) = meeting(pair.kind, path, now, thickness) else {
                 continue;
             };
             if body == 0
@@ -476,6 +465,21 @@ impl Contact {
         self.memory.anchors = anchors;
         active.system.touches.list.clear();
     }
+}
+
+/// Gap in which a pair pushes that is `now` this far apart: this one where it is less than
+/// `thickness` `[m]`, or the one at which the pair would meet on its `path`. None where it does
+/// not.
+fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64) -> Option<Gap> {
+    let near = if now.distance < thickness {
+        Some(now)
+    } else if path.boxes_apart(kind, thickness) {
+        None
+    } else {
+        let approach = certify(kind, path, LEAST * thickness).err();
+        approach.map(|approach| approach.gap)
+    };
+    near.filter(|gap| gap.normal != DVec3::ZERO)
 }
 
 /// Returns true if a pair that meets now is among the [`EARLIEST`] of a vertex of the cloth, of

@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
-use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, Trajectory, metrics};
+use selvedge_data::{
+    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
+};
 use selvedge_lab::fitting::FittedCloth;
-use selvedge_lab::physics::{self, Keep, Simulated, SimulationError, SimulationPlan};
+use selvedge_lab::physics::{self, Keep, Simulated, SimulationError, SimulationPlan, TimedRun};
 use selvedge_lab::start;
-use selvedge_sim::{DividedFrames, Threads};
+use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
 use serde::Serialize;
 
 use crate::cli::{SimulateArgs, Start};
@@ -61,6 +63,16 @@ struct SubstepReport {
     fell_back: u64,
 }
 
+impl SubstepReport {
+    fn of(counts: SubstepCounts) -> Self {
+        Self {
+            all: counts.all,
+            started_anew: counts.started,
+            fell_back: counts.fell_back,
+        }
+    }
+}
+
 /// Share of substeps that fell back to first order from which a run warns.
 const MANY: f64 = 0.1;
 
@@ -82,16 +94,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         Some(frames) => frames as usize,
         None => frames_left(scene.frame_count()?, passed)?,
     };
-    let Simulated {
-        run,
-        states,
-        failure,
-    } = simulate(args, scene, state, frames)?;
-    let came_far = run.positions.len() > scene.mesh.positions().len();
-    let failure = match failure {
-        Some(error) if !came_far => return Err(error.into()),
-        failure => failure,
-    };
+    let (run, states, failure) = simulate(args, scene, state, frames)?;
     let rest_positions = rest
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
@@ -102,11 +105,7 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         states.write(path, trajectory.provenance())?;
     }
     let contact = touched::measure(scene, &trajectory, passed, run.contact);
-    let substeps = run.substeps.map(|counts| SubstepReport {
-        all: counts.all,
-        started_anew: counts.started,
-        fell_back: counts.fell_back,
-    });
+    let substeps = run.substeps.map(SubstepReport::of);
     warn_of_falls(scene, substeps);
     let mut end = match &args.clip {
         Some(clip) if run.end == End::Complete => draw(clip, &scene.name, &trajectory)?,
@@ -135,10 +134,10 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         interrupted: end == End::Interrupted && failure.is_none(),
         failure: failure.as_ref().map(ToString::to_string),
     };
-    let answer = Answer::new(text(&report, frames + 1, run.divided), &report)?;
+    let answer = Answer::new(text(&report, frames + 1, run.divided), &report)?.ended(end);
     Ok(match failure {
         Some(error) => answer.failing(whats_left(&error, &report)),
-        None => answer.ended(end),
+        None => answer,
     })
 }
 
@@ -186,13 +185,14 @@ fn check_files(args: &SimulateArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs the physics, with the states where they are asked for.
+/// Runs the physics, with the states where they are asked for, and the step that failed after at
+/// least one that did not.
 fn simulate(
     args: &SimulateArgs,
     scene: &Scene,
     start: SavedState,
     frames: usize,
-) -> anyhow::Result<Simulated> {
+) -> anyhow::Result<(TimedRun, Option<StateRun>, Option<SimulationError>)> {
     let plan = SimulationPlan {
         start,
         frames,
@@ -204,10 +204,18 @@ fn simulate(
         stop: interrupt::flag(),
     };
     let progress = Progress::new("simulating", frames, "frames");
-    Ok(physics::run_plan(scene, plan, &mut || {
+    let Simulated {
+        run,
+        states,
+        failure,
+    } = physics::run_plan(scene, plan, &mut || {
         progress.advance();
         interrupt::flow()
-    })?)
+    })?;
+    match failure {
+        Some(error) if run.positions.len() <= scene.mesh.positions().len() => Err(error.into()),
+        failure => Ok((run, states, failure)),
+    }
 }
 
 /// Checks that nothing is written over something else that is written, or over what is read.
