@@ -89,7 +89,7 @@ pub use obstacle::{
     ObstacleSpecError, Placement,
 };
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
-pub use rig::{Rig, RigError, RigNode};
+pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
     BuiltMesh, GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
     LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,

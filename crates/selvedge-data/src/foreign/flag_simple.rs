@@ -104,6 +104,11 @@ impl FlagSimple {
             "which vertices are held",
             "--handles",
         )?;
+        refuse(
+            options.object.as_ref(),
+            "which mesh is the cloth",
+            "--object",
+        )?;
         let coordinates = "the material coordinates";
         refuse(options.flat.as_ref(), coordinates, "--flat")?;
         refuse(

@@ -20,5 +20,5 @@ mod source;
 mod tfrecord;
 
 pub use error::{ForeignError, ForeignProblem, RecordProblem};
-pub use options::{ForeignFormat, ImportOptions, Purpose, RestSource};
+pub use options::{ForeignFormat, HandleSource, ImportOptions, Purpose, RestSource};
 pub use source::{ForeignRun, ForeignSource};

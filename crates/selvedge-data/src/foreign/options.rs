@@ -33,6 +33,30 @@ pub enum RestSource {
     Obj(PathBuf),
 }
 
+/// Source of the held vertices.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HandleSource {
+    /// These, numbered from 0, in the order of their targets.
+    Vertices(Vec<u32>),
+    /// Those that go with nodes of these names, node by node. Of caches with nodes (.abc, USD,
+    /// .glb).
+    Nodes(Vec<String>),
+    /// Those that stand still, or keep their distances from each other, through all frames. Of
+    /// caches.
+    Found,
+}
+
+impl HandleSource {
+    /// The source as the configuration names it.
+    pub(super) fn describe(&self) -> Value {
+        match self {
+            Self::Vertices(numbers) => json!(numbers),
+            Self::Nodes(names) => json!({ "nodes": names }),
+            Self::Found => json!("found"),
+        }
+    }
+}
+
 /// Purpose of a data set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Purpose {
@@ -55,9 +79,12 @@ pub struct ImportOptions {
     /// by default 60 (Libao et al. 2023, section 3), or the `dt` of their meta.json. Caches:
     /// required, frames are taken at this rate.
     pub frame_rate: Option<f64>,
-    /// The held vertices, in the order of their targets. `flag_simple` has node types: not allowed
-    /// there. The released folders and caches do not say: required there.
-    pub handles: Option<Vec<u32>>,
+    /// The held vertices. `flag_simple` has node types: not allowed there. The released folders do
+    /// not say: numbers are required there. Caches: required.
+    pub handles: Option<HandleSource>,
+    /// Name of the mesh that is the cloth, of caches; by default the only one, or the one called
+    /// `sheet`. Not allowed for other formats.
+    pub object: Option<String>,
     /// The rest pose. `flag_simple` has none: by default [`RestSource::Flat`], the mesh space in
     /// which MeshGraphNets measures rest lengths (Pfaff et al. 2021, appendix A.1). The released
     /// folders have rest.obj: not allowed there. Caches: by default the first frame.

@@ -12,7 +12,7 @@ use super::array::{read_floats, read_indices};
 use super::assemble::{Parts, Weight};
 use super::error::{ForeignError, ForeignProblem};
 use super::flag_simple::META;
-use super::options::{ForeignFormat, ImportOptions, positive, refuse};
+use super::options::{ForeignFormat, HandleSource, ImportOptions, positive, refuse};
 use crate::UpAxis;
 use crate::formats::input::read_text;
 use crate::formats::mesh_file::read_mesh;
@@ -41,11 +41,28 @@ impl Released {
             "--density",
         )?;
         refuse(options.rest.as_ref(), "the rest pose (rest.obj)", "--rest")?;
-        let handles = options.handles.clone().ok_or(ForeignProblem::Missing {
-            what: "which vertices are held",
-            option: "--handles",
-            hint: "numbers from 0, as 0,30",
-        })?;
+        refuse(
+            options.object.as_ref(),
+            "which mesh is the cloth",
+            "--object",
+        )?;
+        let handles = match &options.handles {
+            Some(HandleSource::Vertices(numbers)) => numbers.clone(),
+            Some(other) => {
+                return Err(ForeignProblem::Option {
+                    option: "--handles",
+                    expected: "numbers from 0 for these folders, as 0,30",
+                    found: other.describe().to_string(),
+                });
+            }
+            None => {
+                return Err(ForeignProblem::Missing {
+                    what: "which vertices are held",
+                    option: "--handles",
+                    hint: "numbers from 0, as 0,30",
+                });
+            }
+        };
         Ok(Self {
             frame_rate: positive(options.frame_rate, "--frame-rate")?,
             handles,

@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use super::error::RigError;
+use super::mesh_motion::MeshMotion;
 use super::moving_mesh::MovingMesh;
 use super::node::Rig;
 use super::{RigFormat, abc, glb, usda};
@@ -86,6 +87,29 @@ impl MovingBody {
     pub(crate) fn span(&self) -> Option<[f64; 2]> {
         let spans = self.meshes.iter().filter_map(|mesh| mesh.span(&self.rig));
         spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+
+    /// The times `[s]` at which the points of the mesh that has `point` are known, and not only
+    /// between others; none if nothing moves it.
+    pub(crate) fn keys_at(&self, point: usize) -> Vec<f64> {
+        let mut first = 0;
+        let has_point = |mesh: &&MovingMesh| {
+            first += mesh.mesh.positions.len();
+            point < first
+        };
+        let mesh = self.meshes.iter().find(has_point);
+        mesh.map_or_else(Vec::new, |mesh| mesh.keys(&self.rig))
+    }
+
+    /// Name, size and times of each mesh.
+    pub(super) fn motions(&self) -> Vec<MeshMotion> {
+        let of = |moving: &MovingMesh| MeshMotion {
+            name: self.rig.nodes[moving.mesh.node].name.clone(),
+            points: moving.mesh.positions.len(),
+            faces: moving.mesh.faces.len(),
+            times: moving.keys(&self.rig),
+        };
+        self.meshes.iter().map(of).collect()
     }
 
     /// Positions of all points at `time` `[s]`, in metres.

@@ -4,13 +4,13 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::UpAxis;
 use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
-use crate::trajectory::{Provenance, Trajectory};
+use crate::trajectory::Trajectory;
+use crate::trajectory::test_square::moving_square;
 
 /// A grid of two quads that rises by a metre in three frames of 1/24 s while the node that it hangs
 /// in moves by (1, 2, 3), all in Blender's axes; exported by Blender 5.0.1.
@@ -62,27 +62,8 @@ fn an_archive_of_blender_is_read() {
     assert!(place(3.0 / 24.0).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
 }
 
-/// A square of two triangles, sewn or not, that moves and bends.
 fn trajectory() -> Trajectory {
-    let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-    let at = |frame: usize| {
-        let t = frame as f32;
-        flat.map(|c| Vec3::new(c.x + 0.1 * t, c.y * (1.0 - 0.01 * t), 0.05 * t * t * c.x))
-    };
-    let arrays = ClothArrays {
-        rest_positions: at(0).to_vec(),
-        material_coordinates: flat.to_vec(),
-        vertex_mass: vec![0.1; 4],
-        face_area: vec![0.5; 2],
-    };
-    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap();
-    let provenance = Provenance {
-        frame_rate: 60.0,
-        scene: serde_json::Value::Null,
-        made_by: "tests; of = caches".to_owned(),
-    };
-    Trajectory::new(cloth, (0..5).flat_map(at).collect(), provenance).unwrap()
+    moving_square(60.0)
 }
 
 fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
@@ -96,7 +77,10 @@ fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
         },
         up,
         normals: Normals::Written,
-        velocities: Velocities::Written,
+        velocities: match format {
+            ExportFormat::Glb => Velocities::LeftOut,
+            _ => Velocities::Written,
+        },
     };
     let mut observe = || ControlFlow::Continue(());
     export(&trajectory(), Path::new(&path), &options, &mut observe).unwrap();
@@ -240,4 +224,40 @@ fn damaged_archives_are_errors_or_other_meshes() {
     );
     let text = read_body(b"\x89HDF\r\n\x1a\n", RigFormat::Alembic, None, true).unwrap_err();
     assert!(text.to_string().contains("abcconvert"), "{text}");
+}
+
+#[test]
+fn what_a_cache_has_can_be_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for (format, ending) in [
+        (ExportFormat::Abc, "abc"),
+        (ExportFormat::Usda, "usda"),
+        (ExportFormat::Usdc, "usdc"),
+        (ExportFormat::Glb, "glb"),
+    ] {
+        let path = folder.path().join(format!("a.{ending}"));
+        std::fs::write(&path, exported(format, UpAxis::Y, "0..4")).unwrap();
+        let [sheet] = &Rig::read_meshes(&path).unwrap()[..] else {
+            panic!("{ending}: several meshes");
+        };
+        assert_eq!((sheet.points, sheet.faces), (4, 2), "{ending}");
+        assert_eq!(sheet.name, "sheet");
+        assert_eq!(sheet.times.len(), 3, "{ending}");
+        assert!(
+            (sheet.frame_rate().unwrap() - 30.0).abs() < 1e-3,
+            "{ending}"
+        );
+    }
+    for (bytes, ending) in [(BLENDER_ABC, "abc"), (BLENDER_USDC, "usdc")] {
+        let path = folder.path().join(format!("blender.{ending}"));
+        std::fs::write(&path, bytes).unwrap();
+        let meshes = Rig::read_meshes(&path).unwrap();
+        assert_eq!(
+            (meshes[0].points, meshes[0].times.len()),
+            (6, 4),
+            "{ending}"
+        );
+        assert!((meshes[0].frame_rate().unwrap() - 24.0).abs() < 1e-3);
+        assert_eq!(meshes.len(), 1);
+    }
 }

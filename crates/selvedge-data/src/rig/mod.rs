@@ -12,6 +12,7 @@ mod drive;
 mod error;
 mod glb;
 pub(crate) mod mesh;
+mod mesh_motion;
 mod moving_mesh;
 mod node;
 mod node_mesh;
@@ -23,9 +24,10 @@ use std::path::Path;
 use crate::formats::input::read_file;
 use glam::DMat4;
 
-pub(crate) use self::bodies::read_body;
+pub(crate) use self::bodies::{MovingBody, read_body};
 pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
+pub use self::mesh_motion::MeshMotion;
 pub use self::node::{Rig, RigNode};
 
 /// A format of files with nodes and meshes.
@@ -54,17 +56,30 @@ impl Rig {
     /// # Errors
     /// [`RigError`] names the file, and what in it cannot be understood.
     pub fn read(path: &Path) -> Result<Self, RigError> {
+        Self::of_file(path, Self::parse)
+    }
+
+    /// The rig in the bytes of a file; `format` says which kind it is of.
+    pub(crate) fn parse(bytes: &[u8], format: RigFormat) -> Result<Self, RigError> {
+        match format {
+            RigFormat::Glb => glb::parse(bytes),
+            RigFormat::Usd => usda::parse(bytes),
+            RigFormat::Alembic => abc::parse(bytes),
+        }
+    }
+
+    /// Reads a file by its bytes, with the file named in errors.
+    fn of_file<T>(
+        path: &Path,
+        read: impl Fn(&[u8], RigFormat) -> Result<T, RigError>,
+    ) -> Result<T, RigError> {
         let extension = path.extension().and_then(|e| e.to_str());
-        let kind = extension.and_then(RigFormat::of).ok_or(RigError::Extension);
-        let rig = kind.and_then(|kind| {
+        let format = extension.and_then(RigFormat::of).ok_or(RigError::Extension);
+        let made = format.and_then(|format| {
             let bytes = read_file(path).map_err(RigError::Read)?;
-            match kind {
-                RigFormat::Glb => glb::parse(&bytes),
-                RigFormat::Usd => usda::parse(&bytes),
-                RigFormat::Alembic => abc::parse(&bytes),
-            }
+            read(&bytes, format)
         });
-        rig.map_err(|source| RigError::File {
+        made.map_err(|source| RigError::File {
             path: path.to_owned(),
             source: Box::new(source),
         })
@@ -86,8 +101,18 @@ impl Rig {
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
+    /// The times of the keys in the chain from the root to `node` `[s]`.
+    fn keys(&self, node: usize) -> Vec<f64> {
+        let chain = self.chain(node);
+        let operations = chain.iter().flat_map(|&node| &self.nodes[node].operations);
+        operations
+            .flat_map(|operation| operation.change.keys())
+            .copied()
+            .collect()
+    }
+
     /// Transform from the space of `node` to the world at `time` `[s]`.
-    fn placement(&self, node: usize, time: f64) -> DMat4 {
+    pub(crate) fn placement(&self, node: usize, time: f64) -> DMat4 {
         let chain = self.chain(node);
         let operations = chain.iter().rev().flat_map(|&n| &self.nodes[n].operations);
         operations.fold(self.world, |matrix, operation| matrix * operation.at(time))
@@ -101,7 +126,7 @@ impl Rig {
     }
 
     /// The only node of this name that can be placed.
-    fn find(&self, name: &str) -> Result<usize, RigError> {
+    pub(crate) fn find(&self, name: &str) -> Result<usize, RigError> {
         let all = self.nodes.iter().enumerate();
         let named: Vec<usize> = all
             .filter(|(_, n)| n.name == name)

@@ -121,6 +121,22 @@ impl MovingMesh {
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
+    /// The times `[s]` at which its points are known, and not only between others: those of its
+    /// samples and morph targets, or of its nodes where it has neither; ascending. None if nothing
+    /// moves it.
+    pub(super) fn keys(&self, rig: &Rig) -> Vec<f64> {
+        let of_targets = self.targets.iter().flat_map(|t| t.weight.keys());
+        let of_samples = self.samples.iter().flat_map(|s| s.place.keys());
+        let mut keys: Vec<f64> = of_targets.chain(of_samples).copied().collect();
+        if keys.is_empty() {
+            let nodes = self.nodes().into_iter();
+            keys = nodes.flat_map(|node| rig.keys(node)).collect();
+        }
+        keys.sort_by(f64::total_cmp);
+        keys.dedup();
+        keys
+    }
+
     /// The nodes whose places must be known.
     pub(super) fn nodes(&self) -> Vec<usize> {
         match &self.skin {

@@ -66,10 +66,16 @@ impl Operation {
 
 impl Change {
     pub(super) fn span(&self) -> Option<[f64; 2]> {
+        let keys = self.keys();
+        Some([*keys.first()?, *keys.last()?])
+    }
+
+    /// The times of its keys `[s]`; none where nothing changes.
+    pub(super) fn keys(&self) -> &[f64] {
         match self {
-            Self::Translation(track) | Self::Scale(track) | Self::Angles(track, _) => track.span(),
-            Self::Turn(track) => track.span(),
-            Self::Matrix(track) => track.span(),
+            Self::Translation(track) | Self::Scale(track) | Self::Angles(track, _) => track.keys(),
+            Self::Turn(track) => track.keys(),
+            Self::Matrix(track) => track.keys(),
         }
     }
 

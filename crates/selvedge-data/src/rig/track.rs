@@ -145,6 +145,14 @@ impl<T: Value> Track<T> {
         })
     }
 
+    /// The times of its keys `[s]`; none where nothing changes.
+    pub(super) fn keys(&self) -> &[f64] {
+        match self.times.len() {
+            1 => &[],
+            _ => &self.times,
+        }
+    }
+
     /// First and last time `[s]`; none where nothing changes.
     pub(super) fn span(&self) -> Option<[f64; 2]> {
         match self.times.as_slice() {

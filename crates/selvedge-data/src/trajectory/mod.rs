@@ -15,6 +15,8 @@ pub(crate) mod obstacles;
 pub(crate) mod playback;
 pub(crate) mod record;
 pub(crate) mod state_file;
+#[cfg(test)]
+pub(crate) mod test_square;
 
 use glam::Vec3;
 use selvedge_cloth::{Cloth, Handles, Topology, VertexId};

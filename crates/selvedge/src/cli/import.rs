@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use selvedge_cloth::PhysicsSettings;
 use selvedge_data::UpAxis;
-use selvedge_data::foreign::{ForeignFormat, ImportOptions, Purpose, RestSource};
+use selvedge_data::foreign::{ForeignFormat, HandleSource, ImportOptions, Purpose, RestSource};
 
 /// Make a data set from data of another project.
 ///
@@ -21,6 +21,7 @@ Examples:
   selvedge dataset import flag-simple flag_simple --density 0.15 --limit 20 --out data/flag
   selvedge dataset import released runs --handles 0,30 --test test1,test2 --out data/released
   selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles 0,19 --out data/shots
+  selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles found --out data/shots
 
 docs/src/guides/data.md says what each format lacks, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
@@ -43,9 +44,13 @@ pub(crate) struct ImportArgs {
     #[arg(long, value_name = "NUMBER")]
     pub(crate) frame_rate: Option<f64>,
     /// The held vertices in the order of their targets, from 0, separated by commas (released,
-    /// cache: required).
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
-    pub(crate) handles: Option<Vec<u32>>,
+    /// cache: required). Of a cache also `found`, those that stand still or keep their distances
+    /// from each other in all frames, or the names of nodes that they go with.
+    #[arg(long, value_name = "WHICH", value_parser = handles)]
+    pub(crate) handles: Option<HandleSource>,
+    /// The mesh that is the cloth, by name [default for cache: the only one, or sheet].
+    #[arg(long, value_name = "NAME")]
+    pub(crate) object: Option<String>,
     /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default for flag-simple: flat, for
     /// cache: first-frame].
     #[arg(long, value_name = "WHICH")]
@@ -93,6 +98,25 @@ pub(crate) enum UpName {
     Z,
 }
 
+fn handles(text: &str) -> Result<HandleSource, String> {
+    if text == "found" {
+        return Ok(HandleSource::Found);
+    }
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    if parts.iter().any(|part| part.is_empty()) {
+        return Err("expected numbers as 0,30, names of nodes as left,right, or found".to_owned());
+    }
+    let numbers: Result<Vec<u32>, _> = parts.iter().map(|part| part.parse()).collect();
+    if let Ok(numbers) = numbers {
+        return Ok(HandleSource::Vertices(numbers));
+    }
+    if parts.iter().any(|part| part.parse::<f64>().is_ok()) {
+        return Err("expected whole numbers from 0, or names of nodes, not both".to_owned());
+    }
+    let names = parts.into_iter().map(str::to_owned);
+    Ok(HandleSource::Nodes(names.collect()))
+}
+
 fn strain(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(strain) if strain > 0.0 && strain.is_finite() => Ok(strain),
@@ -117,6 +141,7 @@ impl ImportArgs {
             density: self.density,
             frame_rate: self.frame_rate,
             handles: self.handles.clone(),
+            object: self.object.clone(),
             rest: self.rest.as_deref().map(|rest| match rest {
                 "flat" => RestSource::Flat,
                 "first-frame" => RestSource::FirstFrame,

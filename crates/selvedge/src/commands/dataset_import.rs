@@ -3,11 +3,12 @@
 //! Every trajectory is read, checked and written by itself, so that an import of many gigabytes
 //! needs the memory of one trajectory, and an interrupted one goes on.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use selvedge_data::foreign::ForeignSource;
+use selvedge_data::foreign::{ForeignSource, HandleSource};
 use selvedge_data::{DatasetWriter, Trajectory, metrics};
 use selvedge_lab::folder;
 use selvedge_lab::folder_kind::FolderKind;
@@ -15,7 +16,7 @@ use serde::Serialize;
 
 use crate::cli::ImportArgs;
 use crate::interrupt;
-use crate::output::{Answer, End, Facts};
+use crate::output::{Answer, End, Facts, folded};
 use crate::progress::Progress;
 
 #[derive(Serialize)]
@@ -26,6 +27,8 @@ struct Report {
     train: usize,
     test: usize,
     samples: usize,
+    /// Held vertices of each trajectory that was read, where the call did not number them.
+    handles: BTreeMap<String, Vec<u32>>,
     trajectories_kept: usize,
     trajectories_missing: usize,
     seconds: f64,
@@ -44,9 +47,15 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let _claimed = folder::claim_folder(&args.out, FolderKind::DataSet)?;
     let mut writer = DatasetWriter::open(&args.out, plan)?;
     let missing = writer.missing().len();
-    if let Err(error) = write(&source, &mut writer, args.max_strain) {
-        writer.withdraw();
-        return Err(error);
+    let mut handles = match write(&source, &mut writer, args.max_strain) {
+        Ok(handles) => handles,
+        Err(error) => {
+            writer.withdraw();
+            return Err(error);
+        }
+    };
+    if matches!(args.handles, None | Some(HandleSource::Vertices(_))) {
+        handles.clear();
     }
     let trajectories_missing = writer.missing().len();
     let mut report = Report {
@@ -56,6 +65,7 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
         train,
         test,
         samples: 0,
+        handles,
         trajectories_kept: train + test - missing,
         trajectories_missing,
         seconds: 0.0,
@@ -72,12 +82,14 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&report), &report)?.ended(end))
 }
 
-/// Reads and writes what is missing, one trajectory after another, until an end is asked for.
+/// Reads and writes what is missing, one trajectory after another, until an end is asked for, and
+/// gives the held vertices of each.
 fn write(
     source: &ForeignSource,
     writer: &mut DatasetWriter,
     max_strain: f64,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<BTreeMap<String, Vec<u32>>> {
+    let mut handles = BTreeMap::new();
     let progress = Progress::new("importing", writer.missing().len(), "trajectories");
     for run in source.runs() {
         if interrupt::requested() {
@@ -90,9 +102,11 @@ fn write(
         check_strain(&trajectory, max_strain)
             .with_context(|| format!("trajectory {}", run.name))?;
         writer.add(run.split, &run.name, &trajectory)?;
+        let held = trajectory.handles().vertices().iter();
+        handles.insert(run.name.clone(), held.map(|vertex| vertex.0).collect());
         progress.advance();
     }
-    Ok(())
+    Ok(handles)
 }
 
 /// Checks that no edge is strained beyond what cloth can.
@@ -118,6 +132,9 @@ fn text(report: &Report) -> Facts {
     facts.add("trajectories", split);
     if report.trajectories_kept > 0 {
         facts.add("already there", report.trajectories_kept);
+    }
+    for (name, handles) in &report.handles {
+        facts.add("held", format!("{name}: {}", folded(handles)));
     }
     if report.interrupted {
         let missing = report.trajectories_missing;

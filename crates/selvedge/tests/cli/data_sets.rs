@@ -1,7 +1,7 @@
 //! Data sets from the command line: the same bytes for any number of threads, and after any
 //! interruption.
 
-use crate::common::{Desk, contents, names_in, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, contents, names_in, number};
 use selvedge_data::{Dataset, Split, shipped_presets};
 
 /// The text of the preset `tiny`, with other settings of its sag.
@@ -185,6 +185,55 @@ fn foreign_data_become_a_data_set() {
         (0.0, 2.0)
     );
     desk.json("evaluate --model run/model.safetensors --data released-all");
+}
+
+#[test]
+fn the_handles_of_a_cache_are_found_or_named() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    desk.json("simulate push.toml --out run.safetensors");
+    let held = numbers(&desk.json("inspect run.safetensors")["handles"]);
+    for ending in ["abc", "usdc", "glb", "mdd"] {
+        std::fs::create_dir(desk.path(ending)).unwrap();
+        desk.json(&format!(
+            "export run.safetensors --to {ending}/run.{ending}"
+        ));
+        // At another rate than that of the file: what turns is not rigid between its frames.
+        let import = format!("dataset import cache {ending} --density 0.2 --frame-rate 90");
+        let report = desk.json(&format!("{import} --handles found --out {ending}-found"));
+        assert_eq!(numbers(&report["handles"]["run"]), held, "{ending}");
+        let named = format!("{import} --handles handle_1,handle_0 --out {ending}-named");
+        if ending == "mdd" {
+            desk.fails(&named, 1, &["run.mdd", "without nodes"]);
+            continue;
+        }
+        // Both corners move alike, so that each node has both; the nearest comes first.
+        let report = desk.json(&named);
+        let turned: Vec<f64> = held.iter().rev().copied().collect();
+        assert_eq!(numbers(&report["handles"]["run"]), turned, "{ending}");
+        let seen = desk.json(&format!("inspect {ending}/run.{ending}"));
+        assert_eq!(seen["meshes"][0]["name"], "sheet", "{ending}");
+        assert_eq!(number(&seen, "/meshes/0/points"), 36.0);
+        assert_eq!(number(&seen, "/meshes/0/frames"), (PUSH_FRAMES + 1) as f64);
+        let rate = number(&seen, "/meshes/0/frame_rate");
+        assert!((rate - 60.0).abs() < 1e-2, "{ending}: {rate}");
+    }
+    let import = "dataset import cache abc --density 0.2 --frame-rate 60 --out new --handles";
+    desk.fails(&format!("{import} 0,left"), 2, &["not both"]);
+    desk.fails(&format!("{import} 0.5,1"), 2, &["whole numbers"]);
+    desk.fails(
+        &format!("{import} found --object hem"),
+        1,
+        &["\"hem\"", "sheet"],
+    );
+    let released = "dataset import released abc --out new --handles found";
+    desk.fails(released, 1, &["--handles", "numbers"]);
+}
+
+/// The numbers in a list.
+fn numbers(list: &serde_json::Value) -> Vec<f64> {
+    let list = list.as_array().unwrap().iter();
+    list.map(|number| number.as_f64().unwrap()).collect()
 }
 
 #[test]

@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use super::super::moving_mesh::MovingMesh;
-use super::super::node_mesh::NodeMesh;
+use super::super::node_mesh::{Corners, NodeMesh, texture_by_corner};
 use super::archive::{AbcFile, AbcObject, AbcProperty, F32, F64, I32, U32};
 use super::budget::Budget;
 
@@ -127,25 +127,7 @@ fn texture(
             found.ok_or("an index of its texture coordinates has no value")?
         }
     };
-    let corners: usize = faces.iter().map(Vec::len).sum();
-    if values.len() == corners {
-        let mut values = values.into_iter();
-        let of = |face: &Vec<u32>| {
-            let mut of: Vec<DVec2> = values.by_ref().take(face.len()).collect();
-            of.reverse();
-            of
-        };
-        return Ok(Some(faces.iter().map(of).collect()));
-    }
-    if values.len() != points {
-        return Err(format!(
-            "it has {} texture coordinates, for {corners} corners of faces and {points} points",
-            values.len()
-        ));
-    }
-    let at = |&v: &u32| values.get(v as usize).copied().unwrap_or_default();
-    let of = |face: &Vec<u32>| face.iter().map(at).collect();
-    Ok(Some(faces.iter().map(of).collect()))
+    texture_by_corner(&values, faces, points, Corners::Reversed).map(Some)
 }
 
 fn positions(

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 use super::super::error::RigError;
 use super::super::moving_mesh::MovingMesh;
-use super::super::node_mesh::NodeMesh;
+use super::super::node_mesh::{Corners, NodeMesh, texture_by_corner};
 use super::prim::Prim;
 
 pub(super) const POINTS: &str = "points";
@@ -156,19 +156,5 @@ fn texture(
         None => Some(values.clone()),
     };
     let values = values.ok_or("an index of its texture coordinates has no value")?;
-    let corners: usize = faces.iter().map(Vec::len).sum();
-    if values.len() == corners {
-        let mut values = values.into_iter();
-        let of = |face: &Vec<u32>| values.by_ref().take(face.len()).collect();
-        return Ok(Some(faces.iter().map(of).collect()));
-    }
-    if values.len() != points {
-        return Err(format!(
-            "it has {} texture coordinates, for {corners} corners of faces and {points} points",
-            values.len()
-        ));
-    }
-    let at = |&v: &u32| values.get(v as usize).copied().unwrap_or_default();
-    let of = |face: &Vec<u32>| face.iter().map(at).collect();
-    Ok(Some(faces.iter().map(of).collect()))
+    texture_by_corner(&values, faces, points, Corners::AsOurs).map(Some)
 }

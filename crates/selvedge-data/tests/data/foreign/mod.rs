@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 use selvedge_data::UpAxis;
-use selvedge_data::foreign::{ForeignFormat, ForeignSource, ImportOptions, RestSource};
+use selvedge_data::foreign::{
+    ForeignFormat, ForeignSource, HandleSource, ImportOptions, RestSource,
+};
 use selvedge_data::{Dataset, DatasetWriter, Split, Trajectory};
 use tempfile::TempDir;
 
@@ -46,7 +48,7 @@ fn flag_options() -> ImportOptions {
 
 fn released_options() -> ImportOptions {
     ImportOptions {
-        handles: Some(vec![6, 8]),
+        handles: Some(HandleSource::Vertices(vec![6, 8])),
         ..ImportOptions::default()
     }
 }
@@ -290,7 +292,7 @@ fn what_the_data_lack_must_be_said_and_what_they_have_must_not() {
         ),
         (
             FlagSimple,
-            |o| o.handles = Some(vec![0]),
+            |o| o.handles = Some(HandleSource::Vertices(vec![0])),
             "leave --handles out",
         ),
         (
@@ -321,7 +323,7 @@ fn what_the_data_lack_must_be_said_and_what_they_have_must_not() {
         ),
         (
             Released,
-            |o| o.handles = Some(vec![9]),
+            |o| o.handles = Some(HandleSource::Vertices(vec![9])),
             "handle 0 is vertex 9",
         ),
         (

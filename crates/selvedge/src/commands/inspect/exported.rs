@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use anyhow::Context;
-use selvedge_data::{Rig, Trajectory};
+use selvedge_data::{MeshMotion, Rig, Trajectory};
 use serde_json::{Value, json};
 
 use crate::output::{Answer, Facts};
@@ -26,8 +26,9 @@ pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("kind", "nodes of another program");
     facts.add("file", path.display());
+    let meshes = meshes(&mut facts, path);
     let nodes = nodes(&mut facts, path)?;
-    let report = json!({ "kind": "rig", "file": path, "nodes": nodes });
+    let report = json!({ "kind": "rig", "file": path, "meshes": meshes, "nodes": nodes });
     Answer::new(facts, &report)
 }
 
@@ -53,4 +54,46 @@ pub(super) fn nodes(facts: &mut Facts, path: &Path) -> anyhow::Result<Value> {
         .iter()
         .map(|(name, span)| json!({ "name": name, "moves": span }));
     Ok(nodes.collect())
+}
+
+/// Adds the meshes of a file and their frames, and gives them for the report: nothing where they
+/// cannot be read, of which other words are said.
+pub(super) fn meshes(facts: &mut Facts, path: &Path) -> Value {
+    let meshes = Rig::read_meshes(path).unwrap_or_default();
+    for mesh in &meshes {
+        let frames = match (mesh.times.as_slice(), mesh.frame_rate()) {
+            ([first, .., last], Some(rate)) => format!(
+                "{} frames at {:.3} per second, from {first:.3} to {last:.3} s",
+                mesh.times.len(),
+                rate
+            ),
+            ([first, .., last], None) => format!(
+                "{} frames, unevenly from {first:.3} to {last:.3} s",
+                mesh.times.len()
+            ),
+            _ => "stands".to_owned(),
+        };
+        let MeshMotion {
+            name,
+            points,
+            faces,
+            ..
+        } = mesh;
+        facts.add(
+            "mesh",
+            format!("{name}: {points} points, {faces} faces, {frames}"),
+        );
+    }
+    let meshes = meshes.iter().map(|mesh| {
+        json!({
+            "name": mesh.name,
+            "points": mesh.points,
+            "faces": mesh.faces,
+            "frames": mesh.times.len(),
+            "frame_rate": mesh.frame_rate(),
+            "from": mesh.times.first(),
+            "to": mesh.times.last(),
+        })
+    });
+    meshes.collect()
 }

@@ -48,9 +48,12 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
         facts.add("velocities", "of the vertices, for start = \"mesh\"");
     }
     let seen = self::facts(&mut facts, mesh);
-    let nodes = match has_nodes {
-        true => exported::nodes(&mut facts, path)?,
-        false => Value::Null,
+    let (meshes, nodes) = match has_nodes {
+        true => (
+            exported::meshes(&mut facts, path),
+            exported::nodes(&mut facts, path)?,
+        ),
+        false => (Value::Null, Value::Null),
     };
     let report = json!({
         "kind": "mesh",
@@ -65,6 +68,7 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
         "labels": labels,
         "own_shape": read.is_own_shape,
         "pattern": seen,
+        "meshes": meshes,
         "nodes": nodes,
         "warnings": read.warnings,
     });

@@ -2,10 +2,13 @@
 //! mesh and its points over time; .pc2, .mdd and .npz have the points, and the mesh is the .obj of
 //! the same name beside them.
 //!
-//! A file has one cloth: its only mesh, or the one called `sheet`, as our exports call it. Faces
-//! are cut into triangles as they are in the first frame. Texture coordinates are the material
-//! coordinates `[m]`, one per vertex. Frames are taken at the rate that is asked for, linearly
-//! between those of the file.
+//! A file has one cloth: the mesh that is named, its only one, or the one called `sheet`, as our
+//! exports call it. Faces are cut into triangles as they are in the first frame. Texture
+//! coordinates are the material coordinates `[m]`, one per vertex. Frames are taken at the rate
+//! that is asked for, linearly between those of the file.
+
+mod handles;
+mod rigid;
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +17,9 @@ use serde_json::{Value, json};
 
 use super::assemble::{Parts, Weight, hanging};
 use super::error::{ForeignError, ForeignProblem};
-use super::options::{ForeignFormat, ImportOptions, RestSource, describe_file, positive};
+use super::options::{
+    ForeignFormat, HandleSource, ImportOptions, RestSource, describe_file, positive,
+};
 use crate::UpAxis;
 use crate::formats::input::read_file;
 use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
@@ -38,7 +43,8 @@ const SAME: f64 = 1e-6;
 pub(super) struct Caches {
     density: f64,
     pub(super) frame_rate: f64,
-    handles: Vec<u32>,
+    handles: HandleSource,
+    object: Option<String>,
     rest: RestSource,
     flat: Option<PathBuf>,
     up: UpAxis,
@@ -80,8 +86,9 @@ impl Caches {
             handles: options.handles.clone().ok_or(missing(
                 "which vertices are held",
                 "--handles",
-                "numbers from 0, as 0,30",
+                "numbers from 0, as 0,30, nodes of the file, as left,right, or found",
             ))?,
+            object: options.object.clone(),
             rest: options.rest.clone().unwrap_or(RestSource::FirstFrame),
             flat: options.flat.clone(),
             up: options.up.unwrap_or(UpAxis::Y),
@@ -94,10 +101,13 @@ impl Caches {
             "format": ForeignFormat::Cache,
             "density": self.density,
             "frame_rate": self.frame_rate,
-            "handles": self.handles,
+            "handles": self.handles.describe(),
             "rest": self.rest.describe()?,
             "up": self.up,
         });
+        if let Some(object) = &self.object {
+            import["object"] = json!(object);
+        }
         if let Some(flat) = &self.flat {
             import["flat"] = describe_file(flat)?;
         }
@@ -118,19 +128,21 @@ impl Caches {
                 "has frames of {found} points, and a mesh of {points}"
             )));
         }
-        let span = cloth_of(&mesh).map_err(layout)?;
+        let span = cloth_of(&mesh, self.object.as_deref()).map_err(layout)?;
         // USD and glTF say which axis is up.
         let up = match format {
             Some(RigFormat::Usd | RigFormat::Glb) => UpAxis::Y,
             _ => self.up,
         };
+        let faces = triangles(&mesh, span).map_err(layout)?;
+        let held = handles::held(&self.handles, &bytes, format, &frames, span, &faces);
+        let handles = held.map_err(layout)?;
         let own = |frame: &Vec<DVec3>| {
             let own = frame[span[0]..span[1]].iter();
             own.map(|&p| up.to_ours(p)).collect()
         };
         let frames = at_rate(&frames, rate, self.frame_rate);
         let frames: Vec<Vec<DVec3>> = frames.iter().map(own).collect();
-        let faces = triangles(&mesh, span).map_err(layout)?;
         let material = self
             .material(&mesh, span)
             .map_err(|problem| at(path, problem))?;
@@ -140,7 +152,7 @@ impl Caches {
             rest: self.rest(path, &material, &frames)?,
             material,
             positions: frames.concat(),
-            handles: self.handles.clone(),
+            handles,
             weight: Weight::Density(self.density),
             frame_rate: self.frame_rate,
         })
@@ -225,22 +237,29 @@ fn mesh_of(path: &Path, bytes: &[u8], format: Option<RigFormat>) -> Result<Polyg
     parse_obj_polygons(&text).map_err(|e| layout(&beside, e.to_string()))
 }
 
-/// The vertices of the cloth, from one to before another.
-fn cloth_of(mesh: &Polygons) -> Result<[usize; 2], String> {
-    if mesh.parts.len() <= 1 {
+/// The vertices of the cloth, from one to before another: of the mesh called `object`, or else of
+/// the only one, or of the one called [`SHEET`].
+fn cloth_of(mesh: &Polygons, object: Option<&str>) -> Result<[usize; 2], String> {
+    if object.is_none() && mesh.parts.len() <= 1 {
         return Ok([0, mesh.positions.len()]);
     }
-    let sheet = mesh.labels.get(SHEET).and_then(|vertices| {
-        let (first, last) = (*vertices.first()? as usize, *vertices.last()? as usize);
-        (last + 1 - first == vertices.len()).then_some([first, last + 1])
-    });
-    sheet.ok_or_else(|| {
+    let found = mesh
+        .labels
+        .get(object.unwrap_or(SHEET))
+        .and_then(|vertices| {
+            let (first, last) = (*vertices.first()? as usize, *vertices.last()? as usize);
+            (last + 1 - first == vertices.len()).then_some([first, last + 1])
+        });
+    found.ok_or_else(|| {
         let names: Vec<&str> = mesh.labels.keys().map(String::as_str).take(20).collect();
-        format!(
-            "has {} meshes, [{}]: leave only the cloth, or call it {SHEET}",
-            mesh.parts.len(),
-            names.join(", ")
-        )
+        let names = names.join(", ");
+        match object {
+            Some(object) => format!("has no mesh called {object:?}, but [{names}]"),
+            None => format!(
+                "has {} meshes, [{names}]: name the one that is the cloth (--object)",
+                mesh.parts.len()
+            ),
+        }
     })
 }
 
@@ -288,149 +307,4 @@ fn at_rate(frames: &[Vec<DVec3>], from: f64, to: f64) -> Vec<Vec<DVec3>> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::ops::ControlFlow;
-
-    use glam::{Vec2, Vec3};
-    use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-
-    use super::*;
-    use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
-    use crate::foreign::ForeignSource;
-    use crate::trajectory::{Provenance, Trajectory};
-
-    /// A square of two triangles that falls and bends.
-    fn trajectory() -> Trajectory {
-        let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-        let at = |frame: usize| {
-            let t = frame as f32;
-            flat.map(|c| Vec3::new(0.05 * t * c.x, c.y - 0.01 * t * t, c.x))
-        };
-        let arrays = ClothArrays {
-            rest_positions: at(0).to_vec(),
-            material_coordinates: flat.to_vec(),
-            vertex_mass: vec![0.1; 4],
-            face_area: vec![0.5; 2],
-        };
-        let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
-        let cloth = Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap();
-        let provenance = Provenance {
-            frame_rate: 30.0,
-            scene: Value::Null,
-            made_by: "tests".to_owned(),
-        };
-        Trajectory::new(cloth, (0..5).flat_map(at).collect(), provenance).unwrap()
-    }
-
-    fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        let options = ExportOptions {
-            format,
-            frames: FrameSpan::default(),
-            up: UpAxis::Y,
-            normals: Normals::LeftOut,
-            velocities: Velocities::LeftOut,
-        };
-        let path = folder.path().join(format!("a.{ending}"));
-        export(&trajectory(), &path, &options, &mut || {
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-        folder
-    }
-
-    fn options(rate: f64) -> ImportOptions {
-        ImportOptions {
-            density: Some(0.2),
-            frame_rate: Some(rate),
-            handles: Some(vec![3, 2]),
-            ..ImportOptions::default()
-        }
-    }
-
-    fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
-        let source = ForeignSource::open(ForeignFormat::Cache, folder, &options(rate))?;
-        source.read(&source.runs()[0])
-    }
-
-    #[test]
-    fn every_cache_that_is_written_can_be_learned_from() {
-        let expected = trajectory();
-        for (format, ending) in [
-            (ExportFormat::Abc, "abc"),
-            (ExportFormat::Usda, "usda"),
-            (ExportFormat::Usdc, "usdc"),
-            (ExportFormat::Usdz, "usdz"),
-            (ExportFormat::Glb, "glb"),
-            (ExportFormat::Pc2, "pc2"),
-            (ExportFormat::Mdd, "mdd"),
-        ] {
-            let folder = exported(format, ending);
-            let read = import(folder.path(), 30.0).unwrap();
-            assert_eq!(read.frame_count(), 5, "{ending}");
-            assert_eq!(read.frame_rate(), 30.0);
-            for (a, b) in read.positions().iter().zip(expected.positions()) {
-                assert!(a.distance(*b) < 1e-6, "{ending}: {a} {b}");
-            }
-            assert_eq!(
-                read.topology().faces(),
-                expected.topology().faces(),
-                "{ending}"
-            );
-            assert_eq!(read.handles().vertices(), expected.handles().vertices());
-            let mass: f32 = read.cloth().vertex_mass().iter().sum();
-            assert!((mass - 0.2).abs() < 1e-6, "{ending}: {mass} kg");
-        }
-    }
-
-    #[test]
-    fn frames_are_taken_at_the_rate_that_is_asked_for() {
-        for (format, ending) in [(ExportFormat::Mdd, "mdd"), (ExportFormat::Abc, "abc")] {
-            let folder = exported(format, ending);
-            let twice = import(folder.path(), 60.0).unwrap();
-            assert_eq!(twice.frame_count(), 9, "{ending}");
-            for vertex in 0..4 {
-                let [a, b] = [0, 1].map(|frame| trajectory().frame(frame)[vertex]);
-                assert!(
-                    twice.frame(1)[vertex].distance(a.midpoint(b)) < 1e-5,
-                    "{ending}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_missing_is_named() {
-        let folder = exported(ExportFormat::Mdd, "mdd");
-        std::fs::remove_file(folder.path().join("a.obj")).unwrap();
-        let error = import(folder.path(), 30.0).unwrap_err().to_string();
-        assert!(error.contains("a.obj"), "{error}");
-        for (options, word) in [
-            (ImportOptions::default(), "--density"),
-            (
-                ImportOptions {
-                    frame_rate: None,
-                    ..options(1.0)
-                },
-                "--frame-rate",
-            ),
-            (
-                ImportOptions {
-                    handles: None,
-                    ..options(1.0)
-                },
-                "--handles",
-            ),
-        ] {
-            let error = ForeignSource::open(ForeignFormat::Cache, folder.path(), &options);
-            let error = error.unwrap_err().to_string();
-            assert!(error.contains(word), "{error}");
-        }
-        let empty = tempfile::tempdir().unwrap();
-        let error = import(empty.path(), 30.0).unwrap_err().to_string();
-        assert!(error.contains("no cache"), "{error}");
-        std::fs::write(empty.path().join("a.fbx"), "").unwrap();
-        let error = import(empty.path(), 30.0).unwrap_err().to_string();
-        assert!(error.contains("a.fbx"), "{error}");
-    }
-}
+mod tests;

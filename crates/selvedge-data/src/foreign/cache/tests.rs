@@ -1,0 +1,240 @@
+//! Caches that are learned from: what we write comes back, handles are named or found, and what is
+//! missing is said.
+
+use std::ops::ControlFlow;
+
+use super::*;
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+use crate::foreign::ForeignSource;
+use crate::trajectory::Trajectory;
+use crate::trajectory::test_square::moving_square;
+
+fn trajectory() -> Trajectory {
+    moving_square(30.0)
+}
+
+fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let options = ExportOptions {
+        format,
+        frames: FrameSpan::default(),
+        up: UpAxis::Y,
+        normals: Normals::LeftOut,
+        velocities: Velocities::LeftOut,
+    };
+    let path = folder.path().join(format!("a.{ending}"));
+    export(&trajectory(), &path, &options, &mut || {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    folder
+}
+
+fn options(rate: f64) -> ImportOptions {
+    ImportOptions {
+        density: Some(0.2),
+        frame_rate: Some(rate),
+        handles: Some(HandleSource::Vertices(vec![3, 2])),
+        ..ImportOptions::default()
+    }
+}
+
+fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
+    let source = ForeignSource::open(ForeignFormat::Cache, folder, &options(rate))?;
+    source.read(&source.runs()[0])
+}
+
+#[test]
+fn every_cache_that_is_written_can_be_learned_from() {
+    let expected = trajectory();
+    for (format, ending) in [
+        (ExportFormat::Abc, "abc"),
+        (ExportFormat::Usda, "usda"),
+        (ExportFormat::Usdc, "usdc"),
+        (ExportFormat::Usdz, "usdz"),
+        (ExportFormat::Glb, "glb"),
+        (ExportFormat::Pc2, "pc2"),
+        (ExportFormat::Mdd, "mdd"),
+    ] {
+        let folder = exported(format, ending);
+        let read = import(folder.path(), 30.0).unwrap();
+        assert_eq!(read.frame_count(), 5, "{ending}");
+        assert_eq!(read.frame_rate(), 30.0);
+        for (a, b) in read.positions().iter().zip(expected.positions()) {
+            assert!(a.distance(*b) < 1e-6, "{ending}: {a} {b}");
+        }
+        assert_eq!(
+            read.topology().faces(),
+            expected.topology().faces(),
+            "{ending}"
+        );
+        assert_eq!(read.handles().vertices(), expected.handles().vertices());
+        let mass: f32 = read.cloth().vertex_mass().iter().sum();
+        assert!((mass - 0.2).abs() < 1e-6, "{ending}: {mass} kg");
+    }
+}
+
+#[test]
+fn frames_are_taken_at_the_rate_that_is_asked_for() {
+    for (format, ending) in [(ExportFormat::Mdd, "mdd"), (ExportFormat::Abc, "abc")] {
+        let folder = exported(format, ending);
+        let twice = import(folder.path(), 60.0).unwrap();
+        assert_eq!(twice.frame_count(), 9, "{ending}");
+        for vertex in 0..4 {
+            let [a, b] = [0, 1].map(|frame| trajectory().frame(frame)[vertex]);
+            assert!(
+                twice.frame(1)[vertex].distance(a.midpoint(b)) < 1e-5,
+                "{ending}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let folder = exported(ExportFormat::Mdd, "mdd");
+    std::fs::remove_file(folder.path().join("a.obj")).unwrap();
+    let error = import(folder.path(), 30.0).unwrap_err().to_string();
+    assert!(error.contains("a.obj"), "{error}");
+    for (options, word) in [
+        (ImportOptions::default(), "--density"),
+        (
+            ImportOptions {
+                frame_rate: None,
+                ..options(1.0)
+            },
+            "--frame-rate",
+        ),
+        (
+            ImportOptions {
+                handles: None,
+                ..options(1.0)
+            },
+            "--handles",
+        ),
+    ] {
+        let error = ForeignSource::open(ForeignFormat::Cache, folder.path(), &options);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains(word), "{error}");
+    }
+    let empty = tempfile::tempdir().unwrap();
+    let error = import(empty.path(), 30.0).unwrap_err().to_string();
+    assert!(error.contains("no cache"), "{error}");
+    std::fs::write(empty.path().join("a.fbx"), "").unwrap();
+    let error = import(empty.path(), 30.0).unwrap_err().to_string();
+    assert!(error.contains("a.fbx"), "{error}");
+}
+
+/// The handles of an import with these options.
+fn handles(folder: &Path, options: &ImportOptions) -> Result<Vec<u32>, String> {
+    let source = ForeignSource::open(ForeignFormat::Cache, folder, options);
+    let source = source.map_err(|error| error.to_string())?;
+    let read = source
+        .read(&source.runs()[0])
+        .map_err(|error| error.to_string())?;
+    Ok(read.handles().vertices().iter().map(|v| v.0).collect())
+}
+
+fn named(names: &[&str]) -> ImportOptions {
+    ImportOptions {
+        handles: Some(HandleSource::Nodes(
+            names.iter().map(|&n| n.to_owned()).collect(),
+        )),
+        ..options(30.0)
+    }
+}
+
+#[test]
+fn handles_are_those_that_go_with_nodes() {
+    for (format, ending) in [
+        (ExportFormat::Abc, "abc"),
+        (ExportFormat::Usda, "usda"),
+        (ExportFormat::Usdc, "usdc"),
+        (ExportFormat::Glb, "glb"),
+    ] {
+        let folder = exported(format, ending);
+        let found = handles(folder.path(), &named(&["handle_0", "handle_1"]));
+        assert_eq!(found.unwrap(), [3, 2], "{ending}");
+        let found = handles(folder.path(), &named(&["handle_1"]));
+        assert_eq!(found.unwrap(), [2], "{ending}");
+        let error = handles(folder.path(), &named(&["hand"])).unwrap_err();
+        assert!(
+            error.contains("\"hand\"") && error.contains("handle_1"),
+            "{error}"
+        );
+    }
+    let folder = exported(ExportFormat::Mdd, "mdd");
+    let error = handles(folder.path(), &named(&["handle_0"])).unwrap_err();
+    assert!(
+        error.contains("a.mdd") && error.contains("without nodes"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_cloth_of_which_nothing_is_held_says_so() {
+    for (format, ending) in [(ExportFormat::Abc, "abc"), (ExportFormat::Pc2, "pc2")] {
+        let folder = exported(format, ending);
+        let found = ImportOptions {
+            handles: Some(HandleSource::Found),
+            ..options(30.0)
+        };
+        let error = handles(folder.path(), &found).unwrap_err();
+        assert!(
+            error.contains(ending) && error.contains("--handles 0,30"),
+            "{error}"
+        );
+    }
+}
+
+/// Two triangles, of which the one called `left` is moved by its vertices 0 and 2.
+const TWO: &str = r#"#usda 1.0
+(
+    metersPerUnit = 1
+    timeCodesPerSecond = 30
+    upAxis = "Y"
+)
+def Mesh "right"
+{
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points.timeSamples = {
+        0: [(5, 0, 0), (6, 0, 0), (5, 1, 0)],
+        3: [(5, 0, 1), (6, 0, 1), (5, 1, 1)],
+    }
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (0, 1)] ( interpolation = "vertex" )
+}
+def Mesh "left"
+{
+    int[] faceVertexCounts = [3, 3]
+    int[] faceVertexIndices = [0, 1, 3, 1, 2, 3]
+    point3f[] points.timeSamples = {
+        0: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+        2: [(0, 0, 1), (1, 0, 0.2), (1, 1, 1), (0, 1, 0.4)],
+        3: [(0, 0, 2), (1, 0, 1.1), (1, 1, 2), (0, 1, 1.2)],
+    }
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] ( interpolation = "vertex" )
+}
+"#;
+
+#[test]
+fn one_cloth_of_several_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("two.usda"), TWO).unwrap();
+    let of = |object: Option<&str>| ImportOptions {
+        handles: Some(HandleSource::Found),
+        object: object.map(str::to_owned),
+        ..options(30.0)
+    };
+    assert_eq!(handles(folder.path(), &of(Some("left"))).unwrap(), [0, 2]);
+    let error = handles(folder.path(), &of(None)).unwrap_err();
+    assert!(
+        error.contains("[left, right]") && error.contains("--object"),
+        "{error}"
+    );
+    let error = handles(folder.path(), &of(Some("middle"))).unwrap_err();
+    assert!(
+        error.contains("\"middle\"") && error.contains("[left, right]"),
+        "{error}"
+    );
+}

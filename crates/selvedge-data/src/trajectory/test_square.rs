@@ -1,0 +1,30 @@
+//! A small cloth that moves, for tests of files.
+
+use glam::{Vec2, Vec3};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+use serde_json::Value;
+
+use super::{Provenance, Trajectory};
+
+/// A square of two triangles that moves and bends for five frames, held by its vertices 3 and 2.
+pub(crate) fn moving_square(frame_rate: f64) -> Trajectory {
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let at = |frame: usize| {
+        let t = frame as f32;
+        flat.map(|c| Vec3::new(c.x + 0.1 * t, c.y * (1.0 - 0.01 * t), 0.05 * t * t * c.x))
+    };
+    let arrays = ClothArrays {
+        rest_positions: at(0).to_vec(),
+        material_coordinates: flat.to_vec(),
+        vertex_mass: vec![0.1; 4],
+        face_area: vec![0.5; 2],
+    };
+    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
+    let cloth = Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap();
+    let provenance = Provenance {
+        frame_rate,
+        scene: Value::Null,
+        made_by: "tests; of = caches".to_owned(),
+    };
+    Trajectory::new(cloth, (0..5).flat_map(at).collect(), provenance).unwrap()
+}
