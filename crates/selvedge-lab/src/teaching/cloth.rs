@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper};
+use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper, Stop};
 use selvedge_corrected::{FrameState, base_scene};
 use selvedge_model::{
     ClothGraph, CorrectionColumns, Corrector, HalfTurns, Model, MotionState, PhysicsBase,
@@ -26,6 +26,18 @@ const FORGETFUL: f64 = 0.02;
 
 type Problem = Box<dyn Error + Send + Sync>;
 
+/// Parts that all cloths of a frame share.
+#[derive(Clone, Copy)]
+pub(super) struct Lesson<'a> {
+    pub(super) scenes: &'a TeachingScenes,
+    pub(super) cfg: &'a CorrectionConfig,
+    /// The model whose own frames cloths may go on from.
+    pub(super) model: Option<&'a Arc<Model>>,
+    /// Its frames in a row, with the one that the sample is of.
+    pub(super) own_frames: usize,
+    pub(super) stop: &'a Stop,
+}
+
 /// A cloth that is moved to make samples.
 pub(super) struct TaughtCloth {
     rng: ChaCha8Rng,
@@ -42,6 +54,7 @@ struct Run {
     teacher: Simulator,
     columns: CorrectionColumns,
     corrector: Option<Corrector>,
+    stop: Stop,
     base: PhysicsBase,
     /// Solves of the teacher per frame.
     teaching: u32,
@@ -73,32 +86,44 @@ impl TaughtCloth {
         self.gone_astray
     }
 
-    /// Moves the cloth by a frame. None where that went astray: the next frame is of another
-    /// motion.
+    /// Moves the cloth by a frame. None where that went astray, or a stop is wanted: the next frame
+    /// is of another motion.
     pub(super) fn sample(
         &mut self,
-        scenes: &TeachingScenes,
-        cfg: &CorrectionConfig,
-        model: Option<&Arc<Model>>,
-        own_frames: usize,
+        lesson: Lesson<'_>,
     ) -> Result<Option<CorrectionSample>, Problem> {
-        let mut run = match self.run.take() {
-            Some(run) if run.left > 0 => run,
-            _ => match Run::begin(scenes, cfg, &mut self.rng)? {
-                Some(run) => run,
-                None => {
-                    self.gone_astray += 1;
-                    return Ok(None);
-                }
-            },
+        if lesson.stop.is_wanted() {
+            self.run = None;
+            return Ok(None);
+        }
+        let run = match self.run.take() {
+            Some(run) if run.left > 0 => Some(run),
+            _ => Run::begin(lesson, &mut self.rng)?,
         };
+        let sample = match run {
+            Some(run) => self.advance(run, lesson)?,
+            None => None,
+        };
+        if sample.is_none() && !lesson.stop.is_wanted() {
+            self.gone_astray += 1;
+        }
+        Ok(sample)
+    }
+
+    /// Moves the cloth of `run` by a frame, and keeps the run where it goes on.
+    fn advance(
+        &mut self,
+        mut run: Run,
+        lesson: Lesson<'_>,
+    ) -> Result<Option<CorrectionSample>, Problem> {
+        let scene = &lesson.scenes.scenes[run.scene];
         run.left -= 1;
-        let scene = &scenes.scenes[run.scene];
-        run.choose(model, own_frames, &mut self.rng);
-        let sample = run.advance(scene, model, &mut self.rng)?;
-        match sample {
-            Some(_) => self.run = Some(run),
-            None => self.gone_astray += 1,
+        run.choose(lesson.model, lesson.own_frames, &mut self.rng);
+        let sample = run.advance(scene, lesson.model, &mut self.rng)?;
+        // The frame of a network that was stopped means nothing.
+        let sample = sample.filter(|_| !lesson.stop.is_wanted());
+        if sample.is_some() {
+            self.run = Some(run);
         }
         Ok(sample)
     }
@@ -106,12 +131,11 @@ impl TaughtCloth {
 
 impl Run {
     /// Begins one of the motions somewhere on its way; physics leads there. None where the physics
-    /// cannot: a motion may strain the cloth too much.
-    fn begin(
-        scenes: &TeachingScenes,
-        cfg: &CorrectionConfig,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<Option<Self>, Problem> {
+    /// cannot: a motion may strain the cloth too much, or a stop is wanted.
+    fn begin(lesson: Lesson<'_>, rng: &mut ChaCha8Rng) -> Result<Option<Self>, Problem> {
+        let Lesson {
+            scenes, cfg, stop, ..
+        } = lesson;
         let number = rng.random_range(0..scenes.scenes.len());
         let TeachingScene { scene, graph, rest } = &scenes.scenes[number];
         let path = scene.handle_path()?;
@@ -128,7 +152,7 @@ impl Run {
             positions: rest.to_vec(),
             velocities: still,
         };
-        let mut leader = simulator(scene, leading, 0, at_rest)?;
+        let mut leader = simulator(scene, leading, 0, at_rest, stop)?;
         for frame in 0..lead {
             let targets = path.targets(frame, leading.substeps as usize)?;
             if leader.step(&targets).is_err() {
@@ -142,8 +166,8 @@ impl Run {
         };
         Ok(Some(Self {
             scene: number,
-            cheap: simulator(scene, base, lead, now.clone())?,
-            teacher: simulator(scene, teacher, lead, now.clone())?,
+            cheap: simulator(scene, base, lead, now.clone(), stop)?,
+            teacher: simulator(scene, teacher, lead, now.clone(), stop)?,
             columns: CorrectionColumns::new(
                 graph,
                 Stiffness::of(&scene.material),
@@ -151,6 +175,7 @@ impl Run {
                 cfg.model.neighbours(),
             ),
             corrector: None,
+            stop: stop.clone(),
             base,
             teaching: teacher.substeps,
             held: graph.handle_mask().to_vec(),
@@ -268,11 +293,15 @@ impl Run {
     ) -> Result<FrameState, Problem> {
         let corrector = match &mut self.corrector {
             Some(corrector) => corrector,
-            none => none.insert(Corrector::new(
-                Arc::clone(model),
-                ClothGraph::clone(&scene.graph),
-                Stiffness::of(&scene.scene.material),
-            )?),
+            none => {
+                let corrector = none.insert(Corrector::new(
+                    Arc::clone(model),
+                    ClothGraph::clone(&scene.graph),
+                    Stiffness::of(&scene.scene.material),
+                )?);
+                corrector.stop_by(self.stop.clone());
+                corrector
+            }
         };
         corrector.set_model(model)?;
         let mut next = predicted.clone();
@@ -287,17 +316,19 @@ impl Run {
     }
 }
 
-/// The physics `base` of a scene at a frame, in a state, on one thread.
+/// The physics `base` of a scene at a frame, in a state, on one thread, which `stop` ends.
 fn simulator(
     scene: &Scene,
     base: PhysicsBase,
     frame: usize,
     state: FrameState,
+    stop: &Stop,
 ) -> Result<Simulator, Problem> {
     let scene = base_scene(scene, base);
     let made = Simulator::with_state(&scene, state.positions, state.velocities)?;
     let mut made = made.at_frame(frame);
     made.set_threads(Threads::One);
+    made.stop_by(stop.clone());
     Ok(made)
 }
 

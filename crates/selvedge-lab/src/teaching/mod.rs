@@ -11,18 +11,20 @@ use std::error::Error;
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use selvedge_cloth::Stop;
 use selvedge_model::{Domain, Model};
 use selvedge_train::{CorrectionConfig, CorrectionSample, SampleSource};
 
 pub use self::scenes::{TeachingScenes, TeachingScenesError};
 
-use self::cloth::TaughtCloth;
+use self::cloth::{Lesson, TaughtCloth};
 
 /// Cloths that move at once, and their teacher.
 pub struct Teaching {
     scenes: TeachingScenes,
     cfg: CorrectionConfig,
     cloths: Vec<TaughtCloth>,
+    stop: Stop,
 }
 
 impl Teaching {
@@ -34,7 +36,14 @@ impl Teaching {
             cloths: (0..cfg.samples.cloths).map(cloth).collect(),
             scenes,
             cfg,
+            stop: Stop::default(),
         }
+    }
+
+    /// Lets samples be given up within a frame from when `stop` is wanted. Their cloths begin
+    /// another motion afterwards.
+    pub fn stop_by(&mut self, stop: Stop) {
+        self.stop = stop;
     }
 }
 
@@ -43,13 +52,18 @@ impl SampleSource for Teaching {
         &mut self,
         model: Option<&Arc<Model>>,
         own_frames: usize,
-    ) -> Result<Vec<CorrectionSample>, Box<dyn Error + Send + Sync>> {
-        let (scenes, cfg) = (&self.scenes, &self.cfg);
+    ) -> Result<Option<Vec<CorrectionSample>>, Box<dyn Error + Send + Sync>> {
+        let lesson = Lesson {
+            scenes: &self.scenes,
+            cfg: &self.cfg,
+            model,
+            own_frames,
+            stop: &self.stop,
+        };
         let cloths = self.cloths.par_iter_mut();
-        let samples: Result<Vec<_>, _> = cloths
-            .map(|cloth| cloth.sample(scenes, cfg, model, own_frames))
-            .collect();
-        Ok(samples?.into_iter().flatten().collect())
+        let samples: Result<Vec<_>, _> = cloths.map(|cloth| cloth.sample(lesson)).collect();
+        let samples = samples?.into_iter().flatten().collect();
+        Ok((!self.stop.is_wanted()).then_some(samples))
     }
 
     fn gone_astray(&self) -> u64 {

@@ -1,6 +1,8 @@
 //! Samples of a small preset: their sizes, and that threads change none of them.
 
 use std::ops::ControlFlow;
+use std::thread;
+use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -71,7 +73,7 @@ fn samples(threads: usize, model: Option<&Arc<Model>>) -> Vec<CorrectionSample> 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     pool.build().unwrap().install(|| {
         let mut teaching = Teaching::new(scenes(), config(), 0);
-        let frames = (0..6).map(|_| teaching.samples(model, 3).unwrap());
+        let frames = (0..6).map(|_| teaching.samples(model, 3).unwrap().unwrap());
         let samples = frames.flatten().collect();
         assert_eq!(teaching.gone_astray(), 0);
         samples
@@ -120,6 +122,44 @@ fn samples_have_their_sizes_and_threads_change_none() {
         let same = one.iter().zip(&alone).all(|(a, b)| a.nodes == b.nodes);
         assert_eq!(same, model.is_none());
     }
+}
+
+#[test]
+fn samples_are_given_up_where_a_stop_is_wanted_and_made_anew_afterwards() {
+    let mut teaching = Teaching::new(scenes(), config(), 0);
+    for _ in 0..3 {
+        assert_eq!(teaching.samples(None, 1).unwrap().unwrap().len(), 3);
+        let stop = Stop::default();
+        stop.ask();
+        teaching.stop_by(stop);
+        assert!(teaching.samples(None, 1).unwrap().is_none());
+        teaching.stop_by(Stop::default());
+    }
+    assert_eq!(teaching.gone_astray(), 0);
+}
+
+/// A frame that a stop cuts short is neither a sample nor a run that went astray.
+#[test]
+fn a_stop_may_come_at_any_moment() {
+    let mut cfg = config();
+    // A frame of the teacher takes long, and hears of a stop in the middle.
+    cfg.teacher.substeps = 1000;
+    cfg.samples.frames = 50;
+    let model = model();
+    let mut teaching = Teaching::new(scenes(), cfg, 0);
+    for wait in [5, 20, 100].map(Duration::from_millis) {
+        let stop = Stop::default();
+        teaching.stop_by(stop.clone());
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                thread::sleep(wait);
+                stop.ask();
+            });
+            while teaching.samples(Some(&model), 3).unwrap().is_some() {}
+        });
+        assert!(stop.is_wanted());
+    }
+    assert_eq!(teaching.gone_astray(), 0);
 }
 
 #[test]

@@ -21,7 +21,8 @@ use crate::run::{LogError, RunEnd, RunLimits, append_line, files, trim_log};
 /// A maker of samples: cloths that move by cheap physics, corrected or not, and a teacher.
 pub trait SampleSource {
     /// Moves every cloth by a frame and returns their samples. With a `model` the cloths may go on
-    /// from its own frames, up to `own_frames` in a row with the one that the sample is of.
+    /// from its own frames, up to `own_frames` in a row with the one that the sample is of. None
+    /// where an end was asked for meanwhile.
     ///
     /// # Errors
     /// What went wrong, for people.
@@ -29,7 +30,7 @@ pub trait SampleSource {
         &mut self,
         model: Option<&Arc<Model>>,
         own_frames: usize,
-    ) -> Result<Vec<CorrectionSample>, Box<dyn Error + Send + Sync>>;
+    ) -> Result<Option<Vec<CorrectionSample>>, Box<dyn Error + Send + Sync>>;
 
     /// Cloths that were begun anew so far, because a run went astray.
     fn gone_astray(&self) -> u64;
@@ -79,7 +80,8 @@ struct LogLine {
 }
 
 /// Trains until the last step, a limit, or until `observe` breaks; it is called after each step and
-/// whenever samples were made.
+/// whenever samples were made. A step that is given up ends the run too
+/// ([`CorrectionTrainer::stop_by`]), and so do samples that are.
 ///
 /// # Errors
 /// [`RunCorrectionError`]; a checkpoint that was there is then whole.
@@ -106,7 +108,9 @@ pub fn run_correction(
             break RunEnd::TimeUp;
         }
         if trainer.wants_samples() {
-            make_samples(trainer, source)?;
+            if make_samples(trainer, source)?.is_break() {
+                break RunEnd::Stopped;
+            }
             let made = usize::try_from(trainer.samples_made()).unwrap_or(usize::MAX);
             if observe(CorrectionEvent::Samples(made)).is_break() {
                 break RunEnd::Stopped;
@@ -137,18 +141,22 @@ pub fn run_correction(
     Ok(end)
 }
 
+/// Breaks where an end was asked for.
 fn make_samples(
     trainer: &mut CorrectionTrainer,
     source: &mut dyn SampleSource,
-) -> Result<(), RunCorrectionError> {
+) -> Result<ControlFlow<()>, RunCorrectionError> {
     let own_frames = trainer.config().own_frames.at(trainer.steps_done());
     let model = match own_frames {
         1 => None,
         _ => trainer.model(String::new())?.map(Arc::new),
     };
     let samples = source.samples(model.as_ref(), own_frames);
-    trainer.add(samples.map_err(RunCorrectionError::Samples)?);
-    Ok(())
+    let Some(samples) = samples.map_err(RunCorrectionError::Samples)? else {
+        return Ok(ControlFlow::Break(()));
+    };
+    trainer.add(samples);
+    Ok(ControlFlow::Continue(()))
 }
 
 /// Writes checkpoint and model. The model comes first into memory: it refuses weights that are not

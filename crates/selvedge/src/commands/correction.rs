@@ -121,6 +121,7 @@ fn steps_until_end(
     let (mut gathered, mut loss) = (0, None);
     let left = usize::try_from(left)?;
     trainer.stop_by(interrupt::flag().into());
+    teaching.stop_by(interrupt::flag().into());
     let end = run_correction(trainer, &mut teaching, &args.out, limits, &mut |event| {
         match event {
             CorrectionEvent::Samples(made) => {
