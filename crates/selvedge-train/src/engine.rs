@@ -55,8 +55,8 @@ impl Learned {
 /// The arithmetic of a training.
 pub trait Engine: Send {
     /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the
-    /// slots' losses. Returns the terms of each slot. Neither means anything where the setup's
-    /// `stop` is wanted.
+    /// slots' losses. Returns the terms of each slot; none where one of several ranks gave the step
+    /// up. Neither means anything where the setup's `stop` is wanted.
     ///
     /// # Errors
     /// When the machine that computes fails.

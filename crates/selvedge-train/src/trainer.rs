@@ -280,12 +280,10 @@ impl Trainer {
         })
     }
 
-    /// Lets [`Self::step`] be given up in the middle from when `stop` is wanted. A rank of several
-    /// does not hear it: the others wait for its part of the step.
+    /// Lets [`Self::step`] be given up in the middle from when `stop` is wanted. Where one of
+    /// several ranks gives it up, all do, as soon as each has done or given up its part.
     pub fn stop_by(&mut self, stop: Stop) {
-        if !self.ranks.are_several() {
-            self.stop = stop;
-        }
+        self.stop = stop;
     }
 
     /// Learns from one batch.
@@ -309,7 +307,12 @@ impl Trainer {
         };
         let batch = Batch::new(setup, &mut self.slots, step, frames);
         let terms = self.engine.learn(batch)?;
-        if self.stop.is_wanted() {
+        let is_given_up = match self.ranks.are_several() {
+            // As all of them have agreed: a wish of after that is heard by the next step.
+            true => terms.is_empty(),
+            false => self.stop.is_wanted(),
+        };
+        if is_given_up {
             self.slots = slots;
             return Err(TrainError::Stopped { step: step + 1 });
         }

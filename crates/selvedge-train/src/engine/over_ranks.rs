@@ -125,9 +125,17 @@ struct RankEngine {
 
 impl Engine for RankEngine {
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
+        let stop = batch.setup().stop;
         let own = self.engine.learn(batch.part(self.own.clone()))?;
-        let packed = own.into_iter().flat_map(LossTerms::to_bytes).collect();
+        // Every rank has slots, and so terms: who sends none gives the step up, and so do all.
+        let packed = match stop.is_wanted() {
+            true => Vec::new(),
+            false => own.into_iter().flat_map(LossTerms::to_bytes).collect(),
+        };
         let all = self.ranks.gather_for_all(packed).map_err(failed)?;
+        if all.iter().any(Vec::is_empty) {
+            return Ok(Vec::new());
+        }
         let mut terms = Vec::new();
         for (rank, packed) in all.iter().enumerate() {
             let theirs = LossTerms::from_bytes(packed);

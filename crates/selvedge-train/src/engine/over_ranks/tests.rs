@@ -2,14 +2,16 @@
 
 use std::path::PathBuf;
 use std::thread;
+use std::time::Duration;
 
+use selvedge_cloth::Stop;
 use selvedge_cluster::{Delays, threads};
 use selvedge_model::Encoder;
 
 use super::*;
 use crate::engine::OnProcessor;
 use crate::test_data::{Swinging, busy, config, two_cloths};
-use crate::trainer::Trainer;
+use crate::trainer::{TrainError, Trainer};
 
 const ENGINE: OnProcessor = OnProcessor { micro_batch: 2 };
 
@@ -89,6 +91,63 @@ fn steps_of_several_frames_are_the_same_too() {
     cfg.steps = 6;
     let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
     assert!(trained(&data, &cfg, 3, [None, Some("three")]) == whole);
+}
+
+/// A rank that is asked to stop says so to the others, at whatever moment it hears of it.
+#[test]
+fn where_one_rank_gives_a_step_up_all_do_and_all_go_on_from_before_it() {
+    let data = two_cloths();
+    let mut cfg = five_pieces(Encoder::MLP);
+    cfg.steps = 8;
+    let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
+    let path = data.folder.path().join("given-up");
+    let train = |ranks: Ranks| {
+        let engine = OverRanks {
+            engine: &ENGINE,
+            ranks: ranks.clone(),
+        };
+        let mut trainer = Trainer::new(cfg.clone(), &data.dataset, &engine).unwrap();
+        let mut given_up = Vec::new();
+        for wait in [0, 0, 50, 200, 1000, 3000].map(Duration::from_micros) {
+            let stop = Stop::default();
+            trainer.stop_by(stop.clone());
+            if ranks.rank() == 1 && wait.is_zero() {
+                stop.ask();
+            }
+            thread::scope(|scope| {
+                if ranks.rank() == 1 {
+                    scope.spawn(|| {
+                        thread::sleep(wait);
+                        stop.ask();
+                    });
+                }
+                if trainer.steps_done() < cfg.steps {
+                    match trainer.step() {
+                        Ok(_) => {}
+                        Err(TrainError::Stopped { step }) => given_up.push(step),
+                        Err(error) => panic!("{error}"),
+                    }
+                }
+            });
+        }
+        trainer.stop_by(Stop::default());
+        while trainer.steps_done() < cfg.steps {
+            trainer.step().unwrap();
+        }
+        trainer.collect().unwrap();
+        if ranks.is_first() {
+            trainer.save(&path, &data.dataset).unwrap();
+        }
+        given_up
+    };
+    let given_up: Vec<Vec<u64>> = thread::scope(|scope| {
+        let ranks = threads(3, Delays::NONE).into_iter();
+        let all: Vec<_> = ranks.map(|ranks| scope.spawn(|| train(ranks))).collect();
+        all.into_iter().map(|rank| rank.join().unwrap()).collect()
+    });
+    assert!(given_up[0].starts_with(&[1, 1]), "{given_up:?}");
+    assert!(given_up.iter().all(|steps| *steps == given_up[0]));
+    assert!(std::fs::read(path).unwrap() == whole);
 }
 
 /// The error of rank 0 where every rank makes a trainer of its own configuration.
