@@ -11,6 +11,7 @@ use selvedge_cloth::{Cloth, HandlePath, Integrator, Scene, StepError, Stepper};
 use selvedge_corrected::cloth_graph;
 use selvedge_data::{Drive, record};
 use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
+use selvedge_train::files;
 use thiserror::Error;
 
 use crate::assets;
@@ -34,6 +35,12 @@ pub enum OpenModelError {
         assets::names(assets::MODELS)
     )]
     NotFound { name: String },
+    #[error(
+        "{name}: is a folder: name the model in it, {name}/{}{}",
+        files::MODEL,
+        of_the_shipped(.name)
+    )]
+    Folder { name: String },
     #[error("{name}: could not be read: {source}")]
     Read { name: String, source: io::Error },
     #[error("{name}: {source}")]
@@ -41,6 +48,20 @@ pub enum OpenModelError {
         name: String,
         source: ModelFileError,
     },
+}
+
+/// The bytes of the shipped model of this name, if there is one.
+fn shipped(name: &str) -> Option<&'static [u8]> {
+    let mut known = assets::MODELS.iter();
+    known.find(|model| model.0 == name).map(|model| model.1)
+}
+
+/// The remedy of one who meant the shipped model of this name, if there is one.
+fn of_the_shipped(name: &str) -> &'static str {
+    match shipped(name) {
+        Some(_) => "; for the shipped model of this name, start from another folder",
+        None => "",
+    }
 }
 
 /// A scene whose parts make no graph.
@@ -63,26 +84,36 @@ impl NamedModel {
     /// Opens the model in `file`, which may also be the name of a shipped one where no file has it;
     /// without `file` the first of those.
     ///
+    /// A folder of that name is no such file, but one with a model in it could be meant.
+    ///
     /// # Errors
-    /// A file that cannot be read or is no model of this version.
+    /// A file that cannot be read or is no model of this version; a folder with a model in it, or
+    /// whose name no shipped model has.
     pub fn open(file: Option<&Path>) -> Result<Self, OpenModelError> {
-        let (shipped, its_bytes) = assets::MODEL;
-        let (name, bytes) = match file {
-            Some(path) => (path.display().to_string(), selvedge_data::read_file(path)),
-            None => (shipped.to_owned(), Ok(its_bytes.to_vec())),
+        let Some(path) = file else {
+            let (name, bytes) = assets::MODEL;
+            return Self::from_bytes(name.to_owned(), bytes);
         };
-        let model = match bytes {
-            Ok(bytes) => Model::from_bytes(&bytes),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                let mut known = assets::MODELS.iter();
-                match known.find(|model| model.0 == name) {
-                    None => return Err(OpenModelError::NotFound { name }),
-                    Some((_, bytes)) => Model::from_bytes(bytes),
-                }
-            }
-            Err(source) => return Err(OpenModelError::Read { name, source }),
+        let name = path.display().to_string();
+        let error = match selvedge_data::read_file(path) {
+            Ok(bytes) => return Self::from_bytes(name, &bytes),
+            Err(error) => error,
         };
-        match model {
+        let is_absent = error.kind() == io::ErrorKind::NotFound;
+        match shipped(&name) {
+            Some(_) if path.join(files::MODEL).exists() => Err(OpenModelError::Folder { name }),
+            Some(bytes) if is_absent || path.is_dir() => Self::from_bytes(name, bytes),
+            None if is_absent => Err(OpenModelError::NotFound { name }),
+            None if path.is_dir() => Err(OpenModelError::Folder { name }),
+            _ => Err(OpenModelError::Read {
+                name,
+                source: error,
+            }),
+        }
+    }
+
+    fn from_bytes(name: String, bytes: &[u8]) -> Result<Self, OpenModelError> {
+        match Model::from_bytes(bytes) {
             Ok(model) => Ok(Self {
                 name,
                 model: Arc::new(model),

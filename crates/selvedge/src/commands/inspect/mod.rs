@@ -23,6 +23,7 @@ use selvedge_data::{
     LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory,
     TrajectoryFileError, metrics, read_mesh, shipped_scenes,
 };
+use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::{physics, study};
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, CORRECTION_FORMAT, CorrectionConfig, TrainConfig};
@@ -49,11 +50,14 @@ pub(crate) fn run(args: &InspectArgs) -> anyhow::Result<Answer> {
 
 fn say(path: &Path) -> anyhow::Result<Answer> {
     let name = path.to_string_lossy();
+    let is_shipped = || shipped_scenes().iter().any(|scene| scene.0 == name);
+    // A folder with nothing of the program's in it hides no scene.
+    let is_other = path.is_dir() && FolderKind::of(path).is_none();
+    if (is_other || !path.exists()) && is_shipped() {
+        return inspect_scene(&scenes::open(&name)?, &name);
+    }
     if path.is_dir() {
         return folders::inspect(path);
-    }
-    if !path.exists() && shipped_scenes().iter().any(|scene| scene.0 == name) {
-        return inspect_scene(&scenes::open(&name)?, &name);
     }
     if !path.exists() {
         bail!("{name}: there is no such file or folder");
