@@ -35,15 +35,21 @@ pub(crate) fn run(args: &ConvertArgs) -> anyhow::Result<Answer> {
     let (root_mean_square, largest) = change(model.weights(), converted.weights());
     write_atomically(&args.out, |out| out.write_all(&bytes))?;
     let before = size(&args.model);
+    let is_unchanged = std::fs::read(&args.model).is_ok_and(|was| was == bytes);
     let report = json!({
         "weights": model.weights().len(),
         "bytes": bytes.len(),
         "bytes_before": before,
         "change_rms": root_mean_square,
         "change_largest": largest,
+        "unchanged": is_unchanged,
     });
+    let already = match is_unchanged {
+        true => "; the model was like this already, to the byte",
+        false => "",
+    };
     let text = format!(
-        "{} weights, {} bytes (before: {before}); their RMS changed by {root_mean_square:.1e} of itself, one weight by at most {largest:.1e}",
+        "{} weights, {} bytes (before: {before}); their RMS changed by {root_mean_square:.1e} of itself, one weight by at most {largest:.1e}{already}",
         model.weights().len(),
         bytes.len(),
     );

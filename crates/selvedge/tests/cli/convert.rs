@@ -23,6 +23,8 @@ fn a_model_in_half_precision_is_a_model_of_half_the_size() {
         let said = desk.run(&format!("inspect {name}.safetensors"));
         assert_eq!(said.code, Some(0), "{}", said.err);
     }
+    let again = desk.run("convert f16.safetensors --weights f16 --out again.safetensors");
+    assert!(again.out.contains("like this already"), "{}", again.out);
     // What is widened again is the same model.
     let call = "convert f16.safetensors --weights f32 --out wide.safetensors --json";
     let report: serde_json::Value = serde_json::from_str(&desk.run(call).out).unwrap();
