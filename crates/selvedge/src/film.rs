@@ -152,7 +152,7 @@ impl<'a> Film<'a> {
                 Ok(()) => false,
                 Err(Halt::Interrupted) => true,
                 // What presses Ctrl-C may have ended ffmpeg, too.
-                Err(Halt::Failed(_)) => interrupt::requested(),
+                Err(Halt::Failed(_)) => interrupt::requested_by_now(),
             };
             if is_stopped {
                 // It has written a part of a film that nobody wants.
@@ -161,7 +161,7 @@ impl<'a> Film<'a> {
                 return Err(Halt::Interrupted);
             }
             let output = child.wait_with_output().context("waiting for ffmpeg")?;
-            if !output.status.success() && interrupt::requested() {
+            if !output.status.success() && interrupt::requested_by_now() {
                 return Err(Halt::Interrupted);
             }
             if !output.status.success() {

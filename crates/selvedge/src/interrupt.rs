@@ -69,7 +69,9 @@ fn since_press() -> Duration {
 
 /// Says that from now on there are results that no file has yet.
 pub(crate) fn keep_results() {
-    UNSAVED.store(true, Ordering::SeqCst);
+    if !UNSAVED.swap(true, Ordering::SeqCst) {
+        tracing::debug!("there are results: Ctrl-C waits until they are written");
+    }
 }
 
 /// The flag that the first press sets.
@@ -85,6 +87,16 @@ pub(crate) fn requested() -> bool {
         HEARD.fetch_max(heard, Ordering::SeqCst);
     }
     requested
+}
+
+/// As [`requested`], where another program that the same press reaches has just ended: its end may
+/// be seen first.
+pub(crate) fn requested_by_now() -> bool {
+    let until = Instant::now() + PATIENCE;
+    while !requested() && Instant::now() < until {
+        std::thread::sleep(LOOK);
+    }
+    requested()
 }
 
 /// Breaks a loop after the first press.

@@ -74,6 +74,7 @@ impl Progress {
 
     fn start(what: String, goal: Goal, unit: &'static str) -> Self {
         let started = Instant::now();
+        tracing::debug!("{what}: begun");
         let form = if QUIET.load(Ordering::Relaxed) {
             Form::Quiet
         } else if std::io::stderr().is_terminal() {

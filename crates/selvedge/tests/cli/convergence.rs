@@ -1,10 +1,6 @@
 //! `study convergence`: files and numbers of a small scene, what is kept, and calls that make no
 //! sense.
 
-use std::process::{Command, Stdio};
-use std::thread;
-use std::time::Duration;
-
 use serde_json::Value;
 
 use crate::common::{Desk, PUSH, number};
@@ -138,21 +134,20 @@ fn calls_that_make_no_sense_are_named_with_the_remedy() {
     assert_eq!(desk.names(), names);
 }
 
+#[cfg(unix)]
 #[test]
 fn an_interrupted_study_leaves_whole_files() {
+    use crate::common::Running;
+
     let desk = desk();
     let call = CALL.replace("--reference-substeps 32", "--reference-substeps 1000");
-    let mut study = desk
-        .command(&call)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    thread::sleep(Duration::from_millis(300));
-    let pid = study.id().to_string();
-    Command::new("kill").args(["-INT", &pid]).status().unwrap();
-    let code = study.wait().unwrap().code();
-    assert!(code == Some(1) || code == Some(0), "{code:?}");
+    for words in ["sagging to rest: begun", Running::HAS_RESULTS] {
+        let mut study = desk.start(&call);
+        study.wait_for(words);
+        study.press();
+        let said = study.ended();
+        assert_eq!(said.code, Some(1), "{words}: {}", said.err);
+    }
     // What is there is whole: the same call goes on from it.
     assert_eq!(errors(&desk.json(&call)).len(), 3);
 }

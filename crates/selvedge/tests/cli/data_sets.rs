@@ -47,27 +47,18 @@ fn a_preset_whose_cloth_finds_no_rest_is_corrected_in_the_same_folder() {
     desk.json(generate);
 }
 
-/// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
 #[cfg(unix)]
 #[test]
 fn an_interruption_before_the_first_trajectory_leaves_nothing_behind() {
-    use std::process::{Command, Stdio};
-
     let desk = Desk::new();
     // Hours of it, if it went on.
     let never = tiny_with("tolerance = 1e-300\nmax_steps = 1000000000");
     desk.write("never.toml", never);
-    let mut command = desk.command("dataset generate never.toml --out never");
-    command.stdout(Stdio::null()).stderr(Stdio::null());
-    let mut child = command.spawn().unwrap();
-    while !desk.path("never/index.partial.json").is_file() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended early");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let pid = child.id().to_string();
-    let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
-    assert!(status.success());
-    assert_eq!(child.wait().unwrap().code(), Some(1));
+    let mut generate = desk.start("dataset generate never.toml --out never");
+    generate.wait_for("sagging to rest: begun");
+    assert!(desk.path("never/index.partial.json").is_file());
+    generate.press();
+    assert_eq!(generate.ended().code, Some(1));
     assert!(!desk.path("never").exists());
 }
 

@@ -114,8 +114,6 @@ fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
     assert!(!desk.path("run").exists());
 }
 
-/// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
-#[cfg(unix)]
 /// Two runs in one folder would mix their logs, and the last one's weights would win.
 #[cfg(unix)]
 #[test]
@@ -155,26 +153,21 @@ fn a_folder_is_trained_into_by_one_run_at_a_time() {
     assert_eq!(names, kept);
 }
 
+#[cfg(unix)]
 #[test]
 fn statistics_can_be_interrupted() {
-    use std::process::{Command, Stdio};
-
     let desk = Desk::new();
     desk.tiny();
     desk.write("moment.toml", TRAINING);
     // Hours of them, if it went on.
     let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000 --set model.encoder.window=64";
-    let mut command = desk.command(&format!("{train} --json"));
-    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-    while !desk.path("run").is_dir() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended early");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let pid = child.id().to_string();
-    Command::new("kill").args(["-INT", &pid]).status().unwrap();
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let mut train = desk.start(&format!("{train} --json"));
+    train.wait_for("gathering statistics: begun");
+    assert!(desk.path("run").is_dir());
+    train.press();
+    let said = train.ended();
+    assert_eq!(said.code, Some(1));
+    let report: Value = serde_json::from_str(&said.out).unwrap();
     assert_eq!(report["interrupted"], true);
     assert_eq!(number(&report, "/steps_done"), 0.0);
     assert!(!desk.path("run").exists(), "there was nothing to keep");

@@ -41,6 +41,35 @@ fn wrong_calls_exit_with_2_and_say_why() {
 }
 
 /// The page of the book that lists the commands.
+/// A scene or a preset goes by its shipped name first. So does a model, unless the folder could be
+/// meant.
+#[test]
+fn a_folder_hides_nothing_that_is_shipped() {
+    let desk = Desk::new();
+    for name in ["default", "small", "tiny", "corrected", "mine"] {
+        std::fs::create_dir(desk.path(name)).unwrap();
+    }
+    desk.json("simulate default --from-start --frames 1 --out run.safetensors");
+    assert_eq!(desk.json("inspect default")["kind"], "scene");
+    desk.json("dataset generate tiny --out set");
+    desk.write("push.toml", PUSH);
+    let rollout = "rollout push.toml --no-truth --no-clip --frames 1 --out out --model";
+    desk.json(&format!("{rollout} small"));
+    let a_folder = ["mine: is a folder", "name the model in it, mine/model.safe"];
+    desk.fails(&format!("{rollout} mine"), 1, &a_folder);
+    desk.write("corrected/model.safetensors", "a model of the user's");
+    let both = [
+        "corrected: is a folder",
+        "corrected/model.safetensors",
+        "for the shipped model of this name, start from another folder",
+    ];
+    desk.fails(&format!("{rollout} corrected"), 1, &both);
+    // What the program made in a folder is what the folder stands for.
+    std::fs::rename(desk.path("default"), desk.path("empty")).unwrap();
+    std::fs::rename(desk.path("set"), desk.path("default")).unwrap();
+    assert_ne!(desk.json("inspect default")["kind"], "scene");
+}
+
 #[test]
 fn the_book_has_every_command_as_it_is() {
     let made = Desk::new().run("reference");
@@ -167,51 +196,11 @@ fn a_person_gets_a_table_and_a_program_gets_json() {
     assert!(said.err.contains("found the rest pose"), "{}", said.err);
 }
 
-/// Pressing Ctrl-C, which the standard library cannot, is left to `kill`.
 #[cfg(unix)]
 mod interrupts {
-    use std::io::{BufRead, BufReader, Read};
-    use std::process::{Child, Command, Stdio};
-
     use super::*;
-    use crate::common::{contents, names_in};
+    use crate::common::{Running, Said, contents, names_in};
     use selvedge_data::Trajectory;
-
-    /// Starts the program and waits until it says that it has found the rest pose, after which
-    /// its loop runs.
-    fn started(desk: &Desk, arguments: &str) -> Child {
-        let mut child = desk
-            .command(&format!("{arguments} -v"))
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(child.stderr.as_mut().unwrap());
-        let mut line = String::new();
-        while !line.contains("found the rest pose") {
-            line.clear();
-            assert!(lines.read_line(&mut line).unwrap() > 0, "it ended early");
-        }
-        child
-    }
-
-    fn press(child: &Child) {
-        let pid = child.id().to_string();
-        let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
-        assert!(status.success());
-    }
-
-    fn ended(mut child: Child) -> (Option<i32>, String) {
-        let code = child.wait().unwrap().code();
-        let mut out = String::new();
-        child
-            .stdout
-            .take()
-            .unwrap()
-            .read_to_string(&mut out)
-            .unwrap();
-        (code, out)
-    }
 
     #[test]
     fn a_sag_can_be_interrupted() {
@@ -219,17 +208,13 @@ mod interrupts {
         // Hours of it, if it went on.
         let never = "[sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
         desk.write("never.toml", format!("{PUSH}\n{never}"));
-        let mut command = desk.command("rollout never.toml --out run");
-        let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
-        while !desk.path("run").is_dir() {
-            assert!(child.try_wait().unwrap().is_none(), "it ended early");
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        press(&child);
-        let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(1));
-        let err = String::from_utf8_lossy(&output.stderr);
-        assert!(err.contains("stopped, as was asked"), "{err}");
+        let mut rollout = desk.start("rollout never.toml --out run");
+        rollout.wait_for("sagging to rest: begun");
+        assert!(desk.path("run").is_dir());
+        rollout.press();
+        let said = rollout.ended();
+        assert_eq!(said.code, Some(1));
+        assert!(said.err.contains("stopped, as was asked"), "{}", said.err);
         assert!(!desk.path("run").exists());
     }
 
@@ -237,10 +222,10 @@ mod interrupts {
     fn an_interrupted_simulation_writes_the_frames_so_far() {
         let desk = Desk::new();
         desk.write("push.toml", PUSH);
-        let call = "simulate push.toml --out run.safetensors --frames 100000";
-        let child = started(&desk, call);
-        press(&child);
-        let (code, out) = ended(child);
+        let mut run = desk.start("simulate push.toml --out run.safetensors --frames 100000");
+        run.wait_for(Running::HAS_RESULTS);
+        run.press();
+        let Said { code, out, .. } = run.ended();
         assert_eq!(code, Some(1));
         assert!(out.contains("interrupted"), "{out}");
         let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
@@ -255,9 +240,10 @@ mod interrupts {
         let desk = Desk::new();
         desk.write("push.toml", PUSH);
         desk.json("rollout push.toml --frames 2 --out out");
-        let child = started(&desk, "rollout push.toml --frames 100000 --out out");
-        press(&child);
-        let (code, out) = ended(child);
+        let mut rollout = desk.start("rollout push.toml --frames 100000 --out out");
+        rollout.wait_for(Running::HAS_RESULTS);
+        rollout.press();
+        let Said { code, out, .. } = rollout.ended();
         assert_eq!(code, Some(1));
         assert!(out.contains("interrupted"), "{out}");
         assert_eq!(names_in(&desk.path("out")), ["rollout.safetensors"]);
@@ -284,16 +270,16 @@ mod interrupts {
             handles = { label = "upper-corners" }
         "#;
         desk.write("long.toml", preset);
-        let mut child = started(&desk, "dataset generate long.toml --out pieces --threads 2");
+        let mut generate = desk.start("dataset generate long.toml --out pieces --threads 2");
         // Of a set of which nothing was written, nothing would stay.
         let is_made = |name: &String| name.ends_with(".safetensors");
         let train = desk.path("pieces/train");
         while !(train.is_dir() && names_in(&train).iter().any(is_made)) {
-            assert!(child.try_wait().unwrap().is_none(), "it ended early");
+            assert!(generate.goes_on(), "it ended early");
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
-        press(&child);
-        let (code, out) = ended(child);
+        generate.press();
+        let Said { code, out, .. } = generate.ended();
         assert_eq!(code, Some(1));
         assert!(out.contains("run the same command again"), "{out}");
         assert!(!desk.path("pieces/index.json").exists());

@@ -1,8 +1,9 @@
 //! What the tests of the command line share: a folder of its own for each, small scenes in it, and
 //! the program itself with its answer and exit code.
 
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -112,6 +113,16 @@ impl Desk {
         }
     }
 
+    /// Starts the program with `-vv`.
+    #[cfg(unix)]
+    pub(crate) fn start(&self, arguments: &str) -> Running {
+        let mut command = self.command(&format!("{arguments} -vv"));
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let err = BufReader::new(child.stderr.take().unwrap());
+        Running { child, err }
+    }
+
     /// Runs the program, which must succeed, and gives the one JSON object that it prints.
     pub(crate) fn json(&self, arguments: &str) -> Value {
         let said = self.run(&format!("{arguments} --json"));
@@ -154,6 +165,53 @@ impl Desk {
         self.tiny();
         self.write("moment.toml", TRAINING);
         self.json("train moment.toml --data tiny --out run");
+    }
+}
+
+/// The program under way. Ctrl-C is pressed where it has said that it is there: after a while it
+/// could still be starting on a busy machine, or be done on a quick one.
+#[cfg(unix)]
+pub(crate) struct Running {
+    child: Child,
+    err: BufReader<ChildStderr>,
+}
+
+#[cfg(unix)]
+impl Running {
+    /// Words that it says, with `-vv`, as soon as there is something to write.
+    pub(crate) const HAS_RESULTS: &str = "there are results";
+
+    /// Waits until it says `words`.
+    pub(crate) fn wait_for(&mut self, words: &str) {
+        let mut line = String::new();
+        while !line.contains(words) {
+            line.clear();
+            assert!(self.err.read_line(&mut line).unwrap() > 0, "it ended early");
+        }
+    }
+
+    /// Presses Ctrl-C, which the standard library cannot: `kill` does.
+    pub(crate) fn press(&self) {
+        let pid = self.child.id().to_string();
+        let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
+        assert!(status.success());
+    }
+
+    /// Returns true while it goes on.
+    pub(crate) fn goes_on(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
+    /// The end of it, with what it has said on standard error since it was last waited for.
+    pub(crate) fn ended(mut self) -> Said {
+        let mut err = String::new();
+        self.err.read_to_string(&mut err).unwrap();
+        let output = self.child.wait_with_output().unwrap();
+        Said {
+            code: output.status.code(),
+            out: String::from_utf8(output.stdout).unwrap(),
+            err,
+        }
     }
 }
 
