@@ -97,6 +97,35 @@ export function position(page, vertex, track = 0) {
 /** Waits until `check`, evaluated in the page with `argument`, holds. */
 export const until = (page, check, argument = null) => page.waitForFunction(check, argument, { timeout: patience });
 
+/** Frames in which what moves must have moved: a tenth of a second and more. */
+const FRAMES = 10;
+
+/**
+ * Waits until handles and view stand still, so that places on the page hold until something is
+ * done. On a busy machine two looks may see one frame: it is frames that must be alike, many.
+ */
+export async function still(page) {
+  await page.evaluate(() => (window.before = null));
+  await until(page, (frames) => {
+    const { stage } = window.selvedge;
+    const { number, goals } = stage.frame;
+    const now = goals.map((goal) => Object.values(stage.onScreen(stage.point(0, goal.vertex))).map(Math.round)).join();
+    if (now !== window.before?.now) window.before = { now, number };
+    return number >= window.before.number + frames;
+  }, FRAMES);
+}
+
+/** Waits until a vertex is where it was in many frames before, to the bit. */
+export async function atRest(page, vertex) {
+  await page.evaluate(() => (window.before = null));
+  await until(page, ([v, frames]) => {
+    const { number, tracks } = window.selvedge.stage.frame;
+    const now = tracks[0].slice(3 * v, 3 * v + 3).join();
+    if (now !== window.before?.now) window.before = { now, number };
+    return number >= window.before.number + frames;
+  }, [vertex, FRAMES]);
+}
+
 /**
  * Presses Home and waits until the scene has begun anew. Each frame is looked at as it arrives: one
  * that is polled for could be over before a busy page looks again, and a scene that has just begun

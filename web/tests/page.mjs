@@ -4,7 +4,7 @@ import { existsSync, mkdtempSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, home, open, place, position, start, until } from "./browser.mjs";
+import { atRest, browser, home, open, place, position, start, still, until } from "./browser.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "selvedge-recordings-"));
 let served, chrome, page;
@@ -23,7 +23,6 @@ after(async () => {
 });
 
 const handle = (number) => page.evaluate((n) => window.selvedge.stage.frame.goals[n].vertex, number);
-const distance = (a, b) => Math.hypot(...a.map((part, k) => part - b[k]));
 
 /** Drags a vertex across the page by some pixels. */
 async function drag(vertex, dx, dy) {
@@ -85,7 +84,7 @@ test("any point can be taken hold of, and let go by a double click", async () =>
   await page.mouse.move(box.x + box.width / 2 + 30, box.y + box.height / 2, { steps: 5 });
   await page.mouse.up();
   await until(page, (n) => window.selvedge.stage.frame.goals.length === n + 1, count);
-  await page.waitForTimeout(1500);
+  await still(page);
   const at = await place(page, await handle(count));
   await page.mouse.dblclick(at.x, at.y);
   await until(page, (n) => window.selvedge.stage.frame.goals.length === n, count);
@@ -97,20 +96,18 @@ test("keys move all handles, and stop with the key", async () => {
   await page.keyboard.down("PageUp");
   await until(page, ([v, y]) => window.selvedge.stage.frame.tracks[0][3 * v + 1] > y + 0.1, [await handle(1), before[1]]);
   await page.keyboard.up("PageUp");
-  await page.waitForTimeout(1500);
-  const rest = await position(page, await handle(1));
-  await page.waitForTimeout(500);
-  assert.ok(distance(rest, await position(page, await handle(1))) < 1e-6);
+  await atRest(page, await handle(1));
 });
 
 test("reset brings it back to rest", async () => {
   await home(page);
-  assert.ok(await page.evaluate(() => window.selvedge.state.tracks[0].strain < 0.4));
+  // The state comes beside the frames, a little later.
+  await until(page, () => window.selvedge.state.tracks[0].strain < 0.4);
 });
 
 test("who moves it can be changed while it moves", async () => {
   await page.click("[data-mover=both]");
-  await until(page, () => window.selvedge.stage.trackCount === 2);
+  await until(page, () => window.selvedge.stage.trackCount === 2 && document.querySelectorAll("#labels span").length === 2);
   assert.deepEqual(await page.locator("#labels span").allTextContents(), ["Learned model", "Physics"]);
   await page.selectOption("#colouring", "difference");
   await until(page, () => !document.getElementById("legend").hidden);

@@ -2,7 +2,7 @@
 // nothing covers what it should not, and hands meet resistance. Part of npm test.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { browser, home, open, place, start, until } from "./browser.mjs";
+import { browser, home, open, place, start, still, until } from "./browser.mjs";
 
 let served, chrome, page;
 const errors = [];
@@ -33,20 +33,8 @@ const handles = () => page.evaluate(() => window.selvedge.stage.frame.goals.map(
 const remark = (words) => until(page, (text) => document.getElementById("remark").textContent.includes(text), words);
 const noRemark = () => until(page, () => document.getElementById("remark").textContent === "");
 
-/** Waits until the view stands still: places on the page hold until something is done. */
-async function still() {
-  await page.evaluate(() => (window.before = ""));
-  await until(page, () => {
-    const { stage } = window.selvedge;
-    const now = stage.frame.goals.map((goal) => Object.values(stage.onScreen(stage.point(0, goal.vertex))).map(Math.round)).join();
-    const same = now === window.before;
-    window.before = now;
-    return same;
-  });
-}
-
 async function letGo(vertex) {
-  await still();
+  await still(page);
   const at = await place(page, vertex);
   await page.mouse.dblclick(at.x, at.y);
   await until(page, (v) => !window.selvedge.stage.frame.goals.some((goal) => goal.vertex === v), vertex);
@@ -90,7 +78,13 @@ test("one handle or none is said, and again after a reset", async () => {
 test("Home brings back the view of the start", async () => {
   const view = () => page.evaluate(() => window.selvedge.stage.camera.position.toArray());
   await home(page);
-  await page.waitForTimeout(500);
+  await page.evaluate(() => (window.views = []));
+  // The camera goes there by and by: a dozen pictures without a change.
+  await until(page, () => {
+    const { views } = window;
+    views.push(window.selvedge.stage.camera.position.toArray().join());
+    return views.length > 12 && new Set(views.slice(-12)).size === 1;
+  });
   const first = await view();
   await page.evaluate(() => window.selvedge.stage.camera.position.set(3, 2, 3));
   await page.evaluate(() => window.selvedge.stage.controls.update());
@@ -132,9 +126,15 @@ test("the focus of the canvas is to be seen", async () => {
 test("a notice covers no handle on a phone", async () => {
   await page.setViewportSize({ width: 390, height: 844 });
   await slide("wind", 2);
-  await until(page, () => !document.getElementById("toast").hidden);
-  await still();
-  const toast = await box("toast");
+  // It goes after some seconds, and its place is looked up while it is there.
+  const shown = await until(page, () => {
+    const notice = document.getElementById("toast");
+    const { left, top, right, bottom } = notice.getBoundingClientRect();
+    return notice.hidden ? null : { left, top, right, bottom };
+  });
+  const toast = await shown.jsonValue();
+  assert.ok(toast.right > toast.left && toast.bottom > toast.top, JSON.stringify(toast));
+  await still(page);
   for (const vertex of await handles()) {
     const { x, y } = await place(page, vertex);
     const knob = { left: x - 28, top: y - 28, right: x + 28, bottom: y + 28 };
@@ -178,7 +178,7 @@ test("a handle that is pulled farther than the cloth is long resists", async () 
 });
 
 test("a free corner is taken hold of from beside it", async () => {
-  await still();
+  await still(page);
   const found = await page.evaluate(() => {
     const { stage } = window.selvedge;
     const held = new Set(stage.frame.goals.map((goal) => goal.vertex));

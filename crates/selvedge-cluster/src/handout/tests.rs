@@ -38,6 +38,14 @@ fn handed(
     (outcomes, taken)
 }
 
+/// Waits until another rank has come so far. On a busy machine it may begin so late that all jobs
+/// would be done without it.
+fn wait_for(flag: &AtomicBool) {
+    while !flag.load(Ordering::Acquire) {
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
 #[test]
 fn every_job_is_done_once_on_any_number_of_ranks() {
     for count in [1, 2, 3, 5] {
@@ -54,12 +62,17 @@ fn every_job_is_done_once_on_any_number_of_ranks() {
 
 #[test]
 fn a_failure_names_its_rank_and_no_job_is_begun_after_it() {
+    let has_failed = AtomicBool::new(false);
     let (outcomes, taken) = handed(3, 1000, |ranks, job| {
         thread::sleep(Duration::from_millis(1));
-        match ranks.rank() == 2 && job > 10 {
-            true => Done::Failed(format!("no room for job {job}")),
-            false => Done::Answer(Vec::new()),
+        if ranks.rank() == 2 && job > 10 {
+            has_failed.store(true, Ordering::Release);
+            return Done::Failed(format!("no room for job {job}"));
         }
+        if job > 20 {
+            wait_for(&has_failed);
+        }
+        Done::Answer(Vec::new())
     });
     let Err(HandOutError::Cluster(error)) = &outcomes[0] else {
         panic!("{outcomes:?}");
@@ -74,12 +87,17 @@ fn a_failure_names_its_rank_and_no_job_is_begun_after_it() {
 
 #[test]
 fn a_panic_is_a_failure() {
+    let has_begun = AtomicBool::new(false);
     let (outcomes, _) = handed(2, 20, |ranks, _| match ranks.rank() {
         0 => {
+            wait_for(&has_begun);
             thread::sleep(Duration::from_millis(2));
             Done::Answer(Vec::new())
         }
-        _ => panic!("on purpose"),
+        _ => {
+            has_begun.store(true, Ordering::Release);
+            panic!("on purpose");
+        }
     });
     let Err(HandOutError::Cluster(ClusterError::Failed { rank, message })) = &outcomes[0] else {
         panic!("{outcomes:?}");
@@ -90,12 +108,17 @@ fn a_panic_is_a_failure() {
 
 #[test]
 fn a_stop_on_one_rank_stops_all() {
+    let has_stopped = AtomicBool::new(false);
     let (outcomes, taken) = handed(3, 1000, |ranks, job| {
         thread::sleep(Duration::from_millis(1));
-        match ranks.rank() == 1 && job > 10 || ranks.is_halted() {
-            true => Done::Stopped,
-            false => Done::Answer(Vec::new()),
+        if ranks.rank() == 1 && job > 10 || ranks.is_halted() {
+            has_stopped.store(true, Ordering::Release);
+            return Done::Stopped;
         }
+        if job > 20 {
+            wait_for(&has_stopped);
+        }
+        Done::Answer(Vec::new())
     });
     assert_eq!(outcomes[0], Ok(false));
     assert!(taken.len() < 900, "{}", taken.len());
@@ -144,9 +167,7 @@ fn a_rank_that_ends_in_the_middle_is_named() {
         };
         // The first rank works on nothing before: it might do all the jobs alone.
         let work = |_| {
-            while !given.load(Ordering::Acquire) {
-                thread::yield_now();
-            }
+            wait_for(given);
             Done::Answer(Vec::new())
         };
         hand_out(plan, &work, &mut |_, _| Ok(()))

@@ -132,13 +132,16 @@ fn who_does_not_read_holds_nobody_up() {
     );
     // Those who say nothing get three frames and no more, whatever happens meanwhile.
     for mut page in silent.into_iter().take(2) {
+        let mut is_frame = || match page.socket.read().unwrap() {
+            Message::Binary(bytes) => bytes[1] == 4,
+            other => panic!("{other}"),
+        };
         let mut frames = 0;
-        // States come all the time: after these, every frame that was sent has been read.
-        for _ in 0..20 {
-            if let Ok(Message::Binary(bytes)) = page.socket.read() {
-                frames += usize::from(bytes[1] == 4);
-            }
+        while frames < 3 {
+            frames += usize::from(is_frame());
         }
+        // States come all the time: after these, every frame that was sent has been read.
+        frames += (0..20).filter(|_| is_frame()).count();
         assert_eq!(frames, 3, "of {}", last - first);
     }
     assert_bounded(memory);
@@ -165,7 +168,7 @@ fn two_hundred_sockets_are_too_many_and_come_in_when_there_is_room() {
     pages[0].state(|state| state["viewers"] == MOST_PAGES);
     drop(pages);
     // The server hears of it within a moment.
-    let until = Instant::now() + Duration::from_secs(5);
+    let until = Instant::now() + Duration::from_secs(20);
     while served.status(|_| ()) != 101 {
         assert!(Instant::now() < until);
         std::thread::sleep(Duration::from_millis(20));
@@ -178,7 +181,7 @@ fn two_hundred_sockets_are_too_many_and_come_in_when_there_is_room() {
 fn silent_connections_make_room_again() {
     let served = quick();
     let silent: Vec<_> = (0..200).map(|_| served.connect()).collect();
-    // 5 s, and some where the machine is busy; each connection has a time-out of 10 s of its own.
+    // 5 s, and some where the machine is busy.
     let mut page = served.page();
     page.frame(|_| true);
     drop(silent);

@@ -21,6 +21,9 @@ mod test_cloth;
 pub(crate) use test_cloth::CORNERS;
 use test_cloth::{TestCloth, order};
 
+/// Time that anything may take: a busy machine may stand still for seconds.
+const PATIENCE: Duration = Duration::from_secs(40);
+
 /// Makes the test cloth ready, with steps that take this time.
 struct TestWorkshop(Duration);
 
@@ -78,12 +81,8 @@ impl Served {
 
     pub(crate) fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.server.address()).unwrap();
-        stream
-            .set_read_timeout(Some(Duration::from_secs(10)))
-            .unwrap();
-        stream
-            .set_write_timeout(Some(Duration::from_secs(10)))
-            .unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_write_timeout(Some(PATIENCE)).unwrap();
         stream
     }
 
@@ -186,7 +185,7 @@ impl Page {
 
     /// The next frame for which `wanted`.
     pub(crate) fn frame(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
-        let until = Instant::now() + Duration::from_secs(10);
+        let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             let bytes = self.next().unwrap();
             if bytes[1] == 4 {
@@ -201,7 +200,7 @@ impl Page {
 
     /// The next state for which `wanted`.
     pub(crate) fn state(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
-        let until = Instant::now() + Duration::from_secs(10);
+        let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             let bytes = self.next().unwrap();
             if bytes[1] == 3 {
@@ -216,7 +215,7 @@ impl Page {
 
     /// Code and reason with which the server closes.
     pub(crate) fn closed(mut self) -> (u16, String) {
-        let until = Instant::now() + Duration::from_secs(10);
+        let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             match self.socket.read() {
                 Ok(Message::Close(Some(frame))) => {
