@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use selvedge_data::export::FrameSpan;
-use selvedge_data::foreign::{ForeignFormat, ForeignSource, ImportOptions};
+use selvedge_data::foreign::{ForeignFormat, ForeignSource, HandleSource, ImportOptions};
 use selvedge_data::{
     Dataset, DatasetPreset, MeshOptions, RestPoseFolder, Rig, SavedState, SceneSpec, StateChoice,
     StateRun, Trajectory, open_scene, parse_obj_with, parse_recorded_csv, read_mesh,
@@ -104,7 +104,7 @@ pub(super) fn released(bench: &Bench, path: &Path, _: &[u8]) -> Verdict {
     let first = path.strip_prefix(&bench.folder).map_err(said)?;
     let folder = bench.folder.join(first.iter().next().unwrap_or_default());
     let options = ImportOptions {
-        handles: Some(vec![6, 8]),
+        handles: Some(HandleSource::Vertices(vec![6, 8])),
         ..ImportOptions::default()
     };
     let source = ForeignSource::open(ForeignFormat::Released, &folder, &options);
