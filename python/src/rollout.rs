@@ -12,7 +12,7 @@ use selvedge_guard::Trust;
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models;
-use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Keep, Simulated, SimulationPlan, TimedRun};
 use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
 use selvedge_lab::{End, start};
 use selvedge_sim::Threads;
@@ -169,7 +169,7 @@ pub(crate) fn simulate(
         };
         teller.begin("simulating", Some(frames as u64));
         let run = physics::run_plan(built, plan, &mut || teller.advance());
-        let (run, _) = run.map_err(told)?;
+        let (run, _) = run.and_then(Simulated::whole).map_err(told)?;
         let at_rest = rest.as_ref().map(|rest| rest.positions.as_slice());
         let at_rest = at_rest.unwrap_or(built.mesh.positions());
         trajectory_of(scene, &scene.loaded, first, at_rest, run.positions)
@@ -303,5 +303,5 @@ fn simulated(
     };
     teller.begin("simulating the truth", Some(frames as u64));
     let run = physics::run_plan(scene, plan, &mut || teller.advance());
-    Ok(run.map_err(told)?.0)
+    Ok(run.and_then(Simulated::whole).map_err(told)?.0)
 }
