@@ -69,6 +69,15 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
             filter_modes: 7,
             ..physical(Encoder::NodeGru { window: 2 }, 20, 2)
         },
+        ModelSpec {
+            tokens: 5,
+            ..physical(Encoder::MLP, 32, 2)
+        },
+        ModelSpec {
+            filter_modes: 4,
+            tokens: 3,
+            ..physical(Encoder::NodeGru { window: 2 }, 20, 2)
+        },
     ]
 }
 
@@ -139,6 +148,7 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
         ]);
         spec.coarse_levels = 1;
         spec.filter_modes = 5;
+        spec.tokens = 4;
         spec.integration = integration;
         specs.push(spec);
     }

@@ -63,11 +63,8 @@ impl NetworkArrays {
         extent: Extent,
     ) -> Self {
         let spec = network.spec();
-        let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs).with_modes(
-            plan,
-            sizes.cloths,
-            sizes.modes,
-        );
+        let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs, sizes.cloths)
+            .with_modes(plan, sizes.modes);
         let steps = match extent {
             Extent::Whole => [spec.node_window(), spec.edge_window()],
             Extent::Newest => [1, 1],

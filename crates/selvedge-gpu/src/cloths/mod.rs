@@ -120,7 +120,7 @@ impl ClothArrays {
         } = sizes;
         Self {
             sizes,
-            graph: GraphArrays::new(plan, vertices, arcs).with_modes(plan, cloths, modes),
+            graph: GraphArrays::new(plan, vertices, arcs, cloths).with_modes(plan, modes),
             cloth_of: plan.indices("cloths of vertices", vertices),
             handle_of: plan.indices("handles of vertices", vertices),
             mass: plan.floats("masses", vertices),

@@ -108,3 +108,44 @@ KERNEL(filter_weights, ELEMENT,
             * decays[m * times + time];
     by_weight[ELEMENT] += sum;
 }
+
+// Takes the gradient of a token, a sum divided by its size, to that of the sum, in place, and to
+// that of the size.
+KERNEL(token_means_backward, ROW,
+       float *gradient EACH(LATENT), const float *means EACH(LATENT), const float *sizes EACH(1),
+       OUT float *by_sizes EACH(1)) {
+    float along = 0.0f;
+    FOR_COLUMNS(j, k) {
+        ROW_OF(gradient, LATENT)[k] /= sizes[ROW] + LEAST_SIZE;
+        along += ROW_OF(gradient, LATENT)[k] * ROW_OF(means, LATENT)[k];
+    }
+    const float total = SUM_OVER_LANES(along);
+    if (LANE == 0) by_sizes[ROW] = -total;
+}
+
+// Gradients of the weights of a vertex over the tokens of its cloth: from what it read, the
+// pre-activation gradient times the tokens in the first layer; from what it wrote, its share of
+// area times the gradients of the tokens' sums and sizes.
+KERNEL(slice_gradients, ROW,
+       const float *pre_activation EACH(LATENT), const float *mixed, const float *nodes EACH(LATENT),
+       const float *by_sums, const float *by_sizes, const float *shares EACH(1),
+       const unsigned *cloth_of EACH(1), unsigned tokens, OUT float *by_slices EACH(tokens)) {
+    const float *g = ROW_OF(pre_activation, LATENT), *x = ROW_OF(nodes, LATENT);
+    for (unsigned t = 0; t < tokens; ++t) {
+        const size_t token = (size_t)cloth_of[ROW] * tokens + t;
+        float sum = 0.0f;
+        FOR_COLUMNS(j, k)
+            sum += g[k] * mixed[token * LATENT + k] + shares[ROW] * x[k] * by_sums[token * LATENT + k];
+        const float total = SUM_OVER_LANES(sum);
+        if (LANE == 0) by_slices[(size_t)ROW * tokens + t] = total + shares[ROW] * by_sizes[token];
+    }
+}
+
+// Takes gradients of a softmax to those of what went in, in place.
+KERNEL(softmax_backward, ELEMENT,
+       const float *softmax EACH(width), float *gradient EACH(width), unsigned width) {
+    const float *s = softmax + (size_t)ELEMENT * width;
+    float *g = gradient + (size_t)ELEMENT * width, mean = 0.0f;
+    for (unsigned t = 0; t < width; ++t) mean += s[t] * g[t];
+    for (unsigned t = 0; t < width; ++t) g[t] = s[t] * (g[t] - mean);
+}

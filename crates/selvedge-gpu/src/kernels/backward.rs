@@ -11,4 +11,7 @@ part!("backward.cu":
     GATE_BIASES = "gate_biases",
     ADD = "add",
     FILTER_WEIGHTS = "filter_weights",
+    TOKEN_MEANS_BACKWARD = "token_means_backward",
+    SLICE_GRADIENTS = "slice_gradients",
+    SOFTMAX_BACKWARD = "softmax_backward",
 );

@@ -182,3 +182,38 @@ KERNEL(filter_modes, ROW,
         ROW_OF(after, LATENT)[k] = ROW_OF(before, LATENT)[k] * response;
     }
 }
+
+// Weights of a vertex over the tokens of its cloth: the softmax of a row + bias, in place, and the
+// same times the vertex's share of area.
+KERNEL(slice_weights, ELEMENT,
+       float *slices EACH(tokens), const float *bias ALL(tokens), const float *shares EACH(1),
+       unsigned tokens, OUT float *weighted EACH(tokens)) {
+    float *x = slices + (size_t)ELEMENT * tokens;
+    float largest = x[0] + bias[0], sum = 0.0f;
+    for (unsigned t = 0; t < tokens; ++t) {
+        x[t] += bias[t];
+        if (x[t] > largest) largest = x[t];
+    }
+    for (unsigned t = 0; t < tokens; ++t) {
+        x[t] = expf(x[t] - largest);
+        sum += x[t];
+    }
+    for (unsigned t = 0; t < tokens; ++t) {
+        x[t] /= sum;
+        weighted[(size_t)ELEMENT * tokens + t] = shares[ELEMENT] * x[t];
+    }
+}
+
+// Divides the sums of a token by its size, the sum over its cloth of the weights times areas. A row
+// of a launch is a token of a cloth.
+KERNEL(token_means, ROW,
+       float *means EACH(LATENT), const float *weighted, const unsigned *first_vertex,
+       unsigned tokens, OUT float *sizes EACH(1)) {
+    const unsigned cloth = ROW / tokens, token = ROW % tokens;
+    float part = 0.0f;
+    for (size_t v = first_vertex[cloth] + LANE; v < first_vertex[cloth + 1]; v += LANES)
+        part += weighted[v * tokens + token];
+    const float size = SUM_OVER_LANES(part);
+    FOR_COLUMNS(j, k) ROW_OF(means, LATENT)[k] /= size + LEAST_SIZE;
+    if (LANE == 0) sizes[ROW] = size;
+}

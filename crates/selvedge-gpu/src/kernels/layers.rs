@@ -14,4 +14,6 @@ part!("layers.cu":
     MODE_SUMS = "mode_sums",
     ADD_MODES = "add_modes",
     FILTER_MODES = "filter_modes",
+    SLICE_WEIGHTS = "slice_weights",
+    TOKEN_MEANS = "token_means",
 );

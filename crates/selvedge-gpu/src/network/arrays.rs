@@ -20,8 +20,23 @@ pub struct GraphArrays {
     pub first_arc: Region,
     /// The arc of the same edge the other way, `[arcs]`.
     pub reverse_arcs: Region,
+    /// Places and shares of the cloths.
+    pub places: ClothPlaces,
     /// The modes of the cloths, for a network with filters.
     pub modes: Option<ModeArrays>,
+}
+
+/// The cloths of a union among its vertices, in the arena.
+#[derive(Clone, Copy, Debug)]
+pub struct ClothPlaces {
+    /// Cloths.
+    pub cloths: usize,
+    /// The first vertex of each cloth, and the end of the last, `[cloths + 1]`.
+    pub first_vertex: Region,
+    /// The number of the cloth of each vertex, `[vertices]`.
+    pub cloth_of: Region,
+    /// The share of each vertex in the area of its cloth, `[vertices]`.
+    pub shares: Region,
 }
 
 /// The modes of the cloths of a union in the arena.
@@ -37,10 +52,28 @@ pub struct ModeArrays {
     pub weighted: Region,
     /// Part of each mode that is left at each time, `[cloths, count, times]`.
     pub decays: Region,
-    /// The first vertex of each cloth, and the end of the last, `[cloths + 1]`.
-    pub first_vertex: Region,
-    /// The number of the cloth of each vertex, `[vertices]`.
-    pub cloth_of: Region,
+}
+
+impl ClothPlaces {
+    fn new(plan: &mut Plan, vertices: usize, cloths: usize) -> Self {
+        Self {
+            cloths,
+            first_vertex: plan.indices("first vertices of cloths", cloths + 1),
+            cloth_of: plan.indices("cloths of all vertices", vertices),
+            shares: plan.floats("shares of area", vertices),
+        }
+    }
+
+    fn upload(&self, loaded: &mut dyn Loaded, graph: &Connectivity) -> Result<(), DeviceError> {
+        let first: Vec<u32> = graph.first_vertices().iter().map(|&v| v as u32).collect();
+        let cloths = graph.cloths().iter().enumerate();
+        let cloth_of: Vec<u32> = cloths
+            .flat_map(|(number, cloth)| std::iter::repeat_n(number as u32, cloth.vertices))
+            .collect();
+        loaded.upload(self.first_vertex, &first)?;
+        loaded.upload(self.cloth_of, &cloth_of)?;
+        loaded.put(self.shares, graph.shares())
+    }
 }
 
 impl ModeArrays {
@@ -52,14 +85,8 @@ impl ModeArrays {
 
     /// All arrays.
     #[must_use]
-    pub fn regions(&self) -> [Region; 5] {
-        [
-            self.values,
-            self.weighted,
-            self.decays,
-            self.first_vertex,
-            self.cloth_of,
-        ]
+    pub fn regions(&self) -> [Region; 3] {
+        [self.values, self.weighted, self.decays]
     }
 
     fn upload(&self, loaded: &mut dyn Loaded, graph: &Connectivity) -> Result<(), DeviceError> {
@@ -72,19 +99,13 @@ impl ModeArrays {
         for (region, numbers) in floats {
             loaded.put(region, numbers)?;
         }
-        let first: Vec<u32> = graph.first_vertices().iter().map(|&v| v as u32).collect();
-        let cloths = graph.cloths().iter().enumerate();
-        let cloth_of: Vec<u32> = cloths
-            .flat_map(|(number, cloth)| std::iter::repeat_n(number as u32, cloth.vertices))
-            .collect();
-        loaded.upload(self.first_vertex, &first)?;
-        loaded.upload(self.cloth_of, &cloth_of)
+        Ok(())
     }
 }
 
 impl GraphArrays {
-    /// Room for a union of `vertices` and `arcs`.
-    pub fn new(plan: &mut Plan, vertices: usize, arcs: usize) -> Self {
+    /// Room for a union of `cloths` with so many vertices and arcs together.
+    pub fn new(plan: &mut Plan, vertices: usize, arcs: usize, cloths: usize) -> Self {
         Self {
             vertices,
             arcs,
@@ -92,21 +113,21 @@ impl GraphArrays {
             receivers: plan.indices("receivers", arcs),
             first_arc: plan.indices("first arcs", vertices + 1),
             reverse_arcs: plan.indices("reverse arcs", arcs),
+            places: ClothPlaces::new(plan, vertices, cloths),
             modes: None,
         }
     }
 
-    /// The same with room for `count` modes of each of `cloths` cloths, none where that is 0.
+    /// The same with room for `count` modes of each cloth, none where that is 0.
     #[must_use]
-    pub fn with_modes(mut self, plan: &mut Plan, cloths: usize, count: usize) -> Self {
+    pub fn with_modes(mut self, plan: &mut Plan, count: usize) -> Self {
+        let cloths = self.places.cloths;
         self.modes = (count > 0).then(|| ModeArrays {
             cloths,
             count,
             values: plan.floats("modes", self.vertices * count),
             weighted: plan.floats("modes times areas", self.vertices * count),
             decays: plan.floats("decays of modes", cloths * count * FILTER_TIMES),
-            first_vertex: plan.indices("first vertices", cloths + 1),
-            cloth_of: plan.indices("cloths of modes", self.vertices),
         });
         self
     }
@@ -115,6 +136,13 @@ impl GraphArrays {
     #[must_use]
     pub fn regions(&self) -> Vec<Region> {
         let mut regions = self.connections().to_vec();
+        let ClothPlaces {
+            first_vertex,
+            cloth_of,
+            shares,
+            ..
+        } = self.places;
+        regions.extend([first_vertex, cloth_of, shares]);
         regions.extend(self.modes.iter().flat_map(ModeArrays::regions));
         regions
     }
@@ -147,6 +175,7 @@ impl GraphArrays {
         for (region, words) in self.connections().into_iter().zip(arrays) {
             loaded.upload(region, words)?;
         }
+        self.places.upload(loaded, graph)?;
         let modes = self.modes.map_or(0, |modes| modes.count);
         assert_eq!(graph.mode_count(), modes, "modes of a cloth");
         match &self.modes {

@@ -132,6 +132,7 @@ impl SlotArrays<'_> {
             self.faces(graph),
             self.arcs(graph),
             self.connectivity(connectivity),
+            self.places(connectivity),
             self.modes(connectivity),
             self.edges(graph),
             self.hinges(graph),
@@ -221,6 +222,18 @@ impl SlotArrays<'_> {
         ]
     }
 
+    /// The place of a cloth; vertices of the padding have no share of its area.
+    fn places(&self, connectivity: &Connectivity) -> Vec<Part> {
+        let (places, vertices) = (self.cloths.graph.places, self.losses.slot.vertices);
+        let shares = connectivity.shares().to_vec();
+        vec![
+            // With the end of the slot, which is the next one's first vertex.
+            Part::indices(places.first_vertex, vec![0, vertices as u32], 1, vertices),
+            Part::indices(places.cloth_of, vec![0; vertices], vertices, 1),
+            Part::floats(places.shares, shares, vertices, 0.0),
+        ]
+    }
+
     /// The modes of a cloth; vertices of the padding have none.
     fn modes(&self, connectivity: &Connectivity) -> Vec<Part> {
         let Some(arrays) = &self.cloths.graph.modes else {
@@ -234,9 +247,6 @@ impl SlotArrays<'_> {
             Part::floats(arrays.values, values.to_vec(), wide, 0.0),
             Part::floats(arrays.weighted, weighted.to_vec(), wide, 0.0),
             Part::floats(arrays.decays, decays, of_cloth, 0.0),
-            // With the end of the slot, which is the next one's first vertex.
-            Part::indices(arrays.first_vertex, vec![0, vertices as u32], 1, vertices),
-            Part::indices(arrays.cloth_of, vec![0; vertices], vertices, 1),
         ]
     }
 

@@ -35,6 +35,7 @@ fn everything(encoder: Encoder) -> ModelSpec {
     ]);
     spec.coarse_levels = 2;
     spec.filter_modes = 6;
+    spec.tokens = 4;
     spec.integration = Integration::Carried {
         damping: 0.05,
         stiffness: 0.01,

@@ -99,7 +99,8 @@ impl ClothGraph {
                 arcs.senders,
                 arcs.receivers,
                 &arcs.pairs,
-            ),
+            )
+            .with_shares(shares_of_area(cloth)),
             arc_edges: arcs.numbers,
             edge_arcs: arcs.pairs,
             hinges: hinges(topology),
@@ -150,12 +151,14 @@ impl ClothGraph {
         self.coarse_levels = levels;
         self.edge_arcs = of_edges.to_vec();
         let modes = std::mem::take(&mut self.connectivity.modes);
+        let shares = self.connectivity.shares().to_vec();
         self.connectivity = Connectivity::of_arcs(
             topology.vertex_count(),
             arcs.senders,
             arcs.receivers,
             &arcs.pairs,
-        );
+        )
+        .with_shares(shares);
         self.connectivity.modes = modes;
         self.arc_edges = arcs.numbers;
         self
@@ -326,6 +329,18 @@ impl ClothGraph {
     pub fn rest_lengths(&self) -> &[f32] {
         &self.rest_lengths
     }
+}
+
+/// Share of each vertex in the area of the cloth: a third of every face around it.
+fn shares_of_area(cloth: &Cloth) -> Vec<f32> {
+    let mut areas = vec![0.0; cloth.vertex_count()];
+    for (face, &area) in cloth.topology().faces().iter().zip(cloth.face_area()) {
+        for vertex in face {
+            areas[vertex.index()] += f64::from(area) / 3.0;
+        }
+    }
+    let total: f64 = areas.iter().sum();
+    areas.iter().map(|area| (area / total) as f32).collect()
 }
 
 fn hinges(topology: &Topology) -> Vec<Hinge> {

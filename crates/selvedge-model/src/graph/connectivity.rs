@@ -23,6 +23,8 @@ pub struct Connectivity {
     cloths: Vec<ClothSize>,
     /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
     first_vertex: Vec<usize>,
+    /// Share of each vertex in the area of its cloth, `[vertices]`.
+    shares: Vec<f32>,
     pub(crate) modes: ModeTable,
 }
 
@@ -36,7 +38,7 @@ pub struct ClothSize {
 }
 
 impl Connectivity {
-    /// The arcs of a mesh, without coarse levels.
+    /// The arcs of a mesh, without coarse levels. Its vertices have equal shares of the area.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let arcs = Arcs::new(topology, &[]);
@@ -75,8 +77,16 @@ impl Connectivity {
             first_arc,
             reverse_arcs,
             first_vertex: vec![0, vertex_count],
+            shares: vec![1.0 / vertex_count as f32; vertex_count],
             modes: ModeTable::default(),
         }
+    }
+
+    /// The same arcs with each vertex's share in the area of its cloth.
+    pub(crate) fn with_shares(mut self, shares: Vec<f32>) -> Self {
+        assert_eq!(shares.len(), self.vertex_count, "shares of vertices");
+        self.shares = shares;
+        self
     }
 
     /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
@@ -95,6 +105,7 @@ impl Connectivity {
             partitions: Vec::new(),
             cloths: Vec::new(),
             first_vertex: vec![0],
+            shares: Vec::new(),
             modes: ModeTable::default(),
         };
         for part in parts {
@@ -113,6 +124,7 @@ impl Connectivity {
             whole
                 .first_vertex
                 .extend(part.first_vertex[1..].iter().map(|v| v + vertices as usize));
+            whole.shares.extend(&part.shares);
             whole.modes.append(&part.modes);
             whole
                 .reverse_arcs
@@ -175,6 +187,12 @@ impl Connectivity {
     #[must_use]
     pub fn mode_decays(&self) -> &[f32] {
         &self.modes.decays
+    }
+
+    /// Share of each vertex in the area of its cloth, `[vertices]`: the sum is 1 over a cloth.
+    #[must_use]
+    pub fn shares(&self) -> &[f32] {
+        &self.shares
     }
 
     /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.

@@ -109,6 +109,8 @@ pub trait Lanes: Copy + 'static {
     fn sigmoids<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
     /// Hyperbolic tangent.
     fn tanhs<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
+    /// e^a.
+    fn exps<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
     /// `value` where `test` is positive, else 0.
     fn where_positive<S: Simd>(
         simd: S,
@@ -186,6 +188,10 @@ impl Lanes for f32 {
         let one = simd.splat_f32s(1.0);
         let below = simd.add_f32s(one, exps(simd, simd.add_f32s(a, a)));
         simd.sub_f32s(one, simd.div_f32s(simd.splat_f32s(2.0), below))
+    }
+    #[inline(always)]
+    fn exps<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
+        exps(simd, a)
     }
     #[inline(always)]
     fn where_positive<S: Simd>(simd: S, test: S::f32s, value: S::f32s) -> S::f32s {
@@ -272,6 +278,16 @@ impl Lanes for f64 {
         simd.partial_store_f64s(lanes, a);
         for x in &mut *lanes {
             *x = x.tanh();
+        }
+        simd.partial_load_f64s(lanes)
+    }
+    #[inline(always)]
+    fn exps<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
+        let mut lanes = [0.0; MOST_LANES];
+        let lanes = &mut lanes[..S::F64_LANES];
+        simd.partial_store_f64s(lanes, a);
+        for x in &mut *lanes {
+            *x = x.exp();
         }
         simd.partial_load_f64s(lanes)
     }

@@ -14,7 +14,8 @@ use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Gradients};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::encoder_state::EncoderState;
-use crate::network::layers::block::{ArcGradients, BlockKept, NodeGradients};
+use crate::network::layers::block::BlockKept;
+use crate::network::layers::block_rows::{ArcGradients, NodeGradients};
 use crate::network::layers::encoder::{
     EncoderGradients, EncoderInput, EncoderKept, EncoderLayers, EncoderRecord,
 };
@@ -112,8 +113,11 @@ impl Network {
         w: &mut Workspace<T>,
     ) {
         let module = FIRST_BLOCK + number;
+        if let Some(tokens) = &self.blocks[number].tokens {
+            tokens.prepare_backward(weights.layer(module), number, &mut w.whole.tokens);
+        }
         self.updates_backward(weights, graph, number, w);
-        self.filter_backward(weights, graph, number, gradient, w);
+        self.cloths_backward(weights, number, gradient, w);
         self.endpoints_backward(weights, graph, number, w);
         add_groups(&w.groups, &mut gradient[self.weights_of(module, module)]);
     }
@@ -128,13 +132,14 @@ impl Network {
     ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let (block, record, filter) = (&self.blocks[number], &w.blocks[number], &w.filter);
-        let stop = &w.stop;
+        let (block, record, whole) = (&self.blocks[number], &w.blocks[number], &w.whole);
+        let (slices, stop) = (slices_of(&w.slices, number), &w.stop);
         w.pre_activation.resize(w.arcs.len());
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
                 sums: Rows::new(&mut w.endpoint_products[0], 2 * latent),
+                slices: Rows::new(&mut w.by_slices, self.spec.tokens),
             },
             arcs: ArcGradients {
                 arcs: Rows::new(&mut w.arcs, latent),
@@ -146,11 +151,9 @@ impl Network {
                     group: &mut Group<T>| {
             let start = &partitions[0];
             let mut group = group.begin(&range);
-            if block.filter.is_some() {
-                let end = partitions[partitions.len() - 1].vertices.end;
-                let vertices = start.vertices.start..end;
-                group.scratch.mode_sums.begin(graph, &vertices, latent);
-            }
+            let end = partitions[partitions.len() - 1].vertices.end;
+            let vertices = start.vertices.start..end;
+            block.begin_sums(graph, &vertices, &mut group.scratch.whole_sums);
             for partition in partitions {
                 if stop.is_wanted() {
                     return;
@@ -163,7 +166,8 @@ impl Network {
                     graph,
                     partition,
                     record,
-                    filter,
+                    whole,
+                    slices,
                 };
                 block.backward(layer, kept, nodes, arcs, &mut group);
             }
@@ -171,44 +175,31 @@ impl Network {
         share.among(&graph.partitions, &mut w.groups, &work);
     }
 
-    /// Through the filter, from the gradients of what the modes give to the node updates to those
-    /// of the modes' coefficients, which it packs.
-    fn filter_backward<T: Real>(
+    /// Through filter and tokens, from the gradients of what they give to the node updates to those
+    /// of the sums that they are made of.
+    fn cloths_backward<T: Real>(
         &self,
         weights: &PackedWeights<T>,
-        graph: &Connectivity,
         number: usize,
         gradient: &mut [T],
         w: &mut Workspace<T>,
     ) {
-        let block = &self.blocks[number];
-        let Some(filter) = &block.filter else {
-            return;
-        };
-        let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
+        let (block, module) = (&self.blocks[number], FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
         let mut gradient = ModuleGradient::new(&mut gradient[range.clone()], range.start);
-        let room = &mut w.filter;
-        room.mixed.fill(T::ZERO);
+        let whole = &mut w.whole;
+        whole.filter.clear_sums();
+        whole.tokens.clear_sums();
         for group in &w.groups {
-            let sums = &group.scratch.mode_sums;
-            sums.add_to(&mut room.mixed, graph.mode_count() * latent);
+            let sums = &group.scratch.whole_sums;
+            if block.filter.is_some() {
+                whole.filter.add_sums(&sums.modes);
+            }
+            if block.tokens.is_some() {
+                whole.tokens.add_sums(&sums.tokens.rows);
+            }
         }
-        let (coefficients, decays) = (&room.coefficients[number], graph.mode_decays());
-        filter.forward(layer.flat, decays, coefficients, &mut room.filtered);
-        block.filtered_backward(layer, &room.mixed, &room.filtered, &mut gradient);
-        let term = filter.of_filtered.back(layer, &room.mixed);
-        multiply(
-            layer.instructions,
-            &[term],
-            latent,
-            Epilogue::Set,
-            &mut room.filtered,
-        );
-        let to = &mut room.filtered;
-        filter.backward(layer.flat, decays, coefficients, to, &mut gradient);
-        std::mem::swap(&mut room.mixed, &mut room.filtered);
-        room.pack(layer.instructions);
+        block.cloths_backward(layer, number, whole, &mut gradient);
     }
 
     /// Through the endpoint products, which need the arcs of all partitions.
@@ -221,11 +212,13 @@ impl Network {
     ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let (block, record, filter) = (&self.blocks[number], &w.blocks[number], &w.filter);
+        let (block, record, whole) = (&self.blocks[number], &w.blocks[number], &w.whole);
+        let slices = slices_of(&w.slices, number);
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
                 sums: Rows::new(&mut w.endpoint_products[0], 2 * latent),
+                slices: Rows::new(&mut w.by_slices, self.spec.tokens),
             },
             arcs: (),
         };
@@ -242,7 +235,8 @@ impl Network {
                     graph,
                     partition,
                     record,
-                    filter,
+                    whole,
+                    slices,
                 };
                 block.endpoints_backward(layer, kept, of_arcs, nodes, &mut group);
             }
@@ -337,6 +331,11 @@ impl Network {
         });
         (of_nodes, of_arcs)
     }
+}
+
+/// The weights over the tokens of a block; nothing where it has no tokens.
+fn slices_of<T>(slices: &[Aligned<T>], number: usize) -> &[T] {
+    slices.get(number).map_or(&[], |slices| slices)
 }
 
 /// The gradients at both ends of an encoder.

@@ -75,8 +75,7 @@ impl Network {
         let mut blocks = Vec::with_capacity(spec.blocks);
         for number in 0..spec.blocks {
             let path = format!("processor.{number}");
-            let is_filtered = spec.filter_modes > 0;
-            blocks.push(modules.add(|module| Block::new(module, &path, latent, is_filtered)));
+            blocks.push(modules.add(|module| Block::new(module, &path, spec)));
         }
         let (decoder, decoder_first) = modules.add(|module| {
             let decoder = Mlp::plain(module, "decoder", latent, latent, spec.outputs());

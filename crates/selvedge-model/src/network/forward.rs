@@ -6,16 +6,17 @@ use crate::graph::partition::Partition;
 use crate::graph::share::{Rows, Share, split_rows};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::RowMasks;
-use crate::kernels::gemm::{Epilogue, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
-use crate::network::layers::block::{ArcRows, BlockInput, NodeRows};
+use crate::network::layers::block::BlockInput;
+use crate::network::layers::block_rows::{ArcRows, BeforeBlock, NodeRows};
 use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRows};
-use crate::network::layers::filter::{ModeSums, OfVertices};
 use crate::network::layers::mlp::MlpRows;
+use crate::network::layers::per_cloth::OfVertices;
 use crate::network::layers::scratch::Scratch;
+use crate::network::layers::whole_cloth::WholeSums;
 use crate::network::packed::PackedWeights;
 use crate::network::workspace::{Windows, Workspace};
 
@@ -23,8 +24,8 @@ split_rows! {
     /// Rows of vertices that the encoders write.
     struct EncodedNodes<'a, T> {
         encoder: EncoderRows<'a, T>,
-        /// Endpoint products for the first block, `[vertices, 2 latent]`.
-        products: Rows<'a, T>,
+        /// For the first block.
+        first: BeforeBlock<'a, T>,
     }
 }
 
@@ -32,8 +33,7 @@ split_rows! {
     /// Rows of vertices that a block writes, and the products or the decoder after it.
     struct ProcessedNodes<'a, T> {
         block: NodeRows<'a, T>,
-        /// Endpoint products for the next block, `[vertices, 2 latent]`.
-        next_products: Rows<'a, T>,
+        next: BeforeBlock<'a, T>,
         /// `[vertices, outputs]`, from the last block only.
         output: Rows<'a, T>,
         decoder: MlpRows<'a, T>,
@@ -64,7 +64,7 @@ impl Network {
             self.decode_all(weights, graph, workspace);
         }
         for number in 0..self.blocks.len() {
-            self.filter_modes(weights, graph, number, workspace);
+            self.see_cloths(weights, number, workspace);
             self.run_block(weights, graph, number, workspace);
         }
     }
@@ -133,6 +133,7 @@ impl Network {
             }
         }
         let [first_products, _] = &mut w.endpoint_products;
+        let (first_slices, _) = slices_in_turn(&mut w.slices, 0, self.spec.tokens);
         let share = Share {
             vertices: EncodedNodes {
                 encoder: EncoderRows {
@@ -140,7 +141,7 @@ impl Network {
                     end: w.end.nodes.each_mut().map(|s| Rows::new(s, latent)),
                     record: node_record,
                 },
-                products: Rows::new(first_products, 2 * latent),
+                first: BeforeBlock::new(first_products, first_slices, latent),
             },
             arcs: EncoderRows {
                 out: Rows::new(&mut w.arcs, latent),
@@ -148,10 +149,10 @@ impl Network {
                 record: arc_record,
             },
         };
-        let (scratch, filter, stop) = (&w.scratch, &w.filter, &w.stop);
+        let (scratch, whole, stop) = (&w.scratch, &w.whole, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<EncodedNodes<'_, T>, EncoderRows<'_, T>>,
-                    sums: &mut ModeSums<T>| {
+                    sums: &mut WholeSums<T>| {
             let [partition] = partitions else { return };
             if stop.is_wanted() {
                 return;
@@ -166,14 +167,13 @@ impl Network {
                     encoder.forward(layer, arcs, range, &mut arc_rows, scratch);
                 }
                 if let Some(block) = self.blocks.first() {
-                    let (layer, latents) = (weights.layer(FIRST_BLOCK), &rows.encoder.out);
-                    block.endpoint_products(layer, latents, &mut rows.products);
-                    let of = OfVertices::new(graph, partition, latents);
-                    block.add_modes(layer, filter, of, sums);
+                    let layer = weights.layer(FIRST_BLOCK);
+                    let of = OfVertices::new(graph, partition, &rows.encoder.out);
+                    block.begin(layer, whole, of, &mut rows.first, sums);
                 }
             });
         };
-        share.among(&graph.partitions, &mut w.mode_sums, &work);
+        share.among(&graph.partitions, &mut w.whole_sums, &work);
     }
 
     /// One block, and the endpoint products for the next one, or the decoder after the last.
@@ -184,24 +184,22 @@ impl Network {
         number: usize,
         w: &mut Workspace<T>,
     ) {
-        let latent = self.spec.latent;
-        let block = &self.blocks[number];
+        let (latent, block) = (self.spec.latent, &self.blocks[number]);
         let (mut node_record, mut arc_record) = Default::default();
         let mut decoder = MlpRows::default();
         if w.kept {
             (node_record, arc_record) = w.blocks[number].rows(block);
-            if number + 1 == self.blocks.len() {
-                decoder = w.decoder.rows(&self.decoder);
-            }
+            decoder = w.decoder.rows(&self.decoder);
         }
         let (products, next_products) = in_turn(&mut w.endpoint_products, number);
+        let (next_slices, slices) = slices_in_turn(&mut w.slices, number + 1, self.spec.tokens);
         let share = Share {
             vertices: ProcessedNodes {
                 block: NodeRows {
                     nodes: Rows::new(&mut w.nodes, latent),
                     record: node_record,
                 },
-                next_products: Rows::new(next_products, 2 * latent),
+                next: BeforeBlock::new(next_products, next_slices, latent),
                 output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
@@ -210,10 +208,10 @@ impl Network {
                 record: arc_record,
             },
         };
-        let (scratch, filter, stop) = (&w.scratch, &w.filter, &w.stop);
+        let (scratch, whole, stop) = (&w.scratch, &w.whole, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<ProcessedNodes<'_, T>, ArcRows<'_, T>>,
-                    sums: &mut ModeSums<T>| {
+                    sums: &mut WholeSums<T>| {
             let [partition] = partitions else { return };
             if stop.is_wanted() {
                 return;
@@ -223,68 +221,33 @@ impl Network {
                 graph,
                 partition,
                 endpoint_products: products,
-                filter,
+                whole,
+                slices,
             };
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
                 block.forward(layer, input, &mut rows.block, share.arcs, scratch);
-                if let Some(next) = self.blocks.get(number + 1) {
-                    let of = OfVertices::new(graph, partition, &rows.block.nodes);
-                    next.add_modes(layer, filter, of, sums);
-                }
-                self.after_block(weights, number, rows, scratch);
+                let Some(next) = self.blocks.get(number + 1) else {
+                    return self.decode(weights, rows, scratch);
+                };
+                let layer = weights.layer(FIRST_BLOCK + number + 1);
+                let of = OfVertices::new(graph, partition, &rows.block.nodes);
+                next.begin(layer, whole, of, &mut rows.next, sums);
             });
         };
-        share.among(&graph.partitions, &mut w.mode_sums, &work);
+        share.among(&graph.partitions, &mut w.whole_sums, &work);
     }
 
-    /// From the sums over all partitions to the matrices of the filter of block `number`, if it has
-    /// one.
-    fn filter_modes<T: Real>(
-        &self,
-        weights: &PackedWeights<T>,
-        graph: &Connectivity,
-        number: usize,
-        w: &mut Workspace<T>,
-    ) {
-        let Some(filter) = &self.blocks[number].filter else {
-            return;
-        };
-        let layer = weights.layer(FIRST_BLOCK + number);
-        let latent = self.spec.latent;
-        let room = &mut w.filter;
-        let coefficients = &mut room.coefficients[number];
-        coefficients.fill(T::ZERO);
-        for sums in &w.mode_sums {
-            sums.add_to(coefficients, graph.mode_count() * latent);
+    /// From the sums over all partitions to what block `number` sees of the cloths as wholes.
+    fn see_cloths<T: Real>(&self, weights: &PackedWeights<T>, number: usize, w: &mut Workspace<T>) {
+        let (block, layer) = (&self.blocks[number], weights.layer(FIRST_BLOCK + number));
+        if let Some(filter) = &block.filter {
+            let sums = w.whole_sums.iter().map(|sums| &sums.modes);
+            filter.room_forward(layer, number, sums, &mut w.whole.filter);
         }
-        let decays = graph.mode_decays();
-        filter.forward(layer.flat, decays, coefficients, &mut room.filtered);
-        let term = filter.of_filtered.times(layer, &room.filtered);
-        multiply(
-            layer.instructions,
-            &[term],
-            latent,
-            Epilogue::Set,
-            &mut room.mixed,
-        );
-        room.pack(layer.instructions);
-    }
-
-    /// The endpoint products for the next block, or the decoder.
-    fn after_block<T: Real>(
-        &self,
-        weights: &PackedWeights<T>,
-        number: usize,
-        mut rows: ProcessedNodes<'_, T>,
-        scratch: &mut Scratch<T>,
-    ) {
-        match self.blocks.get(number + 1) {
-            Some(next) => {
-                let layer = weights.layer(FIRST_BLOCK + number + 1);
-                next.endpoint_products(layer, &rows.block.nodes, &mut rows.next_products);
-            }
-            None => self.decode(weights, rows, scratch),
+        if let Some(tokens) = &block.tokens {
+            let sums = w.whole_sums.iter().map(|sums| &sums.tokens);
+            tokens.update(layer, number, sums, &mut w.whole.tokens);
         }
     }
 
@@ -305,7 +268,7 @@ impl Network {
                     nodes: Rows::new(&mut w.nodes, self.spec.latent),
                     record: Default::default(),
                 },
-                next_products: Rows::default(),
+                next: BeforeBlock::default(),
                 output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
@@ -344,6 +307,28 @@ fn in_turn<T>(products: &mut [Aligned<T>; 2], number: usize) -> (&[T], &mut Alig
         (&*even, odd)
     } else {
         (&*odd, even)
+    }
+}
+
+/// The weights over the tokens that belong to block `number`, to be written, and those of the block
+/// before, where there is one. `slices` has room for all blocks, or for two in turn.
+fn slices_in_turn<T: Default>(
+    slices: &mut [Aligned<T>],
+    number: usize,
+    tokens: usize,
+) -> (Rows<'_, T>, &[T]) {
+    let count = slices.len().max(1);
+    if slices.len() < 2 {
+        return match slices.first_mut() {
+            None => (Rows::default(), &[]),
+            Some(only) if number == 0 => (Rows::new(only, tokens), &[]),
+            Some(only) => (Rows::default(), only),
+        };
+    }
+    let (now, before) = (number % count, (number + count - 1) % count);
+    match slices.get_disjoint_mut([now, before]) {
+        Ok([now, before]) => (Rows::new(now, tokens), before),
+        Err(_) => (Rows::default(), &[]),
     }
 }
 

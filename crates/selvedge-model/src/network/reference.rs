@@ -102,6 +102,43 @@ impl Weights<'_> {
         out
     }
 
+    /// Mixtures of tokens that the vertices of each cloth read in a block; nothing without tokens.
+    fn read(&self, block: usize, graph: &Connectivity, nodes: &Rows) -> Rows {
+        let path = format!("processor.{block}.tokens");
+        let count = self.network.spec().tokens;
+        if count == 0 {
+            return Rows::new();
+        }
+        let latent = self.network.spec().latent;
+        let mut out = Rows::new();
+        for ends in graph.first_vertices().windows(2) {
+            let (mut sums, mut sizes) = (vec![vec![0.0; latent]; count], vec![0.0; count]);
+            let slices: Rows = (ends[0]..ends[1])
+                .map(|v| softmax(self.linear(&format!("{path}.slice"), "", &nodes[v])))
+                .collect();
+            for (vertex, slice) in (ends[0]..ends[1]).zip(&slices) {
+                let share = f64::from(graph.shares()[vertex]);
+                for (token, weight) in slice.iter().enumerate() {
+                    sizes[token] += share * weight;
+                    for (sum, x) in sums[token].iter_mut().zip(&nodes[vertex]) {
+                        *sum += share * weight * x;
+                    }
+                }
+            }
+            for (token, size) in sums.iter_mut().zip(sizes) {
+                token.iter_mut().for_each(|x| *x /= size + 1e-6);
+                let update = self.normalised_mlp(&format!("{path}.update"), token);
+                token.iter_mut().zip(update).for_each(|(x, u)| *x += u);
+            }
+            out.extend(slices.iter().map(|slice| {
+                let mixture =
+                    |channel: usize| slice.iter().zip(&sums).map(|(w, t)| w * t[channel]).sum();
+                (0..latent).map(mixture).collect()
+            }));
+        }
+        out
+    }
+
     fn encode(
         &self,
         path: &str,
@@ -130,6 +167,13 @@ impl Weights<'_> {
             })
             .collect()
     }
+}
+
+fn softmax(x: Vec<f64>) -> Vec<f64> {
+    let largest = x.iter().fold(f64::NEG_INFINITY, |most, &x| most.max(x));
+    let powers: Vec<f64> = x.iter().map(|x| (x - largest).exp()).collect();
+    let sum: f64 = powers.iter().sum();
+    powers.iter().map(|x| x / sum).collect()
 }
 
 /// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent
@@ -166,9 +210,11 @@ pub fn forward(
             }
         }
         let filtered = weights.filtered(block, graph, &nodes);
+        let read = weights.read(block, graph, &nodes);
         for (row, (node, incoming)) in nodes.iter_mut().zip(&incoming).enumerate() {
             let mut joined = [&**node, &**incoming].concat();
             joined.extend(filtered.get(row).into_iter().flatten());
+            joined.extend(read.get(row).into_iter().flatten());
             let update = weights.normalised_mlp(&format!("processor.{block}.node"), &joined);
             for (x, u) in node.iter_mut().zip(update) {
                 *x += u;

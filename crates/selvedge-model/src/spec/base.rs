@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
         type Edit = fn(&mut ModelSpec);
-        let edits: [(&str, Edit); 9] = [
+        let edits: [(&str, Edit); 10] = [
             (
                 "model.base.substeps must be between 1 and 1000, found 0",
                 |spec| {
@@ -77,6 +77,10 @@ mod tests {
             (
                 "model.filter_modes must be left out where the network corrects physics (model.base): there are no blocks",
                 |spec| (spec.blocks, spec.filter_modes) = (0, 8),
+            ),
+            (
+                "model.tokens must be left out where the network corrects physics (model.base): there are no blocks",
+                |spec| (spec.blocks, spec.tokens) = (0, 8),
             ),
             ("model.integration must be left out", |spec| {
                 spec.integration = Integration::Carried {

@@ -37,6 +37,10 @@ pub struct ModelSpec {
     /// that each vertex sees the whole cloth at once. The paper has none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub filter_modes: usize,
+    /// Number of learned tokens of a cloth, which in every block all its vertices write to and read
+    /// from, so that each vertex hears of the whole cloth at once. The paper has none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub tokens: usize,
     /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
@@ -242,6 +246,7 @@ impl ModelSpec {
             blocks,
             coarse_levels: 0,
             filter_modes: 0,
+            tokens: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -259,6 +264,7 @@ impl ModelSpec {
             blocks,
             coarse_levels: 0,
             filter_modes: 0,
+            tokens: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -296,6 +302,7 @@ impl ModelSpec {
             ("encoder.window", self.window(), 1, 64),
             ("coarse_levels", self.coarse_levels, 0, 8),
             ("filter_modes", self.filter_modes, 0, 1024),
+            ("tokens", self.tokens, 0, 256),
         ];
         check_each_size(&sizes)
     }
@@ -317,6 +324,11 @@ impl ModelSpec {
                 "filter_modes",
                 self.filter_modes > 0 && self.blocks == 0,
                 "there are no blocks to filter in",
+            ),
+            (
+                "tokens",
+                self.tokens > 0 && self.blocks == 0,
+                "there are no blocks to write to them in",
             ),
             (
                 "integration",

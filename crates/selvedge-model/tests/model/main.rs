@@ -3,4 +3,6 @@
 mod embed;
 mod invariance;
 mod network;
+mod specs;
 mod strip;
+mod whole_cloth;

@@ -61,6 +61,7 @@ impl Back<'_> {
         if let Some(sums) = record.mode_sums {
             self.filter(number, sums, pre_activation, nodes);
         }
+        self.tokens(number, record, pre_activation, nodes);
     }
 
     /// Takes the pre-activation gradient of a node update's first layer through the filter to the
@@ -78,7 +79,7 @@ impl Back<'_> {
         let arguments = args! {
             modes: modes.values,
             rows: pre_activation,
-            first_vertex: modes.first_vertex,
+            first_vertex: self.pass.graph.places.first_vertex,
             per_cloth: modes.count,
             sums: of_modes,
         };
@@ -106,7 +107,7 @@ impl Back<'_> {
         let arguments = args! {
             modes: modes.weighted,
             of_modes: by_sums,
-            cloth_of: modes.cloth_of,
+            cloth_of: self.pass.graph.places.cloth_of,
             per_cloth: modes.count,
             rows: nodes,
         };

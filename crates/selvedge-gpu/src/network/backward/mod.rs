@@ -7,6 +7,7 @@
 mod block;
 mod encoder;
 mod mlp;
+mod tokens;
 
 use selvedge_model::Network;
 

@@ -52,6 +52,7 @@ impl Lower<'_> {
                 let count = modes.rows() * self.latent;
                 self.plan.floats(format!("{name}, modes"), count)
             }),
+            tokens: self.token_record(&name, graph),
             arc: self.mlp_record(&format!("{name}, arcs"), graph.arcs),
             node: self.mlp_record(&format!("{name}, vertices"), graph.vertices),
         }
@@ -111,8 +112,9 @@ impl Lower<'_> {
         let x = Rows::new(before, latent);
         self.linear(Linear::new(rows, x, weight, out));
         if let Some(modes) = &graph.modes {
-            self.filter(number, modes, rows, record);
+            self.filter(number, modes, graph, record);
         }
+        self.tokens(number, graph, record);
         let x = Rows::new(record.incoming, latent);
         let epilogue = self.first_epilogue(&path);
         let incoming = Linear::new(rows, x, weight.from_column(latent), out);
@@ -122,7 +124,13 @@ impl Lower<'_> {
     }
 
     /// Adds the filter over each cloth to the first layer of a node update.
-    fn filter(&mut self, number: usize, modes: &ModeArrays, vertices: usize, record: &BlockRecord) {
+    fn filter(
+        &mut self,
+        number: usize,
+        modes: &ModeArrays,
+        graph: &GraphArrays,
+        record: &BlockRecord,
+    ) {
         let Some(sums) = record.mode_sums else {
             return;
         };
@@ -130,7 +138,7 @@ impl Lower<'_> {
         let arguments = args! {
             modes: modes.weighted,
             rows: record.before[0],
-            first_vertex: modes.first_vertex,
+            first_vertex: graph.places.first_vertex,
             per_cloth: modes.count,
             sums,
         };
@@ -159,11 +167,11 @@ impl Lower<'_> {
         let arguments = args! {
             modes: modes.values,
             of_modes,
-            cloth_of: modes.cloth_of,
+            cloth_of: graph.places.cloth_of,
             per_cloth: modes.count,
             rows: record.node.hidden1,
         };
-        self.schedule.launch(&ADD_MODES, vertices, arguments);
+        self.schedule.launch(&ADD_MODES, graph.vertices, arguments);
         self.plan.release(mark);
     }
 }

@@ -1,11 +1,12 @@
 //! The forward pass: normalised features to normalised accelerations.
 //!
-//! `encoder` takes features to latent rows, `block` passes messages, `mlp` has the perceptrons and
-//! the decoder.
+//! `encoder` takes features to latent rows, `block` passes messages, `tokens` lets vertices see
+//! their whole cloth, `mlp` has the perceptrons and the decoder.
 
 mod block;
 mod encoder;
 mod mlp;
+mod tokens;
 
 use selvedge_model::Network;
 
@@ -58,6 +59,7 @@ pub fn forward(plan: &mut Plan, schedule: &mut Schedule, pass: ForwardPass<'_>) 
         schedule,
         weights: pass.weights,
         latent,
+        tokens: spec.tokens,
         keep: pass.keep,
     };
     let output = lower.plan.floats("output", graph.vertices * OUTPUTS);
@@ -89,6 +91,8 @@ struct Lower<'a> {
     schedule: &'a mut Schedule,
     weights: &'a WeightArrays,
     latent: usize,
+    /// Tokens of each cloth.
+    tokens: usize,
     keep: Keep,
 }
 

@@ -32,8 +32,8 @@ impl Lowered {
         let weights = WeightArrays::new(&mut plan, network);
         let cloths = graph.cloths().len();
         let modes = graph.mode_count();
-        let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count())
-            .with_modes(&mut plan, cloths, modes);
+        let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count(), cloths)
+            .with_modes(&mut plan, modes);
         let input = InputArrays::whole(&mut plan, network, &graph);
         let mut pack = Schedule::new("pack");
         weights.pack(&mut pack);

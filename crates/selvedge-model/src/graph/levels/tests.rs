@@ -243,7 +243,9 @@ fn arcs_of_edges_and_links_name_each_other() {
 #[test]
 fn without_levels_a_cloth_is_its_mesh() {
     let graph = parts(7, 3).graph();
-    assert_eq!(*graph.connectivity(), Connectivity::of(graph.topology()));
+    let arcs = Connectivity::of(graph.topology());
+    let shares = graph.connectivity().shares().to_vec();
+    assert_eq!(*graph.connectivity(), arcs.with_shares(shares));
     let arcs = graph.topology().arcs().iter();
     let ends = graph.senders().iter().zip(graph.receivers());
     assert!(arcs.map(|arc| (&arc.sender.0, &arc.receiver.0)).eq(ends));

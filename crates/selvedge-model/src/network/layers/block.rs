@@ -1,6 +1,7 @@
 //! One message-passing block (Pfaff et al. 2021) `[eq:graph-block]`: e' = MLP([v_s, v_r, e]),
 //! v' = MLP([v, Σ_{arcs into v} e']), then e ← e + e', v ← v + v'. The sum is of e' before the
-//! residual is added. With a filter over the whole cloth, v' is of [v, Σ e', filtered v].
+//! residual is added. With a filter over the whole cloth, or with tokens, v' is of [v, Σ e',
+//! filtered v, what v reads of the tokens].
 //!
 //! The first arc layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
 //! applied once per vertex instead of once per arc. These **endpoint products** of all vertices
@@ -11,7 +12,7 @@ use std::ops::Range;
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{Partition, chunks, counted_from, of_rows};
-use crate::graph::share::{Rows, SplitRows, split_rows};
+use crate::graph::share::{Rows, SplitRows};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Endpoints, Epilogue, Slot, Term, multiply};
 use crate::kernels::norm::Normalised;
@@ -19,11 +20,18 @@ use crate::kernels::real::Real;
 use crate::kernels::rows::{
     ColumnBlock, OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing,
 };
-use crate::network::layers::filter::{Filter, FilterRoom, ModeSums, OfVertices, Through};
-use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord, MlpRows};
+use crate::network::layers::block_rows::{
+    ArcGradients, ArcRecordRows, ArcRows, BeforeBlock, NodeGradients, NodeRecordRows, NodeRows,
+};
+use crate::network::layers::filter::{Filter, Through};
+use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord};
+use crate::network::layers::per_cloth::OfVertices;
 use crate::network::layers::scratch::{GroupWork, Scratch, pick};
+use crate::network::layers::tokens::{Tokens, WriteBack};
+use crate::network::layers::whole_cloth::{WholeRoom, WholeSums};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
 use crate::network::parameters::ModuleGradient;
+use crate::spec::ModelSpec;
 
 /// Places of the weights of a block.
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +50,8 @@ pub(crate) struct Block {
     of_incoming: Piece,
     /// The filter over the whole cloth, if there is one.
     pub(crate) filter: Option<Filter>,
+    /// The tokens, if there are any.
+    pub(crate) tokens: Option<Tokens>,
 }
 
 /// Activations of one block, kept for the backward pass.
@@ -57,62 +67,6 @@ pub(crate) struct BlockRecord<T> {
     node: MlpRecord<T>,
 }
 
-split_rows! {
-    /// Rows of vertices that a block writes.
-    pub(crate) struct NodeRows<'a, T> {
-        /// Latent nodes, updated, `[vertices, latent]`.
-        pub(crate) nodes: Rows<'a, T>,
-        pub(crate) record: NodeRecordRows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Rows of arcs that a block writes.
-    pub(crate) struct ArcRows<'a, T> {
-        /// Latent arcs, updated, `[arcs, latent]`.
-        pub(crate) arcs: Rows<'a, T>,
-        pub(crate) record: ArcRecordRows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Rows of vertices of a [`BlockRecord`]; empty where nothing is kept.
-    pub(crate) struct NodeRecordRows<'a, T> {
-        before: Rows<'a, T>,
-        incoming: Rows<'a, T>,
-        mlp: MlpRows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Rows of arcs of a [`BlockRecord`]; empty where nothing is kept.
-    pub(crate) struct ArcRecordRows<'a, T> {
-        before: Rows<'a, T>,
-        mlp: MlpRows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Gradients of a block's vertices, taken from after it to before it.
-    pub(crate) struct NodeGradients<'a, T> {
-        /// `[vertices, latent]`.
-        pub(crate) nodes: Rows<'a, T>,
-        /// Out: sums of the pre-activation gradients over the arcs that leave a vertex, then over
-        /// the arcs that arrive, `[vertices, 2 latent]`.
-        pub(crate) sums: Rows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Gradients of a block's arcs, taken from after it to before it.
-    pub(crate) struct ArcGradients<'a, T> {
-        /// `[arcs, latent]`.
-        pub(crate) arcs: Rows<'a, T>,
-        /// Out: pre-activation gradient of the first arc layer, `[arcs, latent]`.
-        pub(crate) pre_activation: Rows<'a, T>,
-    }
-}
-
 /// A partition before a block.
 #[derive(Clone, Copy)]
 pub(crate) struct BlockInput<'a, T> {
@@ -120,8 +74,10 @@ pub(crate) struct BlockInput<'a, T> {
     pub(crate) partition: &'a Partition,
     /// Endpoint products of all vertices, `[all vertices, 2 latent]`.
     pub(crate) endpoint_products: &'a [T],
-    /// The filter's matrices, where the block has a filter.
-    pub(crate) filter: &'a FilterRoom<T>,
+    /// The matrices of filter and tokens, where the block has them.
+    pub(crate) whole: &'a WholeRoom<T>,
+    /// Weights of all vertices over the tokens, `[all vertices, tokens]`.
+    pub(crate) slices: &'a [T],
 }
 
 /// A partition after the forward pass of a block.
@@ -130,8 +86,10 @@ pub(crate) struct BlockKept<'a, T> {
     pub(crate) graph: &'a Connectivity,
     pub(crate) partition: &'a Partition,
     pub(crate) record: &'a BlockRecord<T>,
-    /// The filter's matrices, where the block has a filter.
-    pub(crate) filter: &'a FilterRoom<T>,
+    /// The matrices of filter and tokens, where the block has them.
+    pub(crate) whole: &'a WholeRoom<T>,
+    /// Weights of all vertices over the tokens, `[all vertices, tokens]`.
+    pub(crate) slices: &'a [T],
 }
 
 impl<T: Real> BlockRecord<T> {
@@ -170,17 +128,19 @@ impl<T: Real> BlockRecord<T> {
 }
 
 impl Block {
-    pub(crate) fn new(
-        module: &mut ModuleBuilder,
-        path: &str,
-        latent: usize,
-        is_filtered: bool,
-    ) -> Self {
+    pub(crate) fn new(module: &mut ModuleBuilder, path: &str, spec: &ModelSpec) -> Self {
+        let (latent, is_filtered) = (spec.latent, spec.filter_modes > 0);
         let arc = Mlp::normalised(module, &format!("{path}.edge"), 3 * latent, latent);
-        let of_node = (2 + usize::from(is_filtered)) * latent;
+        let of_tokens = (2 + usize::from(is_filtered)) * latent;
+        let has_tokens = spec.tokens > 0;
+        let of_node = of_tokens + usize::from(has_tokens) * latent;
         let node = Mlp::normalised(module, &format!("{path}.node"), of_node, latent);
         let filter = is_filtered
             .then(|| Filter::new(module, &format!("{path}.filter"), latent, &node.first));
+        let tokens = has_tokens.then(|| {
+            let path = format!("{path}.tokens");
+            Tokens::new(module, &path, spec.tokens, &node.first, of_tokens)
+        });
         let size = &mut module.size;
         Self {
             arc,
@@ -191,6 +151,7 @@ impl Block {
             of_node: Piece::new(size, &node.first, 0, latent),
             of_incoming: Piece::new(size, &node.first, latent, latent),
             filter,
+            tokens,
         }
     }
 
@@ -207,6 +168,9 @@ impl Block {
         }
         if let Some(filter) = &self.filter {
             filter.of_filtered.pack(packer);
+        }
+        if let Some(tokens) = &self.tokens {
+            tokens.pack(packer);
         }
         let (latent, flat) = (self.latent(), packer.flat);
         let weight = &flat[self.arc.first.weight_range()];
@@ -241,17 +205,26 @@ impl Block {
         );
     }
 
-    /// Sets the sums of a partition that the block's filter needs; nothing without a filter.
-    pub(crate) fn add_modes<T: Real>(
+    /// Sets what must be there of a partition before the block begins: from its latent vertices
+    /// their endpoint products, their weights over the tokens, and sums for filter and tokens.
+    pub(crate) fn begin<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        filter: &FilterRoom<T>,
+        whole: &WholeRoom<T>,
         of: OfVertices<'_, T>,
-        sums: &mut ModeSums<T>,
+        rows: &mut BeforeBlock<'_, T>,
+        sums: &mut WholeSums<T>,
     ) {
+        self.endpoint_products(weights, of.rows, &mut rows.products);
         if self.filter.is_some() {
-            sums.begin(of.graph, of.vertices, self.latent());
-            filter.add(weights.instructions, Through::Weighted, of, sums);
+            let (modes, count) = (&mut sums.modes, of.graph.mode_count());
+            modes.begin(of.graph, of.vertices, count, self.latent());
+            let filter = &whole.filter;
+            filter.add(weights.instructions, Through::Weighted, of, modes);
+        }
+        if let Some(tokens) = &self.tokens {
+            let (slices, sums) = (&mut rows.slices, &mut sums.tokens);
+            tokens.write(weights, &whole.tokens, of, slices, sums);
         }
     }
 
@@ -304,28 +277,46 @@ impl Block {
             let of_node = self.of_node.times(weights, &nodes[rows.clone()]);
             let of_incoming = self.of_incoming.times(weights, &incoming[rows.clone()]);
             let epilogue = self.node.first_epilogue(weights);
-            let terms: &[Term<'_, T>] = match self.filter {
-                None => &[of_node, of_incoming],
-                Some(_) => {
-                    let filtered = input.filter.term(cloth, &part, Through::Values);
-                    &[of_node, of_incoming, filtered]
-                }
-            };
+            let mut terms = [of_node, of_incoming, of_node, of_node];
+            let count = 2 + self.of_cloth(input, cloth, &part, &mut terms[2..]);
+            let terms = &terms[..count];
             self.node.first_layer(weights, terms, epilogue, &mut tile);
             self.node
                 .forward(weights, tile, Normalised::Add(&mut nodes[rows]));
         }
     }
 
+    /// Sets what part of a partition sees of its cloth in the first node layer: as many terms as
+    /// this returns.
+    fn of_cloth<'a, T: Real>(
+        &self,
+        input: BlockInput<'a, T>,
+        cloth: usize,
+        part: &Range<usize>,
+        terms: &mut [Term<'a, T>],
+    ) -> usize {
+        let filtered = self
+            .filter
+            .map(|_| input.whole.filter.term(cloth, part, Through::Values));
+        let read = self.tokens.map(|tokens| {
+            let slices = &input.slices[of_rows(part, tokens.count())];
+            input.whole.tokens.term(cloth, slices)
+        });
+        let seen = filtered.into_iter().chain(read);
+        let places = terms.iter_mut().zip(seen);
+        places.map(|(to, term)| *to = term).count()
+    }
+
     /// The parts of a partition that have one matrix each, and the number of the matrix: all of it
-    /// without a filter, else those that belong to one cloth.
+    /// without a filter and tokens, else those that belong to one cloth.
     fn parts(
         &self,
         graph: &Connectivity,
         vertices: &Range<usize>,
     ) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let whole = self.filter.is_none().then(|| (0, vertices.clone()));
-        let by_cloth = self.filter.map(|_| graph.by_cloth(vertices.clone()));
+        let divides = self.filter.is_some() || self.tokens.is_some();
+        let whole = (!divides).then(|| (0, vertices.clone()));
+        let by_cloth = divides.then(|| graph.by_cloth(vertices.clone()));
         whole.into_iter().chain(by_cloth.into_iter().flatten())
     }
 
@@ -341,7 +332,7 @@ impl Block {
         group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
-        self.nodes_backward(weights, kept, &mut nodes.nodes, group);
+        self.nodes_backward(weights, kept, &mut nodes, group);
         nodes.sums.fill(T::ZERO);
         let range = &kept.partition.arcs;
         for chunk in chunks(range.clone()) {
@@ -398,9 +389,10 @@ impl Block {
         &self,
         weights: LayerWeights<'_, T>,
         kept: BlockKept<'_, T>,
-        nodes: &mut [T],
+        gradients: &mut NodeGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
+        let NodeGradients { nodes, slices, .. } = gradients;
         let (latent, using) = (self.latent(), weights.instructions);
         let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
         let (record, vertices) = (kept.record, &kept.partition.vertices);
@@ -423,10 +415,17 @@ impl Block {
             self.node
                 .first_backward(weights, number * latent, left, right, gradient);
         }
+        let (of, whole) = (
+            OfVertices::new(kept.graph, kept.partition, pre_activation),
+            kept.whole,
+        );
+        let WholeSums { modes, tokens } = &mut scratch.whole_sums;
         if self.filter.is_some() {
-            let of = OfVertices::new(kept.graph, kept.partition, pre_activation);
-            let sums = &mut scratch.mode_sums;
-            kept.filter.add(using, Through::Values, of, sums);
+            whole.filter.add(using, Through::Values, of, modes);
+        }
+        if self.tokens.is_some() {
+            let sums = &mut tokens.rows;
+            whole.tokens.add_read(using, kept.slices, of, slices, sums);
         }
         let term = self.of_node.back(weights, pre_activation);
         multiply(using, &[term], latent, Epilogue::Add, nodes);
@@ -435,24 +434,47 @@ impl Block {
         multiply(using, &[term], latent, Epilogue::Set, incoming);
     }
 
-    /// Adds the gradient of the first node layer's columns for the filter: `mixed` is the gradient
-    /// of the filtered modes' products with them, both `[all modes, latent]`.
-    pub(crate) fn filtered_backward<T: Real>(
+    /// Begins the sums that [`Self::backward`] adds to, for a range of vertices.
+    pub(crate) fn begin_sums<T: Real>(
         &self,
-        weights: LayerWeights<'_, T>,
-        mixed: &[T],
-        filtered: &[T],
-        gradient: &mut ModuleGradient<'_, T>,
+        graph: &Connectivity,
+        vertices: &Range<usize>,
+        sums: &mut WholeSums<T>,
     ) {
         let latent = self.latent();
-        let [left, right] = [mixed, filtered].map(|rows| Columns::all(rows, latent));
-        self.node
-            .first_backward(weights, 2 * latent, left, right, gradient);
+        if self.filter.is_some() {
+            let modes = graph.mode_count();
+            sums.modes.begin(graph, vertices, modes, latent);
+        }
+        if let Some(tokens) = &self.tokens {
+            let rows = &mut sums.tokens.rows;
+            rows.begin(graph, vertices, tokens.count(), latent);
+        }
+    }
+
+    /// From the gradients of what filter and tokens give to the node updates of block `number`,
+    /// summed over all vertices, to those of the sums that they are made of, whose matrices are
+    /// packed. Adds those of the weights.
+    pub(crate) fn cloths_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        number: usize,
+        whole: &mut WholeRoom<T>,
+        gradient: &mut ModuleGradient<'_, T>,
+    ) {
+        if let Some(filter) = &self.filter {
+            let room = &mut whole.filter;
+            filter.room_backward(weights, &self.node, number, room, gradient);
+        }
+        if let Some(tokens) = &self.tokens {
+            let room = &mut whole.tokens;
+            tokens.backward(weights, &self.node, number, room, gradient);
+        }
     }
 
     /// The gradient of the nodes through A and B, after [`Self::backward`] of all partitions left
-    /// the pre-activation gradients `[all arcs, latent]`, and through the filter, whose matrices
-    /// are those of the way back by then.
+    /// the pre-activation gradients `[all arcs, latent]`, and through filter and tokens, whose
+    /// matrices are those of the way back by then.
     pub(crate) fn endpoints_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
@@ -466,6 +488,7 @@ impl Block {
         let NodeGradients {
             mut nodes,
             mut sums,
+            mut slices,
         } = rows;
         let arcs = OutgoingArcs {
             first_arc: &graph.first_arc[vertices.start..=vertices.end],
@@ -473,9 +496,9 @@ impl Block {
         };
         sum_outgoing(using, &mut sums, self.leaving(), pre_activation, arcs);
         let all = Columns::all(&sums, 2 * latent);
-        let before = Columns::all(&kept.record.nodes[of_rows(vertices, latent)], latent);
+        let before = &kept.record.nodes[of_rows(vertices, latent)];
         for column in [0, latent] {
-            let part = all.part(column, latent);
+            let (part, before) = (all.part(column, latent), Columns::all(before, latent));
             let gradient = &mut group.gradient;
             self.arc
                 .first_backward(weights, column, part, before, gradient);
@@ -488,9 +511,21 @@ impl Block {
         if self.filter.is_some() {
             for (cloth, part) in graph.by_cloth(vertices.clone()) {
                 let rows = of_rows(&counted_from(&part, vertices.start), latent);
-                let term = kept.filter.term(cloth, &part, Through::Weighted);
+                let term = kept.whole.filter.term(cloth, &part, Through::Weighted);
                 multiply(using, &[term], latent, Epilogue::Add, &mut nodes[rows]);
             }
+        }
+        if let Some(tokens) = &self.tokens {
+            let back = WriteBack {
+                slices: &kept.slices[of_rows(vertices, tokens.count())],
+                by_slices: &mut slices,
+                nodes: &mut nodes,
+            };
+            let (of, room) = (
+                OfVertices::new(graph, kept.partition, before),
+                &kept.whole.tokens,
+            );
+            tokens.write_backward(weights, room, of, back, group);
         }
     }
 }

@@ -10,13 +10,14 @@ use std::ops::Range;
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::mode_table::TIMES;
-use crate::graph::partition::{Partition, counted_from, of_rows};
+use crate::graph::partition::{counted_from, of_rows};
 use crate::kernels::aligned::Aligned;
-use crate::kernels::gemm::{Columns, Slot, Term, pack};
-use crate::kernels::outer::{Sums, add_outer};
+use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::packed::{ModuleBuilder, Piece};
+use crate::network::layers::mlp::Mlp;
+use crate::network::layers::per_cloth::{ClothMatrices, ClothSums, OfVertices};
+use crate::network::packed::{LayerWeights, ModuleBuilder, Piece};
 use crate::network::parameters::{Linear, ModuleGradient};
 
 /// Places of the weights of a filter.
@@ -50,7 +51,7 @@ impl Filter {
 
     /// h ← c ∘ (E wᵀ) for the modes of all cloths, `[rows, latent]`; `decays` is E, `[rows,
     /// times]`.
-    pub(crate) fn forward<T: Real>(&self, flat: &[T], decays: &[f32], c: &[T], h: &mut [T]) {
+    fn forward<T: Real>(&self, flat: &[T], decays: &[f32], c: &[T], h: &mut [T]) {
         let weights = flat[self.weights()].chunks_exact(TIMES.len());
         let rows = decays.chunks_exact(TIMES.len());
         let c = c.chunks_exact(self.latent);
@@ -63,7 +64,7 @@ impl Filter {
 
     /// From the gradient of h, in `gradients`, to that of c, in its place; adds that of the
     /// weights.
-    pub(crate) fn backward<T: Real>(
+    fn backward<T: Real>(
         &self,
         flat: &[T],
         decays: &[f32],
@@ -87,6 +88,51 @@ impl Filter {
     }
 }
 
+impl Filter {
+    /// From the sums over all partitions to the matrices by which vertices see the filtered modes
+    /// of block `number`.
+    pub(crate) fn room_forward<'a, T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        number: usize,
+        sums: impl Iterator<Item = &'a ClothSums<T>>,
+        room: &mut FilterRoom<T>,
+    ) {
+        let coefficients = &mut room.coefficients[number];
+        coefficients.fill(T::ZERO);
+        for sums in sums {
+            sums.add_to(coefficients, room.count * self.latent);
+        }
+        self.forward(weights.flat, &room.decays, coefficients, &mut room.filtered);
+        let term = self.of_filtered.times(weights, &room.filtered);
+        let (using, to) = (weights.instructions, &mut room.mixed);
+        multiply(using, &[term], self.latent, Epilogue::Set, to);
+        room.packed.pack(using, &room.mixed);
+    }
+
+    /// From the gradients of what the modes give to the node updates, in `room`, to those of the
+    /// modes' coefficients, which it packs. Adds those of the weights; `node` is the node update.
+    pub(crate) fn room_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        node: &Mlp,
+        number: usize,
+        room: &mut FilterRoom<T>,
+        gradient: &mut ModuleGradient<'_, T>,
+    ) {
+        let (latent, using) = (self.latent, weights.instructions);
+        let coefficients = &room.coefficients[number];
+        self.forward(weights.flat, &room.decays, coefficients, &mut room.filtered);
+        let [left, right] = [&room.mixed, &room.filtered].map(|rows| Columns::all(rows, latent));
+        node.first_backward(weights, self.of_filtered.first(), left, right, gradient);
+        let term = self.of_filtered.back(weights, &room.mixed);
+        multiply(using, &[term], latent, Epilogue::Set, &mut room.filtered);
+        let to = &mut room.filtered;
+        self.backward(weights.flat, &room.decays, coefficients, to, gradient);
+        room.packed.pack(using, &room.filtered);
+    }
+}
+
 /// Σ over times of a channel's weights and what is left of a mode.
 fn response<T: Real>(weights: &[T], decays: &[f32]) -> T {
     let terms = weights.iter().zip(decays);
@@ -103,33 +149,16 @@ pub(crate) struct FilterRoom<T> {
     values: Aligned<T>,
     /// a ∘ Φ, `[vertices, count]`.
     weighted: Aligned<T>,
+    /// E, `[cloths, count, times]`.
+    decays: Vec<f32>,
     /// c of each block, `[cloths, count, latent]`.
-    pub(crate) coefficients: Vec<Aligned<T>>,
+    coefficients: Vec<Aligned<T>>,
     /// h, `[cloths, count, latent]`.
-    pub(crate) filtered: Aligned<T>,
+    filtered: Aligned<T>,
     /// h Wᵀ, or its gradient, `[cloths, count, latent]`.
-    pub(crate) mixed: Aligned<T>,
-    /// `mixed`, packed for each cloth.
-    packed: Aligned<T>,
-}
-
-/// Rows of the vertices of a partition.
-pub(crate) struct OfVertices<'a, T> {
-    pub(crate) graph: &'a Connectivity,
-    pub(crate) vertices: &'a Range<usize>,
-    /// `[vertices, latent]`.
-    pub(crate) rows: &'a [T],
-}
-
-impl<'a, T> OfVertices<'a, T> {
-    /// `rows` of a partition of `graph`.
-    pub(crate) fn new(graph: &'a Connectivity, partition: &'a Partition, rows: &'a [T]) -> Self {
-        Self {
-            graph,
-            vertices: &partition.vertices,
-            rows,
-        }
-    }
+    mixed: Aligned<T>,
+    /// The matrix of each cloth for [`Self::term`].
+    packed: ClothMatrices<T>,
 }
 
 /// The matrix that takes modes to vertices, or vertices to modes.
@@ -155,6 +184,7 @@ impl<T: Real> FilterRoom<T> {
             let values = to.iter_mut().zip(from);
             values.for_each(|(to, &from)| *to = T::from_f64(f64::from(from)));
         }
+        self.decays.clone_from(&table.decays);
         let rows = cloths * table.count;
         let kept = if table.count > 0 { blocks } else { 0 };
         self.coefficients.resize_with(kept, Aligned::default);
@@ -162,30 +192,17 @@ impl<T: Real> FilterRoom<T> {
         for numbers in rooms.chain([&mut self.filtered, &mut self.mixed]) {
             numbers.resize(rows * latent);
         }
-        self.packed.resize(cloths * self.slot(0).length());
+        self.packed.fit(cloths, table.count, latent);
     }
 
-    /// Place of a cloth's matrix in `packed`.
-    fn slot(&self, cloth: usize) -> Slot {
-        let slot = Slot {
-            offset: 0,
-            depth: self.count,
-            columns: self.latent,
-        };
-        Slot {
-            offset: cloth * slot.length(),
-            ..slot
-        }
+    /// Zeros for gradients of what the modes give.
+    pub(crate) fn clear_sums(&mut self) {
+        self.mixed.fill(T::ZERO);
     }
 
-    /// Packs `mixed` for [`Self::term`].
-    pub(crate) fn pack(&mut self, using: Instructions) {
-        let (latent, size) = (self.latent, self.count * self.latent);
-        for cloth in 0..self.mixed.len().checked_div(size).unwrap_or(0) {
-            let slot = self.slot(cloth);
-            let own = &self.mixed[cloth * size..][..size];
-            pack(using, slot, |k, j| own[k * latent + j], &mut self.packed);
-        }
+    /// Adds sums over some vertices to those of all.
+    pub(crate) fn add_sums(&mut self, sums: &ClothSums<T>) {
+        sums.add_to(&mut self.mixed, self.count * self.latent);
     }
 
     /// The modes at some vertices of a cloth.
@@ -206,7 +223,7 @@ impl<T: Real> FilterRoom<T> {
     ) -> Term<'_, T> {
         Term {
             rows: self.modes(vertices, through),
-            packed: self.slot(cloth).of(&self.packed),
+            packed: self.packed.of(cloth),
         }
     }
 
@@ -216,7 +233,7 @@ impl<T: Real> FilterRoom<T> {
         using: Instructions,
         through: Through,
         of: OfVertices<'_, T>,
-        sums: &mut ModeSums<T>,
+        sums: &mut ClothSums<T>,
     ) {
         for (cloth, part) in of.graph.by_cloth(of.vertices.clone()) {
             let rows = of_rows(&counted_from(&part, of.vertices.start), self.latent);
@@ -229,51 +246,5 @@ impl<T: Real> FilterRoom<T> {
     #[cfg(test)]
     pub(crate) fn number_count(&self) -> usize {
         self.values.len() + self.weighted.len()
-    }
-}
-
-/// Sums over a range of vertices of their modes times rows of theirs, for each cloth that has
-/// vertices in the range.
-#[derive(Default)]
-pub(crate) struct ModeSums<T> {
-    /// The first of these cloths.
-    first: usize,
-    /// `[cloths, modes, width]`.
-    values: Aligned<T>,
-}
-
-impl<T: Real> ModeSums<T> {
-    /// Zeros, for rows of that width.
-    pub(crate) fn begin(&mut self, graph: &Connectivity, vertices: &Range<usize>, width: usize) {
-        let mut cloths = graph.by_cloth(vertices.clone()).map(|(cloth, _)| cloth);
-        self.first = cloths.next().unwrap_or(0);
-        let count = cloths.last().unwrap_or(self.first) + 1 - self.first;
-        self.values.resize(count * graph.mode_count() * width);
-        self.values.fill(T::ZERO);
-    }
-
-    /// Adds vertices of a cloth: their modes and their rows.
-    fn add(
-        &mut self,
-        using: Instructions,
-        cloth: usize,
-        modes: Columns<'_, T>,
-        rows: Columns<'_, T>,
-    ) {
-        let size = modes.count * rows.count;
-        let sums = Sums {
-            rows: &mut self.values[(cloth - self.first) * size..][..size],
-            stride: rows.count,
-            first: 0,
-        };
-        add_outer(using, sums, modes, rows);
-    }
-
-    /// Adds the sums to those of all cloths, `[cloths, modes, width]`; `size` is that of a cloth.
-    pub(crate) fn add_to(&self, all: &mut [T], size: usize) {
-        let all = &mut all[self.first * size..][..self.values.len()];
-        all.iter_mut()
-            .zip(&*self.values)
-            .for_each(|(sum, &part)| *sum += part);
     }
 }

@@ -62,6 +62,18 @@ pub(crate) struct MlpTile<'a, T> {
     pub(crate) inverse_deviation: &'a mut [T],
 }
 
+impl<'a, T> MlpRows<'a, T> {
+    /// The rows as a tile.
+    pub(crate) fn into_tile(self) -> MlpTile<'a, T> {
+        MlpTile {
+            hidden1: self.hidden1.values,
+            hidden2: self.hidden2.values,
+            normal: self.normal.values,
+            inverse_deviation: self.inverse_deviation.values,
+        }
+    }
+}
+
 /// Activations of a tile that are read.
 #[derive(Clone, Copy)]
 pub(crate) struct MlpKept<'a, T> {

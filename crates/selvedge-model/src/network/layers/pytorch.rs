@@ -10,15 +10,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use selvedge_cloth::Topology;
 
-use super::block::{
-    ArcGradients, ArcRows, Block, BlockInput, BlockKept, BlockRecord, NodeGradients, NodeRows,
-};
+use super::block::{Block, BlockInput, BlockKept, BlockRecord};
+use super::block_rows::{ArcGradients, ArcRows, NodeGradients, NodeRows};
 use super::encoder::{
     EncoderGradients, EncoderInput, EncoderKept, EncoderLayers, EncoderRecord, EncoderRows,
 };
-use super::filter::FilterRoom;
 use super::mlp::{Mlp, MlpGradients, MlpRecord};
 use super::scratch::{GroupScratch, GroupWork, Scratch};
+use super::whole_cloth::WholeRoom;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::share::Rows;
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
@@ -319,10 +318,29 @@ fn group_scratch<T: Real>(latent: usize, joined: usize, states: usize) -> GroupS
     scratch
 }
 
-fn block_nodes<'a, T>(nodes: &'a mut [T], sums: &'a mut [T]) -> NodeGradients<'a, T> {
+fn block_rows<'a, T: Real>(
+    block: &Block,
+    record: &'a mut BlockRecord<T>,
+    nodes: &'a mut [T],
+    edges: &'a mut [T],
+) -> (NodeRows<'a, T>, ArcRows<'a, T>) {
+    let (node_record, arc_record) = record.rows(block);
+    let nodes = NodeRows {
+        nodes: Rows::new(nodes, 5),
+        record: node_record,
+    };
+    let arcs = ArcRows {
+        arcs: Rows::new(edges, 5),
+        record: arc_record,
+    };
+    (nodes, arcs)
+}
+
+fn block_nodes<'a, T: Default>(nodes: &'a mut [T], sums: &'a mut [T]) -> NodeGradients<'a, T> {
     NodeGradients {
         nodes: Rows::new(nodes, 5),
         sums: Rows::new(sums, 10),
+        slices: Rows::default(),
     }
 }
 
@@ -343,7 +361,8 @@ fn scratch<T: Real>() -> Scratch<T> {
 fn block_case<T: Real>() {
     let mut case = Case::new::<T>("block");
     let (graph, order) = cloth();
-    let (block, parameters, size) = laid_out(|module| Block::new(module, "layer", 5, false));
+    let (block, parameters, size) =
+        laid_out(|module| Block::new(module, "layer", &ModelSpec::mesh_graph_nets(5, 1)));
     let flat: Vec<T> = real(&case.flat("weight", &parameters));
     let module = packed(&size, &flat, |packer| block.pack(packer));
     let weights = layer(&flat, &module);
@@ -357,21 +376,14 @@ fn block_case<T: Real>() {
     block.endpoint_products(weights, &nodes, &mut products);
     let mut record = BlockRecord::default();
     record.fit(&block, graph.vertex_count(), graph.arc_count());
-    let (node_record, arc_record) = record.rows(&block);
-    let mut node_rows = NodeRows {
-        nodes: Rows::new(&mut nodes, 5),
-        record: node_record,
-    };
-    let arc_rows = ArcRows {
-        arcs: Rows::new(&mut edges, 5),
-        record: arc_record,
-    };
-    let filter = &FilterRoom::default();
+    let (mut node_rows, arc_rows) = block_rows(&block, &mut record, &mut nodes, &mut edges);
+    let whole = &WholeRoom::default();
     let input = BlockInput {
         graph: &graph,
         partition,
         endpoint_products: &products,
-        filter,
+        whole,
+        slices: &[],
     };
     block.forward(weights, input, &mut node_rows, arc_rows, &mut scratch());
     case.compare("nodes", &nodes, &case.tensor("output.nodes"));
@@ -388,7 +400,8 @@ fn block_case<T: Real>() {
         graph: &graph,
         partition,
         record: &record,
-        filter,
+        whole,
+        slices: &[],
     };
     let by_nodes = block_nodes(&mut nodes, &mut products);
     let by_arcs = block_arcs(&mut edges, &mut pre_activation);

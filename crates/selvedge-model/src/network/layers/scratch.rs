@@ -4,8 +4,8 @@ use crate::graph::partition::{CHUNK, PARTITION_VERTICES};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::norm::NormRows;
 use crate::kernels::real::Real;
-use crate::network::layers::filter::ModeSums;
 use crate::network::layers::mlp::{MlpRows, MlpTile};
+use crate::network::layers::whole_cloth::WholeSums;
 use crate::network::parameters::ModuleGradient;
 
 /// Room for the values of a partition's forward pass that no later pass reads; one for each thread.
@@ -69,12 +69,7 @@ impl<T: Real> TileScratch<T> {
                 inverse_deviation: &mut self.inverse_deviation[..rows],
             };
         }
-        MlpTile {
-            hidden1: kept.hidden1.values,
-            hidden2: kept.hidden2.values,
-            normal: kept.normal.values,
-            inverse_deviation: kept.inverse_deviation.values,
-        }
+        kept.into_tile()
     }
 }
 
@@ -107,8 +102,8 @@ pub(crate) struct GroupScratch<T> {
     pub(crate) states: [Aligned<T>; 2],
     /// Sums of columns of `gates` of both layers, `[4 latent]`.
     pub(crate) biases: [Aligned<T>; 2],
-    /// Gradients of what the modes of the group's cloths give to a node update.
-    pub(crate) mode_sums: ModeSums<T>,
+    /// Gradients of what the group's cloths as wholes give to a node update.
+    pub(crate) whole_sums: WholeSums<T>,
 }
 
 impl<T: Real> GroupScratch<T> {
