@@ -58,6 +58,9 @@ fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
             edge_vector,
             edge_length,
             bending_angle,
+            bending_spread,
+            short_waves,
+            compression,
         } = report.terms;
         [
             Some(total),
@@ -66,6 +69,9 @@ fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
             edge_vector,
             edge_length,
             bending_angle,
+            bending_spread,
+            short_waves,
+            compression,
         ]
     };
     let pairs = terms(expected).into_iter().zip(terms(found));

@@ -140,6 +140,7 @@ pub fn loss_numbers(statistics: &LossStatistics, weights: &LossWeights) -> Vec<f
         edge_vector,
         edge_length,
         bending_angle,
+        ..
     } = *weights;
     numbers.extend([kinetic_energy, edge_vector, edge_length, bending_angle]);
     numbers

@@ -6,7 +6,7 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Modes, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::connectivity::Connectivity;
@@ -46,6 +46,7 @@ pub struct ClothGraph {
     pub(crate) rest_lengths: Vec<f32>,
     pub(crate) links: Vec<Link>,
     coarse_levels: usize,
+    long_modes: Option<Modes>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -108,6 +109,7 @@ impl ClothGraph {
             rest_vectors,
             links: Vec::new(),
             coarse_levels: 0,
+            long_modes: None,
             cloth: cloth.clone(),
             environment,
             frame_rate,
@@ -169,6 +171,20 @@ impl ClothGraph {
     pub fn with_modes(mut self, count: usize) -> Self {
         self.connectivity.modes = ModeTable::of(&self.cloth, count);
         self
+    }
+
+    /// The same cloth with its `count` longest waves, for measures of what is in the others; none
+    /// where that is 0.
+    #[must_use]
+    pub fn with_long_modes(mut self, count: usize) -> Self {
+        self.long_modes = (count > 0).then(|| Modes::of(&self.cloth, count));
+        self
+    }
+
+    /// The longest waves, if there are any.
+    #[must_use]
+    pub fn long_modes(&self) -> Option<&Modes> {
+        self.long_modes.as_ref()
     }
 
     /// The cloth.
