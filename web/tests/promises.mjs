@@ -75,6 +75,18 @@ test("one handle or none is said, and again after a reset", async () => {
   await noRemark();
 });
 
+test("a handle that is lifted is said for as long as it is higher", async () => {
+  await still(page);
+  const at = await place(page, (await handles())[0]);
+  await page.mouse.move(at.x, at.y);
+  await page.mouse.down();
+  for (let k = 1; k <= 10; k++) await page.mouse.move(at.x, at.y - 8 * k);
+  await remark("different heights");
+  await page.mouse.up();
+  await home(page);
+  await noRemark();
+});
+
 test("Home brings back the view of the start", async () => {
   const view = () => page.evaluate(() => window.selvedge.stage.camera.position.toArray());
   await home(page);

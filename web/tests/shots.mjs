@@ -1,7 +1,8 @@
-// Pictures of the page for people to look at: light, dark, phone, colours, side by side.
+// Pictures of the page for people to look at: light, dark, phone, colours, side by side; and what
+// hands do, by the model that MODEL names beside the physics: let-go, lift, blow, pull.
 // node tests/shots.mjs FOLDER [NAME...]
 import { mkdirSync } from "node:fs";
-import { browser, open, place, start } from "./browser.mjs";
+import { browser, open, place, start, still, until } from "./browser.mjs";
 
 const [folder = "shots", ...names] = process.argv.slice(2);
 mkdirSync(folder, { recursive: true });
@@ -37,6 +38,23 @@ async function pull(page, vertex, [dx, dy]) {
 const handle = (page, number) => page.evaluate((n) => window.selvedge.stage.frame.goals[n].vertex, number);
 const choose = (page, id, value) => page.selectOption(`#${id}`, value);
 const desk = { width: 1360, height: 850 };
+
+/** Moves a slider as a person does. */
+const slide = (page, id, value) =>
+  page.evaluate(
+    ([name, to]) => {
+      const slider = document.getElementById(name);
+      slider.value = to;
+      slider.dispatchEvent(new Event("input", { bubbles: true }));
+    },
+    [id, String(value)],
+  );
+
+/** Waits until the session has stepped for so many seconds of the cloth's own time. */
+async function moved(page, seconds) {
+  const from = await page.evaluate(() => window.selvedge.stage.frame.time);
+  await until(page, (time) => window.selvedge.stage.frame.time >= time, from + seconds);
+}
 
 await shot("light", { size: desk }, async (page) => {
   await wait(1.5);
@@ -78,4 +96,36 @@ await shot("laptop", { size: { width: 1280, height: 720 } }, async (page) => {
   await choose(page, "mesh", "l-shape");
   await page.waitForFunction(() => window.selvedge.state.generation === 2);
   await wait(2);
+});
+
+// The model and the physics under the same hands.
+const args = ["--model", process.env.MODEL ?? "corrected", "--show", "both"];
+await shot("let-go", { size: desk, args }, async (page) => {
+  await still(page);
+  const at = await place(page, await handle(page, 0));
+  await page.mouse.dblclick(at.x, at.y);
+  await until(page, () => window.selvedge.stage.frame.goals.length === 1);
+  await moved(page, 4);
+});
+await shot("lift", { size: desk, args }, async (page) => {
+  await still(page);
+  await pull(page, await handle(page, 1), [0, -190]);
+  await moved(page, 3);
+});
+await shot("blow", { size: desk, args }, async (page) => {
+  await slide(page, "wind", 6);
+  await moved(page, 5);
+});
+await shot("pull", { size: desk, args }, async (page) => {
+  await still(page);
+  // A vertex in the middle of the cloth.
+  const vertex = await page.evaluate(() => {
+    const { tracks } = window.selvedge.stage.frame;
+    const points = [...Array(tracks[0].length / 3).keys()].map((v) => [...tracks[0].slice(3 * v, 3 * v + 3)]);
+    const middle = [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
+    const away = points.map((p) => Math.hypot(...p.map((x, k) => x - middle[k])));
+    return away.indexOf(Math.min(...away));
+  });
+  await pull(page, vertex, [150, -60]);
+  await moved(page, 2);
 });

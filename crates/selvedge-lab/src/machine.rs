@@ -218,7 +218,8 @@ impl Machine {
     }
 
     /// The instructions of products on the processor.
-    fn instructions(&self) -> Instructions {
+    #[must_use]
+    pub fn instructions(&self) -> Instructions {
         match self {
             Self::CpuHalf => Instructions::Half,
             _ => Instructions::Detected,

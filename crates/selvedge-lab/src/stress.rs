@@ -1,5 +1,5 @@
-//! Stress tests: a model along random motions, without a truth, and the share of runs that stay
-//! whole.
+//! Stress tests: a model, or physics alone, along random motions, without a truth, and the share
+//! of runs that stay whole.
 //!
 //! Each run is the work of one thread from its start to its end, and its motion follows from seed
 //! and number alone.
@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec3;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::{
     Cloth, ClothError, HandleError, Motion, MotionError, RandomMotion, Scene, StepError, Stepper,
@@ -18,13 +19,14 @@ use selvedge_data::{
 };
 use selvedge_guard::GuardSettings;
 use selvedge_model::Departure;
+use selvedge_sim::{Simulator, SimulatorError, Threads};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cause::chain;
-use crate::domain::{self, DomainError};
+use crate::domain::{self, Beyond, DomainError};
 use crate::event::{OnEvent, Reporter, Task};
-use crate::machine::Machine;
+use crate::machine::{Machine, Mover};
 use crate::models::{NamedModel, SceneGraphError, StartModelError, graph_of_scene};
 use crate::physics::{self, RestPoseError};
 use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchError, WatchedModel};
@@ -45,6 +47,55 @@ pub struct StressPlan {
     pub guard: GuardSettings,
     /// Those who share the runs. Rank 0 has them.
     pub crew: Crew,
+}
+
+/// A contestant that is driven.
+pub enum Driven {
+    /// A model.
+    Model(NamedModel),
+    /// The physics of the scene with so many substeps, to compare with.
+    Physics(u32),
+}
+
+impl Driven {
+    /// The name for people.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Model(model) => model.name.clone(),
+            Self::Physics(1) => "physics, 1 substep".to_owned(),
+            Self::Physics(substeps) => format!("physics, {substeps} substeps"),
+        }
+    }
+
+    fn domain(&self, scene: &Scene, frames: usize) -> Result<Option<Beyond>, DomainError> {
+        match self {
+            Self::Model(model) => domain::of_scene(&model.model, scene, frames),
+            Self::Physics(_) => Ok(None),
+        }
+    }
+
+    /// Starts at rest on the cloth of `stage`.
+    fn start(&self, stage: &StressStage) -> Result<Mover, DriveError> {
+        let (scene, cloth) = (&stage.scene, &stage.cloth);
+        match self {
+            Self::Model(model) => {
+                let graph = graph_of_scene(scene, cloth, &model.model)?;
+                let start = cloth.rest_positions();
+                Ok(model.start(graph, start, &Machine::Cpu, scene)?)
+            }
+            Self::Physics(substeps) => {
+                let mut scene = Scene::clone(scene);
+                scene.physics.substeps = *substeps;
+                let rest = cloth.rest_positions().iter().map(|p| p.as_dvec3());
+                let start = rest.collect();
+                let still = vec![DVec3::ZERO; cloth.vertex_count()];
+                let mut simulator = Simulator::with_state(&scene, start, still)?;
+                simulator.set_threads(Threads::One);
+                Ok(Box::new(simulator))
+            }
+        }
+    }
 }
 
 /// Cloths in the place of the scene's own.
@@ -91,6 +142,7 @@ enum DriveError {
     Motion(#[from] MotionError),
     Graph(#[from] SceneGraphError),
     Start(#[from] StartModelError),
+    Physics(#[from] SimulatorError),
     Guard(#[from] WatchError),
     Targets(#[from] HandleError),
     Step(#[from] StepError),
@@ -215,25 +267,25 @@ fn stage(mesh: String, scene: Scene, reporter: &Reporter<'_>) -> Result<StressSt
     })
 }
 
-/// Checks that `model` was trained at the frame rate of the cloths, if its file says so.
+/// Checks that a model was trained at the frame rate of the cloths, if its file says so.
 ///
 /// # Errors
 /// [`DomainError::FrameRate`].
-pub fn check_rate(model: &NamedModel, stages: &[StressStage]) -> Result<(), DomainError> {
+pub fn check_rate(driven: &Driven, stages: &[StressStage]) -> Result<(), DomainError> {
     for stage in stages {
-        domain::of_scene(&model.model, &stage.scene, 0)?;
+        driven.domain(&stage.scene, 0)?;
     }
     Ok(())
 }
 
-/// Drives `model` through the motions of `plan`, each on one of `stages` in turn. The answer lacks
-/// the runs that were not finished when the listener asked to stop.
+/// Drives a model or the physics through the motions of `plan`, each on one of `stages` in turn.
+/// The answer lacks the runs that were not finished when the listener asked to stop.
 ///
 /// # Errors
 /// Threads that cannot be started. A run that fails is one that diverged.
 pub fn drive(
     plan: &StressPlan,
-    model: &NamedModel,
+    driven: &Driven,
     stages: &[StressStage],
     on_event: &mut OnEvent<'_>,
 ) -> Result<Vec<StressRun>, WorkerError> {
@@ -245,7 +297,7 @@ pub fn drive(
         let stage = &stages[number % stages.len()];
         let run = Drive {
             plan,
-            model,
+            driven,
             stage,
             task: &task,
         }
@@ -258,7 +310,7 @@ pub fn drive(
 /// One run under way.
 struct Drive<'a, 'l> {
     plan: &'a StressPlan,
-    model: &'a NamedModel,
+    driven: &'a Driven,
     stage: &'a StressStage,
     task: &'a Task<'a, 'l>,
 }
@@ -350,15 +402,11 @@ impl Drive<'_, '_> {
             motion: motion.motion(),
             ..Scene::clone(&stage.scene)
         };
-        let beyond = domain::of_scene(&self.model.model, &moving, plan.frames)?;
+        let beyond = self.driven.domain(&moving, plan.frames)?;
         run.beyond = beyond.map_or_else(Vec::new, |beyond| beyond.departures);
-        let start = stage.cloth.rest_positions();
         let held = stage.scene.handles.select(stage.scene.mesh.positions());
         let path = motion.motion().bind(&held, rate)?;
-        let graph = graph_of_scene(&stage.scene, &stage.cloth, &self.model.model)?;
-        let stepper = self
-            .model
-            .start(graph, start, &Machine::Cpu, &stage.scene)?;
+        let stepper = self.driven.start(stage)?;
         let scene = Some(Arc::clone(&stage.scene));
         let mut watched = WatchedModel::new(stepper, &stage.cloth, rate, scene, plan.guard)?;
         let started = Instant::now();

@@ -36,8 +36,9 @@ pub trait ReadyCloth: Send {
     fn remarks(&self) -> &[String];
 
     /// A remark for people on what moves the cloth now, such as a model in a wind that it has not
-    /// learned; none where there is nothing to say.
-    fn remark_on(&self, _mover: Mover, _hold: &Hold) -> Option<String> {
+    /// learned; none where there is nothing to say. The held vertices are at `places` `[m]`. What
+    /// is said anew is shown anew: a remark has no numbers that change with every frame.
+    fn remark_on(&self, _mover: Mover, _hold: &Hold, _places: &[DVec3]) -> Option<String> {
         None
     }
 

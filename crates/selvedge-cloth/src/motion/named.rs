@@ -109,6 +109,19 @@ pub fn test() -> Vec<&'static str> {
     TEST.iter().map(|(name, _)| *name).collect()
 }
 
+/// Those of the test set of which the training set has no likeness either. Seen from the handles,
+/// the image of a training motion in a mirror is the motion with the other x; of five that is a
+/// test motion.
+#[must_use]
+pub fn unseen() -> Vec<&'static str> {
+    let is_image = |[x, y, z]: [f64; 3]| {
+        let mut seen = TRAINING.iter();
+        seen.any(|(_, what)| matches!(what, Move::Along(way) if *way == [-x, y, z]))
+    };
+    let is_new = |(_, what): &&(&str, Move)| !matches!(what, Move::Along(way) if is_image(*way));
+    TEST.iter().filter(is_new).map(|(name, _)| *name).collect()
+}
+
 /// Motions unlike the training motions; each starts with 30 frames still and ends with 180.
 #[must_use]
 pub fn generalisation() -> Vec<&'static str> {

@@ -4,9 +4,11 @@ use std::path::Path;
 
 use selvedge_cloth::{Integrator, Scene, Substepping};
 use selvedge_data::{LoadedScene, SavedState, SceneFileError, SceneSpec, StartSpec};
+use selvedge_model::Aspect;
 
-use super::error::ConvergenceError;
+use super::error::{ChoiceError, ConvergenceError};
 use super::method::Method;
+use crate::domain;
 use crate::event::Reporter;
 use crate::report::slug;
 use crate::{fitting, physics};
@@ -76,6 +78,13 @@ impl Case {
         self.loaded.state.as_ref().map_or(0, |state| state.frame)
     }
 
+    /// The frame in which the cloth hangs at rest; none where the run does not begin so.
+    pub(super) fn rest_frame(&self) -> Option<usize> {
+        let begins_at_rest =
+            self.loaded.state.is_none() && self.loaded.spec.start == StartSpec::Rest;
+        begins_at_rest.then_some(0)
+    }
+
     /// The name as a file may have it.
     pub(super) fn slug(&self) -> String {
         let plain = slug(&self.name);
@@ -89,6 +98,27 @@ impl Case {
         own.start == its.start
             && own.setting == its.setting
             && self.loaded.state == other.loaded.state
+    }
+
+    /// Aspects of the first `frames` frames that the model of `method` was not trained on; none for
+    /// physics and for a model that does not say.
+    ///
+    /// # Errors
+    /// A model of another frame rate, or a motion that cannot drive the handles.
+    pub(super) fn beyond(
+        &self,
+        method: &Method,
+        frames: usize,
+    ) -> Result<Option<Vec<Aspect>>, ChoiceError> {
+        let Some(model) = method.integrator.model() else {
+            return Ok(None);
+        };
+        let beyond = domain::of_scene(model, self.scene(), frames);
+        let beyond = beyond.map_err(|error| {
+            let (scene, model) = (&self.name, &method.integrator);
+            ChoiceError::new(format!("scene {scene:?} by {model}: {error}"))
+        })?;
+        Ok(beyond.map(|beyond| beyond.departures.iter().map(|d| d.aspect).collect()))
     }
 
     /// The state in which the run starts, as the scene says.

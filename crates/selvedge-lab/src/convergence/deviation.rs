@@ -147,6 +147,14 @@ impl<'a> Gauge<'a> {
         strains.fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// The largest strains of both, as yet of this frame alone.
+    pub(super) fn strains(&self, truth: State<'_>, found: State<'_>) -> Strains {
+        Strains {
+            truth: self.largest_strain(truth.positions),
+            found: self.largest_strain(found.positions),
+        }
+    }
+
     /// The dihedral angle of each inner edge `[rad]`.
     fn angles(&self, positions: &[DVec3]) -> Vec<f64> {
         let edges = self.topology.edges().iter();
@@ -183,6 +191,22 @@ impl<'a> Gauge<'a> {
 pub(super) struct Strains {
     pub(super) truth: f64,
     pub(super) found: f64,
+}
+
+impl Strains {
+    /// None that was measured.
+    pub(super) const NONE: Self = Self {
+        truth: f64::NEG_INFINITY,
+        found: f64::NEG_INFINITY,
+    };
+
+    /// The larger of each.
+    pub(super) fn max(self, other: Self) -> Self {
+        Self {
+            truth: self.truth.max(other.truth),
+            found: self.found.max(other.found),
+        }
+    }
 }
 
 fn distances<'a>(a: &'a [DVec3], b: &'a [DVec3]) -> impl Iterator<Item = f64> + 'a {

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use selvedge_cloth::Integrator;
-use selvedge_model::Model;
+use selvedge_model::{Instructions, Model};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -19,6 +19,7 @@ pub struct NamedIntegrator {
     name: String,
     integrator: Integrator,
     model: Option<Arc<Model>>,
+    instructions: Instructions,
 }
 
 /// Models are told apart by their names.
@@ -56,6 +57,7 @@ impl FromStr for NamedIntegrator {
             name: name.to_owned(),
             integrator,
             model: None,
+            instructions: Instructions::default(),
         })
     }
 }
@@ -65,6 +67,38 @@ impl NamedIntegrator {
     #[must_use]
     pub fn model(&self) -> Option<&Arc<Model>> {
         self.model.as_ref()
+    }
+
+    /// The model, if it corrects physics.
+    #[must_use]
+    pub fn corrector(&self) -> Option<&Arc<Model>> {
+        self.model().filter(|model| model.spec().base.is_some())
+    }
+
+    /// The instructions of a model's products.
+    #[must_use]
+    pub fn instructions(&self) -> Instructions {
+        self.instructions
+    }
+
+    /// An integrator as a scene has it, called by its kind.
+    fn of(integrator: Integrator) -> Self {
+        let kind = match serde_json::to_value(integrator) {
+            Ok(Value::String(word)) => word,
+            Ok(Value::Object(table)) => table.keys().next().cloned().unwrap_or_default(),
+            _ => String::new(),
+        };
+        let named = kind.parse::<Self>().ok();
+        let name = match named.filter(|named| named.integrator == integrator) {
+            Some(named) => return named,
+            None => format!("{kind} of the model"),
+        };
+        Self {
+            name,
+            integrator,
+            model: None,
+            instructions: Instructions::default(),
+        }
     }
 
     /// As scenes have it; that of the physics that a model corrects.
@@ -90,16 +124,50 @@ impl Method {
     /// A model called `name`, with the substeps of the physics that it corrects; 1 where it
     /// corrects none.
     #[must_use]
-    pub fn of_model(name: String, model: Arc<Model>) -> Self {
+    pub fn of_model(name: String, model: Arc<Model>, instructions: Instructions) -> Self {
         let base = model.spec().base;
         Self {
             integrator: NamedIntegrator {
                 name,
                 integrator: base.map_or(Integrator::default(), |base| base.integrator),
                 model: Some(model),
+                instructions,
             },
             substeps: base.map_or(1, |base| base.substeps),
         }
+    }
+
+    /// The physics that a model corrects, alone: with its own substeps, and with one more, which
+    /// costs about what the model does; none for others.
+    #[must_use]
+    pub fn bases(&self) -> Option<[Self; 2]> {
+        let base = self.integrator.corrector()?.spec().base?;
+        let with = |substeps| Self {
+            integrator: NamedIntegrator::of(base.integrator),
+            substeps,
+        };
+        Some([with(base.substeps), with(base.substeps + 1)])
+    }
+
+    /// `physics` and `models`, with the physics alone that they correct among the first, each
+    /// integrator's substeps rising.
+    #[must_use]
+    pub fn with_models(physics: Vec<Self>, models: Vec<Self>) -> Vec<Self> {
+        let bases = models.iter().filter_map(Self::bases).flatten();
+        let mut all: Vec<Self> = Vec::new();
+        let mut integrators: Vec<NamedIntegrator> = Vec::new();
+        for method in physics.into_iter().chain(bases) {
+            if !integrators.contains(&method.integrator) {
+                integrators.push(method.integrator.clone());
+            }
+            if !all.contains(&method) {
+                all.push(method);
+            }
+        }
+        let place = |method: &Self| integrators.iter().position(|i| *i == method.integrator);
+        all.sort_by_key(|method| (place(method), method.substeps));
+        all.extend(models);
+        all
     }
 
     /// Every one of `integrators` with every one of `substeps`, each once.
@@ -128,6 +196,9 @@ impl Method {
 
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.integrator.model().is_some() && self.integrator.corrector().is_none() {
+            return write!(f, "{}", self.integrator);
+        }
         let plural = if self.substeps == 1 { "" } else { "s" };
         write!(f, "{}, {} substep{plural}", self.integrator, self.substeps)
     }

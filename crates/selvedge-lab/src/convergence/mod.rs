@@ -5,12 +5,13 @@
 //! substeps that it counts as the truth; its states are kept in f64. From **starts** spread over
 //! that run, each a true state, every **rival** (an integrator with so many substeps) runs for the
 //! longest of the **horizons**, and is measured against the reference at each of them. A second
-//! reference run with half the substeps tells the error of the first.
+//! reference run with half the substeps tells the error of the first. Where **whole runs** are
+//! asked for, each method also runs from the first frame of the case to the last.
 //!
 //! Runs are the work of one thread each, so that all numbers but the times are the same for any
 //! number of threads. Times are taken afterwards, from runs that have the machine for themselves.
 //!
-//! `settings` checks what is asked for, `reference` makes and keeps the truth, `runs` and
+//! `settings` checks what is asked for, `reference` makes and keeps the truth, `runs`, `whole` and
 //! `deviation` measure, `order` and `outcome` sum up, `report` writes.
 
 mod case;
@@ -24,6 +25,7 @@ mod report;
 mod runner;
 mod runs;
 mod settings;
+mod whole;
 
 use std::path::{Path, PathBuf};
 
@@ -37,6 +39,7 @@ pub use self::method::{Method, NamedIntegrator};
 pub use self::outcome::{CaseOutcome, Mean, Outcome, Run, Series};
 pub use self::report::{TABLES, report};
 pub use self::settings::{Plan, Settings};
+pub use self::whole::WholeRun;
 
 use self::deviation::Gauge;
 use self::reference::{Reference, ReferenceJob};
@@ -94,7 +97,11 @@ pub fn run(
     drop(task);
     let mut measured: Vec<Measured> = measured.into_iter().flatten().collect();
     let timed = plan.time(&mut measured, &reporter);
-    let is_whole = |case: &Measured| case.outcome.starts.len() == plan.settings.starts;
+    let is_whole = |case: &Measured| {
+        let mut series = case.outcome.rivals.iter().chain([&case.outcome.half]);
+        case.outcome.starts.len() == plan.settings.starts
+            && (!plan.settings.whole || series.all(|series| series.whole.is_some()))
+    };
     if timed == End::Complete && measured.len() == prepared.len() && measured.iter().all(is_whole) {
         outcome.end = End::Complete;
     }
@@ -157,8 +164,10 @@ impl Plan {
         let of = |job: &Prepared<'_>| {
             let frames = job.start.as_ref();
             let frames = frames.map_or(0, |start| job.window.last.saturating_sub(start.frame));
+            let first = job.case.first_frame();
+            let whole = usize::from(settings.whole) * job.window.last.saturating_sub(first);
             frames * settings.reference.substeps as usize
-                + job.window.starts.len() * settings.longest() * per_frame
+                + (job.window.starts.len() * settings.longest() + whole) * per_frame
         };
         prepared.iter().map(of).sum()
     }
@@ -191,8 +200,14 @@ impl Plan {
             })
             .collect();
         let runs: Vec<Vec<Run>> = runs.into_iter().flatten().collect();
+        let wholes = self.wholes(job, &bench, &methods);
+        let frames = job.window.last - job.case.first_frame();
+        // What goes beyond a training was looked at when the plan was made.
+        let beyond = |method: &Method| job.case.beyond(method, frames).ok().flatten();
         let series = |number: usize| Series {
             method: methods[number].clone(),
+            whole: wholes.get(number).cloned().flatten(),
+            beyond: beyond(methods[number]),
             runs: runs
                 .iter()
                 .map(|of_start| of_start[number].clone())
@@ -215,6 +230,23 @@ impl Plan {
                 starts,
             },
         }))
+    }
+
+    /// The whole run of each of `methods`; nothing where none are asked for.
+    fn wholes(
+        &self,
+        job: &Prepared<'_>,
+        bench: &Bench<'_, '_>,
+        methods: &[&Method],
+    ) -> Vec<Option<Result<WholeRun, String>>> {
+        if !self.settings.whole {
+            return Vec::new();
+        }
+        let (first, last) = (job.case.first_frame(), job.window.last);
+        let methods = methods.par_iter();
+        methods
+            .map(|method| bench.whole(method, first, last))
+            .collect()
     }
 
     fn reference(

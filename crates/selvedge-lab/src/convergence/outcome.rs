@@ -1,10 +1,12 @@
 //! The outcome of a study: runs, their means over starts, and over cases.
 
+use selvedge_model::Aspect;
 use serde::Serialize;
 
 use super::deviation::Deviation;
 use super::method::Method;
 use super::settings::Settings;
+use super::whole::WholeRun;
 use crate::event::End;
 
 /// A run from a true state.
@@ -14,6 +16,8 @@ pub struct Run {
     pub start: usize,
     /// Measures after each of the horizons; fewer where the run failed.
     pub deviations: Vec<Deviation>,
+    /// Mean part of the vertices that a model that corrects physics knew; none for others.
+    pub familiar: Option<f64>,
     /// The reason of an early end.
     pub failure: Option<String>,
 }
@@ -25,6 +29,12 @@ pub struct Series {
     pub method: Method,
     /// One per start.
     pub runs: Vec<Run>,
+    /// The run from the first frame to the last, or the reason of its early end; none where it was
+    /// not asked for, or not reached.
+    pub whole: Option<Result<WholeRun, String>>,
+    /// Aspects of the case that a model was not trained on; none for physics and for a model that
+    /// does not say.
+    pub beyond: Option<Vec<Aspect>>,
     /// Wall time of a frame on one thread, median over frames `[ms]`; none where it was not taken.
     pub ms_per_frame: Option<f64>,
 }
@@ -106,6 +116,19 @@ impl Series {
             .map(|run| run.deviations.get(horizon).copied());
         Deviation::pooled(&all.collect::<Option<Vec<_>>>()?)
     }
+
+    /// Mean part of the vertices that a model that corrects physics knew; none for others.
+    #[must_use]
+    pub fn familiar(&self) -> Option<f64> {
+        let all = self.runs.iter().map(|run| run.familiar);
+        let all = all.collect::<Option<Vec<f64>>>()?;
+        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+    }
+
+    /// The measures of the whole run, where there is one that did not fail.
+    pub(super) fn whole(&self) -> Option<WholeRun> {
+        self.whole.as_ref()?.as_ref().ok().copied()
+    }
 }
 
 impl Outcome {
@@ -117,6 +140,24 @@ impl Outcome {
             .iter()
             .map(|case| case.rivals.get(rival)?.mean(horizon));
         Deviation::pooled(&all.collect::<Option<Vec<_>>>()?)
+    }
+
+    /// The mean whole run of the method of this number over all cases; none where one failed or
+    /// was not asked for.
+    #[must_use]
+    pub fn whole(&self, rival: usize) -> Option<WholeRun> {
+        let all = self
+            .cases
+            .iter()
+            .map(|case| case.rivals.get(rival)?.whole());
+        WholeRun::pooled(&all.collect::<Option<Vec<_>>>()?)
+    }
+
+    /// The mean whole run of half the reference's substeps over all cases.
+    #[must_use]
+    pub fn half_whole(&self) -> Option<WholeRun> {
+        let all = self.cases.iter().map(|case| case.half.whole());
+        WholeRun::pooled(&all.collect::<Option<Vec<_>>>()?)
     }
 
     /// The mean of the second reference run over all cases.

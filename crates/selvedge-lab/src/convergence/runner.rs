@@ -14,6 +14,15 @@ use super::method::Method;
 use super::reference::start_simulator;
 use crate::physics::rounded;
 
+/// True positions `[m]`, `[vertices]`, that a model alone begins with.
+#[derive(Clone, Copy)]
+pub(super) struct KnownFrames<'k, 't> {
+    /// Those of a frame, where there is one.
+    pub(super) truth: &'k dyn Fn(usize) -> Option<&'t [DVec3]>,
+    /// The frame in which the cloth hangs at rest, where the run has one.
+    pub(super) rest: Option<usize>,
+}
+
 /// A cloth on its way from a true state.
 pub(super) struct Runner {
     mover: Mover,
@@ -33,18 +42,19 @@ enum Mover {
 }
 
 impl Runner {
-    /// Starts `method` on `scene`, which is by its integrator, in the state `start`; `truth` gives
-    /// the true positions of earlier frames, which a model alone begins with.
+    /// Starts `method` on `scene`, which is by its integrator, in the state `start`, with
+    /// the frames before it that are `known`.
     ///
     /// # Errors
     /// A state or a scene that cannot be run, in words.
-    pub(super) fn start<'t>(
+    pub(super) fn start(
         method: &Method,
         scene: &Scene,
         start: SavedState,
-        truth: &dyn Fn(usize) -> Option<&'t [DVec3]>,
+        known: KnownFrames<'_, '_>,
     ) -> Result<Self, String> {
         let frame = start.frame;
+        let instructions = method.integrator.instructions();
         let mover = match method.integrator.model() {
             None => Mover::Physics(start_simulator(scene, start)?),
             Some(model) if model.spec().base.is_some() => {
@@ -54,10 +64,18 @@ impl Runner {
                 };
                 let stepper = CorrectedStepper::new(Arc::clone(model), scene, state);
                 let mut stepper = stepper.map_err(|error| error.to_string())?.at_frame(frame);
+                stepper = stepper.with_instructions(instructions);
                 stepper.set_threads(Threads::One);
                 Mover::Corrected(stepper)
             }
-            Some(model) => learned(model, scene, &start, truth)?,
+            Some(model) => {
+                let stepper = learned(model, scene, &start, known)?;
+                Mover::Learned {
+                    before: stepper.positions().to_vec(),
+                    rate: scene.frame_rate,
+                    stepper: stepper.with_instructions(instructions),
+                }
+            }
         };
         Ok(Self { mover, frame })
     }
@@ -74,6 +92,15 @@ impl Runner {
             .map_err(|error| error.to_string())?;
         self.frame += 1;
         Ok(())
+    }
+
+    /// The part of the last frame's vertices that a model that corrects physics knew; none for
+    /// others.
+    pub(super) fn familiar(&self) -> Option<f64> {
+        match &self.mover {
+            Mover::Corrected(stepper) => Some(stepper.familiarity().familiar),
+            _ => None,
+        }
     }
 
     /// The state now; a model alone moves as it came from the frame before.
@@ -112,28 +139,28 @@ impl Mover {
 }
 
 /// A model that moves the cloth alone, from the last true frames.
-fn learned<'t>(
+fn learned(
     model: &Arc<Model>,
     scene: &Scene,
     start: &SavedState,
-    truth: &dyn Fn(usize) -> Option<&'t [DVec3]>,
-) -> Result<Mover, String> {
+    known: KnownFrames<'_, '_>,
+) -> Result<LearnedStepper, String> {
     let needed = model.spec().history();
     let first = (start.frame + 1).saturating_sub(needed);
-    let known = (first..=start.frame).filter_map(truth);
-    let frames: Vec<Vec<Vec3>> = known.map(rounded).collect();
+    let frames = (first..=start.frame).filter_map(known.truth);
+    let frames: Vec<Vec<Vec3>> = frames.map(rounded).collect();
     let frames: Vec<&[Vec3]> = frames.iter().map(Vec::as_slice).collect();
     // The rest pose that features compare with: the model's own scene begins in it.
-    let rest = selvedge_sim::sag(scene).map_err(|error| error.to_string())?;
-    let cloth = Cloth::of_scene(scene, rounded(&rest.positions));
-    let cloth = cloth.map_err(|error| error.to_string())?;
+    let rest = match known.rest.and_then(known.truth) {
+        Some(positions) => rounded(positions),
+        None => {
+            let found = selvedge_sim::sag(scene).map_err(|error| error.to_string())?;
+            rounded(&found.positions)
+        }
+    };
+    let cloth = Cloth::of_scene(scene, rest).map_err(|error| error.to_string())?;
     let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);
     let graph = graph.map_err(|error| error.to_string())?;
     let stepper = LearnedStepper::new(Arc::clone(model), graph, &frames);
-    let stepper = stepper.map_err(|error| error.to_string())?;
-    Ok(Mover::Learned {
-        before: stepper.positions().to_vec(),
-        rate: scene.frame_rate,
-        stepper,
-    })
+    stepper.map_err(|error| error.to_string())
 }

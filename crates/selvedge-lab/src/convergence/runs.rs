@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use selvedge_cloth::Scene;
 use selvedge_data::{Drive, SavedState};
 
 use super::case::Case;
@@ -9,7 +10,7 @@ use super::deviation::{Deviation, Gauge, Strains};
 use super::method::Method;
 use super::outcome::Run;
 use super::reference::{Reference, State};
-use super::runner::Runner;
+use super::runner::{KnownFrames, Runner};
 use crate::event::Task;
 
 /// Time after which there are frames enough to know how long one takes.
@@ -31,6 +32,7 @@ impl Bench<'_, '_> {
         let mut run = Run {
             start,
             deviations: Vec::with_capacity(self.horizons.len()),
+            familiar: None,
             failure: None,
         };
         match self.steps(method, &mut run) {
@@ -42,57 +44,75 @@ impl Bench<'_, '_> {
     }
 
     fn steps(&self, method: &Method, run: &mut Run) -> Result<Finished, String> {
-        let lacking = |frame: usize| format!("the reference has no frame {frame}");
-        let saved = self.reference.saved(run.start);
-        let saved = saved.ok_or_else(|| lacking(run.start))?;
         let scene = self.case.scene_by(method);
-        let mut simulator = Runner::start(method, &scene, saved, &|frame| {
-            self.reference.state(frame).map(|state| state.positions)
-        })?;
+        let mut runner = self.runner(method, &scene, run.start)?;
         let path = scene.handle_path().map_err(|error| error.to_string())?;
         let drive = Drive {
             path: &path,
             samples_per_frame: method.substeps as usize,
         };
-        let mut strains = Strains {
-            truth: f64::NEG_INFINITY,
-            found: f64::NEG_INFINITY,
-        };
+        let mut strains = Strains::NONE;
+        let mut familiar = 0.0;
         for k in 1..=self.horizons.last().copied().unwrap_or(0) {
-            simulator.step(drive)?;
+            runner.step(drive)?;
             let frame = run.start + k;
-            let truth = self.reference.state(frame).ok_or_else(|| lacking(frame))?;
-            let found = simulator.state();
+            let truth = self.truth(frame)?;
+            let found = runner.state();
             let found = State {
                 positions: &found.positions,
                 velocities: &found.velocities,
             };
-            strains.truth = strains
-                .truth
-                .max(self.gauge.largest_strain(truth.positions));
-            strains.found = strains
-                .found
-                .max(self.gauge.largest_strain(found.positions));
+            strains = strains.max(self.gauge.strains(truth, found));
             if self.horizons.contains(&k) {
                 let deviation = self.gauge.deviation(truth, found, strains);
                 check_finite(&deviation, frame)?;
                 run.deviations.push(deviation);
             }
+            familiar += runner.familiar().unwrap_or(0.0);
+            run.familiar = runner.familiar().map(|_| familiar / k as f64);
             if self.task.advance_by(method.substeps).is_break() {
                 return Ok(Finished::Stopped);
             }
         }
         Ok(Finished::Yes)
     }
+
+    /// The true state of `frame`.
+    ///
+    /// # Errors
+    /// A frame that the reference does not have, in words.
+    pub(super) fn truth(&self, frame: usize) -> Result<State<'_>, String> {
+        let state = self.reference.state(frame);
+        state.ok_or_else(|| format!("the reference has no frame {frame}"))
+    }
+
+    /// A cloth of `scene`, which is by `method`, in the true state of `frame`.
+    ///
+    /// # Errors
+    /// A state or a scene that cannot be run, in words.
+    pub(super) fn runner(
+        &self,
+        method: &Method,
+        scene: &Scene,
+        frame: usize,
+    ) -> Result<Runner, String> {
+        let saved = self.reference.saved(frame);
+        let saved = saved.ok_or_else(|| format!("the reference has no frame {frame}"))?;
+        let known = KnownFrames {
+            truth: &|frame| self.reference.state(frame).map(|state| state.positions),
+            rest: self.case.rest_frame(),
+        };
+        Runner::start(method, scene, saved, known)
+    }
 }
 
 /// The end of a run that did not fail.
-enum Finished {
+pub(super) enum Finished {
     Yes,
     Stopped,
 }
 
-fn check_finite(deviation: &Deviation, frame: usize) -> Result<(), String> {
+pub(super) fn check_finite(deviation: &Deviation, frame: usize) -> Result<(), String> {
     if deviation.values().iter().all(|value| value.is_finite()) {
         return Ok(());
     }
@@ -108,8 +128,12 @@ pub(super) fn milliseconds(
     task: &TimedFrames<'_, '_>,
 ) -> Option<f64> {
     let scene = case.scene_by(method);
-    let at = |_: usize| Some(start.positions.as_slice());
-    let mut simulator = Runner::start(method, &scene, start.clone(), &at).ok()?;
+    // The time of a frame does not depend on the frames before it.
+    let known = KnownFrames {
+        truth: &|_| Some(start.positions.as_slice()),
+        rest: Some(0),
+    };
+    let mut simulator = Runner::start(method, &scene, start.clone(), known).ok()?;
     let path = scene.handle_path().ok()?;
     let drive = Drive {
         path: &path,

@@ -20,6 +20,8 @@ pub struct Settings {
     pub from: Option<usize>,
     /// Frame in which the last run ends; by default the last of the motion.
     pub to: Option<usize>,
+    /// Each method also runs from the first frame to the last.
+    pub whole: bool,
     /// Threads; by default one per processor.
     pub threads: Option<usize>,
 }
@@ -62,6 +64,7 @@ impl Plan {
                 physics
                     .validate()
                     .map_err(|error| ChoiceError::new(wrong(error)))?;
+                case.beyond(method, 0)?;
             }
             let window = settings.window(&case)?;
             planned.push((case, window));
@@ -175,6 +178,7 @@ mod tests {
             starts: 5,
             from: None,
             to: None,
+            whole: false,
             threads: None,
         }
     }

@@ -3,6 +3,8 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use selvedge_model::Instructions;
+
 use super::*;
 use crate::event::Event;
 
@@ -28,6 +30,7 @@ fn plan(threads: usize) -> Plan {
         starts: 3,
         from: Some(6),
         to: None,
+        whole: true,
         threads: Some(threads),
     };
     Plan::new(Case::all(&[scene], &[], &[]).unwrap(), settings).unwrap()
@@ -64,8 +67,37 @@ fn errors_fall_with_substeps_and_are_those_of_first_order() {
     let own = order::richardson(outcome.half(1).unwrap().position_rmse, 1);
     let law = errors[2] / (1.0 / 4.0 - 1.0 / 64.0) / 64.0;
     assert!((own / law - 1.0).abs() < 0.25, "{own} {law}");
+    // Over whole runs as well: the motion is too gentle for folds that fall the other way.
+    let whole = |rival| outcome.whole(rival).unwrap();
+    let errors = [0, 1, 2].map(|rival| whole(rival).position_rmse);
+    assert!(errors[0] > errors[1] && errors[1] > errors[2], "{errors:?}");
+    let folds = whole(2).fold_ratio().unwrap();
+    assert!((folds - 1.0).abs() < 0.1, "{folds}");
     let page = report(&outcome).unwrap();
     assert!(page.write(folder.path()).unwrap().len() > 6);
+    for plot in ["whole.svg", "folds.svg", "whole-folds.svg"] {
+        assert!(folder.path().join(plot).exists(), "{plot}");
+    }
+}
+
+#[test]
+fn a_whole_run_is_the_mean_of_its_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut plan = plan(1);
+    plan.settings.horizons = (1..=21).collect();
+    plan.settings.from = None;
+    plan.cases[0].1.starts = vec![0];
+    plan.settings.starts = 1;
+    let outcome = study(&plan, folder.path());
+    let run = &outcome.cases[0].rivals[0].runs[0];
+    let squares = run.deviations.iter().map(|d| d.position_rmse.powi(2));
+    let mean = (squares.sum::<f64>() / 21.0).sqrt();
+    let folds = run.deviations.iter().map(|d| d.folds).sum::<f64>() / 21.0;
+    let whole = outcome.whole(0).unwrap();
+    assert!((whole.position_rmse / mean - 1.0).abs() < 1e-12);
+    assert!((whole.folds / folds - 1.0).abs() < 1e-12);
+    let last = run.deviations.last().unwrap();
+    assert_eq!(whole.largest_strain, last.largest_strain);
 }
 
 #[test]
@@ -143,10 +175,9 @@ fn a_model_is_a_series_of_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let mut plan = plan(1);
     let model = crate::teaching::tests::model();
-    plan.settings.rivals = vec![
-        plan.settings.rivals[0].clone(),
-        Method::of_model("mine".to_owned(), model),
-    ];
+    let mine = Method::of_model("mine".to_owned(), model, Instructions::default());
+    let physics = vec![plan.settings.rivals[0].clone()];
+    plan.settings.rivals = Method::with_models(physics, vec![mine]);
     let outcome = study(&plan, folder.path());
     assert_eq!(outcome.end, End::Complete);
     let names: Vec<String> = outcome.cases[0]
@@ -154,12 +185,55 @@ fn a_model_is_a_series_of_its_name() {
         .iter()
         .map(|series| series.method.to_string())
         .collect();
-    assert_eq!(names, ["linearised, 1 substep", "mine, 1 substep"]);
-    let own = outcome.mean(1, 1).unwrap().position_rmse;
+    // What it corrects, and that with a substep more, are measured with it.
+    let expected = [
+        "linearised, 1 substep",
+        "second-order, 1 substep",
+        "second-order, 2 substeps",
+        "mine, 1 substep",
+    ];
+    assert_eq!(names, expected);
+    let own = outcome.mean(3, 1).unwrap().position_rmse;
     assert!(own > 0.0 && own < 0.05, "{own}");
-    assert_ne!(own, outcome.mean(0, 1).unwrap().position_rmse);
+    assert_ne!(own, outcome.mean(1, 1).unwrap().position_rmse);
+    let familiar = outcome.cases[0].rivals[3].familiar().unwrap();
+    assert!((0.0..=1.0).contains(&familiar), "{familiar}");
+    assert_eq!(outcome.cases[0].rivals[0].familiar(), None);
     let page = report(&outcome).unwrap();
     page.write(folder.path()).unwrap();
     let page = std::fs::read_to_string(folder.path().join("report.md")).unwrap();
-    assert!(page.contains("| mine, 1 substep |"), "{page}");
+    for text in [
+        "| mine, 1 substep |",
+        "mine, 1 substep / second-order, 1 substep / second-order, 2 substeps:",
+        "| push | 16 | unknown |",
+        "| *all* |",
+        "| *times the physics alone* |",
+        "| times nearer |",
+    ] {
+        assert!(page.contains(text), "{text}\n{page}");
+    }
+}
+
+#[test]
+fn the_scenes_elsewhere_can_be_studied_as_the_guide_says() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/elsewhere");
+    let files = std::fs::read_dir(folder).unwrap();
+    let opened = files.map(|file| {
+        let path = file.unwrap().path();
+        selvedge_data::open_scene(path.to_str().unwrap()).unwrap()
+    });
+    let opened: Vec<_> = opened.collect();
+    let settings = Settings {
+        horizons: vec![1, 10, 50],
+        starts: 10,
+        from: Some(70),
+        to: Some(370),
+        ..plan(1).settings
+    };
+    let plan = Plan::new(Case::all(&opened, &[], &[]).unwrap(), settings).unwrap();
+    let vertices = |(case, _): &(Case, _)| case.scene().mesh.positions().len();
+    let sizes: Vec<usize> = plan.cases.iter().map(vertices).collect();
+    let (least, most) = (sizes.iter().min(), sizes.iter().max());
+    assert_eq!((least, most), (Some(&200), Some(&4096)));
+    assert!(plan.cases.len() > 20, "{}", plan.cases.len());
 }

@@ -320,7 +320,11 @@ impl Session {
             Some(_) => None,
             None => self.showing.live(),
         };
-        let remark = live.and_then(|live| live.ready().remark_on(live.mover(), live.hold()));
+        let remark = live.and_then(|live| {
+            let places = live.places(&live.hold().handles);
+            let ready = live.ready();
+            ready.remark_on(live.mover(), live.hold(), &places)
+        });
         if remark != self.remarked {
             self.remarked.clone_from(&remark);
             if let Some(remark) = remark {

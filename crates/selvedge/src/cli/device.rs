@@ -59,7 +59,7 @@ impl DeviceArgs {
 
 /// A rounding of factors before they are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PrecisionFlag {
+pub(super) enum PrecisionFlag {
     /// No rounding.
     Full,
     /// To 10 bits (TF32).
@@ -70,7 +70,7 @@ enum PrecisionFlag {
 
 impl PrecisionFlag {
     /// The precision as the laboratory names it.
-    fn name(self) -> PrecisionName {
+    pub(super) fn name(self) -> PrecisionName {
         match self {
             Self::Full => PrecisionName::Full,
             Self::Tensor => PrecisionName::Tensor,

@@ -50,8 +50,8 @@ impl GuardName {
 ///
 /// Every run starts in the rest pose; the handles stand still for half a second and then move in
 /// every direction and turn, as in the random motions of the data sets. A run diverges where some
-/// edge strains over 30 % for more than 10 frames in a row. The numbers are the same for any number
-/// of threads, but for the time of a frame. Ctrl-C prints what is done.
+/// edge strains over 30 % for more than 10 frames in a row, or where it fails. The numbers are the
+/// same for any number of threads, but for the time of a frame. Ctrl-C prints what is done.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -59,7 +59,8 @@ Examples:
   selvedge stress --runs 1000 --guard none --out runs.csv
   selvedge stress --only 17,230
   selvedge stress my-scene.toml --model my-model.safetensors --speed 1.5 --out runs.csv
-  selvedge stress --mesh all --density 400")]
+  selvedge stress --mesh all --density 400
+  selvedge stress --runs 1000 --guard none --physics 2")]
 pub(crate) struct StressArgs {
     /// A scene: a TOML file, or the name of a shipped one. Its motion is not used.
     #[arg(default_value = "default")]
@@ -67,6 +68,10 @@ pub(crate) struct StressArgs {
     /// The model's weights: a file, or the name of the shipped model [default: small].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
+    /// The physics of the scene with so many substeps per frame in the place of a model, to compare
+    /// with.
+    #[arg(long, value_name = "SUBSTEPS", conflicts_with = "model", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) physics: Option<u32>,
     /// Number of motions.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) runs: u32,

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use selvedge_cluster::Shard;
 use selvedge_lab::convergence::{Method, NamedIntegrator, Settings};
+use selvedge_lab::machine::PrecisionName;
 
 use super::DeviceArgs;
+use super::device::PrecisionFlag;
 use super::evaluate::MOST_THREADS;
 
 /// Train models, measure them and write what came out, as a file says; or study the physics.
@@ -79,9 +81,11 @@ Examples:
   selvedge study convergence default --out studies/swing --from 70 --to 360
   selvedge study convergence my-scene.toml --out mine --integrators linearised,newton --substeps 1,2,4
   selvedge study convergence default --out studies/all --motion test --material all
+  selvedge study convergence default --out studies/models --motion unseen --whole --model small --model mine=a.safetensors
+  selvedge study convergence assets/scenes/elsewhere/*.toml --out studies/elsewhere --model corrected --substeps 2
 
-The folder gets report.md with its plots, convergence.csv (means), starts.csv (every run), times.csv
-and references/: the true states, in double precision. They are taken again where they fit, so that
+The folder gets report.md with its plots, convergence.csv (means), starts.csv (every run), whole.csv
+(whole runs), times.csv and references/: the true states, in double precision. They are taken again where they fit, so that
 a second study of the same scenes is quick. After Ctrl-C the report is of the starts that were done.")]
 pub(crate) struct ConvergenceArgs {
     /// Scenes: TOML files, JSON files of ARCSim, or names of shipped ones.
@@ -95,7 +99,8 @@ pub(crate) struct ConvergenceArgs {
     #[arg(long = "material", value_name = "NAMES", value_delimiter = ',')]
     pub(crate) materials: Vec<String>,
     /// Motions in the place of the scenes' own, separated by commas: names, TOML files, recorded
-    /// ones (.csv, .npz), or `test` for all test motions.
+    /// ones (.csv, .npz), `test` for all test motions, or `unseen` for the ten of these that are
+    /// no mirror image of a training motion either.
     #[arg(long = "motion", value_name = "NAMES", value_delimiter = ',')]
     pub(crate) motions: Vec<String>,
     /// Integrators that are measured, as in scenes, separated by commas.
@@ -109,10 +114,25 @@ pub(crate) struct ConvergenceArgs {
     /// Their numbers of substeps per frame, separated by commas.
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', default_value = "1,2,4,8,16", value_parser = clap::value_parser!(u32).range(1..=1000))]
     substeps: Vec<u32>,
-    /// A model that is measured beside the physics: a file, or the name of a shipped one; may stand
-    /// several times.
-    #[arg(long = "model", value_name = "FILE")]
-    pub(crate) models: Vec<PathBuf>,
+    /// A model that is measured beside the physics: a file, or the name of a shipped one; the name
+    /// before it is for tables. May stand several times. The physics that a model corrects is
+    /// measured with it, also with one substep more.
+    #[arg(long = "model", value_name = "[NAME=]FILE")]
+    models: Vec<String>,
+    /// Precisions of the models' products, separated by commas; each is a method. `half` needs
+    /// AVX512-BF16.
+    #[arg(
+        long = "precision",
+        value_enum,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        default_value = "full"
+    )]
+    precisions: Vec<PrecisionFlag>,
+    /// Also run each method from the first frame to the last, and take errors and folds over all
+    /// frames together.
+    #[arg(long)]
+    whole: bool,
     /// The integrator of the truth.
     #[arg(long, value_name = "NAME", default_value = "second-order")]
     reference_integrator: NamedIntegrator,
@@ -137,12 +157,34 @@ pub(crate) struct ConvergenceArgs {
 }
 
 impl ConvergenceArgs {
+    /// The models by name, with their files.
+    pub(crate) fn named_models(&self) -> Vec<(String, PathBuf)> {
+        let named = |word: &String| match word.split_once('=') {
+            Some((name, file)) => (name.to_owned(), PathBuf::from(file)),
+            None => {
+                let file = PathBuf::from(word);
+                (format!("model {}", file.with_extension("").display()), file)
+            }
+        };
+        self.models.iter().map(named).collect()
+    }
+
+    /// The precisions that are asked for, each once.
+    pub(crate) fn precisions(&self) -> Vec<PrecisionName> {
+        let mut once = Vec::new();
+        for flag in &self.precisions {
+            if !once.contains(&flag.name()) {
+                once.push(flag.name());
+            }
+        }
+        once
+    }
+
     /// The settings that are asked for, with `models` among the rivals.
     pub(crate) fn settings(&self, models: Vec<Method>) -> Settings {
-        let mut rivals = Method::all(&self.integrators, &self.substeps);
-        rivals.extend(models);
+        let physics = Method::all(&self.integrators, &self.substeps);
         Settings {
-            rivals,
+            rivals: Method::with_models(physics, models),
             reference: Method {
                 integrator: self.reference_integrator.clone(),
                 substeps: self.reference_substeps,
@@ -155,6 +197,7 @@ impl ConvergenceArgs {
             starts: self.starts as usize,
             from: self.from,
             to: self.to,
+            whole: self.whole,
             threads: self.threads.map(usize::from),
         }
     }

@@ -1,12 +1,14 @@
 //! `selvedge study convergence`: the physics against its own converged motion.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use selvedge_cloth::motion::named;
 use selvedge_data::{LoadedScene, materials};
-use selvedge_lab::convergence::{self, Case, Mean, Method, Outcome, Plan};
+use selvedge_lab::convergence::{self, Case, Mean, Method, Outcome, Plan, WholeRun};
 use selvedge_lab::folder;
 use selvedge_lab::folder_kind::{FolderKind, REFERENCES};
+use selvedge_lab::machine::{DeviceName, Machine, PrecisionName};
 use selvedge_lab::models::NamedModel;
 use serde::Serialize;
 
@@ -42,6 +44,8 @@ struct TimeAnswer {
     #[serde(flatten)]
     method: Method,
     ms_per_frame: Option<f64>,
+    /// The mean whole run over all cases, where they were asked for.
+    whole: Option<WholeRun>,
 }
 
 /// Studies scenes.
@@ -55,8 +59,9 @@ pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     let shipped = materials().iter().map(|material| material.0);
     let materials = expanded(&args.materials, "all", shipped.collect());
     let motions = expanded(&args.motions, "test", named::test());
+    let motions = expanded(&motions, "unseen", named::unseen());
     let cases = Case::all(&opened, &materials, &motions)?;
-    let plan = Plan::new(cases, args.settings(models(&args.models)?))?;
+    let plan = Plan::new(cases, args.settings(models(args)?))?;
     let references = args.out.join(REFERENCES);
     check_places(&args.out, &opened)?;
     let _claimed = folder::claim_folder(&args.out, FolderKind::Convergence)?;
@@ -69,14 +74,23 @@ pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     Ok(Answer::new(text(&answered, &outcome), &answered)?.ended(outcome.end))
 }
 
-/// Opens the models that are measured, called by their files without the ending.
-fn models(files: &[PathBuf]) -> anyhow::Result<Vec<Method>> {
-    let open = |file: &PathBuf| -> anyhow::Result<Method> {
-        let model = NamedModel::open(Some(file))?.model;
-        let name = file.with_extension("");
-        Ok(Method::of_model(format!("model {}", name.display()), model))
-    };
-    files.iter().map(open).collect()
+/// Opens the models that are measured, each in every precision that is asked for. One without a
+/// name is called by its file without the ending.
+fn models(args: &ConvergenceArgs) -> anyhow::Result<Vec<Method>> {
+    let mut methods = Vec::new();
+    for (name, file) in args.named_models() {
+        let model = NamedModel::open(Some(&file))?.model;
+        for &precision in &args.precisions() {
+            let machine = Machine::open(DeviceName::Cpu, precision)?;
+            let name = match precision {
+                PrecisionName::Full => name.clone(),
+                other => format!("{name}, {}", other.name()),
+            };
+            let model = Arc::clone(&model);
+            methods.push(Method::of_model(name, model, machine.instructions()));
+        }
+    }
+    Ok(methods)
 }
 
 /// Checks that no file of the study takes the place of one that is read.
@@ -106,6 +120,7 @@ fn answered(args: &ConvergenceArgs, outcome: &Outcome, wrote: Vec<PathBuf>) -> A
     let time = |(rival, method): (usize, &Method)| TimeAnswer {
         method: method.clone(),
         ms_per_frame: outcome.ms_per_frame(rival),
+        whole: outcome.whole(rival),
     };
     let half = |number| Some(outcome.half(number)?.position_rmse);
     Answered {
@@ -127,14 +142,18 @@ fn text(answered: &Answered, outcome: &Outcome) -> String {
     let columns = settings.horizons.iter().map(|k| format!("k = {k}"));
     let mut headings = vec!["position RMSE (mm)".to_owned()];
     headings.extend(columns);
+    headings.extend(settings.whole.then(|| "whole runs".to_owned()));
     headings.push("ms per frame".to_owned());
     let mut table = Table::new(headings.iter().map(String::as_str));
     for (rival, method) in settings.rivals.iter().enumerate() {
-        let error = |number| match outcome.mean(rival, number) {
-            Some(deviation) => format!("{:.3}", 1e3 * deviation.position_rmse),
+        let text = |error: Option<f64>| match error {
+            Some(error) => format!("{:.3}", 1e3 * error),
             None => "–".to_owned(),
         };
+        let error = |number| text(outcome.mean(rival, number).map(|mean| mean.position_rmse));
         let errors = (0..settings.horizons.len()).map(error);
+        let whole = outcome.whole(rival).map(|run| run.position_rmse);
+        let errors = errors.chain(settings.whole.then(|| text(whole)));
         let time = outcome.ms_per_frame(rival);
         let time = time.map_or_else(|| "–".to_owned(), |time| format!("{time:.2}"));
         let first = std::iter::once(method.to_string());

@@ -1,4 +1,5 @@
-//! `selvedge stress`: a model along random motions, without a truth: how many runs stay whole.
+//! `selvedge stress`: a model, or physics alone, along random motions, without a truth: how many
+//! runs stay whole.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -6,9 +7,10 @@ use std::path::PathBuf;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::parts;
 use selvedge_lab::stress::{
-    self, KeptRun, MeshChoice, StressError, StressPlan, StressRun, StressStage, StressSummary,
-    quantile, summary,
+    self, Driven, KeptRun, MeshChoice, StressError, StressPlan, StressRun, StressStage,
+    StressSummary, quantile, summary,
 };
+use selvedge_lab::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN};
 use selvedge_model::Aspect;
 use serde::Serialize;
 
@@ -34,7 +36,7 @@ struct StressReport {
     interrupted: bool,
 }
 
-/// Drives a model through random motions.
+/// Drives a model, or physics alone, through random motions.
 ///
 /// # Errors
 /// What of the scene, the model, a cloth or a file went wrong. A run that fails is one that
@@ -43,7 +45,10 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
     if let Some(out) = &args.out {
         place::check_file(out, "--out", &["csv"])?;
     }
-    let model = NamedModel::open(args.model.as_deref())?;
+    let driven = match args.physics {
+        Some(substeps) => Driven::Physics(substeps),
+        None => Driven::Model(NamedModel::open(args.model.as_deref())?),
+    };
     let meshes = MeshChoice {
         names: args.mesh.clone(),
         density: args.density,
@@ -52,16 +57,16 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
     let loaded = scenes::open(&args.scene)?;
     let stages =
         stress::stages(&args.scene, loaded, &meshes, &mut progress::listener()).map_err(usage)?;
-    stress::check_rate(&model, &stages)?;
+    stress::check_rate(&driven, &stages)?;
     let plan = plan(args);
-    let runs = runs(args, &plan, &model, &stages)?;
+    let runs = runs(args, &plan, &driven, &stages)?;
     if !ranks::all().is_first() {
         return Answer::new("", &serde_json::json!({}));
     }
     if let Some(out) = &args.out {
         stress::write_runs(out, &runs)?;
     }
-    let report = report(args, &plan, &stages, runs, model.name);
+    let report = report(args, &plan, &stages, runs, driven.name());
     let end = match report.interrupted {
         true => End::Interrupted,
         false => End::Complete,
@@ -73,11 +78,11 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
 fn runs(
     args: &StressArgs,
     plan: &StressPlan,
-    model: &NamedModel,
+    driven: &Driven,
     stages: &[StressStage],
 ) -> anyhow::Result<Vec<StressRun>> {
     let asked = &args.parts;
-    let drive = |plan: &StressPlan| stress::drive(plan, model, stages, &mut progress::listener());
+    let drive = |plan: &StressPlan| stress::drive(plan, driven, stages, &mut progress::listener());
     let call = || -> anyhow::Result<String> {
         let meshes = (&args.mesh, args.density, args.mesh_seed);
         let motions = (&plan.numbers, plan.frames, plan.seed, plan.speed);
@@ -85,7 +90,11 @@ fn runs(
             "stress {:?} {meshes:?} {motions:?} {:?}",
             args.scene, args.guard
         );
-        Ok(parts::call_of(&words, &[model.model.to_bytes()?]))
+        let of = match driven {
+            Driven::Model(model) => model.model.to_bytes()?,
+            Driven::Physics(_) => driven.name().into_bytes(),
+        };
+        Ok(parts::call_of(&words, &[of]))
     };
     if !asked.parts.is_empty() {
         let (kept, _) = parts::read::<KeptRun>(&asked.parts, &call()?)?;
@@ -179,7 +188,7 @@ fn beyond(runs: &[StressRun]) -> Vec<(String, usize)> {
 fn text(report: &StressReport) -> String {
     let mut facts = Facts::new();
     let all = &report.all;
-    facts.add("model", &report.model);
+    facts.add("driven", &report.model);
     facts.add("guard", report.guard);
     let asked = report.runs_asked;
     facts.add(
@@ -192,7 +201,12 @@ fn text(report: &StressReport) -> String {
     );
     facts.add(
         "stable",
-        format!("{} ({})", all.stable, percent(all.stable_share)),
+        format!(
+            "{} ({}): no edge over {} for more than {DIVERGED_FRAMES} frames in a row, and no failure",
+            all.stable,
+            percent(all.stable_share),
+            percent(DIVERGED_STRAIN)
+        ),
     );
     for (words, runs) in beyond(&report.runs) {
         facts.add("beyond training", format!("{words} in {runs} runs"));
@@ -201,7 +215,7 @@ fn text(report: &StressReport) -> String {
     facts.add("frames corrected", percent(all.guarded.share()));
     facts.add("largest correction", length(all.guarded.largest_correction));
     facts.add(
-        "model and guard",
+        "with the guard",
         format!("{:.2} ms per frame (median run)", report.ms_per_frame),
     );
     if report.interrupted {

@@ -9,7 +9,7 @@ use selvedge_lab::physics;
 use selvedge_live::{
     Body, Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
 };
-use selvedge_model::{Bounds, Domain, Model};
+use selvedge_model::{Aspect, Domain, DomainWatch, Model};
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};
 
@@ -64,9 +64,11 @@ impl ReadyCloth for SceneCloth {
         &self.bodies
     }
 
-    fn remark_on(&self, mover: Mover, hold: &Hold) -> Option<String> {
+    fn remark_on(&self, mover: Mover, hold: &Hold, places: &[DVec3]) -> Option<String> {
         let is_moved_by_it = mover.kinds().contains(&MoverKind::Model);
-        let beyond = untrained(&self.model_name, &self.model.model, hold);
+        let start = hold.handles.select(&self.start.positions);
+        let hands = hands(hold, self.scene.frame_rate, [&start, places]);
+        let beyond = untrained(&self.model_name, &self.model.model, &hands);
         beyond.filter(|_| is_moved_by_it)
     }
 
@@ -117,23 +119,41 @@ impl ReadyCloth for SceneCloth {
     }
 }
 
-/// The parts of `hold` that a model was not trained in; none where there are none, or where its
-/// file does not say what it was trained in.
-fn untrained(name: &str, model: &Model, hold: &Hold) -> Option<String> {
+/// The domain of hands that went from the first of `places` to the second `[m]`, `[handles]`.
+fn hands(hold: &Hold, frame_rate: f64, places: [&[DVec3]; 2]) -> Domain {
+    let Environment { gravity, wind, .. } = hold.environment;
+    let mut watch = DomainWatch::new(gravity, frame_rate);
+    let held = vec![true; hold.handles.len()];
+    for places in places {
+        watch.see(places, &held, wind);
+    }
+    watch.now().clone()
+}
+
+/// A remark on hands and wind `now` in which a model was not trained; none where there is nothing
+/// to say, or where its file does not say what it was trained in.
+fn untrained(name: &str, model: &Model, now: &Domain) -> Option<String> {
     let trained = model.domain()?;
     let now = Domain {
-        handles: Bounds::of(hold.handles.len() as f64),
-        wind: hold.environment.wind.length(),
+        handles: now.handles,
+        height_difference: now.height_difference,
+        moved_apart: now.moved_apart,
+        wind: now.wind,
         ..trained.clone()
     };
     let departures = trained.departures(&now);
-    let words: Vec<&str> = departures.iter().map(|d| d.words.as_str()).collect();
-    (!words.is_empty()).then(|| {
-        format!(
-            "{}: what the model {name} shows now is a guess, and the physics knows better",
-            words.join(" and ")
-        )
-    })
+    // How far apart handles are changes with every frame.
+    let words = departures.iter().map(|departure| match departure.aspect {
+        Aspect::Heights => "handles at different heights".to_owned(),
+        Aspect::Apart => "handles that move apart or together".to_owned(),
+        _ => departure.words.clone(),
+    });
+    let words: Vec<String> = words.collect();
+    let then = match model.spec().base {
+        None => "shows now is a guess, and the physics knows better",
+        Some(_) => "adds to the physics is a guess there, and fades where it is far off",
+    };
+    (!words.is_empty()).then(|| format!("{}: what the model {name} {then}", words.join("; ")))
 }
 
 /// The state in the last of `frames`, frames counted from 0.
@@ -163,12 +183,16 @@ mod tests {
 
     #[test]
     fn what_a_model_has_not_seen_is_said() {
-        let hold = |handles: &[u32], wind: f64| Hold {
-            handles: Handles::new(handles, 9).unwrap(),
-            environment: Environment {
-                wind: DVec3::new(wind, 0.0, 0.0),
-                ..Environment::default()
-            },
+        let hold = |handles: &[u32], wind: f64| {
+            let hold = Hold {
+                handles: Handles::new(handles, 9).unwrap(),
+                environment: Environment {
+                    wind: DVec3::new(wind, 0.0, 0.0),
+                    ..Environment::default()
+                },
+            };
+            let places = vec![DVec3::ZERO; handles.len()];
+            hands(&hold, 60.0, [&places, &places])
         };
         let NamedModel { name, model } = NamedModel::open(None).unwrap();
         assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
@@ -186,7 +210,7 @@ mod tests {
             (
                 &[0, 1, 2][..],
                 2.0,
-                "3 handles held at once, trained with 2 and wind",
+                "3 handles held at once, trained with 2; wind",
             ),
         ] {
             let text = untrained(&name, &model, &hold(held, wind)).unwrap();

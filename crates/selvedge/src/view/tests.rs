@@ -1,9 +1,11 @@
 //! Orders to the viewer's workshop, and its words where one cannot be had.
 
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 
+use glam::DVec3;
 use selvedge_lab::machine::Machine;
-use selvedge_live::{MeshOrder, Order, PrepareError, Workshop};
+use selvedge_live::{Hold, MeshOrder, Mover, Order, PrepareError, Workshop};
 
 use super::ViewWorkshop;
 
@@ -58,6 +60,37 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
         .unwrap();
     assert!(ready.remarks().is_empty(), "{:?}", ready.remarks());
     assert_eq!(ready.cloth().handles().len(), 2);
+}
+
+#[test]
+fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
+    let models = ["corrected"].map(PathBuf::from);
+    let mut workshop = ViewWorkshop::new("default", &models, Machine::Cpu).unwrap();
+    for (name, then) in [("small", "physics knows better"), ("corrected", "fades")] {
+        let order = Order {
+            model: name.to_owned(),
+            ..workshop.first_order()
+        };
+        let ready = workshop
+            .prepare(&order, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
+        let hold = Hold {
+            handles: ready.cloth().handles().clone(),
+            environment: ready.environment(),
+        };
+        let at_rest = hold.handles.select(ready.cloth().rest_positions());
+        let mut places: Vec<DVec3> = at_rest.iter().map(|p| p.as_dvec3()).collect();
+        let remark = |mover, places: &[DVec3]| ready.remark_on(mover, &hold, places);
+        assert_eq!(remark(Mover::Model, &places), None);
+        places[0].y += 0.6;
+        let said = remark(Mover::Model, &places).unwrap();
+        assert!(said.contains("different heights"), "{said}");
+        assert!(said.contains(then), "{said}");
+        // The same while it goes on: a remark that changed would be shown anew.
+        places[0].y += 0.01;
+        assert_eq!(remark(Mover::Model, &places), Some(said));
+        assert_eq!(remark(Mover::Physics, &places), None);
+    }
 }
 
 #[test]

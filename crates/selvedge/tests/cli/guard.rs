@@ -169,8 +169,31 @@ fn a_test_drive_takes_cloths_in_turn_and_writes_its_runs() {
 }
 
 #[test]
+fn physics_can_be_driven_as_a_model_is() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let drive = "stress push.toml --runs 2 --frames 60 --guard none --physics";
+    let [coarse, fine] = [1, 4].map(|substeps| desk.json(&format!("{drive} {substeps}")));
+    assert_eq!(coarse["model"], "physics, 1 substep");
+    assert_eq!(fine["model"], "physics, 4 substeps");
+    assert_eq!(
+        (&coarse["all"]["stable"], &fine["all"]["stable"]),
+        (&2.into(), &2.into())
+    );
+    assert_ne!(
+        coarse["runs"][0]["largest_strain"],
+        fine["runs"][0]["largest_strain"]
+    );
+}
+
+#[test]
 fn calls_that_make_no_sense_are_refused() {
     let desk = Desk::new();
+    desk.fails(
+        "stress --physics 2 --model small",
+        2,
+        &["--physics", "--model"],
+    );
     desk.fails("stress --speed 0", 2, &["above 0"]);
     desk.fails("stress --only 3 --runs 4", 2, &["--only", "--runs"]);
     desk.fails("stress --mesh sock", 2, &["\"sock\"", "triangle-17"]);

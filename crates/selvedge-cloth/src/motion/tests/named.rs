@@ -252,3 +252,20 @@ fn motions_drawn_for_a_test_keep_to_their_speed_and_are_none_of_the_named() {
     let named = named::by_name("random-3").unwrap();
     assert_ne!(drawn(0, 1.0).motion(), named);
 }
+
+#[test]
+fn five_test_motions_are_images_of_training_motions() {
+    let unseen = named::unseen();
+    let images: Vec<&str> = named::test()
+        .into_iter()
+        .filter(|name| !unseen.contains(name))
+        .collect();
+    let expected = [
+        "test-x-minus-z",
+        "test-x-minus-z-opposite",
+        "test-x-minus-y",
+        "test-yz-minus-x",
+        "test-yz-minus-x-opposite",
+    ];
+    assert_eq!((unseen.len(), images.as_slice()), (10, expected.as_slice()));
+}

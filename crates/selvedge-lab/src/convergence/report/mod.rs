@@ -3,6 +3,7 @@
 //! Everything but the times is a pure function of the runs: the same runs, the same bytes. Times
 //! stand on the page and in `times.csv`.
 
+mod models;
 mod numbers;
 mod plots;
 mod reading;
@@ -17,7 +18,7 @@ use crate::folder_kind::CONVERGENCE;
 use crate::report::{Page, Report};
 
 /// The files of numbers that every report has.
-pub const TABLES: [&str; 3] = [CONVERGENCE, "starts.csv", "times.csv"];
+pub const TABLES: [&str; 4] = [CONVERGENCE, "starts.csv", "whole.csv", "times.csv"];
 
 /// The report of a study with a case at least.
 ///
@@ -27,6 +28,7 @@ pub fn report(outcome: &Outcome) -> Result<Report, PlotError> {
     let settings = &outcome.settings;
     let mut page = Page::new("Convergence of the physics");
     page.say(&about(outcome));
+    say_in_short(outcome, &mut page);
     page.section("Errors from true states");
     page.say("Position RMSE in mm at the k-th frame, and the time of a frame on one thread.");
     page.say(&tables::errors(outcome, Measure::Position));
@@ -43,25 +45,11 @@ pub fn report(outcome: &Outcome) -> Result<Report, PlotError> {
         page.plot(&format!("time-{k}.svg"), "errors by time", plot);
     }
     page.say(&tables::prices(outcome));
+    say_of_whole_runs(outcome, &mut page)?;
     page.section("Observed order");
     page.say(ORDER);
     page.say(&tables::orders(outcome));
-    page.section("Velocities");
-    page.say("Velocity RMSE in mm/s at the k-th frame.");
-    page.say(&tables::errors(outcome, Measure::Velocity));
-    page.section("Folds");
-    page.say("RMS difference of the dihedral angles in degrees at the k-th frame.");
-    page.say(&tables::errors(outcome, Measure::Fold));
-    page.say("Mean size of the dihedral angles as a part of the truth's.");
-    page.say(&tables::ratios(outcome, |d| d.fold_ratio()));
-    page.section("Edges");
-    page.say("Edge-length RMSE in mm at the k-th frame.");
-    page.say(&tables::errors(outcome, Measure::EdgeLength));
-    page.say("The largest strain of an edge up to the k-th frame, as a part of the truth's.");
-    page.say(&tables::ratios(outcome, |d| d.strain_ratio()));
-    page.section("Energy");
-    page.say("Kinetic and gravitational energy less the truth's, in mJ at the k-th frame.");
-    page.say(&tables::energies(outcome));
+    say_measures(outcome, &mut page)?;
     if outcome.cases.len() > 1 {
         page.section("Case by case");
         page.say(&tables::cases(outcome));
@@ -73,8 +61,62 @@ pub fn report(outcome: &Outcome) -> Result<Report, PlotError> {
     }
     page.section("What was measured");
     page.say(NOTES);
-    let files = [numbers::means, numbers::starts, numbers::times].map(|file| file(outcome));
+    let files = [
+        numbers::means,
+        numbers::starts,
+        numbers::wholes,
+        numbers::times,
+    ];
+    let files = files.map(|file| file(outcome));
     Ok(page.done(TABLES, files))
+}
+
+/// Everyone in one table, and models against the physics.
+fn say_in_short(outcome: &Outcome, page: &mut Page) {
+    page.section("In short");
+    page.say(OVERVIEW);
+    page.say(&tables::overview(outcome));
+    page.say(&models::at_equal_price(outcome));
+    let corrections = models::corrections(outcome);
+    if !corrections.is_empty() {
+        page.section("Corrected physics and the physics that it corrects");
+        page.say(&corrections);
+    }
+}
+
+fn say_of_whole_runs(outcome: &Outcome, page: &mut Page) -> Result<(), PlotError> {
+    if outcome.settings.whole {
+        page.section("Whole runs");
+        page.say(WHOLE);
+        page.say(&tables::wholes(outcome));
+        let plot = plots::wholes(outcome)?;
+        page.plot("whole.svg", "errors of whole runs by time", plot);
+    }
+    Ok(())
+}
+
+/// Measures other than positions.
+fn say_measures(outcome: &Outcome, page: &mut Page) -> Result<(), PlotError> {
+    page.section("Velocities");
+    page.say("Velocity RMSE in mm/s at the k-th frame.");
+    page.say(&tables::errors(outcome, Measure::Velocity));
+    page.section("Folds");
+    page.say("RMS difference of the dihedral angles in degrees at the k-th frame.");
+    page.say(&tables::errors(outcome, Measure::Fold));
+    page.say("Mean size of the dihedral angles as a part of the truth's.");
+    page.say(&tables::ratios(outcome, |d| d.fold_ratio()));
+    page.plot("folds.svg", "folds by time", plots::folds(outcome)?);
+    let plot = plots::whole_folds(outcome)?;
+    page.plot("whole-folds.svg", "folds of whole runs by time", plot);
+    page.section("Edges");
+    page.say("Edge-length RMSE in mm at the k-th frame.");
+    page.say(&tables::errors(outcome, Measure::EdgeLength));
+    page.say("The largest strain of an edge up to the k-th frame, as a part of the truth's.");
+    page.say(&tables::ratios(outcome, |d| d.strain_ratio()));
+    page.section("Energy");
+    page.say("Kinetic and gravitational energy less the truth's, in mJ at the k-th frame.");
+    page.say(&tables::energies(outcome));
+    Ok(())
 }
 
 /// The setting of the study, in words.
@@ -132,6 +174,13 @@ fn own_error(outcome: &Outcome) -> String {
     )
 }
 
+const OVERVIEW: &str = "Position RMSE in mm at the k-th frame from true states, and folds: the mean size of the dihedral
+angles as a part of the truth's. Whole runs go from the first frame to the last; their RMSE is over
+all frames.";
+
+const WHOLE: &str = "From the first frame that is compared to the last, over all frames together. A few folds that fall
+one way or the other decide errors of whole runs: those from true states tell methods apart.";
+
 const ORDER: &str = "Slope of ln(error) over ln(h), h the length of a substep, by least squares over the substeps whose
 errors are not marked. \"–\" where there are fewer than two.";
 
@@ -143,4 +192,5 @@ otherwise, each has the least damping that the second order needs. Integrators t
 earlier states begin each run without them. A scene with adaptive substeps is run with a fixed number. Times are medians over the frames
 of a run from the middle start on one thread, which has the machine for itself as far as this
 program is concerned; all else is the same for any number of threads. The numbers behind the tables
-are in convergence.csv (by case, and \"all\"), starts.csv (every run) and times.csv, in SI units.";
+are in convergence.csv (by case, and \"all\"), starts.csv (every run), whole.csv (whole runs) and
+times.csv, in SI units.";

@@ -3,6 +3,7 @@
 use super::super::deviation::Deviation;
 use super::super::method::Method;
 use super::super::outcome::{Outcome, Series};
+use super::super::whole::WholeRun;
 use crate::report::Csv;
 
 /// A line per case, method and horizon; the case "all" is their mean, and the method that has half
@@ -78,7 +79,7 @@ impl Place<'_> {
 /// A line per case, method, start and horizon that was reached.
 pub(super) fn starts(outcome: &Outcome) -> String {
     let measures = Deviation::NAMES.join(",");
-    let head = format!("case,integrator,substeps,start,frames,{measures},failure");
+    let head = format!("case,integrator,substeps,start,frames,{measures},familiar,failure");
     let mut csv = Csv::new(&head);
     let mut add = |case: &str, series: &Series| {
         for run in &series.runs {
@@ -89,6 +90,7 @@ pub(super) fn starts(outcome: &Outcome) -> String {
                 csv.number(Some(run.start as f64));
                 csv.number(Some(*horizon as f64));
                 csv.numbers(deviation.map(Deviation::values));
+                csv.number(run.familiar);
                 let failure = run.failure.as_deref().filter(|_| deviation.is_none());
                 csv.texts([failure.unwrap_or_default()]);
                 csv.end();
@@ -98,6 +100,32 @@ pub(super) fn starts(outcome: &Outcome) -> String {
     for case in &outcome.cases {
         for series in outcome.series(case) {
             add(&case.name, series);
+        }
+    }
+    csv.text()
+}
+
+/// A line per case and method with a whole run; the case "all" is their mean.
+pub(super) fn wholes(outcome: &Outcome) -> String {
+    let measures = WholeRun::NAMES.join(",");
+    let mut csv = Csv::new(&format!("case,integrator,substeps,{measures},failure"));
+    let mut add = |case: &str, method: &Method, run: Option<WholeRun>, failure: &str| {
+        csv.texts([case, &method.integrator.to_string()]);
+        csv.number(Some(f64::from(method.substeps)));
+        csv.numbers(run.as_ref().map(WholeRun::values));
+        csv.texts([failure]);
+        csv.end();
+    };
+    if outcome.settings.whole {
+        for case in &outcome.cases {
+            for series in outcome.series(case) {
+                let failure = series.whole.as_ref().and_then(|run| run.as_ref().err());
+                let failure = failure.map_or("", String::as_str);
+                add(&case.name, &series.method, series.whole(), failure);
+            }
+        }
+        for (rival, method) in outcome.settings.rivals.iter().enumerate() {
+            add("all", method, outcome.whole(rival), "");
         }
     }
     csv.text()

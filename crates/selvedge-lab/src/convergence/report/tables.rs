@@ -4,10 +4,11 @@ use super::super::deviation::Deviation;
 use super::super::method::Method;
 use super::super::order::{observed_order, price_of};
 use super::super::outcome::{CaseOutcome, Measure, Outcome};
+use super::super::whole::WholeRun;
 use super::reading::{Found, families, found, own, shown};
 use crate::report::{Cells, table};
 
-const DASH: &str = "–";
+pub(super) const DASH: &str = "–";
 
 /// A number with three digits that matter.
 pub(super) fn significant(value: f64) -> String {
@@ -73,6 +74,87 @@ pub(super) fn errors(outcome: &Outcome, measure: Measure) -> String {
         }
     }
     table(&headings, &rows)
+}
+
+/// Errors of whole runs and folds beside the time of a frame, by rival: the comparison in short.
+pub(super) fn overview(outcome: &Outcome) -> String {
+    let settings = &outcome.settings;
+    let shown = shown(settings);
+    let Some(&last) = shown.last() else {
+        return String::new();
+    };
+    let mut headings = vec!["physics".to_owned(), "ms per frame".to_owned()];
+    headings.extend(
+        shown
+            .iter()
+            .map(|&n| format!("k = {}", settings.horizons[n])),
+    );
+    headings.push(format!("folds, k = {}", settings.horizons[last]));
+    if settings.whole {
+        headings.extend(["whole runs", "folds, whole runs"].map(str::to_owned));
+    }
+    let ratio = |ratio: Option<f64>| ratio.map(|ratio| format!("{ratio:.3}"));
+    let row = |(rival, method): (usize, &Method)| {
+        let time = outcome.ms_per_frame(rival).map(significant);
+        let mut cells = vec![Some(method.to_string()), time];
+        cells.extend(shown.iter().map(|&number| {
+            let deviation = outcome.mean(rival, number)?;
+            Some(significant(1e3 * deviation.position_rmse))
+        }));
+        let at_last = outcome.mean(rival, last);
+        cells.push(ratio(at_last.and_then(|deviation| deviation.fold_ratio())));
+        if settings.whole {
+            let whole = outcome.whole(rival);
+            cells.push(whole.map(|run| significant(1e3 * run.position_rmse)));
+            cells.push(ratio(whole.and_then(|run| run.fold_ratio())));
+        }
+        let cells = cells.into_iter();
+        cells
+            .map(|cell| cell.unwrap_or_else(|| DASH.to_owned()))
+            .collect()
+    };
+    let rows: Vec<Cells> = settings.rivals.iter().enumerate().map(row).collect();
+    table(&headings, &rows)
+}
+
+/// Whole runs by rival; empty where none were asked for.
+pub(super) fn wholes(outcome: &Outcome) -> String {
+    let settings = &outcome.settings;
+    if !settings.whole {
+        return String::new();
+    }
+    let headings = [
+        "physics",
+        "position RMSE (mm)",
+        "edge-length RMSE (mm)",
+        "folds",
+        "largest strain",
+        "the truth's",
+    ];
+    let row = |name: String, run: Option<WholeRun>| -> Cells {
+        let failed = || vec!["failed".to_owned(); headings.len() - 1];
+        let cells = run.map_or_else(failed, |run| {
+            let strains = [run.largest_strain, run.true_largest_strain];
+            let strains = strains.map(|strain| format!("{:.1} %", 100.0 * strain));
+            let ratio = run.fold_ratio();
+            let mut cells = vec![
+                significant(1e3 * run.position_rmse),
+                significant(1e3 * run.edge_length_rmse),
+                ratio.map_or_else(|| DASH.to_owned(), |ratio| format!("{ratio:.3}")),
+            ];
+            cells.extend(strains);
+            cells
+        });
+        std::iter::once(name).chain(cells).collect()
+    };
+    let rivals = settings.rivals.iter().enumerate();
+    let rows = rivals.map(|(rival, method)| row(method.to_string(), outcome.whole(rival)));
+    let mut rows: Vec<Cells> = rows.collect();
+    let half = settings.half();
+    if !settings.rivals.contains(&half) {
+        rows.push(row(format!("*{half}*"), outcome.half_whole()));
+    }
+    table(&headings.map(str::to_owned), &rows)
 }
 
 /// A ratio to the truth by rival and horizon.
@@ -193,6 +275,10 @@ pub(super) fn failures(outcome: &Outcome) -> String {
                     let place = format!("{}, {method}, from frame {start}", case.name);
                     text.push_str(&format!("- {place}: {failure}\n"));
                 }
+            }
+            if let Some(Err(failure)) = &series.whole {
+                let place = format!("{}, {}, whole run", case.name, series.method);
+                text.push_str(&format!("- {place}: {failure}\n"));
             }
         }
     }
