@@ -9,8 +9,8 @@ use selvedge_cloth::{
     Topology, VertexId,
 };
 use selvedge_model::{
-    Corrector, Familiarity, GraphError, Instructions, Model, MotionState, NoBase, PhysicsBase,
-    PredictedFrame,
+    ClothGraph, CorrectionError, CorrectionNetwork, Corrector, Familiarity, GraphError,
+    Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -111,6 +111,19 @@ impl CorrectedStepper {
         self
     }
 
+    /// The same with its network run by `network`, which has the model's weights.
+    #[must_use]
+    pub fn with_network(mut self, network: Box<dyn CorrectionNetwork>) -> Self {
+        self.corrector = self.corrector.with_network(network);
+        self
+    }
+
+    /// The graph of the cloth, as the network sees it.
+    #[must_use]
+    pub fn graph(&self) -> &ClothGraph {
+        self.corrector.graph()
+    }
+
     /// Sets the threads of the physics; those of the network are the pool's.
     pub fn set_threads(&mut self, threads: Threads) {
         self.simulator.set_threads(threads);
@@ -137,7 +150,7 @@ impl CorrectedStepper {
     }
 
     /// Makes the next state in `spare`, of the one that physics predicted.
-    fn correct(&mut self, frame: usize) {
+    fn correct(&mut self, frame: usize) -> Result<(), CorrectionError> {
         self.spare.copy_of(&self.simulator);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
@@ -156,7 +169,8 @@ impl CorrectedStepper {
         let next = &mut self.spare;
         self.familiarity =
             self.corrector
-                .correct(&predicted, &mut next.positions, &mut next.velocities);
+                .correct(&predicted, &mut next.positions, &mut next.velocities)?;
+        Ok(())
     }
 
     fn hold(&mut self, targets: &HandleTargets) {
@@ -222,7 +236,13 @@ impl Stepper for CorrectedStepper {
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
-        self.correct(frame);
+        if let Err(error) = self.correct(frame) {
+            self.simulator.undo_step();
+            return Err(StepError::Device {
+                frame: frame + 1,
+                reason: error.to_string(),
+            });
+        }
         if self.stop.is_wanted() {
             self.simulator.undo_step();
             return Err(StepError::Stopped { frame: frame + 1 });

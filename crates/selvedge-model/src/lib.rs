@@ -18,7 +18,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // The bytes of a model file, here of the shipped one.
-//! let model = Arc::new(Model::from_bytes(selvedge_assets::MODELS[0].1)?);
+//! let model = Arc::new(Model::from_bytes(selvedge_assets::SMALL)?);
 //!
 //! // A square of cloth, 1 m wide and 150 g/m², held by its upper corners.
 //! let sheet = square(&SquareSpec { vertices: 60, size: 1.0, seed: 1 })?;
@@ -108,9 +108,10 @@ pub use network::{
 };
 pub use network::{reference, roofline};
 pub use rollout::{
-    Corrector, Familiarity, LearnedStepper, LocalAcceleration, MODEL_FORMAT, MOST_DEVIATIONS,
-    Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError, TwoFrames,
-    WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
+    CorrectionError, CorrectionNetwork, Corrector, Familiarity, LearnedStepper, LocalAcceleration,
+    MODEL_FORMAT, MOST_DEVIATIONS, Model, ModelError, ModelFileError, NoBase, NonFinite,
+    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, cut,
+    opening_frames, target_acceleration,
 };
 pub use spec::{
     Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, ModelSpec,

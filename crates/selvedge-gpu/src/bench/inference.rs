@@ -148,7 +148,7 @@ impl Inference {
         self.loaded.unrecorded()
     }
 
-    /// Normalised accelerations `[vertices, 3]` of the last pass.
+    /// The normalised output of the last pass, `[vertices, outputs]`.
     ///
     /// # Errors
     /// When the device fails.

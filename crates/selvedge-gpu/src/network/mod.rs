@@ -20,5 +20,5 @@ pub use forward::{ForwardPass, Keep, RowEncoder, forward, row_encoders};
 pub use record::{BlockRecord, EncoderRecord, GruRecord, MlpRecord, Record, TokenRecord};
 pub use weights::WeightArrays;
 
-/// Columns of the output: an acceleration.
+/// Columns of the output of a network that learns here: an acceleration.
 pub const OUTPUTS: usize = 3;

@@ -311,7 +311,7 @@ impl Run {
             predicted: predicted.as_motion(),
             ..frame_of(scene, self.cheap.frame() - 1, &self.held)
         };
-        corrector.correct(&frame, &mut next.positions, &mut next.velocities);
+        corrector.correct(&frame, &mut next.positions, &mut next.velocities)?;
         Ok(next)
     }
 }

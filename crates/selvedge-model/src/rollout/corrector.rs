@@ -31,6 +31,26 @@ pub const MOST_DEVIATIONS: f32 = 10.0;
 #[error("the model moves the cloth by itself: it corrects no physics")]
 pub struct NoBase;
 
+/// The network of a model that corrects physics, on another machine than this processor.
+pub trait CorrectionNetwork: Send {
+    /// Takes normalised columns of vertices and arcs, `[vertices, columns]` and `[arcs, columns]`,
+    /// to normalised corrections, which `rows` has then, `[vertices, 6]`.
+    ///
+    /// # Errors
+    /// What of the machine failed, for people.
+    fn run(
+        &mut self,
+        nodes: &[f32],
+        arcs: &[f32],
+        rows: &mut Vec<f32>,
+    ) -> Result<(), CorrectionError>;
+}
+
+/// A network that could not be run, with what failed.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{0}")]
+pub struct CorrectionError(pub String);
+
 /// A model that corrects the frames of one cloth.
 pub struct Corrector {
     model: Arc<Model>,
@@ -38,6 +58,8 @@ pub struct Corrector {
     columns: CorrectionColumns,
     weights: PackedWeights<f32>,
     workspace: Workspace<f32>,
+    /// Where the network runs, if not here.
+    elsewhere: Option<Box<dyn CorrectionNetwork>>,
     rows: Vec<f32>,
     /// Part of the correction that each vertex gets, `[vertices]`.
     shares: Vec<f32>,
@@ -85,6 +107,7 @@ impl Corrector {
             columns,
             weights: model.network().pack(model.weights(), purpose, using),
             workspace: Workspace::new(),
+            elsewhere: None,
             rows: Vec::new(),
             shares: vec![1.0; graph.vertex_count()],
             model,
@@ -106,7 +129,14 @@ impl Corrector {
         self
     }
 
-    /// Corrects with another model from now on, of the same network.
+    /// The same with its network run by `network`, which has the model's weights.
+    #[must_use]
+    pub fn with_network(mut self, network: Box<dyn CorrectionNetwork>) -> Self {
+        self.elsewhere = Some(network);
+        self
+    }
+
+    /// Corrects with another model from now on, of the same network, on this processor.
     ///
     /// # Errors
     /// [`NoBase`].
@@ -122,6 +152,7 @@ impl Corrector {
         }
         assert_eq!(model.spec(), self.model.spec(), "network");
         self.model = Arc::clone(model);
+        self.elsewhere = None;
         let network = self.model.network();
         network.repack(self.model.weights(), &mut self.weights);
         Ok(())
@@ -144,6 +175,9 @@ impl Corrector {
     /// Corrects `positions` `[m]` and `velocities` `[m/s]`, `[vertices]` each, which begin as the
     /// predicted ones of `frame`.
     ///
+    /// # Errors
+    /// [`CorrectionError`] of a network that runs elsewhere; positions and velocities stay.
+    ///
     /// # Panics
     /// When a slice does not have the size of the cloth.
     pub fn correct(
@@ -151,7 +185,7 @@ impl Corrector {
         frame: &PredictedFrame<'_>,
         positions: &mut [DVec3],
         velocities: &mut [DVec3],
-    ) -> Familiarity {
+    ) -> Result<Familiarity, CorrectionError> {
         let columns = &mut self.columns;
         columns.write(&self.graph, frame, HalfTurns::default());
         let normalizers = self.model.normalizers();
@@ -160,22 +194,9 @@ impl Corrector {
         find_shares(&self.graph, columns, &mut self.shares);
         cut(&mut columns.nodes);
         cut(&mut columns.arcs);
-        let out = self.model.network().forward_carried(
-            &self.weights,
-            self.graph.connectivity(),
-            Carried {
-                input: Input {
-                    nodes: &columns.nodes,
-                    arcs: &columns.arcs,
-                },
-                state: &EncoderState::new(),
-            },
-            Pass::Inference,
-            &mut self.workspace,
-        );
-        self.rows.clear();
-        self.rows.extend_from_slice(out);
+        self.run_network()?;
         cut(&mut self.rows);
+        let normalizers = self.model.normalizers();
         normalizers.acceleration.denormalize(&mut self.rows);
         let mut result = Familiarity::default();
         let rows = self.rows.as_chunks_mut::<6>().0.iter_mut();
@@ -190,7 +211,28 @@ impl Corrector {
         result.familiar /= self.shares.len().max(1) as f64;
         self.columns
             .apply(&self.rows, frame.held, positions, velocities);
-        result
+        Ok(result)
+    }
+
+    /// Takes the columns to normalised corrections in `rows`.
+    fn run_network(&mut self) -> Result<(), CorrectionError> {
+        let CorrectionColumns { nodes, arcs, .. } = &self.columns;
+        if let Some(network) = &mut self.elsewhere {
+            return network.run(nodes, arcs, &mut self.rows);
+        }
+        let out = self.model.network().forward_carried(
+            &self.weights,
+            self.graph.connectivity(),
+            Carried {
+                input: Input { nodes, arcs },
+                state: &EncoderState::new(),
+            },
+            Pass::Inference,
+            &mut self.workspace,
+        );
+        self.rows.clear();
+        self.rows.extend_from_slice(out);
+        Ok(())
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::Lower;
 use crate::kernels::layers::NORM;
-use crate::network::OUTPUTS;
 use crate::network::linear::{Linear, Rows};
 use crate::network::record::MlpRecord;
 use crate::schedule::plan::Region;
@@ -101,7 +100,7 @@ impl Lower<'_> {
         self.norm(&normed, before, after);
     }
 
-    /// Latent vertices to normalised accelerations.
+    /// Latent vertices to the normalised output.
     pub(super) fn decode(&mut self, rows: usize, nodes: Region, output: Region) -> MlpRecord {
         let (latent, path) = (self.latent, "decoder");
         let size = rows * latent;
@@ -119,7 +118,10 @@ impl Lower<'_> {
         self.linear(Linear::new(rows, x, weight, out).then(epilogue));
         self.second_layer(path, rows, &record);
         let weight = self.weights.matrix("decoder.4.weight");
-        let (x, out) = (Rows::new(hidden2, latent), Rows::new(output, OUTPUTS));
+        let (x, out) = (
+            Rows::new(hidden2, latent),
+            Rows::new(output, output.count() / rows),
+        );
         let epilogue = Epilogue::Bias(self.weights.get("decoder.4.bias"));
         self.linear(Linear::new(rows, x, weight, out).then(epilogue));
         record

@@ -1,4 +1,4 @@
-//! The forward pass: normalised features to normalised accelerations.
+//! The forward pass: normalised features to normalised accelerations or corrections.
 //!
 //! `encoder` takes features to latent rows, `block` passes messages, `tokens` lets vertices see
 //! their whole cloth, `mlp` has the perceptrons and the decoder.
@@ -10,7 +10,6 @@ mod tokens;
 
 use selvedge_model::Network;
 
-use super::OUTPUTS;
 use super::arrays::{GraphArrays, InputArrays, StateArrays};
 use super::dropout::Dropout;
 use super::linear::Linear;
@@ -62,7 +61,8 @@ pub fn forward(plan: &mut Plan, schedule: &mut Schedule, pass: ForwardPass<'_>) 
         tokens: spec.tokens,
         keep: pass.keep,
     };
-    let output = lower.plan.floats("output", graph.vertices * OUTPUTS);
+    let outputs = graph.vertices * spec.outputs();
+    let output = lower.plan.floats("output", outputs);
     let mut nodes = lower
         .plan
         .floats("latent vertices", graph.vertices * latent);

@@ -105,7 +105,9 @@ fn corrected(
         held: &held,
     };
     let mut corrector = Corrector::new(Arc::clone(model), graph, SOFT).expect("a corrector");
-    let familiarity = corrector.correct(&frame, &mut next.positions, &mut next.velocities);
+    let familiarity = corrector
+        .correct(&frame, &mut next.positions, &mut next.velocities)
+        .unwrap();
     for (v, held) in held.iter().enumerate() {
         let moved = next.positions[v] != predicted.positions[v];
         let turned = next.velocities[v] != predicted.velocities[v];
@@ -178,7 +180,9 @@ fn a_corrector_takes_no_other_kind_of_model_and_follows_a_new_one() {
             held: &[false; 9],
         };
         let mut next = state.clone();
-        corrector.correct(&frame, &mut next.positions, &mut next.velocities);
+        corrector
+            .correct(&frame, &mut next.positions, &mut next.velocities)
+            .unwrap();
         next.positions
     };
     let first = run(&mut corrector);
