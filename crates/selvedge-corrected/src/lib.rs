@@ -12,4 +12,4 @@ mod base;
 mod stepper;
 
 pub use base::{base_scene, cloth_graph, face_stiffness};
-pub use stepper::{CorrectedError, CorrectedStepper, FrameState};
+pub use stepper::{CorrectedError, CorrectedStepper, FrameState, goes_without};

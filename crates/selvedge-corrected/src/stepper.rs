@@ -9,8 +9,8 @@ use selvedge_cloth::{
     Topology, VertexId,
 };
 use selvedge_model::{
-    ClothGraph, CorrectionError, CorrectionNetwork, Corrector, Familiarity, GraphError,
-    Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame,
+    Aspect, ClothGraph, CorrectionError, CorrectionNetwork, Corrector, Domain, DomainWatch,
+    Familiarity, GraphError, Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -37,6 +37,15 @@ pub enum CorrectedError {
     Graph(#[from] GraphError),
 }
 
+/// Returns true if frames beyond a model's training in this aspect are not corrected: physics
+/// alone moves them, and the network is not run.
+///
+/// Handles that move apart are left to the network's columns, vertex by vertex.
+#[must_use]
+pub fn goes_without(aspect: Aspect) -> bool {
+    aspect != Aspect::Apart
+}
+
 /// A cloth that cheap physics moves and a network corrects.
 pub struct CorrectedStepper {
     base: PhysicsBase,
@@ -55,6 +64,8 @@ pub struct CorrectedStepper {
     undo: Option<bool>,
     /// True for each vertex that a handle holds, `[vertices]`.
     held: Vec<bool>,
+    /// What the model was trained on, where its file says so, and what the scene has shown.
+    domain: Option<Box<(Domain, DomainWatch)>>,
     /// The last frame's.
     familiarity: Familiarity,
     stop: Stop,
@@ -74,6 +85,7 @@ impl CorrectedStepper {
         let scene = base_scene(scene, base);
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect())?;
+        let domain = model.domain();
         let graph = cloth_graph(&scene, &cloth)?;
         let of_face = face_stiffness(&scene);
         let corrector = Corrector::of_faces(model, graph, |face| of_face[face.index()])?;
@@ -90,6 +102,7 @@ impl CorrectedStepper {
             spare: start.clone(),
             now: start,
             undo: None,
+            domain: domain.map(|trained| Box::new((trained, DomainWatch::of_scene(&scene)))),
             held: scene.handles.mask(scene.mesh.positions().len()),
             familiarity: Familiarity::default(),
             stop: Stop::default(),
@@ -102,6 +115,16 @@ impl CorrectedStepper {
     pub fn at_frame(mut self, frame: usize) -> Self {
         self.simulator = self.simulator.at_frame(frame);
         self
+    }
+
+    /// Takes up a run along the scene's own motion again, with frames counted from `frame`: handles
+    /// hold as [`Simulator::taken_up_at`] says.
+    ///
+    /// # Errors
+    /// As for [`Simulator::taken_up_at`].
+    pub fn taken_up_at(mut self, frame: usize) -> Result<Self, CorrectedError> {
+        self.simulator = self.simulator.taken_up_at(frame)?;
+        Ok(self)
     }
 
     /// The same with the products of the network by these instructions.
@@ -147,6 +170,23 @@ impl CorrectedStepper {
             self.simulator.forget_previous();
         }
         self.simulator.step(targets)
+    }
+
+    /// Returns true where this frame is of a kind that the model was trained on, as far as that
+    /// matters to its corrections.
+    fn is_within(&mut self, targets: &HandleTargets, frame: usize) -> bool {
+        let Some(domain) = &mut self.domain else {
+            return true;
+        };
+        let (trained, watch) = domain.as_mut();
+        let environment = self.scene.environment;
+        let environment = environment.during_step(frame, self.scene.frame_rate);
+        let held: Vec<bool> = (0..self.scene.handles.len())
+            .map(|handle| targets.holds(handle))
+            .collect();
+        watch.see(targets.end(), &held, environment.wind);
+        let departures = trained.departures(watch.now());
+        !departures.iter().any(|found| goes_without(found.aspect))
     }
 
     /// Makes the next state in `spare`, of the one that physics predicted.
@@ -236,7 +276,10 @@ impl Stepper for CorrectedStepper {
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
-        if let Err(error) = self.correct(frame) {
+        if !self.is_within(targets, frame) {
+            self.spare.copy_of(&self.simulator);
+            self.familiarity = Familiarity::default();
+        } else if let Err(error) = self.correct(frame) {
             self.simulator.undo_step();
             return Err(StepError::Device {
                 frame: frame + 1,

@@ -2,6 +2,7 @@
 //! first frame.
 
 use selvedge_cloth::{MotionError, Scene};
+pub use selvedge_corrected::goes_without;
 use selvedge_data::{Dataset, DatasetError, Split, Trajectory};
 use selvedge_model::{Aspect, Departure, Domain, Model};
 use selvedge_train::{TrainingSetError, domain_of};
@@ -52,7 +53,7 @@ pub fn of_scene(
         let departures = trained.departures(now).into_iter();
         by_frame.push(departures.map(|departure| departure.aspect).collect());
     })?;
-    let departures = checked(&trained, &found)?;
+    let departures = checked(model, &trained, &found)?;
     Ok(Some(Beyond {
         departures,
         by_frame,
@@ -71,7 +72,7 @@ pub fn of_trajectory(
     let Some(trained) = model.domain() else {
         return Ok(None);
     };
-    checked(&trained, &domain_of(motion, trajectory)?).map(Some)
+    checked(model, &trained, &domain_of(motion, trajectory)?).map(Some)
 }
 
 /// The domain of the training trajectories of a data set.
@@ -87,8 +88,12 @@ pub fn of_dataset(dataset: &Dataset) -> Result<Domain, DomainError> {
     all.ok_or(DomainError::Empty)
 }
 
-fn checked(trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {
-    let departures = trained.departures(found);
+fn checked(model: &Model, trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {
+    let mut departures = trained.departures(found);
+    if model.spec().base.is_some() {
+        let uncorrected = departures.iter_mut().filter(|d| goes_without(d.aspect));
+        uncorrected.for_each(|departure| departure.words += ": moved by physics alone");
+    }
     match departures.iter().find(|d| d.aspect == Aspect::FrameRate) {
         Some(rate) => Err(DomainError::FrameRate {
             words: rate.words.clone(),
@@ -108,7 +113,7 @@ mod tests {
 
     /// The shipped model as if it had been trained on five frames of a scene.
     fn trained_on(scene: &Scene) -> Model {
-        let model = NamedModel::open(None).unwrap().model;
+        let model = NamedModel::open(Some("small".as_ref())).unwrap().model;
         let domain = Domain::of_scene(scene, 5).unwrap();
         Model::clone(&model).with_domain(&domain)
     }
@@ -127,6 +132,20 @@ mod tests {
     }
 
     #[test]
+    fn a_model_that_corrects_physics_says_what_moves_the_cloth_beyond_its_training() {
+        let mut scene = hanging();
+        let model = NamedModel::open(Some("corrected".as_ref())).unwrap().model;
+        let model = Model::clone(&model).with_domain(&Domain::of_scene(&scene, 5).unwrap());
+        scene.environment.wind.x = 6.0;
+        let beyond = of_scene(&model, &scene, 3).unwrap().unwrap();
+        let words = &beyond.departures[0].words;
+        assert!(
+            words.contains("wind") && words.ends_with(": moved by physics alone"),
+            "{words}"
+        );
+    }
+
+    #[test]
     fn another_frame_rate_is_an_error_with_its_remedy() {
         let mut scene = hanging();
         let model = trained_on(&scene);
@@ -141,7 +160,7 @@ mod tests {
 
     #[test]
     fn a_model_that_does_not_say_is_not_judged() {
-        let mut silent = Model::clone(&NamedModel::open(None).unwrap().model);
+        let mut silent = Model::clone(&NamedModel::open(Some("small".as_ref())).unwrap().model);
         silent.training = String::new();
         let mut scene = hanging();
         scene.environment = Environment {

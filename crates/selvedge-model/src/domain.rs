@@ -157,18 +157,8 @@ impl Domain {
         mut each: impl FnMut(&Self),
     ) -> Result<Self, MotionError> {
         let path = scene.handle_path()?;
-        let (mesh, handles) = (&scene.mesh, scene.handles.len());
-        let mut watch = DomainWatch::new(scene.environment.gravity, scene.frame_rate)
-            .with_mesh(
-                mesh.topology().vertex_count(),
-                &mesh.pattern().edge_lengths(),
-                mesh.pattern().is_sewn(),
-            )
-            .with_contact(scene.contact.is_some());
-        let (materials, _) = scene.materials();
-        for material in materials {
-            watch = watch.with_fabric(material);
-        }
+        let handles = scene.handles.len();
+        let mut watch = DomainWatch::of_scene(scene);
         let mut start = path.at(0.0);
         let mut held: Vec<bool> = vec![true; handles];
         for frame in 0..frames {

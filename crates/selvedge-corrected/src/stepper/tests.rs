@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    Environment, Gust, HandleSchedule, Integrator, Motion, PhysicsSettings, SagSettings,
+    Environment, Gust, HandleSchedule, Integrator, Motion, PhysicsSettings, Release, SagSettings,
 };
 use selvedge_model::{Encoder, ModelSpec, Network, Normalizer, Normalizers};
 
@@ -147,6 +147,90 @@ fn a_model_that_corrects_nothing_leaves_its_base() {
         }
         assert!(some.familiarity().largest > 0.1 * SMALL);
         assert_ne!(some.positions(), none.positions());
+    }
+}
+
+/// Frames beyond what a model was trained on are those of its base, to the bit, and the network goes
+/// on with the first one that is within it.
+#[test]
+fn frames_beyond_the_training_are_left_to_physics() {
+    let scene = hanging();
+    let base = bases()[2];
+    let trained = |scene: &Scene| {
+        let domain = Domain::of_scene(scene, 10).unwrap();
+        Arc::new(Model::clone(&model(base, SMALL)).with_domain(&domain))
+    };
+    let run = |model: Arc<Model>, scene: &Scene, frames: usize| {
+        let mut stepper = CorrectedStepper::new(model, scene, at_rest(scene)).unwrap();
+        let targets = still(scene);
+        let familiar = (0..frames).map(|_| {
+            stepper.step(&targets).unwrap();
+            stepper.familiarity().familiar
+        });
+        (familiar.collect::<Vec<_>>(), stepper.state().clone())
+    };
+    let mut windy = hanging();
+    windy.environment.wind = DVec3::new(0.0, 0.0, 4.0);
+    let (familiar, there) = run(trained(&scene), &windy, 5);
+    assert_eq!(familiar, [0.0; 5]);
+    let mut alone = Simulator::new(&base_scene(&windy, base)).unwrap();
+    (0..5).for_each(|_| alone.step(&still(&windy)).unwrap());
+    assert_eq!(there.positions, alone.positions_f64());
+    assert_eq!(there.velocities, alone.velocities_f64());
+    // Where the training had such wind, or the model does not say, the network is asked.
+    for model in [trained(&windy), model(base, SMALL)] {
+        let (familiar, corrected) = run(model, &windy, 5);
+        assert!(familiar.iter().all(|part| *part > 0.0), "{familiar:?}");
+        assert_ne!(corrected.positions, there.positions);
+    }
+    // A handle that lets go is beyond it for as long as it is free.
+    let mut stepper = CorrectedStepper::new(trained(&scene), &scene, at_rest(&scene)).unwrap();
+    let all = still(&scene);
+    let one = still(&scene).releasing(vec![false, true]).unwrap();
+    let familiar: Vec<bool> = [&all, &one, &one, &all]
+        .map(|targets| {
+            stepper.step(targets).unwrap();
+            stepper.familiarity().familiar > 0.0
+        })
+        .to_vec();
+    assert_eq!(familiar, [true, false, false, true]);
+}
+
+/// A run that is taken up while a handle is free, or after it took hold elsewhere, goes on as
+/// physics does.
+#[test]
+fn a_run_is_taken_up_with_its_handles_as_they_hold() {
+    let mut scene = hanging();
+    scene.motion = Motion::still(2.0);
+    let release = Release {
+        handles: vec![1],
+        from: 0.1,
+        to: Some(0.2),
+    };
+    scene.schedule.releases = vec![release];
+    let base = bases()[2];
+    let physics = base_scene(&scene, base);
+    let path = scene.handle_path().unwrap();
+    let mut run = Simulator::new(&physics).unwrap();
+    for frame in 0..20 {
+        if [8, 16].contains(&frame) {
+            let state = FrameState {
+                positions: run.positions_f64().to_vec(),
+                velocities: run.velocities_f64().to_vec(),
+            };
+            let (x, v) = (state.positions.clone(), state.velocities.clone());
+            let alone = Simulator::with_state(&physics, x, v).unwrap();
+            let mut alone = alone.taken_up_at(frame).unwrap();
+            let none = CorrectedStepper::new(model(base, 0.0), &scene, state).unwrap();
+            let mut none = none.taken_up_at(frame).unwrap();
+            for next in frame..frame + 3 {
+                let targets = path.targets(next, 2).unwrap();
+                alone.step(&targets).unwrap();
+                none.step(&targets).unwrap();
+            }
+            assert_eq!(none.state().positions, alone.positions_f64(), "{frame}");
+        }
+        run.step(&path.targets(frame, 2).unwrap()).unwrap();
     }
 }
 

@@ -62,8 +62,9 @@ impl Runner {
                     positions: start.positions,
                     velocities: start.velocities,
                 };
-                let stepper = CorrectedStepper::new(Arc::clone(model), scene, state);
-                let mut stepper = stepper.map_err(|error| error.to_string())?.at_frame(frame);
+                let stepper = CorrectedStepper::new(Arc::clone(model), scene, state)
+                    .and_then(|stepper| stepper.taken_up_at(frame));
+                let mut stepper = stepper.map_err(|error| error.to_string())?;
                 stepper = stepper.with_instructions(instructions);
                 stepper.set_threads(Threads::One);
                 Mover::Corrected(stepper)

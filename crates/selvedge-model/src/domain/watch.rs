@@ -1,7 +1,7 @@
 //! The domain of a motion, gathered frame by frame.
 
 use glam::DVec3;
-use selvedge_cloth::Material;
+use selvedge_cloth::{Material, Scene};
 
 use super::{Bounds, Domain, FabricBounds};
 
@@ -48,6 +48,21 @@ impl DomainWatch {
             before: Vec::new(),
             together: Vec::new(),
         }
+    }
+
+    /// Nothing seen yet, of the cloth of a scene.
+    #[must_use]
+    pub fn of_scene(scene: &Scene) -> Self {
+        let pattern = scene.mesh.pattern();
+        let watch = Self::new(scene.environment.gravity, scene.frame_rate)
+            .with_mesh(
+                scene.mesh.topology().vertex_count(),
+                &pattern.edge_lengths(),
+                pattern.is_sewn(),
+            )
+            .with_contact(scene.contact.is_some());
+        let (materials, _) = scene.materials();
+        materials.into_iter().fold(watch, Self::with_fabric)
     }
 
     /// The mesh of the cloth: its vertices, the lengths of its edges in the pattern `[m]`, and

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
+use selvedge_lab::domain::goes_without;
 use selvedge_lab::physics;
 use selvedge_live::{
     Body, Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
@@ -151,6 +152,9 @@ fn untrained(name: &str, model: &Model, now: &Domain) -> Option<String> {
     let words: Vec<String> = words.collect();
     let then = match model.spec().base {
         None => "shows now is a guess, and the physics knows better",
+        Some(_) if departures.iter().any(|found| goes_without(found.aspect)) => {
+            "adds to the physics is left out there: the physics moves it alone"
+        }
         Some(_) => "adds to the physics is a guess there, and fades where it is far off",
     };
     (!words.is_empty()).then(|| format!("{}: what the model {name} {then}", words.join("; ")))
@@ -194,7 +198,8 @@ mod tests {
             let places = vec![DVec3::ZERO; handles.len()];
             hands(&hold, 60.0, [&places, &places])
         };
-        let NamedModel { name, model } = NamedModel::open(None).unwrap();
+        let small = NamedModel::open(Some("small".as_ref())).unwrap();
+        let NamedModel { name, model } = small;
         assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
         let mut silent = Model::clone(&model);
         silent.training = String::new();
@@ -216,5 +221,8 @@ mod tests {
             let text = untrained(&name, &model, &hold(held, wind)).unwrap();
             assert!(text.contains(words), "{text}");
         }
+        let corrected = NamedModel::open(Some("corrected".as_ref())).unwrap();
+        let said = untrained("corrected", &corrected.model, &hold(&[0, 2], 3.0)).unwrap();
+        assert!(said.contains("the physics moves it alone"), "{said}");
     }
 }
