@@ -67,9 +67,12 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 /// Models by their names, in the files that `selvedge train` writes; first the one that
 /// `selvedge rollout` takes.
 pub const MODELS: &[(&str, &[u8])] = &[
-    ("small", include_bytes!("models/small.safetensors")),
     ("corrected", include_bytes!("models/corrected.safetensors")),
+    ("small", SMALL),
 ];
+
+/// The model `small`, which needs no physics to move a cloth.
+pub const SMALL: &[u8] = include_bytes!("models/small.safetensors");
 
 /// Configurations of trainings: those of our own models, the paper's models, its ablations, and
 /// one that is trained in another way.

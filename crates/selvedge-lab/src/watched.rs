@@ -231,7 +231,7 @@ mod tests {
     use crate::models::{self, NamedModel};
     use crate::test_scene::hanging;
 
-    /// The shipped model on a small square, under a guard.
+    /// The shipped network on a small square, under a guard.
     fn watched(correction: Correction) -> WatchedModel {
         watched_in(hanging(), correction)
     }
@@ -239,7 +239,7 @@ mod tests {
     fn watched_in(scene: Scene, correction: Correction) -> WatchedModel {
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect()).unwrap();
-        let model = NamedModel::open(None).unwrap();
+        let model = NamedModel::open(Some("small".as_ref())).unwrap();
         let graph = models::graph_of_scene(&scene, &cloth, &model.model).unwrap();
         let stepper = model
             .start(graph, cloth.rest_positions(), &Machine::Cpu, &scene)

@@ -9,8 +9,9 @@ use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Cloth, Environment, HandleTargets, Handles, Stepper};
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
 
-/// The shipped model; a program of yours reads a file: `std::fs::read("model.safetensors")?`.
-const MODEL: &[u8] = selvedge_assets::MODELS[0].1;
+/// The shipped model that needs no physics; a program of yours reads a file:
+/// `std::fs::read("model.safetensors")?`.
+const MODEL: &[u8] = selvedge_assets::SMALL;
 
 /// Carries a square of cloth 30 cm to the side by its upper corners, in one second.
 #[allow(clippy::print_stdout, reason = "the result of the example")]

@@ -120,7 +120,7 @@ fn stepper(name: &str, program: &Program, folder: &Path, steps: u64) -> Result<C
     walk(scene, &mut *stepper, &start, steps)
 }
 
-/// A model that has barely learned, alone; the shipped one under its guard; or the one that
+/// A model that has barely learned, alone; the shipped network under its guard; or the one that
 /// corrects physics.
 fn learned(
     name: &str,
@@ -130,7 +130,7 @@ fn learned(
     start: &[DVec3],
 ) -> Result<Box<dyn Stepper>> {
     let model = match name {
-        "guard" => NamedModel::open(None)?,
+        "guard" => NamedModel::open(Some(Path::new("small")))?,
         "corrected" => NamedModel::open(Some(Path::new(name)))?,
         _ => {
             program.run(folder, "dataset generate tiny --out tiny")?;

@@ -158,7 +158,7 @@ Examples:
   selvedge rollout my-scene.toml --model my-model.safetensors --out my-run
   selvedge rollout --export cloth.glb --export cloth.usda
   selvedge rollout --guard none --trust trust.csv
-  selvedge rollout my-large-scene.toml --device cuda
+  selvedge rollout my-large-scene.toml --model small --device cuda
 
 Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
 contact sheet) and clip.gif. Files of these names from an earlier rollout are removed first.")]
@@ -166,7 +166,8 @@ pub(crate) struct RolloutArgs {
     /// A scene: a TOML file, or the name of a shipped one.
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// The model's weights: a file, or the name of the shipped model [default: small].
+    /// The model's weights: a file, or the name of a shipped one, `corrected` or `small`
+    /// [default: corrected].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The folder to write into; it is made.

@@ -1,6 +1,6 @@
 """Runs a Selvedge model in PyTorch, one step from every frame of a rollout, and compares it with what Selvedge made.
 
-    selvedge rollout --no-truth --no-clip --out out
+    selvedge rollout --model small --no-truth --no-clip --out out
     python rollout_step.py assets/models/small.safetensors out/rollout.safetensors
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next

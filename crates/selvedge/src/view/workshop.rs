@@ -17,7 +17,7 @@ use selvedge_data::{
 use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{domain, physics, rest_pose};
+use selvedge_lab::{assets, domain, physics, rest_pose};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
@@ -45,8 +45,8 @@ pub(crate) struct ViewWorkshop {
 }
 
 impl ViewWorkshop {
-    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped one,
-    /// which run on `machine`.
+    /// A workshop for `scene`, the shipped ones, and models from files beside the shipped
+    /// ones, which run on `machine`.
     ///
     /// # Errors
     /// When a model cannot be read.
@@ -58,7 +58,9 @@ impl ViewWorkshop {
         for file in models {
             opened.push(NamedModel::open(Some(file))?);
         }
-        opened.push(NamedModel::open(None)?);
+        for (name, _) in assets::MODELS {
+            opened.push(NamedModel::open(Some(name.as_ref()))?);
+        }
         Ok(Self {
             scenes,
             models: opened,
