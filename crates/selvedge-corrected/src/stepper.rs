@@ -64,7 +64,7 @@ pub struct CorrectedStepper {
     undo: Option<bool>,
     /// True for each vertex that a handle holds, `[vertices]`.
     held: Vec<bool>,
-    /// What the model was trained on, where its file says so, and what the scene has shown.
+    /// Bounds of what the model was trained on, where its file has them, and of the scene so far.
     domain: Option<Box<(Domain, DomainWatch)>>,
     /// The last frame's.
     familiarity: Familiarity,

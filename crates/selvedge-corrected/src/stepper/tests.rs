@@ -150,8 +150,8 @@ fn a_model_that_corrects_nothing_leaves_its_base() {
     }
 }
 
-/// Frames beyond what a model was trained on are those of its base, to the bit, and the network goes
-/// on with the first one that is within it.
+/// Frames beyond what a model was trained on are those of its base, to the bit, and the network
+/// goes on with the first one that is within it.
 #[test]
 fn frames_beyond_the_training_are_left_to_physics() {
     let scene = hanging();

@@ -58,7 +58,7 @@ pub struct Corrector {
     columns: CorrectionColumns,
     weights: PackedWeights<f32>,
     workspace: Workspace<f32>,
-    /// Where the network runs, if not here.
+    /// The network on another machine, if it does not run here.
     elsewhere: Option<Box<dyn CorrectionNetwork>>,
     rows: Vec<f32>,
     /// Part of the correction that each vertex gets, `[vertices]`.
