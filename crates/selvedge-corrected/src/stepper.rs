@@ -46,7 +46,22 @@ pub fn goes_without(aspect: Aspect) -> bool {
     aspect != Aspect::Apart
 }
 
+/// Returns true if the scene's own motion goes beyond `trained` somewhere. A motion that does not
+/// fit the scene's handles, as where hands move them, says nothing.
+fn is_beyond(trained: &Domain, scene: &Scene) -> bool {
+    let frames = scene.frame_count();
+    let found = frames.and_then(|frames| Domain::of_scene(scene, frames));
+    found.is_ok_and(|found| {
+        let departures = trained.departures(&found);
+        departures.iter().any(|found| goes_without(found.aspect))
+    })
+}
+
 /// A cloth that cheap physics moves and a network corrects.
+///
+/// Where the scene's own motion goes beyond what the model was trained on ([`goes_without`]), the
+/// physics moves all of the run: a cloth still swings as it was never seen to when its hands are
+/// slow again. Hands that go elsewhere are watched frame by frame.
 pub struct CorrectedStepper {
     base: PhysicsBase,
     scene: Scene,
@@ -64,6 +79,9 @@ pub struct CorrectedStepper {
     undo: Option<bool>,
     /// True for each vertex that a handle holds, `[vertices]`.
     held: Vec<bool>,
+    /// True where the scene's own motion goes beyond what the model was trained on: physics moves
+    /// all of it.
+    beyond: bool,
     /// Bounds of what the model was trained on, where its file has them, and of the scene so far.
     domain: Option<Box<(Domain, DomainWatch)>>,
     /// The last frame's.
@@ -86,6 +104,9 @@ impl CorrectedStepper {
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect())?;
         let domain = model.domain();
+        let beyond = domain
+            .as_ref()
+            .is_some_and(|trained| is_beyond(trained, &scene));
         let graph = cloth_graph(&scene, &cloth)?;
         let of_face = face_stiffness(&scene);
         let corrector = Corrector::of_faces(model, graph, |face| of_face[face.index()])?;
@@ -102,6 +123,7 @@ impl CorrectedStepper {
             spare: start.clone(),
             now: start,
             undo: None,
+            beyond,
             domain: domain.map(|trained| Box::new((trained, DomainWatch::of_scene(&scene)))),
             held: scene.handles.mask(scene.mesh.positions().len()),
             familiarity: Familiarity::default(),
@@ -178,6 +200,9 @@ impl CorrectedStepper {
         let Some(domain) = &mut self.domain else {
             return true;
         };
+        if self.beyond {
+            return false;
+        }
         let (trained, watch) = domain.as_mut();
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);

@@ -194,6 +194,15 @@ fn frames_beyond_the_training_are_left_to_physics() {
         })
         .to_vec();
     assert_eq!(familiar, [true, false, false, true]);
+    // A scene in which one will let go is beyond it from the start.
+    let mut lets_go = hanging();
+    lets_go.schedule.releases = vec![Release {
+        handles: vec![1],
+        from: 0.5,
+        to: None,
+    }];
+    let (familiar, _) = run(trained(&scene), &lets_go, 3);
+    assert_eq!(familiar, [0.0; 3]);
 }
 
 /// A run that is taken up while a handle is free, or after it took hold elsewhere, goes on as
