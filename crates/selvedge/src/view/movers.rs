@@ -234,7 +234,7 @@ mod tests {
     use super::*;
     use crate::view::ViewWorkshop;
     use selvedge_cloth::conformance::{HandlesEnd, check};
-    use selvedge_live::{MoverKind, Start, Workshop};
+    use selvedge_live::{MoverKind, Order, Start, Workshop};
     use std::ops::ControlFlow;
 
     /// The handles of the default scene after `frame` frames of a slow pull to the front and up.
@@ -248,7 +248,10 @@ mod tests {
     /// largest distance of a vertex over ten frames after ten `[m]`.
     fn difference(kind: MoverKind) -> f32 {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
-        let order = workshop.first_order();
+        let order = Order {
+            model: "small".to_owned(),
+            ..workshop.first_order()
+        };
         let ready = workshop
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();

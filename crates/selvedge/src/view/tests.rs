@@ -66,7 +66,12 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
 fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     let models = ["corrected"].map(PathBuf::from);
     let mut workshop = ViewWorkshop::new("default", &models, Machine::Cpu).unwrap();
-    for (name, then) in [("small", "physics knows better"), ("corrected", "fades")] {
+    let catalogue = workshop.catalogue();
+    assert_eq!(catalogue.models, ["corrected", "small"], "each once");
+    for (name, then) in [
+        ("small", "physics knows better"),
+        ("corrected", "the physics moves it alone"),
+    ] {
         let order = Order {
             model: name.to_owned(),
             ..workshop.first_order()

@@ -59,6 +59,9 @@ impl ViewWorkshop {
             opened.push(NamedModel::open(Some(file))?);
         }
         for (name, _) in assets::MODELS {
+            if opened.iter().any(|model| model.name == *name) {
+                continue;
+            }
             opened.push(NamedModel::open(Some(name.as_ref()))?);
         }
         Ok(Self {
