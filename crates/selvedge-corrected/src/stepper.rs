@@ -46,6 +46,14 @@ pub fn goes_without(aspect: Aspect) -> bool {
     aspect != Aspect::Apart
 }
 
+/// The domain of a model, and hands and wind beside it.
+struct Watched {
+    trained: Domain,
+    watch: DomainWatch,
+    /// True for each handle that holds now, `[handles]`.
+    holds: Vec<bool>,
+}
+
 /// Returns true if the scene's own motion goes beyond `trained` somewhere. A motion that does not
 /// fit the scene's handles, as where hands move them, says nothing.
 fn is_beyond(trained: &Domain, scene: &Scene) -> bool {
@@ -82,8 +90,8 @@ pub struct CorrectedStepper {
     /// True where the scene's own motion goes beyond what the model was trained on: physics moves
     /// all of it.
     beyond: bool,
-    /// Bounds of what the model was trained on, where its file has them, and of the scene so far.
-    domain: Option<Box<(Domain, DomainWatch)>>,
+    /// Bounds of what the model was trained on, where its file has them, beside the scene so far.
+    watched: Option<Box<Watched>>,
     /// The last frame's.
     familiarity: Familiarity,
     stop: Stop,
@@ -124,7 +132,13 @@ impl CorrectedStepper {
             now: start,
             undo: None,
             beyond,
-            domain: domain.map(|trained| Box::new((trained, DomainWatch::of_scene(&scene)))),
+            watched: domain.map(|trained| {
+                Box::new(Watched {
+                    trained,
+                    watch: DomainWatch::of_scene(&scene),
+                    holds: Vec::new(),
+                })
+            }),
             held: scene.handles.mask(scene.mesh.positions().len()),
             familiarity: Familiarity::default(),
             stop: Stop::default(),
@@ -197,19 +211,22 @@ impl CorrectedStepper {
     /// Returns true where this frame is of a kind that the model was trained on, as far as that
     /// matters to its corrections.
     fn is_within(&mut self, targets: &HandleTargets, frame: usize) -> bool {
-        let Some(domain) = &mut self.domain else {
+        let Some(watched) = &mut self.watched else {
             return true;
         };
         if self.beyond {
             return false;
         }
-        let (trained, watch) = domain.as_mut();
+        let Watched {
+            trained,
+            watch,
+            holds,
+        } = watched.as_mut();
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
-        let held: Vec<bool> = (0..self.scene.handles.len())
-            .map(|handle| targets.holds(handle))
-            .collect();
-        watch.see(targets.end(), &held, environment.wind);
+        holds.clear();
+        holds.extend((0..self.scene.handles.len()).map(|handle| targets.holds(handle)));
+        watch.see(targets.end(), holds, environment.wind);
         let departures = trained.departures(watch.now());
         !departures.iter().any(|found| goes_without(found.aspect))
     }

@@ -13,7 +13,9 @@ pub struct DomainWatch {
     now: Domain,
     /// Against gravity; zero without any.
     up: DVec3,
-    /// Handles in the frame before, and which of them held.
+    /// Handles in this frame, and which of them hold.
+    frame: Vec<(DVec3, bool)>,
+    /// The same in the frame before.
     before: Vec<(DVec3, bool)>,
     /// Handles when the present set of them took hold.
     together: Vec<(DVec3, bool)>,
@@ -45,6 +47,7 @@ impl DomainWatch {
             now: nothing.clone(),
             seen: nothing,
             up: -gravity.normalize_or_zero(),
+            frame: Vec::new(),
             before: Vec::new(),
             together: Vec::new(),
         }
@@ -103,7 +106,9 @@ impl DomainWatch {
     ///
     /// A handle that takes hold may jump; its speed counts from the next frame on.
     pub fn see(&mut self, places: &[DVec3], held: &[bool], wind: DVec3) {
-        let frame: Vec<(DVec3, bool)> = places.iter().copied().zip(held.iter().copied()).collect();
+        let mut frame = std::mem::take(&mut self.frame);
+        frame.clear();
+        frame.extend(places.iter().copied().zip(held.iter().copied()));
         let rate = self.now.frame_rate.most;
         let same_hold = |old: &[(DVec3, bool)]| {
             old.len() == frame.len() && old.iter().zip(&frame).all(|(a, b)| a.1 == b.1)
@@ -125,9 +130,8 @@ impl DomainWatch {
         self.now.moved_apart = moved_apart(&self.together, &frame);
         self.now.handle_speed = speed;
         self.now.wind = wind.length();
-        self.before = frame;
-        let now = self.now.clone();
-        self.seen.include(&now);
+        self.frame = std::mem::replace(&mut self.before, frame);
+        self.seen.include(&self.now);
     }
 
     /// The present frame alone.
@@ -146,19 +150,18 @@ impl DomainWatch {
 /// Largest change of a distance `[m]` to the first, the middle and the last of the handles that
 /// hold: all there are of up to three, and enough to know that many did not move as one body.
 fn moved_apart(then: &[(DVec3, bool)], now: &[(DVec3, bool)]) -> f64 {
-    let both: Vec<[DVec3; 2]> = then
-        .iter()
-        .zip(now)
-        .filter(|(_, now)| now.1)
-        .map(|(then, now)| [then.0, now.0])
-        .collect();
-    let Some(last) = both.len().checked_sub(1) else {
+    let both = || {
+        let pairs = then.iter().zip(now).filter(|(_, now)| now.1);
+        pairs.map(|(then, now)| [then.0, now.0])
+    };
+    let Some(last) = both().count().checked_sub(1) else {
         return 0.0;
     };
-    let changes = [0, last / 2, last].into_iter().flat_map(|from| {
-        let [then, now] = both[from];
-        both.iter()
-            .map(move |other| (other[1].distance(now) - other[0].distance(then)).abs())
-    });
+    let from = [0, last / 2, last].into_iter();
+    let changes = from
+        .filter_map(|from| both().nth(from))
+        .flat_map(|[then, now]| {
+            both().map(move |other| (other[1].distance(now) - other[0].distance(then)).abs())
+        });
     changes.fold(0.0, f64::max)
 }

@@ -57,7 +57,7 @@ fn the_processor_has_no_tensor_products_and_trains_in_full() {
 fn a_rollout_in_half_precision_stays_near_where_the_processor_has_it() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let call = "rollout push.toml --frames 10 --no-clip --guard none --no-truth";
+    let call = "rollout push.toml --model small --frames 10 --no-clip --guard none --no-truth";
     if !selvedge_model::Instructions::has_half() {
         desk.fails(&format!("{call} --precision half"), 1, &["AVX512-BF16"]);
         return;
@@ -83,7 +83,7 @@ fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
 
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let call = "rollout push.toml --frames 20 --guard none --no-truth --no-clip";
+    let call = "rollout push.toml --model small --frames 20 --guard none --no-truth --no-clip";
     desk.json(&format!("{call} --out cpu"));
     let report = desk.json(&format!("{call} --out host --device host"));
     assert!(
