@@ -180,7 +180,7 @@ pub enum StartError {
     #[cfg(feature = "gpu")]
     Gpu(#[from] OpeningError),
     #[cfg(feature = "gpu")]
-    Corrections(#[from] CorrectionsError),
+    Corrections(#[from] Box<CorrectionsError>),
 }
 
 impl Machine {
@@ -277,7 +277,8 @@ impl Machine {
             Self::Gpu(device, precision) => {
                 let stepper = CorrectedStepper::new(Arc::clone(&model), scene, state)?;
                 let (device, graph) = (device.as_ref(), stepper.graph());
-                let network = GpuCorrections::new(device, &model, graph, *precision)?;
+                let network =
+                    GpuCorrections::new(device, &model, graph, *precision).map_err(Box::new)?;
                 Ok(stepper.with_network(Box::new(network)))
             }
         }
