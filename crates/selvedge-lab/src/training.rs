@@ -4,6 +4,7 @@ use selvedge_data::Dataset;
 use selvedge_train::{EngineMaker, TrainConfig, TrainError, Trainer};
 
 use crate::event::{OnEvent, Reporter};
+use crate::models::NamedModel;
 
 /// Says whose mirror images are not learned from, where there are some, and that a cloth has fewer
 /// vertices than the network filters through.
@@ -37,6 +38,22 @@ pub fn fresh(
     on_event: &mut OnEvent<'_>,
 ) -> Result<Option<Trainer>, TrainError> {
     begin(cfg, data, engine, &Reporter::new(on_event))
+}
+
+/// The same, with the weights and statistics of `model`.
+///
+/// # Errors
+/// As [`fresh`], and where the configuration is of another network.
+pub fn from_model(
+    cfg: TrainConfig,
+    data: &Dataset,
+    engine: &dyn EngineMaker,
+    model: &NamedModel,
+    on_event: &mut OnEvent<'_>,
+) -> Result<Option<Trainer>, TrainError> {
+    let reporter = Reporter::new(on_event);
+    let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
+    Trainer::from_model(cfg, data, engine, &model.model, &mut |_| task.advance())
 }
 
 /// As [`fresh`], within a longer operation.

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use selvedge_data::{Dataset, WriteError};
 
-pub(crate) use self::differences::differences;
+pub(crate) use self::differences::{differences, differences_of_networks};
 pub use self::error::{ContentProblem, ResumeError};
 pub use self::file::CHECKPOINT_FORMAT;
 use self::file::{Bytes, CheckpointFile, SlotEntry, State, VERSION, history_name};
@@ -22,7 +22,6 @@ use crate::engine::{EngineMaker, Learned};
 use crate::fit_normalizers::Statistics;
 use crate::optimizer::Adam;
 use crate::origin::Origin;
-use crate::slot::Slot;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
 
 impl Trainer {
@@ -176,22 +175,11 @@ impl Trainer {
             dataset: name_in(file.metadata.get("dataset").map_or("", String::as_str)),
         });
         let weights = file.numbers("weights", network.parameter_count())?;
-        let parts = Parts {
-            learned: Learned {
-                adam: Adam::new(cfg.optimizer, weights.len()).map_err(TrainError::from)?,
-                averaged: cfg.weight_average.map(|_| weights.clone()),
-                weights,
-            },
-            slots: vec![Slot::new(); cfg.batch.samples],
-            network,
-            statistics: Statistics {
-                inputs: state.inputs,
-                targets: state.targets,
-            },
-            step: 0,
-            origins,
-            since_line: Vec::new(),
+        let statistics = Statistics {
+            inputs: state.inputs,
+            targets: state.targets,
         };
+        let parts = Parts::at_first_step(&cfg, network, weights, statistics, origins)?;
         Ok(Self::assemble(cfg, set, engine, parts)?)
     }
 }

@@ -1,6 +1,8 @@
 //! Fits the normalisers: statistics of inputs and targets over samples drawn as in training, before
 //! the first step. The fit goes sample by sample, so that a caller can report each and stop.
 
+use std::ops::ControlFlow;
+
 use selvedge_model::{Place, RunningStatistics, Window, edge_groups, node_groups};
 
 use crate::config::TrainConfig;
@@ -74,6 +76,19 @@ impl<'a> NormalizerFit<'a> {
             done: self.done,
             samples: cfg.statistics_samples,
         })
+    }
+
+    /// The statistics of all samples; none where `observe`, which hears of each, stops the fit.
+    pub(crate) fn observed(
+        mut self,
+        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+    ) -> Option<Statistics> {
+        while let Some(progress) = self.advance() {
+            if observe(progress).is_break() {
+                return None;
+            }
+        }
+        Some(self.finish())
     }
 
     /// The statistics so far.

@@ -104,6 +104,7 @@ mod config;
 mod correction;
 mod engine;
 mod fit_normalizers;
+mod from_model;
 mod losses;
 mod memory;
 mod optimizer;

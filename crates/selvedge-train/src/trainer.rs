@@ -101,6 +101,12 @@ pub enum TrainError {
         "rank {rank} sent slots that are none of this training's: start one program on all ranks"
     )]
     Slots { rank: usize },
+    #[error(
+        "the model to start from is another one: {differences}: set these values as they are there, or train without it"
+    )]
+    OtherModel { differences: String },
+    #[error("comparing the models: {0}")]
+    Json(serde_json::Error),
     #[error("step {step}: the loss is not finite: lower learning_rate or set gradient_clip")]
     NotFinite { step: u64 },
     #[error("step {step} was given up, as was asked")]
@@ -144,13 +150,9 @@ impl Trainer {
         observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
         let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let mut fit = NormalizerFit::new(&cfg, &set);
-        while let Some(progress) = fit.advance() {
-            if observe(progress).is_break() {
-                return Ok(None);
-            }
-        }
-        let statistics = fit.finish();
+        let Some(statistics) = NormalizerFit::new(&cfg, &set).observed(observe) else {
+            return Ok(None);
+        };
         Self::begin(cfg, set, engine, network, statistics).map(Some)
     }
 
@@ -163,22 +165,9 @@ impl Trainer {
     ) -> Result<Self, TrainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
         let weights = network.initialise(&mut || rng.random::<f64>());
-        let parts = Parts {
-            learned: Learned {
-                adam: Adam::new(cfg.optimizer, weights.len())?,
-                averaged: cfg.weight_average.map(|_| weights.clone()),
-                weights,
-            },
-            slots: vec![Slot::new(); cfg.batch.samples],
-            network,
-            statistics,
-            step: 0,
-            origins: Vec::new(),
-            since_line: Vec::new(),
-        };
+        let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
         Self::assemble(cfg, set, engine, parts)
     }
-
     pub(crate) fn assemble(
         cfg: TrainConfig,
         set: TrainingSet,
@@ -453,6 +442,31 @@ pub(crate) struct Parts {
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,
     pub(crate) since_line: Vec<StepReport>,
+}
+
+impl Parts {
+    /// The parts of a training at its first step.
+    pub(crate) fn at_first_step(
+        cfg: &TrainConfig,
+        network: Network,
+        weights: Vec<f32>,
+        statistics: Statistics,
+        origins: Vec<Origin>,
+    ) -> Result<Self, TrainError> {
+        Ok(Self {
+            learned: Learned {
+                adam: Adam::new(cfg.optimizer, weights.len())?,
+                averaged: cfg.weight_average.map(|_| weights.clone()),
+                weights,
+            },
+            slots: vec![Slot::new(); cfg.batch.samples],
+            network,
+            statistics,
+            step: 0,
+            origins,
+            since_line: Vec::new(),
+        })
+    }
 }
 
 #[cfg(test)]

@@ -82,6 +82,22 @@ impl RunningStatistics {
         }
     }
 
+    /// Statistics that freeze to `normalizer`, as of a single row.
+    ///
+    /// # Panics
+    /// When `groups` have another width.
+    #[must_use]
+    pub fn of(normalizer: &Normalizer, groups: &[usize]) -> Self {
+        let width: usize = groups.iter().sum();
+        assert_eq!(width, normalizer.mean.len(), "one component per column");
+        Self {
+            groups: groups.to_vec(),
+            count: 1.0,
+            mean: normalizer.mean.clone(),
+            squares: normalizer.deviation.iter().map(|d| d * d).collect(),
+        }
+    }
+
     /// Number of components of a row.
     #[must_use]
     pub fn width(&self) -> usize {

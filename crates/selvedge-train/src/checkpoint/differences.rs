@@ -1,5 +1,6 @@
 //! The places where two configurations differ.
 
+use selvedge_model::ModelSpec;
 use serde_json::Value;
 
 /// A place where two values differ, and both texts.
@@ -7,6 +8,25 @@ pub(crate) struct Difference {
     pub(crate) path: String,
     pub(crate) made: String,
     pub(crate) now: String,
+}
+
+/// The places where two networks differ, in words; none where they are the same. Edge limits may
+/// differ: they are no part of the network.
+pub(crate) fn differences_of_networks(
+    made: &ModelSpec,
+    now: &ModelSpec,
+) -> Result<String, serde_json::Error> {
+    let network = |spec: &ModelSpec| {
+        let edge_limits = None;
+        serde_json::to_value(ModelSpec {
+            edge_limits,
+            ..spec.clone()
+        })
+    };
+    let words = differences(&network(made)?, &network(now)?)
+        .into_iter()
+        .map(|Difference { path, made, now }| format!("model.{path} is {made} there, {now} here"));
+    Ok(words.collect::<Vec<_>>().join("; "))
 }
 
 /// The places where two values differ. Tables of other keys (another kind of schedule) differ as a

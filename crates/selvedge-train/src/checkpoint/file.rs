@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensors};
 use selvedge_data::{Dataset, Section, read_header};
-use selvedge_model::{ModelSpec, RunningStatistics};
+use selvedge_model::RunningStatistics;
 use serde::{Deserialize, Serialize};
 
-use super::differences::{Difference, differences};
+use super::differences::{Difference, differences, differences_of_networks};
 use super::error::{ContentProblem, ResumeError};
 use super::fingerprint::{fingerprint, name_in};
 use super::parts;
@@ -167,25 +167,14 @@ impl<'a> CheckpointFile<'a> {
         made: &TrainConfig,
         cfg: &TrainConfig,
     ) -> Result<(), ResumeError> {
-        let network = |cfg: &TrainConfig| {
-            let spec = ModelSpec {
-                edge_limits: None,
-                ..cfg.model.clone()
-            };
-            serde_json::to_value(spec).map_err(|error| self.content("config", error))
-        };
-        let differences: Vec<String> = differences(&network(made)?, &network(cfg)?)
-            .into_iter()
-            .map(|Difference { path, made, now }| {
-                format!("model.{path} is {made} there, {now} here")
-            })
-            .collect();
+        let differences = differences_of_networks(&made.model, &cfg.model)
+            .map_err(|error| self.content("config", error))?;
         if differences.is_empty() {
             return Ok(());
         }
         Err(ResumeError::OtherModel {
             path: self.path.to_owned(),
-            differences: differences.join("; "),
+            differences,
         })
     }
 

@@ -107,6 +107,12 @@ impl RunningLossStatistics {
         self.bending_angle.add(&angles);
     }
 
+    /// The same, with the accelerations of a model.
+    pub(crate) fn with_acceleration(mut self, normalizer: &Normalizer) -> Self {
+        self.acceleration = RunningStatistics::of(normalizer, &[3]);
+        self
+    }
+
     /// Adds the samples of `other`.
     pub fn merge(&mut self, other: &Self) {
         let mut other = other.clone();

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, folder, generation, training};
 use selvedge_train::{
     ConfigError, CorrectionConfig, EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer,
@@ -187,9 +188,17 @@ fn trainer(
         return Ok(Some(Trainer::resume(cfg, data, &checkpoint, engine)?));
     }
     require_empty(&args.out)?;
-    if let Some(folder) = &args.from {
-        let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
-        return Ok(Some(trainer));
+    match &args.from {
+        Some(folder) if folder.is_dir() => {
+            let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
+            return Ok(Some(trainer));
+        }
+        Some(file) => {
+            let model = NamedModel::open(Some(file))?;
+            return training::from_model(cfg, data, engine, &model, &mut progress::listener())
+                .with_context(|| format!("--from {}", file.display()));
+        }
+        None => {}
     }
     Ok(training::fresh(
         cfg,

@@ -51,6 +51,19 @@ fn a_resumed_training_ends_with_the_same_weights() {
         1,
         &["run/checkpoint.safetensors is of another model: model.latent is 8 there, 16 here"],
     );
+    // A model will do, by its file or its name, if it is of the same network.
+    desk.fails(
+        "train moment.toml --data tiny --out deep/other --from small",
+        1,
+        &["--from small", "is another one", "model.latent is 64 there"],
+    );
+    desk.fails(
+        "train moment.toml --data tiny --out deep/other --from nobody",
+        1,
+        &["nobody", "small"],
+    );
+    desk.json("train moment.toml --data tiny --out on --from run/model.safetensors --steps 2");
+    assert_eq!(names_in(&desk.path("on")), names);
     for folder in ["nothing", "deep"] {
         assert!(!desk.path(folder).exists(), "{folder}");
     }

@@ -1,0 +1,87 @@
+use selvedge_model::{EdgeLimits, Encoder};
+use serde_json::json;
+
+use super::*;
+use crate::test_data::{ENGINE, busy, two_cloths};
+
+const MLP: Encoder = Encoder::Mlp { window: 1 };
+
+/// The model of five steps, with an account of its training.
+fn learned(data: &Dataset, account: &str) -> Model {
+    let mut trainer = Trainer::new(busy(MLP), data, &ENGINE).expect("a training");
+    for _ in 0..5 {
+        trainer.step().expect("a step");
+    }
+    trainer.collect().expect("weights");
+    trainer.model(account.to_owned()).expect("a model")
+}
+
+fn started(cfg: TrainConfig, data: &Dataset, model: &Model) -> Result<Trainer, TrainError> {
+    let observe = &mut |_| ControlFlow::Continue(());
+    let trainer = Trainer::from_model(cfg, data, &ENGINE, model, observe)?;
+    Ok(trainer.expect("nobody stops it"))
+}
+
+#[test]
+fn a_training_begins_as_the_model_is() {
+    let data = two_cloths();
+    let account = json!({
+        "config": {"name": "tiny"}, "steps_done": 5, "dataset": "swinging",
+        "from": [{"name": "stage 1", "steps_done": 9, "dataset": "first"}],
+    });
+    let model = learned(&data.dataset, &account.to_string());
+    let mut cfg = busy(MLP);
+    cfg.seed = 9;
+    cfg.model.edge_limits = Some(EdgeLimits {
+        least: 0.9,
+        most: 1.1,
+        sweeps: 3,
+    });
+    let mut trainer = started(cfg, &data.dataset, &model).expect("the same network");
+    assert_eq!(trainer.steps_done(), 0);
+    let of = |name: &str, steps_done, dataset: &str| Origin {
+        name: name.to_owned(),
+        steps_done,
+        dataset: dataset.to_owned(),
+    };
+    let origins = [of("stage 1", 9, "first"), of("tiny", 5, "swinging")];
+    assert_eq!(trainer.origins(), origins);
+    // Before its first step it is that model, and then no more.
+    let begun = trainer.model(String::new()).expect("a model");
+    assert_eq!(begun.weights(), model.weights());
+    let (ours, theirs) = (begun.normalizers(), model.normalizers());
+    for (ours, theirs) in [
+        (&ours.nodes, &theirs.nodes),
+        (&ours.edges, &theirs.edges),
+        (&ours.acceleration, &theirs.acceleration),
+    ] {
+        assert_eq!(ours.mean(), theirs.mean());
+        for (ours, theirs) in ours.deviation().iter().zip(theirs.deviation()) {
+            assert!((ours - theirs).abs() <= 1e-15 * theirs, "{ours} {theirs}");
+        }
+    }
+    trainer.step().expect("a step");
+    trainer.collect().expect("weights");
+    let learned = trainer.model(String::new()).expect("a model");
+    assert_ne!(learned.weights(), model.weights());
+}
+
+#[test]
+fn another_network_is_refused_and_an_observer_may_stop_it() {
+    let data = two_cloths();
+    let model = learned(&data.dataset, "of my own making");
+    let mut cfg = busy(MLP);
+    cfg.model.latent = 16;
+    let text = started(cfg, &data.dataset, &model)
+        .err()
+        .expect("another network");
+    assert_eq!(
+        text.to_string(),
+        "the model to start from is another one: model.latent is 8 there, 16 here: set these values as they are there, or train without it"
+    );
+    let stop = &mut |_| ControlFlow::Break(());
+    let none = Trainer::from_model(busy(MLP), &data.dataset, &ENGINE, &model, stop);
+    assert!(none.expect("no error").is_none());
+    let trainer = started(busy(MLP), &data.dataset, &model).expect("the same network");
+    assert_eq!(trainer.origins()[0].name, "a model");
+}
