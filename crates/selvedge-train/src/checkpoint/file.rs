@@ -9,7 +9,7 @@ use selvedge_data::{Dataset, Section, read_header};
 use selvedge_model::RunningStatistics;
 use serde::{Deserialize, Serialize};
 
-use super::differences::{Difference, differences, differences_of_networks};
+use super::differences::{differences, differences_of_networks};
 use super::error::{ContentProblem, ResumeError};
 use super::fingerprint::{fingerprint, name_in};
 use super::parts;
