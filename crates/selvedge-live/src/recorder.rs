@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::ClothError;
-use selvedge_data::{Trajectory, TrajectoryError, WriteError};
+use selvedge_data::{ObstacleTrack, Trajectory, TrajectoryError, WriteError};
 use thiserror::Error;
 
+use crate::body::{Body, BodyKind};
 use crate::live_cloth::LiveCloth;
 use crate::mover::{Hold, MoverKind};
 use crate::player::{NamedTrack, Tape, TapeError};
@@ -47,6 +48,8 @@ pub(crate) enum RecordingError {
 pub(crate) struct Recorder {
     hold: Hold,
     tracks: Vec<KeptTrack>,
+    /// Points of all bodies, `[frames][points of all bodies]` `[m]`.
+    bodies: Vec<Vec<Vec3>>,
     frames: usize,
     most: usize,
 }
@@ -75,7 +78,8 @@ impl Recorder {
     /// Begins with the frame that is shown.
     pub(crate) fn new(live: &LiveCloth) -> Self {
         let positions = live.positions();
-        let of_frame: usize = positions.iter().map(|track| size_of_val(*track)).sum();
+        let of_cloths: usize = positions.iter().map(|track| size_of_val(*track)).sum();
+        let of_frame = of_cloths + size_of_val(&live.body_points()[..]);
         let tracks = live.tracks().into_iter().zip(live.mover().kinds());
         let mut recorder = Self {
             hold: live.hold().clone(),
@@ -86,6 +90,7 @@ impl Recorder {
                     positions: Vec::new(),
                 })
                 .collect(),
+            bodies: Vec::new(),
             frames: 0,
             most: most_frames(of_frame, live.hold().handles.len()),
         };
@@ -98,6 +103,7 @@ impl Recorder {
         for (track, now) in self.tracks.iter_mut().zip(live.positions()) {
             track.positions.extend_from_slice(now);
         }
+        self.bodies.push(live.body_points());
         self.frames += 1;
     }
 
@@ -121,12 +127,14 @@ impl Recorder {
         let cloth = ready.cloth().clone();
         let cloth = cloth.with_handles(self.hold.handles.clone())?;
         let vertices = cloth.vertex_count();
+        let bodies = bodies(ready.bodies(), &self.bodies);
         let mut finished = Vec::new();
         for track in self.tracks {
             let frames = track.positions.chunks_exact(vertices);
             let handles = frames.map(|frame| selected(&self.hold, frame)).collect();
             let provenance = ready.provenance(&self.hold, handles)?;
             let trajectory = Trajectory::new(cloth.clone(), track.positions, provenance)?;
+            let trajectory = trajectory.with_obstacles(bodies.clone())?;
             finished.push(RecordedTrack {
                 kind: track.kind,
                 track: NamedTrack {
@@ -137,6 +145,30 @@ impl Recorder {
         }
         Ok(finished)
     }
+}
+
+/// The tracks of bodies whose points, of one after the other, are at `frames` `[m]`. None where the
+/// cloth that leads does not see them, and none of a ball that was not thrown.
+fn bodies(bodies: &[Body], frames: &[Vec<Vec3>]) -> Vec<ObstacleTrack> {
+    if frames.iter().any(Vec::is_empty) {
+        return Vec::new();
+    }
+    let ends = bodies.iter().scan(0, |end, body| {
+        let first = *end;
+        *end += body.points;
+        Some(first..*end)
+    });
+    let tracks = bodies.iter().zip(ends);
+    tracks
+        .map(|(body, range)| {
+            let points = frames.iter().map(|frame| frame[range.clone()].to_vec());
+            let (name, faces) = (body.name.clone(), body.faces.clone());
+            let track = ObstacleTrack::of_frames(name, faces, points.collect());
+            (body.kind, track)
+        })
+        .filter(|(kind, track)| *kind != BodyKind::Ball || !track.is_still())
+        .map(|(_, track)| track)
+        .collect()
 }
 
 /// Frames of so many bytes, with so many handles, that can be kept and read again.

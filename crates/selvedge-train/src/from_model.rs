@@ -13,7 +13,7 @@ use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::origin::Origin;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
 
-/// What an account of a training says of it, as far as it is one.
+/// The account of a training, as far as it is one.
 #[derive(Default, Deserialize)]
 struct Account {
     #[serde(default)]

@@ -447,9 +447,9 @@ pub(crate) struct TrainArgs {
     /// Go on from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Start with the weights and the statistics of a run, by its folder, or of a model, by its file
-    /// or the name of a shipped one. The network must be the same; all else, from the steps to the
-    /// data, is this training's own.
+    /// Start with the weights and the statistics of a run, by its folder, or of a model, by its
+    /// file or the name of a shipped one. The network must be the same; all else, from the steps to
+    /// the data, is this training's own.
     #[arg(long, value_name = "RUN|MODEL", conflicts_with = "resume")]
     pub(crate) from: Option<PathBuf>,
     /// Change a value of the configuration, by its dotted path and as in TOML; may stand several

@@ -68,6 +68,27 @@ impl ObstacleTrack {
         }
     }
 
+    /// The track of a body whose points are at `frames` `[m]`, `[frames][points]`; still where they
+    /// are the same in all.
+    ///
+    /// # Panics
+    /// When there is no frame.
+    #[must_use]
+    pub fn of_frames(name: String, faces: Vec<[u32; 3]>, mut frames: Vec<Vec<Vec3>>) -> Self {
+        let first = &frames[0];
+        let points = first.len();
+        let motion = match frames.iter().all(|frame| frame == first) {
+            true => TrackMotion::Still(frames.swap_remove(0)),
+            false => TrackMotion::Points(frames),
+        };
+        Self {
+            name,
+            faces,
+            points,
+            motion,
+        }
+    }
+
     /// Poses of a rigid body against its own points, which are those of its path.
     fn rigid(obstacle: &Obstacle, time: &dyn Fn(usize) -> f64, frames: usize) -> TrackMotion {
         let ObstaclePath::Rigid(keys) = obstacle.path() else {

@@ -1,6 +1,7 @@
 //! Bodies of a session: led within limits, thrown, blocked.
 
 use glam::DVec3;
+use selvedge_data::Trajectory;
 
 use super::tests::{ask, assert_told, session};
 use super::*;
@@ -142,4 +143,36 @@ fn a_cloth_is_dropped_and_gaps_are_told_where_they_are_wanted() {
     let live = session.showing.live().unwrap();
     assert!(live.hold().handles.is_empty());
     session.advance();
+}
+
+#[test]
+fn a_recording_keeps_the_bodies_and_a_ball_that_was_thrown() {
+    for thrown in [false, true] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = with_bodies(Mover::Physics);
+        session.recordings.folder = folder.path().to_owned();
+        let start = middle(&session, 0);
+        lead(&mut session, 0, start + DVec3::Y * 0.3);
+        if thrown {
+            throw(&mut session, DVec3::new(-2.0, 1.0, 0.0), DVec3::Z * 5.0);
+        }
+        ask(&mut session, Command::Record);
+        let mut seen = vec![session.showing.live().unwrap().body_points()];
+        for _ in 0..5 {
+            session.advance();
+            seen.push(session.showing.live().unwrap().body_points());
+        }
+        ask(&mut session, Command::StopRecording);
+        let recorded = Trajectory::read(&session.recordings.files[0]).unwrap();
+        let tracks = recorded.obstacles();
+        assert_eq!(tracks.len(), 1 + usize::from(thrown));
+        assert!(tracks.iter().all(|track| !track.is_still()));
+        assert_eq!(recorded.frame_count(), seen.len());
+        for (number, track) in tracks.iter().enumerate() {
+            for (frame, seen) in seen.iter().enumerate() {
+                let own = &seen[3 * number..3 * number + 3];
+                assert_eq!(&track.frame(frame)[..], own, "frame {frame}");
+            }
+        }
+    }
 }

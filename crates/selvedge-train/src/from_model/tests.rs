@@ -1,3 +1,5 @@
+//! A training that begins with a model is that model, whatever else is new.
+
 use selvedge_model::{EdgeLimits, Encoder};
 use serde_json::json;
 

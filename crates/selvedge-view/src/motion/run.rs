@@ -6,6 +6,11 @@ use selvedge_cloth::{Topology, VertexId};
 use super::body::Body;
 use crate::ViewError;
 
+/// A body this many times as long as the cloth is large, and a point this many times its length
+/// away is far.
+const LARGE: f32 = 4.0;
+const FAR: f32 = 4.0;
+
 /// The motion of one cloth. Every frame has the mesh's vertices, and all of them are finite.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
@@ -84,15 +89,20 @@ impl<'a> Run<'a> {
         self.bodies.iter().filter(move |body| !is_floor(body))
     }
 
-    /// Points of the bodies in a frame that pictures hold whole: of all but large ones.
+    /// Points of the bodies in a frame that pictures hold whole: of all but large ones, and those
+    /// that are far from the cloth.
     pub(crate) fn body_points(&self, frame: usize) -> impl Iterator<Item = Vec3> {
+        let cloth = self.frames[frame];
+        let (here, far) = (cloth[0], FAR * longest_side(cloth));
         let small = self.bodies.iter().filter(|body| !self.is_large(body));
-        small.flat_map(move |body| body.points(frame).iter().copied())
+        small
+            .flat_map(move |body| body.points(frame).iter().copied())
+            .filter(move |point| point.distance(here) < far)
     }
 
     /// Returns true for a body that is much larger than the cloth.
     fn is_large(&self, body: &Body<'_>) -> bool {
-        longest_side(body.points(0)) > 4.0 * longest_side(self.frames[0])
+        longest_side(body.points(0)) > LARGE * longest_side(self.frames[0])
     }
 
     /// The connectivity.
@@ -209,6 +219,25 @@ mod tests {
 
     fn triangle() -> Topology {
         Topology::new(3, &[[0, 1, 2]]).unwrap()
+    }
+
+    #[test]
+    fn a_picture_holds_no_body_that_is_far_or_large() {
+        let topology = triangle();
+        let cloth = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let at = |place: Vec3, size: f32| {
+            let points = cloth.map(|point| place + size * point).to_vec();
+            Body::new(&[[0, 1, 2]], [points.into()]).unwrap()
+        };
+        let run = Run::new(&topology, [&cloth[..]], &[], 60.0).unwrap();
+        for (place, size, held) in [
+            (Vec3::Z, 1.0, 3),
+            (Vec3::Z, 5.0, 0),
+            (1000.0 * Vec3::Z, 1.0, 0),
+        ] {
+            let run = run.clone().with_bodies(vec![at(place, size)]).unwrap();
+            assert_eq!(run.body_points(0).count(), held, "{place} {size}");
+        }
     }
 
     #[test]
