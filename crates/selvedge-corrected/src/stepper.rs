@@ -94,6 +94,8 @@ pub struct CorrectedStepper {
     watched: Option<Box<Watched>>,
     /// The last frame's.
     familiarity: Familiarity,
+    /// True where the network was not asked for the last frame.
+    by_physics: bool,
     stop: Stop,
 }
 
@@ -141,6 +143,7 @@ impl CorrectedStepper {
             }),
             held: scene.handles.mask(scene.mesh.positions().len()),
             familiarity: Familiarity::default(),
+            by_physics: false,
             stop: Stop::default(),
             scene,
         })
@@ -318,7 +321,8 @@ impl Stepper for CorrectedStepper {
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
-        if !self.is_within(targets, frame) {
+        self.by_physics = !self.is_within(targets, frame);
+        if self.by_physics {
             self.spare.copy_of(&self.simulator);
             self.familiarity = Familiarity::default();
         } else if let Err(error) = self.correct(frame) {
@@ -361,6 +365,7 @@ impl Correctable for CorrectedStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.simulator.replace_frame(positions)?;
         self.now.copy_of(&self.simulator);
+        self.by_physics = false;
         Ok(())
     }
 
@@ -369,6 +374,7 @@ impl Correctable for CorrectedStepper {
         self.undo = None;
         self.now.copy_of(&self.simulator);
         self.knows_before = false;
+        self.by_physics = false;
         Ok(())
     }
 
@@ -380,6 +386,11 @@ impl Correctable for CorrectedStepper {
         mem::swap(&mut self.before, &mut self.spare);
         mem::swap(&mut self.now, &mut self.spare);
         self.knows_before = knew_before;
+        self.by_physics = false;
+    }
+
+    fn needs_guard(&self) -> bool {
+        !self.by_physics
     }
 }
 

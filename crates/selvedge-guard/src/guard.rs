@@ -177,8 +177,10 @@ impl<S: Correctable> Guard<S> {
         let given = self.gauge.measure(&self.last[1], found);
         let is_finite = given.largest_strain.is_finite() && given.largest_speed.is_finite();
         let predicted = is_finite.then_some(given);
-        let holds = is_finite && self.limiter.holds(found);
-        let is_lost = !is_finite || given.largest_strain > self.settings.lost_strain;
+        let is_watched = self.inner.needs_guard();
+        let holds = is_finite && (!is_watched || self.limiter.holds(found));
+        let is_strained = is_watched && given.largest_strain > self.settings.lost_strain;
+        let is_lost = !is_finite || is_strained;
         let replaced_by = Replacement::Nothing;
         self.trust = Trust {
             frame: self.inner.frame(),
@@ -197,7 +199,8 @@ impl<S: Correctable> Guard<S> {
         self.next.extend_from_slice(found);
         let is_always =
             self.settings.when == When::Always && self.settings.correction == Correction::Physics;
-        if self.settings.correction == Correction::None {
+        let passes_on = is_finite && !is_watched;
+        if self.settings.correction == Correction::None || passes_on {
             return Ok(());
         }
         if !holds || is_always {

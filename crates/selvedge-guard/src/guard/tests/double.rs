@@ -41,6 +41,8 @@ pub(super) struct Double {
     rng: ChaCha8Rng,
     /// Frames that were given to it.
     pub(super) given: usize,
+    /// True where its frames need no guard.
+    pub(super) is_physics: bool,
 }
 
 impl Double {
@@ -55,6 +57,7 @@ impl Double {
             frame: 0,
             rng: ChaCha8Rng::seed_from_u64(5),
             given: 0,
+            is_physics: false,
         }
     }
 
@@ -163,5 +166,9 @@ impl Correctable for Double {
             (self.last, self.rng) = (last, rng);
             self.frame -= 1;
         }
+    }
+
+    fn needs_guard(&self) -> bool {
+        !self.is_physics
     }
 }
