@@ -228,7 +228,8 @@ pub struct AdaptiveSubsteps {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearSolver {
-    /// Cholesky for a small cloth, conjugate gradients for one of 600 vertices and more.
+    /// Cholesky for a small cloth, conjugate gradients for one of 600 vertices and more, where
+    /// something touches of 300 and more.
     #[default]
     Automatic,
     /// A complete factorisation: exact up to rounding.

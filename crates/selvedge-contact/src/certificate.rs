@@ -10,7 +10,6 @@
 
 use glam::DVec3;
 
-use crate::boxes::Bounds;
 use crate::closest::{Gap, gap};
 use crate::pair::Kind;
 
@@ -43,21 +42,45 @@ impl Path {
         std::array::from_fn(|k| self.from[k].lerp(self.to[k], part))
     }
 
-    /// Returns true if boxes along the axes show that the features of a pair, vertex and face or
-    /// two edges, stay at least `distance` `[m]` apart.
+    /// Longest way of a corner of one feature against one of the other `[m]`: the features come no
+    /// nearer than by that.
     #[must_use]
     #[inline]
-    pub fn boxes_apart(&self, kind: Kind, distance: f64) -> bool {
-        let around = |corners: std::ops::Range<usize>| {
-            let boxes = corners.map(|k| Bounds::of(self.from[k]).around(Bounds::of(self.to[k])));
-            boxes.reduce(Bounds::around)
+    pub fn approach(&self, kind: Kind) -> f64 {
+        let way = |k: usize| self.to[k] - self.from[k];
+        let [a, b, c, d] = [way(0), way(1), way(2), way(3)];
+        let apart = |p: DVec3, q: DVec3| (p - q).length_squared();
+        let most = match kind {
+            Kind::VertexFace => apart(a, b).max(apart(a, c)).max(apart(a, d)),
+            Kind::EdgeEdge => (apart(a, c).max(apart(a, d))).max(apart(b, c).max(apart(b, d))),
         };
-        let split = kind.split();
-        match (around(0..split), around(split..4)) {
-            (Some(first), Some(second)) => !first.widened(distance).meets(&second),
-            _ => false,
-        }
+        most.sqrt()
     }
+
+    /// A distance that the features keep by one of the directions of the axes `[m]`; negative where
+    /// none of them shows it.
+    #[must_use]
+    #[inline]
+    pub fn axes_gap(&self, kind: Kind) -> f64 {
+        let (above, below) = along_axes(kind, self.from);
+        let (above_then, below_then) = along_axes(kind, self.to);
+        above
+            .min(above_then)
+            .max(below.min(below_then))
+            .max_element()
+    }
+}
+
+/// Distances of the boxes around two features along the axes, the first above the second, and
+/// below it `[m]`.
+#[inline]
+fn along_axes(kind: Kind, corners: [DVec3; 4]) -> (DVec3, DVec3) {
+    let [a, b, c, d] = corners;
+    let (least, greatest) = match kind {
+        Kind::VertexFace => ((a, b.min(c).min(d)), (a, b.max(c).max(d))),
+        Kind::EdgeEdge => ((a.min(b), c.min(d)), (a.max(b), c.max(d))),
+    };
+    (least.0 - greatest.1, least.1 - greatest.0)
 }
 
 /// Proves that the features stay at least `distance` `[m]` apart over the whole of `path`.
@@ -67,67 +90,94 @@ impl Path {
 /// [`Approach`] where that is not so, or where halves of halves did not show it.
 #[inline]
 pub fn certify(kind: Kind, path: Path, distance: f64) -> Result<(), Approach> {
-    if is_apart(kind, path.from, path.to, distance) {
-        return Ok(());
+    let start = gap(kind, path.from);
+    match is_apart(kind, path.from, path.to, distance, &start) {
+        Some(_) => Ok(()),
+        None => refined(kind, &path, distance, start),
     }
-    refined(kind, &path, distance)
 }
 
-/// As [`certify`], with one direction for the whole path.
+/// As [`certify`], with one direction for the whole path. Returns by how much more than `distance`
+/// it keeps the features apart at the end `[m]`: they still are apart if the corners end elsewhere,
+/// none of one feature further off against one of the other than that.
 #[must_use]
-pub fn certify_straight(kind: Kind, path: Path, distance: f64) -> bool {
-    is_apart(kind, path.from, path.to, distance)
+pub fn certify_straight(kind: Kind, path: Path, distance: f64) -> Option<f64> {
+    let start = gap(kind, path.from);
+    is_apart(kind, path.from, path.to, distance, &start)
 }
 
+/// As [`certify`], by spans of the path; `start` is the gap where it begins.
 #[cold]
-fn refined(kind: Kind, path: &Path, distance: f64) -> Result<(), Approach> {
+fn refined(kind: Kind, path: &Path, distance: f64, start: Gap) -> Result<(), Approach> {
+    let approach = path.approach(kind);
     // Spans that are still to be shown, the earliest last: numerator and halvings.
-    let mut open: Vec<(u32, u32)> = vec![(1, 1), (0, 1)];
-    while let Some((number, halvings)) = open.pop() {
+    let mut open = [(0_u32, 0_u32); MOST_HALVINGS as usize + 2];
+    (open[0], open[1]) = ((1, 1), (0, 1));
+    let mut count = 2;
+    // The gap where the next span begins, if it is known.
+    let mut known = Some(start);
+    while count > 0 {
+        count -= 1;
+        let (number, halvings) = open[count];
         let length = 1.0 / f64::from(1_u32 << halvings);
         let safe = f64::from(number) * length;
         let from = path.at(safe);
-        if is_apart(kind, from, path.at(safe + length), distance) {
-            continue;
-        }
-        let now = gap(kind, from);
-        if halvings >= MOST_HALVINGS || now.distance < distance {
+        let now = known.unwrap_or_else(|| gap(kind, from));
+        known = Some(now);
+        if now.distance < distance {
             return Err(Approach { safe, gap: now });
         }
-        open.extend([(2 * number + 1, halvings + 1), (2 * number, halvings + 1)]);
+        if now.distance - approach * length >= distance {
+            known = None;
+            continue;
+        }
+        match is_apart(kind, from, path.at(safe + length), distance, &now) {
+            Some(_) => known = None,
+            None if halvings >= MOST_HALVINGS => return Err(Approach { safe, gap: now }),
+            None => {
+                open[count] = (2 * number + 1, halvings + 1);
+                open[count + 1] = (2 * number, halvings + 1);
+                count += 2;
+            }
+        }
     }
     Ok(())
 }
 
-/// Returns true if one of a few directions keeps the features apart at both ends.
+/// Looks for one of a few directions that keeps the features apart at both ends, where `start` is
+/// their gap at the first. Returns by how much more than `distance` it does at the second `[m]`.
 #[inline]
-fn is_apart(kind: Kind, from: [DVec3; 4], to: [DVec3; 4], distance: f64) -> bool {
+fn is_apart(
+    kind: Kind,
+    from: [DVec3; 4],
+    to: [DVec3; 4],
+    distance: f64,
+    start: &Gap,
+) -> Option<f64> {
     let serves = |direction: DVec3| {
-        least(kind, from, direction) >= distance && least(kind, to, direction) >= distance
+        let spare = least(kind, to, direction) - distance;
+        (spare >= 0.0 && least(kind, from, direction) >= distance).then_some(spare)
     };
-    let start = gap(kind, from);
     if start.distance < distance {
-        return false;
+        return None;
     }
-    if serves(start.normal) {
-        return true;
+    if let Some(spare) = serves(start.normal) {
+        return Some(spare);
     }
     let end = gap(kind, to);
     if end.distance < distance {
-        return false;
+        return None;
     }
-    if serves(end.normal) {
-        return true;
+    if let Some(spare) = serves(end.normal) {
+        return Some(spare);
     }
     if let Some(middle) = (start.normal + end.normal).try_normalize()
-        && serves(middle)
+        && let Some(spare) = serves(middle)
     {
-        return true;
+        return Some(spare);
     }
-    [across(kind, from), across(kind, to)]
-        .into_iter()
-        .flatten()
-        .any(|normal| serves(normal) || serves(-normal))
+    let mut across = [across(kind, from), across(kind, to)].into_iter().flatten();
+    across.find_map(|normal| serves(normal).or_else(|| serves(-normal)))
 }
 
 /// Least extent along `direction` from the second feature to the first `[m]`.
@@ -189,7 +239,7 @@ mod tests {
             count.false_safe += u32::from(is_certified && nearest < distance * (1.0 - 1e-9));
             count.apart += u32::from(nearest >= distance + 1e-6);
             count.certified += u32::from(is_certified && nearest >= distance + 1e-6);
-            let straight = certify_straight(kind, path, distance);
+            let straight = certify_straight(kind, path, distance).is_some();
             count.by_one_direction += u32::from(straight && nearest >= distance + 1e-6);
         }
         count
@@ -217,6 +267,44 @@ mod tests {
     }
 
     #[test]
+    fn what_is_to_spare_may_be_used_up_by_other_ends() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let (mut tried, mut least_left) = (0, f64::INFINITY);
+        for number in 0..20_000_u32 {
+            let kind = [Kind::VertexFace, Kind::EdgeEdge][number as usize % 2];
+            let mut point =
+                |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
+            let from = [0; 4].map(|_| point(0.01));
+            let drift = point(0.05);
+            let path = Path {
+                from,
+                to: from.map(|p| p + drift + point(0.002)),
+            };
+            let axes = path.axes_gap(kind);
+            let near = gap(kind, from).distance - path.approach(kind);
+            let straight = certify_straight(kind, path, 2e-5).map(|spare| spare + 2e-5);
+            let best = axes.max(near).max(straight.unwrap_or(f64::NEG_INFINITY));
+            if best <= 0.0 {
+                continue;
+            }
+            tried += 1;
+            // All go elsewhere together, and one feature against the other by what is to spare.
+            let elsewhere = point(0.05);
+            let against = point(1.0).normalize_or_zero() * (best - 1e-7).max(0.0);
+            let mut to = path.to.map(|p| p + elsewhere);
+            to[..kind.split()].iter_mut().for_each(|p| *p += against);
+            let other = Path { from, to };
+            for k in 0..=40 {
+                let distance = gap(kind, other.at(f64::from(k) / 40.0)).distance;
+                assert!(distance > 0.0, "{kind:?} {number}");
+                least_left = least_left.min(distance);
+            }
+        }
+        assert!(tried > 1000, "{tried}");
+        assert!(least_left < 1e-4, "nothing came near: {least_left}");
+    }
+
+    #[test]
     fn layers_that_turn_together_need_more_than_one_direction() {
         // A face of 30 mm and a vertex 0.1 mm above it turn by 20° together.
         let face = [DVec3::ZERO, DVec3::X * 0.03, DVec3::Y * 0.03];
@@ -226,7 +314,7 @@ mod tests {
             from,
             to: from.map(|p| turn * p),
         };
-        assert!(!certify_straight(Kind::VertexFace, path, 2e-5));
+        assert_eq!(certify_straight(Kind::VertexFace, path, 2e-5), None);
         assert_eq!(certify(Kind::VertexFace, path, 2e-5), Ok(()));
     }
 

@@ -74,6 +74,29 @@ impl Threads {
         }
     }
 
+    /// Calls `work` for each entry with its number, and returns what it found, in order.
+    pub(crate) fn find<A: Send, F: Send>(
+        self,
+        a: &mut [A],
+        work: impl Fn(usize, &mut A) -> Option<F> + Sync,
+    ) -> Vec<F> {
+        let of_chunk = |(chunk, a): (usize, &mut [A])| -> Vec<F> {
+            let numbered = a.iter_mut().enumerate();
+            let found = numbered.map(|(k, a)| work(CHUNK * chunk + k, a));
+            found.flatten().collect()
+        };
+        match self {
+            Self::One => {
+                let numbered = a.iter_mut().enumerate();
+                numbered.filter_map(|(k, a)| work(k, a)).collect()
+            }
+            Self::Pool => {
+                let chunks = a.par_chunks_mut(CHUNK).enumerate();
+                chunks.flat_map_iter(of_chunk).collect()
+            }
+        }
+    }
+
     /// Calls `work` for each entry of `few`, large pieces of work, with its `share` entries of
     /// `many` (the last may have fewer).
     pub(crate) fn each_share<A: Send, B: Send>(

@@ -37,6 +37,10 @@ pub(crate) struct Patches {
     groups: Vec<Group>,
     /// Gradients at the two ends of a way, `[groups]`.
     shapes: [Vec<Shape>; 2],
+    /// Points of the cloth there `[m]`; empty before.
+    places: [Vec<DVec3>; 2],
+    /// Number of the cloth's points.
+    points: usize,
     /// True for groups whose own pairs, and those with what is close, are left out.
     is_smooth: Vec<bool>,
 }
@@ -78,6 +82,8 @@ impl Patches {
             inverse: corners.iter().map(inverse).collect(),
             groups,
             shapes: [vec![Shape::default(); count], vec![Shape::default(); count]],
+            places: [Vec::new(), Vec::new()],
+            points: surface.cloth_points(),
             is_smooth: vec![false; count],
         }
     }
@@ -113,12 +119,23 @@ impl Patches {
         first != NO_GROUP && second != NO_GROUP && (covers(first, second) || covers(second, first))
     }
 
-    /// Takes the gradients at both ends of a way.
+    /// Takes the gradients at both ends of a way. Those that are known are kept: a way mostly
+    /// begins where the last one began or ended.
     fn measure(&mut self, from: &[DVec3], to: &[DVec3]) {
-        for (shapes, places) in self.shapes.iter_mut().zip([from, to]) {
-            for (shape, group) in shapes.iter_mut().zip(&self.groups) {
+        if self.places[0] != from[..self.points] && self.places[1] == from[..self.points] {
+            self.places.swap(0, 1);
+            self.shapes.swap(0, 1);
+        }
+        for (end, places) in [from, to].into_iter().enumerate() {
+            let cloth = &places[..self.points];
+            if self.places[end] == cloth {
+                continue;
+            }
+            self.places[end].clear();
+            self.places[end].extend_from_slice(cloth);
+            for (shape, group) in self.shapes[end].iter_mut().zip(&self.groups) {
                 if group.is_around_others {
-                    *shape = Shape::of(&group.faces, &self.corners, &self.inverse, places);
+                    *shape = Shape::of(&group.faces, &self.corners, &self.inverse, cloth);
                 }
             }
         }

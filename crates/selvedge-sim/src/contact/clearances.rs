@@ -1,8 +1,8 @@
 //! Distances of pairs that were computed once, and how far their points have gone since: a pair
-//! whose points cannot have come near needs no look.
+//! whose points cannot have come near needs no look. Nor does one whose two sides go the same way.
 
 use glam::DVec3;
-use selvedge_contact::Pair;
+use selvedge_contact::{Kind, Pair};
 
 /// Rounding of sums of distances `[m]`.
 const ROUNDING: f64 = 1e-9;
@@ -14,9 +14,11 @@ pub(super) struct Clearances {
     pub(super) travelled: Vec<f64>,
     /// The same at the end of the solve under way `[m]`.
     ahead: Vec<f64>,
+    /// Way of each point in the solve `[m]`.
+    ways: Vec<DVec3>,
     /// Distance of each candidate when it was computed, plus the ways that its two sides had gone
     /// at least by then `[m]`; negative and infinite before.
-    budgets: Vec<f64>,
+    pub(super) budgets: Vec<f64>,
 }
 
 impl Clearances {
@@ -25,6 +27,7 @@ impl Clearances {
         Self {
             travelled: vec![0.0; points],
             ahead: vec![0.0; points],
+            ways: vec![DVec3::ZERO; points],
             budgets: Vec::new(),
         }
     }
@@ -38,60 +41,119 @@ impl Clearances {
 
     /// Takes the way of a solve.
     pub(super) fn look_ahead(&mut self, start: &[DVec3], end: &[DVec3]) {
-        let ways = start
-            .iter()
-            .zip(end)
-            .map(|(start, end)| start.distance(*end));
+        for (way, (start, end)) in self.ways.iter_mut().zip(start.iter().zip(end)) {
+            *way = *end - *start;
+        }
         let travelled = self.ahead.iter_mut().zip(&self.travelled);
-        for ((ahead, travelled), way) in travelled.zip(ways) {
-            *ahead = travelled + way;
+        for ((ahead, travelled), way) in travelled.zip(&self.ways) {
+            *ahead = travelled + way.length();
         }
     }
 
-    /// Returns true if candidate `k` surely stays more than `distance` `[m]` apart on the way of
-    /// the solve.
+    /// Returns true if a pair of this `budget` `[m]` surely stays more than `distance` `[m]` apart
+    /// on the way of the solve, wherever its sides go.
     #[inline]
-    pub(super) fn surely_apart(&self, k: usize, pair: &Pair, distance: f64) -> bool {
-        let ways = pair.corners.map(|p| self.ahead[p as usize]);
-        let (first, second) = ways.split_at(pair.kind.split());
-        let most = |side: &[f64]| side.iter().copied().fold(0.0, f64::max);
-        self.budgets[k] - most(first) - most(second) > distance + ROUNDING
+    pub(super) fn surely_apart(&self, budget: f64, pair: &Pair, distance: f64) -> bool {
+        budget - furthest(pair, &self.ahead) > distance + ROUNDING
     }
 
-    /// Keeps the distance of candidate `k` at the start of the solve `[m]`.
+    /// Distance of a pair of this `budget` at the start of the solve, at least `[m]`.
     #[inline]
-    pub(super) fn keep(&mut self, k: usize, pair: &Pair, distance: f64) {
+    pub(super) fn at_start(&self, budget: f64, pair: &Pair) -> f64 {
+        budget - furthest(pair, &self.travelled) - ROUNDING
+    }
+
+    /// Way of a point of one side of a pair against one of the other in the solve, at most `[m]`.
+    #[inline]
+    pub(super) fn approach(&self, pair: &Pair) -> f64 {
+        against(pair, &self.ways)
+    }
+
+    /// The budget of a pair that is this far apart at the start of the solve `[m]`.
+    #[inline]
+    pub(super) fn budget(&self, pair: &Pair, distance: f64) -> f64 {
         let ways = pair.corners.map(|p| self.travelled[p as usize]);
         let (first, second) = ways.split_at(pair.kind.split());
         let least = |side: &[f64]| side.iter().copied().fold(f64::INFINITY, f64::min);
-        self.budgets[k] = distance + least(first) + least(second);
+        distance + least(first) + least(second)
     }
+}
+
+/// Sum of the largest of these `lengths` `[m]`, `[points]`, on each side of a pair.
+#[inline]
+fn furthest(pair: &Pair, lengths: &[f64]) -> f64 {
+    let ways = pair.corners.map(|p| lengths[p as usize]);
+    let (first, second) = ways.split_at(pair.kind.split());
+    let most = |side: &[f64]| side.iter().copied().fold(0.0, f64::max);
+    most(first) + most(second)
+}
+
+/// Length of the longest of the `ways` `[m]`, `[points]`, of a point of one side of a pair against
+/// one of the other, at most.
+#[inline]
+pub(super) fn against(pair: &Pair, ways: &[DVec3]) -> f64 {
+    let [a, b, c, d] = pair.places(ways);
+    let apart = |p: DVec3, q: DVec3| (p - q).length_squared();
+    let most = match pair.kind {
+        Kind::VertexFace => apart(a, b).max(apart(a, c)).max(apart(a, d)),
+        Kind::EdgeEdge => (apart(a, c).max(apart(a, d))).max(apart(b, c).max(apart(b, d))),
+    };
+    most.sqrt() + ROUNDING
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const START: [DVec3; 4] = [DVec3::Y, DVec3::ZERO, DVec3::X, DVec3::Z];
+
     #[test]
     fn a_pair_is_apart_as_long_as_its_points_cannot_have_met() {
         let mut clearances = Clearances::new(4);
         clearances.reset(1);
         let pair = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
-        let start = [DVec3::Y, DVec3::ZERO, DVec3::X, DVec3::Z];
-        let moved = |by: f64| start.map(|p| p + DVec3::Y * by);
-        clearances.look_ahead(&start, &start);
-        assert!(!clearances.surely_apart(0, &pair, 0.1));
-        clearances.keep(0, &pair, 1.0);
-        clearances.look_ahead(&start, &moved(0.4));
-        assert!(clearances.surely_apart(0, &pair, 0.1));
-        assert!(!clearances.surely_apart(0, &pair, 0.2));
+        let moved = |by: f64| START.map(|p| p + DVec3::Y * by);
+        clearances.look_ahead(&START, &START);
+        assert!(!clearances.surely_apart(clearances.budgets[0], &pair, 0.1));
+        let budget = clearances.budget(&pair, 1.0);
+        clearances.look_ahead(&START, &moved(0.4));
+        assert!(clearances.surely_apart(budget, &pair, 0.1));
+        assert!(!clearances.surely_apart(budget, &pair, 0.2));
         // All have gone 0.4; the same again would be 1.6 of both sides together.
         clearances.travelled.fill(0.4);
-        clearances.look_ahead(&start, &start);
-        assert!(clearances.surely_apart(0, &pair, 0.1));
-        clearances.look_ahead(&start, &moved(0.2));
-        assert!(!clearances.surely_apart(0, &pair, 0.1));
-        clearances.keep(0, &pair, 0.9);
-        assert!(clearances.surely_apart(0, &pair, 0.1));
+        clearances.look_ahead(&START, &START);
+        assert!(clearances.surely_apart(budget, &pair, 0.1));
+        assert!((clearances.at_start(budget, &pair) - 0.2).abs() < 1e-6);
+        clearances.look_ahead(&START, &moved(0.2));
+        assert!(!clearances.surely_apart(budget, &pair, 0.1));
+        let budget = clearances.budget(&pair, 0.9);
+        assert!(clearances.surely_apart(budget, &pair, 0.1));
+    }
+
+    #[test]
+    fn only_what_goes_against_the_other_side_brings_a_pair_near() {
+        let mut clearances = Clearances::new(4);
+        let face = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
+        let edges = Pair::edge_edge(0, 1, [0, 1, 2, 3]);
+        let fall = DVec3::NEG_Y * 5.0;
+        clearances.look_ahead(&START, &START.map(|p| p + fall));
+        for pair in [face, edges] {
+            assert!(clearances.approach(&pair) < 1e-6);
+        }
+        // Each corner alone against the others.
+        for own in 0..4 {
+            let mut end = START.map(|p| p + fall);
+            end[own] += DVec3::X * 0.3;
+            clearances.look_ahead(&START, &end);
+            for pair in [face, edges] {
+                assert!((clearances.approach(&pair) - 0.3).abs() < 1e-6, "{own}");
+            }
+        }
+        // Two corners of one side do not come nearer to each other.
+        let mut end = START;
+        end[2] += DVec3::Z * 0.2;
+        end[3] -= DVec3::Z * 0.2;
+        clearances.look_ahead(&START, &end);
+        assert!((clearances.approach(&face) - 0.2).abs() < 1e-6);
     }
 }

@@ -9,11 +9,11 @@ use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 
 use super::arcsim;
 use super::barrier::LEAST;
-use super::clearances::Clearances;
 use super::friction::{along_surface, kept};
 use super::touches::{PairLaw, Touch, Touches};
 use super::{Anchor, Contact, Found, Held, Key, key};
 use crate::active_handles::ActiveHandles;
+use crate::threads::Threads;
 
 /// Cosine of two directions from which they count as the same side.
 const SAME_SIDE: f64 = 0.7;
@@ -75,14 +75,14 @@ struct Near {
 
 impl Contact {
     /// The touches of a solve.
-    pub(super) fn find_touches(&mut self) -> Found {
+    pub(super) fn find_touches(&mut self, threads: Threads) -> Found {
         if let Some(law) = &self.arcsim {
             return self.find_as_arcsim(law);
         }
-        let mut clearances = std::mem::take(&mut self.clearances);
-        clearances.look_ahead(&self.start, &self.end);
-        let mut near = self.near(&mut clearances);
-        self.clearances = clearances;
+        self.clearances.look_ahead(&self.start, &self.end);
+        let mut budgets = std::mem::take(&mut self.clearances.budgets);
+        let mut near = self.near(threads, &mut budgets);
+        self.clearances.budgets = budgets;
         // The nearest first, in the order of the surface where two are as near.
         near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         let near = self.nearest(near);
@@ -159,59 +159,59 @@ impl Contact {
         }
     }
 
-    /// All pairs that are too near or will be.
-    fn near(&self, clearances: &mut Clearances) -> Vec<Near> {
-        let mut found = Vec::new();
-        let most = self.largest_thickness();
-        for (k, pair) in self.candidates.pairs().iter().enumerate() {
-            if clearances.surely_apart(k, pair, most) {
-                continue;
-            }
-            // What is far needs no closest point.
-            let least = least_gap(pair.kind, pair.places(&self.start));
-            clearances.keep(k, pair, least);
-            if clearances.surely_apart(k, pair, most) {
-                continue;
-            }
-            let body = self.other_body(pair);
-            let thickness = self.thickness[body];
-            let path = Path {
-                from: pair.places(&self.start),
-                to: pair.places(&self.end),
-            };
-            let now = gap(pair.kind, path.from);
-            clearances.keep(k, pair, now.distance);
-            let Some(gap) = meeting(pair.kind, path, now, thickness) else {
-                continue;
-            };
-            if body == 0
-                && self.neighbours.join(pair)
-                && self.neighbours.gap(pair) < 2.0 * thickness
-            {
-                continue;
-            }
-            let is_caught = self.memory.caught.binary_search(&key(pair)).is_ok();
-            let share = match pair.kind {
-                Kind::EdgeEdge if !is_caught => self.share(pair, &gap, thickness),
-                _ => 1.0,
-            };
-            if share <= 0.0 {
-                continue;
-            }
-            let distance = extent(&gap, path.from);
-            let near = Near {
-                pair: *pair,
-                body,
-                gap,
-                distance,
-                share,
-                is_caught,
-            };
-            if distance > 0.0 && self.can_move(&near) {
-                found.push(near);
-            }
+    /// All pairs that are too near or will be. Takes the `budgets` of the candidates and computes
+    /// those that are used up anew.
+    fn near(&self, threads: Threads, budgets: &mut [f64]) -> Vec<Near> {
+        let pairs = self.candidates.pairs();
+        threads.find(budgets, |k, budget| self.near_pair(&pairs[k], budget))
+    }
+
+    /// The pair, if it is too near or will be.
+    #[inline]
+    fn near_pair(&self, pair: &Pair, budget: &mut f64) -> Option<Near> {
+        let (most, clearances) = (self.largest_thickness(), &self.clearances);
+        if clearances.surely_apart(*budget, pair, most) {
+            return None;
         }
-        found
+        let approach = clearances.approach(pair);
+        if clearances.at_start(*budget, pair) - approach > most {
+            return None;
+        }
+        // What is far needs no closest point.
+        let least = least_gap(pair.kind, pair.places(&self.start));
+        *budget = clearances.budget(pair, least);
+        if least - approach > most {
+            return None;
+        }
+        let body = self.other_body(pair);
+        let thickness = self.thickness[body];
+        let path = Path {
+            from: pair.places(&self.start),
+            to: pair.places(&self.end),
+        };
+        let now = gap(pair.kind, path.from);
+        *budget = clearances.budget(pair, now.distance);
+        if now.distance - approach > most {
+            return None;
+        }
+        let gap = meeting(pair.kind, path, now, thickness)?;
+        if body == 0 && self.neighbours.join(pair) && self.neighbours.gap(pair) < 2.0 * thickness {
+            return None;
+        }
+        let is_caught = self.memory.caught.binary_search(&key(pair)).is_ok();
+        let share = match pair.kind {
+            Kind::EdgeEdge if !is_caught => self.share(pair, &gap, thickness),
+            _ => 1.0,
+        };
+        let near = Near {
+            pair: *pair,
+            body,
+            gap,
+            distance: extent(&gap, path.from),
+            share,
+            is_caught,
+        };
+        (share > 0.0 && near.distance > 0.0 && self.can_move(&near)).then_some(near)
     }
 
     /// Part of the barrier's stiffness that two edges have: none where a vertex is about as near.
@@ -473,7 +473,7 @@ impl Contact {
 fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64) -> Option<Gap> {
     let near = if now.distance < thickness {
         Some(now)
-    } else if path.boxes_apart(kind, thickness) {
+    } else if path.axes_gap(kind) > thickness {
         None
     } else {
         let approach = certify(kind, path, LEAST * thickness).err();

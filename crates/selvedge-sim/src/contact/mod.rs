@@ -36,6 +36,9 @@ const REPEATS: usize = 3;
 
 /// Distance that points may stray from their expected way, as a part of the thickness.
 const SLACK: f64 = 2.0;
+/// Times that the slack doubles, at most, where candidates are found again for the same solve: what
+/// meets ends elsewhere than was expected, and elsewhere again when the solve is repeated.
+const WIDENINGS: u32 = 3;
 
 /// Solves ahead for which candidates are found, should all points go on as they go: fewer searches
 /// for more candidates, of which most are never looked at.
@@ -178,6 +181,8 @@ pub(crate) struct Contact {
     pub(crate) shifts: Vec<Shift>,
     surface: Surface,
     candidates: Candidates,
+    /// Searches for candidates since the start of the solve.
+    searches: u32,
     /// ĝ of each body with the cloth `[m]`.
     thickness: Vec<f64>,
     /// Coefficient of friction of each body with the cloth.
@@ -227,6 +232,7 @@ impl Contact {
         Some(Self {
             candidates: Candidates::new(&surface, &points, settings.self_contact)
                 .with_pattern(&surface, &corners),
+            searches: 0,
             thickness: thickness.collect(),
             friction: friction.collect(),
             arcsim: (settings.law == ContactLaw::Arcsim).then(|| arcsim::Law::new(scene, &surface)),
@@ -412,7 +418,7 @@ impl Contact {
         history: &mut History,
     ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
-        let Found { touches, set, held } = self.find_touches();
+        let Found { touches, set, held } = self.find_touches(span.threads);
         self.counts.solves += 1;
         self.counts.touching = touches.list.len() as u64;
         let jumps = self.memory.held.jumps_to(&held);
@@ -447,6 +453,8 @@ impl Contact {
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
     fn put_start(&mut self, positions: &[DVec3], now: f64, end: f64) {
+        self.room.begin();
+        self.searches = 0;
         let cloth = positions.len();
         let mut put = |p: usize, place: DVec3| {
             self.clearances.travelled[p] += self.start[p].distance(place);
@@ -482,7 +490,9 @@ impl Contact {
         if self.candidates.cover(&self.start, &self.end) {
             return false;
         }
-        let reach = self.reach();
+        let mut reach = self.reach();
+        reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
+        self.searches += 1;
         self.ahead.clear();
         let ways = self.start.iter().zip(&self.end);
         let most = FARTHEST_AHEAD * self.largest_thickness();

@@ -7,8 +7,11 @@
 //! what the rounds did, and before them it brings together what the solve kept apart.
 
 use glam::DVec3;
-use selvedge_contact::{Approach, Gap, Kind, Pair, Path, certify, certify_straight, gap, push};
+use selvedge_contact::{
+    Approach, Gap, Kind, Pair, Path, certify, certify_straight, gap, least_gap, push,
+};
 
+use super::clearances::against;
 use super::friction::along_surface;
 use super::{Contact, ContactCounts, ContactError, Span, Unseparated};
 use crate::active_handles::ActiveHandles;
@@ -70,13 +73,51 @@ pub(super) struct Worst {
 #[derive(Default)]
 pub(super) struct Room {
     verdicts: Vec<Verdict>,
+    spare: Spare,
     /// Points that moved since the last certificates.
     stirred: Vec<bool>,
     failed: Vec<(Pair, Approach, f64)>,
     pub(super) worst: Option<Worst>,
 }
 
+/// Room that certificates of one solve leave: a solve that is repeated ends near the last one,
+/// and most of its pairs need no new look.
+#[derive(Default)]
+struct Spare {
+    /// Ends of the points when the first pair was certified `[m]`, `[points]`; empty before.
+    ends: Vec<DVec3>,
+    /// Way of each point from there to the last certificates `[m]`, `[points]`.
+    strayed: Vec<DVec3>,
+    /// Distance by which a point of one side may stray against one of the other while the pair
+    /// stays certified `[m]`, `[candidates]`; negative where it is not.
+    reach: Vec<f64>,
+}
+
+impl Spare {
+    /// Forgets all certificates: points start elsewhere, or there are other candidates.
+    fn forget(&mut self) {
+        self.ends.clear();
+    }
+
+    /// Takes new `ends` of all points `[m]`, for this number of candidates.
+    fn take(&mut self, ends: &[DVec3], candidates: usize) {
+        if self.ends.is_empty() {
+            self.ends.extend_from_slice(ends);
+            self.reach.clear();
+            self.reach.resize(candidates, -1.0);
+        }
+        let strayed = self.ends.iter().zip(ends).map(|(a, b)| *b - *a);
+        self.strayed.clear();
+        self.strayed.extend(strayed);
+    }
+}
+
 impl Room {
+    /// Forgets what the certificates of the last solve had to spare.
+    pub(super) fn begin(&mut self) {
+        self.spare.forget();
+    }
+
     /// Lists the pairs that failed, and the one that was safe for the shortest part.
     fn list_failed(&mut self, pairs: &[Pair]) {
         self.failed.clear();
@@ -246,25 +287,42 @@ impl Contact {
     fn certify(&mut self, threads: Threads, first: bool) {
         if self.cover() {
             self.room.stirred.fill(true);
+            self.room.spare.forget();
         }
         self.clearances.look_ahead(&self.start, &self.end);
         let mut room = std::mem::take(&mut self.room);
         let pairs = self.candidates.pairs();
         room.verdicts.resize(pairs.len(), Verdict::Safe);
+        room.spare.take(&self.end, pairs.len());
         let (start, end, stirred) = (&self.start, &self.end, &room.stirred);
         let floor = self.settings.floor;
         let clearances = &self.clearances;
-        threads.each(&mut room.verdicts, |k, verdict| {
+        let budgets = &clearances.budgets;
+        let Spare { strayed, reach, .. } = &mut room.spare;
+        threads.each_pair(&mut room.verdicts, reach, |k, verdict, reach| {
             let pair = &pairs[k];
-            if clearances.surely_apart(k, pair, floor) {
+            if clearances.surely_apart(budgets[k], pair, floor) {
                 *verdict = Verdict::Safe;
-            } else if pair.corners.iter().any(|p| stirred[*p as usize]) {
+                return;
+            }
+            if !first && !pair.corners.iter().any(|p| stirred[*p as usize]) {
+                return;
+            }
+            if *reach > 0.0 && against(pair, strayed) <= *reach {
+                *verdict = Verdict::Safe;
+                return;
+            }
+            let mut spare =
+                clearances.at_start(budgets[k], pair) - clearances.approach(pair) - floor;
+            *verdict = Verdict::Safe;
+            if spare <= 0.0 {
                 let path = Path {
                     from: pair.places(start),
                     to: pair.places(end),
                 };
-                *verdict = judge(pair.kind, path, floor);
+                (*verdict, spare) = judge(pair.kind, path, clearances.approach(pair), floor);
             }
+            *reach = spare - against(pair, strayed);
         });
         room.list_failed(pairs);
         if first {
@@ -363,15 +421,21 @@ impl Contact {
     }
 }
 
-/// Certificate of a pair that keeps at least `floor` `[m]`, or its gap at the start.
+/// Certificate of a pair that keeps at least `floor` `[m]`, or its gap at the start, and what it
+/// has to spare `[m]`. No two points of its sides come nearer by more than `approach` `[m]`.
 #[inline]
-fn judge(kind: Kind, path: Path, floor: f64) -> Verdict {
-    if path.boxes_apart(kind, floor) || certify_straight(kind, path, floor) {
-        return Verdict::Safe;
+fn judge(kind: Kind, path: Path, approach: f64, floor: f64) -> (Verdict, f64) {
+    let spare = (least_gap(kind, path.from) - approach).max(path.axes_gap(kind)) - floor;
+    if spare > 0.0 {
+        return (Verdict::Safe, spare);
+    }
+    if let Some(spare) = certify_straight(kind, path, floor) {
+        return (Verdict::Safe, spare);
     }
     let floor = floor.min(gap(kind, path.from).distance * KEPT);
-    match certify(kind, path, floor) {
+    let verdict = match certify(kind, path, floor) {
         Ok(()) => Verdict::Halved,
         Err(approach) => Verdict::Failed { approach, floor },
-    }
+    };
+    (verdict, f64::NEG_INFINITY)
 }
