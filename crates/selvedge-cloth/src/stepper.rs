@@ -66,12 +66,6 @@ pub trait Correctable: Stepper {
     /// Undoes the last [`Stepper::step`], also if its frame was replaced since: the cloth is as it
     /// was before that step. Does nothing unless that step came last and succeeded.
     fn undo_step(&mut self);
-
-    /// Returns false where a guard is to leave the newest frame as it is: physics alone made it,
-    /// with its own bounds of strain and, where the scene has contact, its own contact.
-    fn needs_guard(&self) -> bool {
-        true
-    }
 }
 
 impl<S: Stepper + ?Sized> Stepper for Box<S> {
@@ -111,10 +105,6 @@ impl<S: Correctable + ?Sized> Correctable for Box<S> {
 
     fn undo_step(&mut self) {
         (**self).undo_step();
-    }
-
-    fn needs_guard(&self) -> bool {
-        (**self).needs_guard()
     }
 }
 

@@ -94,8 +94,6 @@ pub struct CorrectedStepper {
     watched: Option<Box<Watched>>,
     /// The last frame's.
     familiarity: Familiarity,
-    /// True where the network was not asked for the last frame.
-    by_physics: bool,
     stop: Stop,
 }
 
@@ -143,7 +141,6 @@ impl CorrectedStepper {
             }),
             held: scene.handles.mask(scene.mesh.positions().len()),
             familiarity: Familiarity::default(),
-            by_physics: false,
             stop: Stop::default(),
             scene,
         })
@@ -321,8 +318,7 @@ impl Stepper for CorrectedStepper {
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
-        self.by_physics = !self.is_within(targets, frame);
-        if self.by_physics {
+        if !self.is_within(targets, frame) {
             self.spare.copy_of(&self.simulator);
             self.familiarity = Familiarity::default();
         } else if let Err(error) = self.correct(frame) {
@@ -365,7 +361,6 @@ impl Correctable for CorrectedStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.simulator.replace_frame(positions)?;
         self.now.copy_of(&self.simulator);
-        self.by_physics = false;
         Ok(())
     }
 
@@ -374,7 +369,6 @@ impl Correctable for CorrectedStepper {
         self.undo = None;
         self.now.copy_of(&self.simulator);
         self.knows_before = false;
-        self.by_physics = false;
         Ok(())
     }
 
@@ -386,11 +380,6 @@ impl Correctable for CorrectedStepper {
         mem::swap(&mut self.before, &mut self.spare);
         mem::swap(&mut self.now, &mut self.spare);
         self.knows_before = knew_before;
-        self.by_physics = false;
-    }
-
-    fn needs_guard(&self) -> bool {
-        !self.by_physics
     }
 }
 

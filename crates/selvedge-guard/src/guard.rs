@@ -177,10 +177,8 @@ impl<S: Correctable> Guard<S> {
         let given = self.gauge.measure(&self.last[1], found);
         let is_finite = given.largest_strain.is_finite() && given.largest_speed.is_finite();
         let predicted = is_finite.then_some(given);
-        let is_watched = self.inner.needs_guard();
-        let holds = is_finite && (!is_watched || self.limiter.holds(found));
-        let is_strained = is_watched && given.largest_strain > self.settings.lost_strain;
-        let is_lost = !is_finite || is_strained;
+        let holds = is_finite && self.limiter.holds(found);
+        let is_lost = !is_finite || given.largest_strain > self.settings.lost_strain;
         let replaced_by = Replacement::Nothing;
         self.trust = Trust {
             frame: self.inner.frame(),
@@ -199,8 +197,7 @@ impl<S: Correctable> Guard<S> {
         self.next.extend_from_slice(found);
         let is_always =
             self.settings.when == When::Always && self.settings.correction == Correction::Physics;
-        let passes_on = is_finite && !is_watched;
-        if self.settings.correction == Correction::None || passes_on {
+        if self.settings.correction == Correction::None {
             return Ok(());
         }
         if !holds || is_always {

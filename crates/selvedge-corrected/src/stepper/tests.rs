@@ -190,7 +190,6 @@ fn frames_beyond_the_training_are_left_to_physics() {
     let familiar: Vec<bool> = [&all, &one, &one, &all]
         .map(|targets| {
             stepper.step(targets).unwrap();
-            assert_eq!(stepper.needs_guard(), stepper.familiarity().familiar > 0.0);
             stepper.familiarity().familiar > 0.0
         })
         .to_vec();

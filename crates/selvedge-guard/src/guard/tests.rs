@@ -97,42 +97,6 @@ fn a_stepper_that_never_errs_is_left_alone_bit_for_bit() {
 }
 
 #[test]
-fn a_frame_of_the_physics_is_left_alone_however_it_is_strained() {
-    for (is_physics, errs) in [
-        (true, Error::Trembles),
-        (false, Error::Trembles),
-        (true, Error::NotANumber),
-    ] {
-        let settings = GuardSettings::with(Correction::Limit);
-        let mut guard = watched(errs, settings, Some(scene()));
-        guard.inner.is_physics = is_physics;
-        let mut alone = Double::new(errs);
-        let mut touched = 0;
-        for frame in 1..=30 {
-            let targets = targets(&scene(), frame);
-            guard.step(&targets).unwrap();
-            alone.step(&targets).unwrap();
-            let trust = guard.trust();
-            touched += usize::from(trust.verdict != Verdict::Held);
-            if is_physics && frame < 20 {
-                assert_eq!(guard.positions(), alone.positions());
-                assert!(!matches!(errs, Error::Trembles) || trust.given.largest_strain > 0.28);
-            }
-        }
-        // What is no number is replaced all the same.
-        let expected = match (is_physics, errs) {
-            (true, Error::Trembles) => 0..=0,
-            (true, _) => 1..=11,
-            (false, _) => 30..=30,
-        };
-        assert!(
-            expected.contains(&touched),
-            "{is_physics} {errs:?}: {touched}"
-        );
-    }
-}
-
-#[test]
 fn whatever_a_stepper_does_it_is_kept_within_bounds() {
     let settings = [Correction::Limit, Correction::Physics].map(GuardSettings::with);
     for errs in [

@@ -41,8 +41,6 @@ pub(super) struct Double {
     rng: ChaCha8Rng,
     /// Frames that were given to it.
     pub(super) given: usize,
-    /// True where its frames need no guard.
-    pub(super) is_physics: bool,
 }
 
 impl Double {
@@ -57,7 +55,6 @@ impl Double {
             frame: 0,
             rng: ChaCha8Rng::seed_from_u64(5),
             given: 0,
-            is_physics: false,
         }
     }
 
@@ -166,9 +163,5 @@ impl Correctable for Double {
             (self.last, self.rng) = (last, rng);
             self.frame -= 1;
         }
-    }
-
-    fn needs_guard(&self) -> bool {
-        !self.is_physics
     }
 }
