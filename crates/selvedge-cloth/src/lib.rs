@@ -48,6 +48,7 @@ pub mod bodies;
 mod cloth;
 pub mod conformance;
 mod contact;
+mod contact_memory;
 mod environment;
 pub mod generate;
 pub mod geometry;
@@ -72,6 +73,7 @@ mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
 pub use contact::{ContactError, ContactLaw, ContactSettings};
+pub use contact_memory::{ContactMemory, FrictionAnchor, Pushing, Touching};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};

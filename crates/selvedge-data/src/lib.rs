@@ -104,7 +104,7 @@ pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::playback::Playback;
 pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
-    PreviousState, PreviousStates, ReadStateError, STATES_FORMAT, SavedState, StateChoice,
-    StateError, StateRun, StateSpec,
+    LastChanges, PreviousState, PreviousStates, ReadStateError, RunChanges, STATES_FORMAT,
+    SavedState, StateChoice, StateError, StateRun, StateSpec,
 };
 pub use trajectory::{Provenance, Trajectory, TrajectoryError};

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
-use selvedge_data::{PreviousState, SavedState, StateRun};
+use selvedge_data::{LastChanges, PreviousState, SavedState, StateRun};
 use selvedge_sim::{Beginning, PreviousSubstep, Simulator, SimulatorError};
 
 /// A simulator and its states so far.
@@ -50,6 +50,13 @@ pub fn saved_state(simulator: &Simulator) -> SavedState {
             velocities: before.velocities,
             seconds: before.seconds,
         }),
+        contact: simulator.contact_memory(),
+        changes: simulator
+            .last_changes()
+            .map(|(changes, seconds)| LastChanges {
+                velocities: changes.to_vec(),
+                seconds,
+            }),
     }
 }
 
@@ -93,6 +100,14 @@ pub fn simulator_among(
             velocities: before.velocities,
             seconds: before.seconds,
         })?,
+    };
+    let simulator = match &state.contact {
+        None => simulator,
+        Some(memory) => simulator.with_contact_memory(memory)?,
+    };
+    let simulator = match &state.changes {
+        None => simulator,
+        Some(last) => simulator.with_last_changes(&last.velocities, last.seconds)?,
     };
     Ok(simulator.at_frame(state.frame))
 }

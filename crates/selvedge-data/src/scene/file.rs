@@ -184,6 +184,8 @@ pub(super) fn moving_mesh(
         velocities,
         frame: 0,
         previous: None,
+        contact: None,
+        changes: None,
     })
 }
 

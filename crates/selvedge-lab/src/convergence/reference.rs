@@ -52,6 +52,8 @@ impl Reference {
             velocities: state.velocities.to_vec(),
             frame,
             previous: None,
+            contact: None,
+            changes: None,
         })
     }
 }

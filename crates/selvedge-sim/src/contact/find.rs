@@ -10,8 +10,10 @@ use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 use super::arcsim;
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
+use super::keys::{Key, feature, key};
+use super::memory::{Anchor, Held};
 use super::touches::{PairLaw, Touch, Touches};
-use super::{Anchor, Contact, Found, Held, Key, key};
+use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
 use crate::threads::Threads;
 
@@ -127,7 +129,7 @@ impl Contact {
             if gap.distance < self.thickness[body] {
                 let law = PairLaw::Arcsim { stiffness };
                 let mut touch = self.touch_of(&pair, body, &gap, gap.distance, law);
-                (touch.body, touch.pull) = (None, DVec3::ZERO);
+                (touch.anchored, touch.pull) = (None, DVec3::ZERO);
                 self.leave_obstacles(&mut touch);
                 list.push(touch);
             }
@@ -146,10 +148,7 @@ impl Contact {
         let Near {
             pair, body, gap, ..
         } = near;
-        let own = match pair.kind {
-            Kind::VertexFace => (pair.kind, pair.first, *body as u32),
-            Kind::EdgeEdge => key(pair),
-        };
+        let own = feature(pair, *body);
         let expected = extent(gap, pair.places(&self.end));
         let least = near.distance.min(expected) / self.thickness[*body];
         let depth = (1.0 - least).max(0.0);
@@ -319,6 +318,7 @@ impl Contact {
                 drift += (self.end[p] - self.start[p]) * weight;
             }
         }
+        let own = feature(pair, body);
         Touch {
             corners: pair.corners,
             weights: gap.weights,
@@ -332,8 +332,8 @@ impl Contact {
             drift,
             friction: self.friction[body],
             is_within: false,
-            body: (pair.kind == Kind::VertexFace).then_some(body as u32),
-            pull: self.pull(pair, body, gap.normal),
+            anchored: Some(own),
+            pull: self.pull(own, gap.normal),
             at: None,
             response: super::touches::Response::default(),
         }
@@ -423,18 +423,12 @@ impl Contact {
         }
     }
 
-    /// Pull that the anchor of a pair has left `[N]`.
-    fn pull(&self, pair: &Pair, body: usize, normal: DVec3) -> DVec3 {
-        if pair.kind == Kind::EdgeEdge {
-            return DVec3::ZERO;
-        }
+    /// Pull that the anchor of a feature has left on this side `[N]`.
+    fn pull(&self, of: Key, normal: DVec3) -> DVec3 {
         let anchors = &self.memory.anchors;
-        let first = anchors.partition_point(|anchor| anchor.vertex < pair.first);
-        let own = anchors[first..]
-            .iter()
-            .take_while(|a| a.vertex == pair.first);
-        let mut same = own.filter(|a| a.body as usize == body && a.normal.dot(normal) > SAME_SIDE);
-        same.next()
+        let first = anchors.partition_point(|anchor| anchor.of < of);
+        let mut own = anchors[first..].iter().take_while(|a| a.of == of);
+        own.find(|anchor| anchor.normal.dot(normal) > SAME_SIDE)
             .map_or(DVec3::ZERO, |anchor| along_surface(normal, anchor.pull))
     }
 
@@ -443,7 +437,7 @@ impl Contact {
     pub(super) fn remember(&mut self, part: f64, active: &mut ActiveHandles) {
         let mut anchors: Vec<Anchor> = Vec::new();
         for touch in &active.system.touches.list {
-            let Some(body) = touch.body else {
+            let Some(of) = touch.anchored else {
                 continue;
             };
             let displacement = touch.displacement(|v| self.end[v]) - touch.drift * (1.0 - part);
@@ -455,13 +449,12 @@ impl Contact {
             }
             let slip = along_surface(touch.normal, touch.pull / grip + displacement);
             anchors.push(Anchor {
-                vertex: touch.corners[0],
-                body,
+                of,
                 normal: touch.normal,
                 pull: kept(slip, grip, most) * grip,
             });
         }
-        anchors.sort_by_key(|anchor| anchor.vertex);
+        anchors.sort_by_key(|anchor| anchor.of);
         self.memory.anchors = anchors;
         active.system.touches.list.clear();
     }

@@ -12,7 +12,9 @@ mod clearances;
 mod find;
 mod friction;
 mod gauge;
+mod keys;
 mod led;
+mod memory;
 mod received;
 mod separation;
 mod touches;
@@ -28,7 +30,10 @@ use crate::state::State;
 use crate::threads::Threads;
 use clearances::Clearances;
 pub use gauge::{ContactGauge, FrameContact};
+use keys::Key;
 pub(crate) use led::Shift;
+use memory::Held;
+pub(crate) use memory::Memory;
 pub(crate) use touches::{Touches, to_single};
 
 /// Solves that are repeated with pairs that met unexpectedly, at most.
@@ -109,68 +114,12 @@ pub(crate) struct Span<'a> {
     pub(crate) may_hold: bool,
 }
 
-/// Friction that a vertex has left from the substep before.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Anchor {
-    vertex: u32,
-    /// Number of the other body.
-    body: u32,
-    normal: DVec3,
-    /// Force along the surface `[N]`.
-    pull: DVec3,
-}
-
-/// State that one substep leaves for the next.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Memory {
-    anchors: Vec<Anchor>,
-    /// Features that pushed, in ascending order.
-    held: Held,
-    /// Those of them that a solve had missed: they push on, whatever else is near, in ascending
-    /// order.
-    caught: Vec<Key>,
-}
-
-/// Features that push, without the faces that they push against: a vertex that slides over an edge
-/// is held by the same body. Each in ascending order, as often as it pushes.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Held {
-    all: Vec<Key>,
-    /// Those that bear more than a little, or are expected to.
-    firmly: Vec<Key>,
-}
-
-impl Held {
-    /// Returns true if something begins to push firmly, or ends while it did.
-    fn jumps_to(&self, next: &Self) -> bool {
-        !includes(&self.all, &next.firmly) || !includes(&next.all, &self.firmly)
-    }
-
-    fn sort(&mut self) {
-        self.all.sort_unstable();
-        self.firmly.sort_unstable();
-    }
-}
-
 /// The touches of a solve.
 struct Found {
     touches: Touches,
     /// The pairs, in ascending order.
     set: Vec<Key>,
     held: Held,
-}
-
-/// Returns true if `all` has every entry of `part`, as often; both in ascending order.
-fn includes(all: &[Key], part: &[Key]) -> bool {
-    let mut all = all.iter();
-    part.iter().all(|own| all.any(|other| other == own))
-}
-
-/// Kind and numbers of a pair.
-type Key = (Kind, u32, u32);
-
-fn key(pair: &Pair) -> Key {
-    (pair.kind, pair.first, pair.second)
 }
 
 /// Contact in a scene.
@@ -314,6 +263,16 @@ impl Contact {
     /// Restores what [`Self::save`] saved.
     pub(crate) fn restore(&mut self) {
         self.memory.clone_from(&self.saved);
+    }
+
+    /// The memory that the last substep left.
+    pub(crate) fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// Takes this for the memory that the last substep left.
+    pub(crate) fn remember_saved(&mut self, memory: Memory) {
+        self.memory = memory;
     }
 
     /// Drops what the last substep left: friction takes hold anew.

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
+use super::keys::Key;
 
 /// A pair that pushes, frozen for a substep: its direction and weights stay.
 #[derive(Clone, Debug)]
@@ -32,8 +33,8 @@ pub(crate) struct Touch {
     /// True if the cloth's corners are of one edge or one face, whose vertices the matrix of the
     /// cloth couples already.
     pub(super) is_within: bool,
-    /// Other body of a vertex, which has an anchor there; none of two edges.
-    pub(super) body: Option<u32>,
+    /// Feature that has an anchor; none where friction does not hold.
+    pub(super) anchored: Option<Key>,
     /// Pull of the anchor at the start, along the surface `[N]`.
     pub(super) pull: DVec3,
     /// Gap at which to linearise, because a solve has shown that the usual one pushes too little
@@ -346,7 +347,7 @@ mod tests {
             drift: DVec3::ZERO,
             friction,
             is_within: false,
-            body: None,
+            anchored: None,
             pull: DVec3::ZERO,
             at: None,
             response: Response::default(),

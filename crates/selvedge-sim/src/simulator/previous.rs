@@ -1,8 +1,11 @@
-//! The state one substep ago, which a run of second order needs to go on bit for bit.
+//! What a run needs beside positions and velocities to go on bit for bit: the state one substep
+//! ago, what contact left, and the last solve.
 
 use glam::DVec3;
+use selvedge_cloth::{ContactMemory, VertexId};
 
 use super::{Simulator, SimulatorError, check_state};
+use crate::contact::Memory;
 
 /// The state of a cloth one substep ago.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,5 +66,68 @@ impl Simulator {
             velocities: self.history.before.velocities.clone(),
             seconds,
         })
+    }
+
+    /// The same cloth with what contact had left by then, which a run with contact needs to go on
+    /// bit for bit; see [`Self::contact_memory`]. Without contact in the scene it is passed over,
+    /// as are features that do not touch.
+    ///
+    /// # Errors
+    /// [`SimulatorError::NonFinite`] for an anchor whose direction or pull is not finite in f32.
+    pub fn with_contact_memory(mut self, memory: &ContactMemory) -> Result<Self, SimulatorError> {
+        for anchor in &memory.anchors {
+            let vertex = VertexId(anchor.of.numbers()[1]);
+            for (what, value) in [
+                ("direction of an anchor", anchor.normal),
+                ("pull of an anchor", anchor.pull),
+            ] {
+                if !value.as_vec3().is_finite() {
+                    return Err(SimulatorError::NonFinite {
+                        what,
+                        vertex,
+                        value,
+                    });
+                }
+            }
+        }
+        if let Some(contact) = &mut self.contact {
+            contact.remember_saved(Memory::of_saved(memory));
+        }
+        Ok(self)
+    }
+
+    /// The memory that the last substep left for the contact of the next; none without contact, and
+    /// where nothing touched.
+    #[must_use]
+    pub fn contact_memory(&self) -> Option<ContactMemory> {
+        let memory = self.contact.as_ref()?.memory().saved();
+        (memory != ContactMemory::default()).then_some(memory)
+    }
+
+    /// The same cloth with the last solve's changes of velocity `[m/s]`, `[vertices]`, over
+    /// `seconds`, from which conjugate gradients begin; see [`Self::last_changes`].
+    ///
+    /// # Errors
+    /// As for [`Self::with_previous`].
+    pub fn with_last_changes(
+        mut self,
+        changes: &[DVec3],
+        seconds: f64,
+    ) -> Result<Self, SimulatorError> {
+        let vertices = self.rounded.len();
+        check_state("changes", "change", changes, vertices)?;
+        if !(seconds.is_finite() && seconds > 0.0) {
+            return Err(SimulatorError::PreviousSubstep { seconds });
+        }
+        self.active.system.put_changes(changes, seconds);
+        Ok(self)
+    }
+
+    /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and the time over which they
+    /// came about `[s]`: with conjugate gradients the next solve begins from them. None where it
+    /// begins from nothing.
+    #[must_use]
+    pub fn last_changes(&self) -> Option<(&[DVec3], f64)> {
+        self.active.system.last_changes()
     }
 }

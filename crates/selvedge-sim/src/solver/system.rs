@@ -458,6 +458,19 @@ impl System {
         self.solved_span = 0.0;
     }
 
+    /// Changes of velocity from which the next solve starts `[m/s]`, `[vertices]`, and their time
+    /// `[s]`; none if it starts from nothing.
+    pub(crate) fn last_changes(&self) -> Option<(&[DVec3], f64)> {
+        let starts = matches!(self.solver, Solver::Iterative(_)) && self.solved_span > 0.0;
+        starts.then_some((self.changes.as_slice(), self.solved_span))
+    }
+
+    /// Lets the next solve start from `changes` over `span` `[s]`.
+    pub(crate) fn put_changes(&mut self, changes: &[DVec3], span: f64) {
+        self.changes.copy_from_slice(changes);
+        self.solved_span = span;
+    }
+
     /// Lets the next solve start from the change of velocity over a whole step of `dt` `[s]`.
     pub(crate) fn remember_changes(&mut self, dt: f64, from: &State, now: &State) {
         for &v in self.pattern.vertices() {

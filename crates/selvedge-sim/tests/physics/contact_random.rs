@@ -1,9 +1,9 @@
 //! Random scenes with contact: whatever is thrown together, no frame ever intersects, and a motion
 //! that cannot go on ends in an error that says why.
 //!
-//! Scenes that start with an intersection are refused, which the tests count apart. So are those
-//! whose handle is led into an obstacle: nothing can move then but what is prescribed, and the
-//! error is the right end.
+//! A scene that starts with an intersection is drawn again, which the tests count apart. So are
+//! those whose handle is led into an obstacle: nothing can move then but what is prescribed, and
+//! the error is the right end.
 #![allow(clippy::print_stdout, reason = "the counts, for the docs")]
 
 use glam::{DQuat, DVec3};
@@ -51,9 +51,20 @@ struct Ends {
     stopped: u32,
     /// Stopped because a handle is led into an obstacle.
     led: u32,
-    /// Scenes that start with an intersection, of which there are no frames.
-    meets: u32,
+    /// Scenes that were drawn again, since they start with an intersection or have a thickness
+    /// that their mesh is too fine for.
+    drawn_again: u32,
     frames: usize,
+}
+
+impl Ends {
+    fn add(&mut self, other: &Self) {
+        self.whole += other.whole;
+        self.stopped += other.stopped;
+        self.led += other.led;
+        self.drawn_again += other.drawn_again;
+        self.frames += other.frames;
+    }
 }
 
 /// A needle, a ball, a box, a rod or a wall, anywhere, still or moving.
@@ -150,14 +161,15 @@ fn is_led(scene: &Scene, pair: &str) -> bool {
 /// Runs a scene for `frames`; handles swing at up to 10 m/s.
 fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
     let mut dice = Dice(1000 * number);
-    let scene = scene(&mut dice);
-    let mut simulator = match Simulator::new(&scene) {
-        Ok(simulator) => simulator,
-        Err(SimulatorError::Intersections { .. } | SimulatorError::Thickness { .. }) => {
-            ends.meets += 1;
-            return ContactCounts::default();
+    let (scene, mut simulator) = loop {
+        let scene = scene(&mut dice);
+        match Simulator::new(&scene) {
+            Ok(simulator) => break (scene, simulator),
+            Err(SimulatorError::Intersections { .. } | SimulatorError::Thickness { .. }) => {
+                ends.drawn_again += 1;
+            }
+            Err(error) => panic!("scene {number}: {error}"),
         }
-        Err(error) => panic!("scene {number}: {error}"),
     };
     let start = scene.handles.select(scene.mesh.positions());
     let (reach, rate) = (dice.between(0.0, 0.5), dice.between(1.0, 20.0));
@@ -192,7 +204,7 @@ fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
     simulator.contact_counts()
 }
 
-fn follow_all(numbers: std::ops::Range<u64>, frames: usize) -> Ends {
+fn follow_all(numbers: impl Iterator<Item = u64>, frames: usize) -> Ends {
     let mut ends = Ends::default();
     for number in numbers {
         let counts = follow(number, frames, &mut ends);
@@ -206,9 +218,10 @@ fn follow_all(numbers: std::ops::Range<u64>, frames: usize) -> Ends {
 /// Fifty scenes of two hundred, so that threads share them. One of a hundred that can go on may
 /// stop, which of fifty is at most one.
 fn no_scene_of(numbers: std::ops::Range<u64>) {
-    let count = numbers.end - numbers.start;
+    let count = (numbers.end - numbers.start) as u32;
     let ends = follow_all(numbers, 60);
-    assert!(u64::from(ends.whole) >= count / 2, "{ends:?}");
+    assert_eq!(ends.whole + ends.led + ends.stopped, count, "{ends:?}");
+    assert!(ends.whole >= 4 * count / 5, "{ends:?}");
     assert!(ends.stopped <= 1, "{ends:?}");
 }
 
@@ -235,8 +248,16 @@ fn no_random_scene_of_the_last_fifty_ever_intersects() {
 #[test]
 #[ignore = "takes an hour: two thousand scenes of sixty frames"]
 fn no_scene_of_two_thousand_ever_intersects() {
-    let ends = follow_all(0..2000, 60);
+    let runs = [0_u64, 1].map(|first| {
+        let own = (0..2000).filter(move |number| number % 2 == first);
+        std::thread::spawn(move || follow_all(own, 60))
+    });
+    let mut ends = Ends::default();
+    for run in runs {
+        ends.add(&run.join().unwrap());
+    }
     eprintln!("{ends:?}");
+    assert_eq!(ends.whole + ends.led + ends.stopped, 2000, "{ends:?}");
     assert!(
         f64::from(ends.stopped) <= 0.01 * f64::from(ends.whole),
         "{ends:?}"

@@ -175,6 +175,8 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
         velocities: last.iter().zip(before).map(velocity).collect(),
         frame: 0,
         previous: None,
+        contact: None,
+        changes: None,
     })
 }
 

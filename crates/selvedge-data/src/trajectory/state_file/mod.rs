@@ -7,6 +7,8 @@
 //! frames of a run. For such a file the version is checked too, and its frame rate against that of
 //! the run that continues from it.
 
+mod changes;
+mod contact;
 mod container;
 mod error;
 
@@ -14,8 +16,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::DVec3;
+use selvedge_cloth::ContactMemory;
 use serde::{Deserialize, Serialize};
 
+use self::changes::{CHANGES, changes, changes_of_run};
+pub use self::changes::{LastChanges, RunChanges};
+use self::contact::Tables;
 pub use self::container::STATES_FORMAT;
 use self::container::{Container, Floats, LARGEST, VERSION, wrong_shape};
 pub use self::error::{ReadStateError, StateError};
@@ -36,6 +42,10 @@ pub struct SavedState {
     pub frame: usize,
     /// State one substep before, where a run of second order left it.
     pub previous: Option<PreviousState>,
+    /// Memory of contact for the next substep, where there is some.
+    pub contact: Option<ContactMemory>,
+    /// The last solve, from which the next one of an iterative solver begins.
+    pub changes: Option<LastChanges>,
 }
 
 /// State of a cloth one substep ago.
@@ -90,6 +100,10 @@ pub struct StateRun {
     pub frames: Vec<u32>,
     /// States one substep before each; empty if there are none, as in runs of first order.
     pub previous: PreviousStates,
+    /// Memory of contact of each; empty if nothing ever touched.
+    pub contact: Vec<ContactMemory>,
+    /// The last solve of each; empty if no solver iterates.
+    pub changes: RunChanges,
 }
 
 /// States one substep before those of a run. Where a state has none, its seconds are 0.
@@ -124,6 +138,8 @@ impl SavedState {
             positions,
             frame: 0,
             previous: None,
+            contact: None,
+            changes: None,
         }
     }
 
@@ -203,6 +219,16 @@ impl StateRun {
             previous.velocities.extend(still);
             previous.seconds.push(0.0);
         }
+        self.contact.push(state.contact.clone().unwrap_or_default());
+        let changes = &mut self.changes;
+        if let Some(last) = &state.changes {
+            changes.velocities.extend(&last.velocities);
+            changes.seconds.push(last.seconds);
+        } else {
+            let none = std::iter::repeat_n(DVec3::ZERO, state.positions.len());
+            changes.velocities.extend(none);
+            changes.seconds.push(0.0);
+        }
     }
 
     /// Reads the states that [`Self::write`] wrote.
@@ -230,40 +256,32 @@ impl StateRun {
         };
         let frames = container.frames("frames", states)?;
         let frames: Vec<u32> = frames.into_iter().map(number).collect::<Result<_, _>>()?;
-        let vectors = |array: Floats| {
-            let entries = array.values.chunks_exact(3);
-            entries.map(DVec3::from_slice).collect()
-        };
-        let previous = match PREVIOUS.iter().all(|name| container.has(name)) {
-            false => PreviousStates::default(),
-            true => {
-                let seconds = container.floats(PREVIOUS[2])?;
-                let [x, v] = [
-                    container.floats(PREVIOUS[0])?,
-                    container.floats(PREVIOUS[1])?,
-                ];
-                check_shape(PREVIOUS[0], &x, &positions.shape)?;
-                check_shape(PREVIOUS[1], &v, &positions.shape)?;
-                check_shape(PREVIOUS[2], &seconds, &[states])?;
-                PreviousStates {
-                    positions: vectors(x),
-                    velocities: vectors(v),
-                    seconds: seconds.values,
-                }
-            }
+        let shape = &positions.shape;
+        let previous = previous_of_run(&container, shape)?;
+        let changes = changes_of_run(&container, shape)?;
+        let tables = Tables::read(&container, states)?;
+        let contact = match tables.is_empty() {
+            true => Vec::new(),
+            false => (0..states)
+                .map(|k| Ok(tables.state(k)?.unwrap_or_default()))
+                .collect::<Result<_, StateError>>()?,
         };
         Ok(Self {
             positions: vectors(positions),
             velocities: vectors(velocities),
             frames,
             previous,
+            contact,
+            changes,
         })
     }
 
     /// Writes the states as .safetensors, all or nothing: `positions` and `velocities` f64
     /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the
     /// format "selvedge-states". A run of second order also has `previous_positions` and
-    /// `previous_velocities`, of the same shape, and `previous_seconds` f64 `[states]`.
+    /// `previous_velocities`, of the same shape, and `previous_seconds` f64 `[states]`. Where a
+    /// solver iterates there are `changes`, of the same shape, and `changes_seconds` f64
+    /// `[states]`; where something touches, the arrays of contact.
     ///
     /// # Errors
     /// [`WriteError`] names the file and what failed.
@@ -277,16 +295,41 @@ impl StateRun {
         let mut tensors = vec![
             ("positions", shape.clone(), TensorValues::F64(&positions)),
             ("velocities", shape.clone(), TensorValues::F64(&velocities)),
-            ("frames", states.clone(), TensorValues::U32(&self.frames)),
         ];
         let previous = &self.previous;
         let (before, moved) = (flat(&previous.positions), flat(&previous.velocities));
         if previous.seconds.iter().any(|seconds| *seconds > 0.0) {
             tensors.extend([
                 (PREVIOUS[0], shape.clone(), TensorValues::F64(&before)),
-                (PREVIOUS[1], shape, TensorValues::F64(&moved)),
-                (PREVIOUS[2], states, TensorValues::F64(&previous.seconds)),
+                (PREVIOUS[1], shape.clone(), TensorValues::F64(&moved)),
+                (
+                    PREVIOUS[2],
+                    states.clone(),
+                    TensorValues::F64(&previous.seconds),
+                ),
             ]);
+        }
+        let changes = &self.changes;
+        let changed = flat(&changes.velocities);
+        if changes.seconds.iter().any(|seconds| *seconds > 0.0) {
+            tensors.extend([
+                (CHANGES[0], shape, TensorValues::F64(&changed)),
+                (
+                    CHANGES[1],
+                    states.clone(),
+                    TensorValues::F64(&changes.seconds),
+                ),
+            ]);
+        }
+        let tables = Tables::of(&self.contact);
+        for (name, columns, values) in tables.reals() {
+            let shape = vec![values.len() / columns, columns];
+            tensors.push((name, shape, TensorValues::F64(values)));
+        }
+        tensors.push(("frames", states, TensorValues::U32(&self.frames)));
+        for (name, columns, values) in tables.wholes() {
+            let shape = vec![values.len() / columns, columns];
+            tensors.push((name, shape, TensorValues::U32(values)));
         }
         let tensors: Vec<TensorOut<'_>> = tensors
             .into_iter()
@@ -296,15 +339,44 @@ impl StateRun {
                 values,
             })
             .collect();
-        let metadata = BTreeMap::from([
-            ("format", STATES_FORMAT.to_owned()),
-            ("version", VERSION.to_owned()),
-            ("fps", provenance.frame_rate.to_string()),
-            ("scene", provenance.scene.to_string()),
-            ("made_by", provenance.made_by.clone()),
-        ]);
-        write_tensors(path, &tensors, &metadata)
+        write_tensors(path, &tensors, &metadata(provenance))
     }
+}
+
+fn metadata(provenance: &Provenance) -> BTreeMap<&'static str, String> {
+    BTreeMap::from([
+        ("format", STATES_FORMAT.to_owned()),
+        ("version", VERSION.to_owned()),
+        ("fps", provenance.frame_rate.to_string()),
+        ("scene", provenance.scene.to_string()),
+        ("made_by", provenance.made_by.clone()),
+    ])
+}
+
+/// The entries of an array of vectors.
+fn vectors(array: Floats) -> Vec<DVec3> {
+    let entries = array.values.chunks_exact(3);
+    entries.map(DVec3::from_slice).collect()
+}
+
+/// States one substep before those of positions of this `shape`; empty where the file has none.
+fn previous_of_run(
+    container: &Container<'_>,
+    shape: &[usize],
+) -> Result<PreviousStates, StateError> {
+    if !PREVIOUS.iter().all(|name| container.has(name)) {
+        return Ok(PreviousStates::default());
+    }
+    let [x, v, seconds] = PREVIOUS.map(|name| container.floats(name));
+    let (x, v, seconds) = (x?, v?, seconds?);
+    check_shape(PREVIOUS[0], &x, shape)?;
+    check_shape(PREVIOUS[1], &v, shape)?;
+    check_shape(PREVIOUS[2], &seconds, &shape[..1])?;
+    Ok(PreviousStates {
+        positions: vectors(x),
+        velocities: vectors(v),
+        seconds: seconds.values,
+    })
 }
 
 fn select(
@@ -339,12 +411,22 @@ fn select(
     };
     let (index, frame) = place(choice.frame, count, frames.as_deref())?;
     let [positions, velocities] = [0, 1].map(|k| entry(&pair[k], &arrays[k], index, vertices));
+    let is_own = pair == [PAIRS[0][0], PAIRS[0][1]];
+    let states = count.unwrap_or(1);
     let state = SavedState {
         positions: positions?,
         velocities: velocities?,
         frame,
-        previous: match pair == [PAIRS[0][0], PAIRS[0][1]] {
-            true => previous(container, index, count.unwrap_or(1), vertices)?,
+        previous: match is_own {
+            true => previous(container, index, states, vertices)?,
+            false => None,
+        },
+        contact: match is_own {
+            true => Tables::read(container, states)?.state(index)?,
+            false => None,
+        },
+        changes: match is_own {
+            true => changes(container, index, states, vertices)?,
             false => None,
         },
     };
@@ -361,19 +443,9 @@ fn previous(
     if !PREVIOUS.iter().all(|name| container.has(name)) {
         return Ok(None);
     }
-    let seconds = container.floats(PREVIOUS[2])?;
-    check_shape(PREVIOUS[2], &seconds, &[count])?;
-    let seconds = seconds.values[index];
-    if seconds == 0.0 {
+    let Some(seconds) = seconds(container, PREVIOUS[2], index, count)? else {
         return Ok(None);
-    }
-    if !(seconds.is_finite() && seconds > 0.0) {
-        return Err(StateError::Array {
-            name: PREVIOUS[2].to_owned(),
-            expected: "finite seconds, none below 0".to_owned(),
-            found: seconds.to_string(),
-        });
-    }
+    };
     let array = |name: &str| {
         let values = container.floats(name)?;
         entry(name, &values, index, vertices)
@@ -383,6 +455,29 @@ fn previous(
         velocities: array(PREVIOUS[1])?,
         seconds,
     }))
+}
+
+/// The time of state `index` of `count` in an array of them; none where it is 0.
+fn seconds(
+    container: &Container<'_>,
+    name: &str,
+    index: usize,
+    count: usize,
+) -> Result<Option<f64>, StateError> {
+    let array = container.floats(name)?;
+    check_shape(name, &array, &[count])?;
+    let seconds = array.values[index];
+    if seconds == 0.0 {
+        return Ok(None);
+    }
+    if !(seconds.is_finite() && seconds > 0.0) {
+        return Err(StateError::Array {
+            name: name.to_owned(),
+            expected: "finite seconds, none below 0".to_owned(),
+            found: seconds.to_string(),
+        });
+    }
+    Ok(Some(seconds))
 }
 
 fn check_shape(name: &str, array: &Floats, expected: &[usize]) -> Result<(), StateError> {

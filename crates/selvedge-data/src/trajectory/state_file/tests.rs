@@ -1,5 +1,6 @@
 //! States are read as they were written, by any of the ways to name them.
 
+use selvedge_cloth::{FrictionAnchor, Pushing, Touching};
 use serde_json::Value;
 
 use super::*;
@@ -24,6 +25,38 @@ fn run() -> StateRun {
             velocities: (30..36).map(vector).collect(),
             seconds: vec![0.0, 1.0 / 120.0, 1.0 / 240.0],
         },
+        contact: vec![memory(2), ContactMemory::default(), memory(1)],
+        changes: RunChanges {
+            velocities: (40..46).map(vector).collect(),
+            seconds: vec![1.0 / 120.0, 0.0, 1.0 / 240.0],
+        },
+    }
+}
+
+/// A memory of this many anchors, twice as many features that push, and a caught pair.
+fn memory(anchors: u32) -> ContactMemory {
+    let vertex = |k: u32| Touching::Vertex {
+        vertex: k,
+        other: k / 2,
+    };
+    ContactMemory {
+        anchors: (0..anchors)
+            .map(|k| FrictionAnchor {
+                of: vertex(k),
+                normal: DVec3::new(0.6, 0.8, 0.0),
+                pull: DVec3::new(1e-9, -f64::from(k) / 7.0, 0.1),
+            })
+            .collect(),
+        pushing: (0..2 * anchors)
+            .map(|k| Pushing {
+                of: vertex(k),
+                firmly: k % 2 == 1,
+            })
+            .collect(),
+        caught: vec![Touching::Edges {
+            first: anchors,
+            second: 9,
+        }],
     }
 }
 
@@ -62,6 +95,15 @@ fn every_bit_of_a_run_comes_back() {
             seconds: before.seconds[index],
         });
         assert_eq!(state.previous, expected);
+        let left = run.contact[index].clone();
+        let expected = (left != ContactMemory::default()).then_some(left);
+        assert_eq!(state.contact, expected);
+        let last = &run.changes;
+        let expected = (last.seconds[index] > 0.0).then(|| LastChanges {
+            velocities: last.velocities[2 * index..2 * index + 2].to_vec(),
+            seconds: last.seconds[index],
+        });
+        assert_eq!(state.changes, expected);
         assert_eq!(SavedState::reread(folder.path(), &spec, 2).unwrap(), state);
     }
     let (_, spec) = read(at(4)).unwrap();
@@ -246,4 +288,49 @@ fn a_shape_that_no_bytes_stand_behind_is_an_error_and_no_panic() {
     }
     let error = StateRun::from_bytes(&std::fs::read(&path).unwrap()).unwrap_err();
     assert!(error.to_string().contains("a vertex at least"), "{error}");
+}
+
+#[test]
+fn contact_that_does_not_fit_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("states.npz");
+    let at_rest = floats("(1, 3)", &[0.0; 3]);
+    let whole = |shape: &str, values: &[u32]| {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        npy("<u4", shape, &bytes)
+    };
+    let write = |counts: &[u32], anchors: &[u32], pulls: &[f64]| {
+        let file = archive(&[
+            ("positions", at_rest.clone()),
+            ("velocities", at_rest.clone()),
+            ("contact_counts", whole("(1, 3)", counts)),
+            ("contact_anchors", whole("(1, 3)", anchors)),
+            ("contact_pulls", floats("(1, 6)", pulls)),
+        ]);
+        std::fs::write(&path, file).unwrap();
+    };
+    let (normal, far) = ([0.0; 6], [0.0, 0.0, 0.0, 1e300, 0.0, 0.0]);
+    for (counts, anchors, pulls, word) in [
+        ([2, 0, 0], [0, 0, 0], &normal, "contact_anchors: expected 6"),
+        ([1, 1, 0], [0, 0, 0], &normal, "contact_pushing: expected 4"),
+        (
+            [1, 0, 0],
+            [2, 0, 0],
+            &normal,
+            "contact_anchors: expected entries",
+        ),
+        ([1, 0, 0], [0, 0, 0], &far, "contact_pulls: expected finite"),
+    ] {
+        write(&counts, &anchors, pulls);
+        let text = error(folder.path(), "states.npz", &StateChoice::default(), 1);
+        assert!(text.contains(word), "{text}");
+    }
+    write(&[1, 0, 0], &[1, 4, 5], &normal);
+    let choice = StateChoice::default();
+    let (state, _) = SavedState::read(folder.path(), "states.npz", &choice, 1).unwrap();
+    let edges = Touching::Edges {
+        first: 4,
+        second: 5,
+    };
+    assert_eq!(state.contact.unwrap().anchors[0].of, edges);
 }

@@ -1,0 +1,81 @@
+//! What contact leaves from one substep to the next. A noun of saved states; the law is in
+//! `selvedge-sim`.
+
+use glam::DVec3;
+
+/// State of contact beside positions and velocities, which one substep leaves for the next. A run
+/// with contact goes on bit for bit only with it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactMemory {
+    /// Friction that features have left.
+    pub anchors: Vec<FrictionAnchor>,
+    /// Features that push.
+    pub pushing: Vec<Pushing>,
+    /// Pairs that a solve had missed: a vertex or a point of an obstacle and a face, or two edges.
+    /// They push on, whatever else is near.
+    pub caught: Vec<Touching>,
+}
+
+/// Friction that a feature has left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionAnchor {
+    /// The feature, at a whole body where it is a vertex.
+    pub of: Touching,
+    /// Unit direction of the gap.
+    pub normal: DVec3,
+    /// Force along the surface `[N]`.
+    pub pull: DVec3,
+}
+
+/// A feature that pushes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Pushing {
+    /// The feature, at a whole body where it is a vertex.
+    pub of: Touching,
+    /// True if it bears more than a little, or is expected to.
+    pub firmly: bool,
+}
+
+/// Two features that touch, by their numbers among those of the cloth and all obstacles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Touching {
+    /// A vertex, and a face or a body; body 0 is the cloth.
+    Vertex {
+        /// Number of the vertex.
+        vertex: u32,
+        /// Number of the face or of the body.
+        other: u32,
+    },
+    /// Two edges.
+    Edges {
+        /// Number of the first.
+        first: u32,
+        /// Number of the second.
+        second: u32,
+    },
+}
+
+impl Touching {
+    /// As three numbers: 0 for a vertex or 1 for edges, then those of the features.
+    #[must_use]
+    pub fn numbers(self) -> [u32; 3] {
+        match self {
+            Self::Vertex { vertex, other } => [0, vertex, other],
+            Self::Edges { first, second } => [1, first, second],
+        }
+    }
+
+    /// Of the three numbers that [`Self::numbers`] gives; none where the first is neither 0 nor 1.
+    #[must_use]
+    pub fn of_numbers(numbers: [u32; 3]) -> Option<Self> {
+        let [kind, first, second] = numbers;
+        match kind {
+            0 => Some(Self::Vertex {
+                vertex: first,
+                other: second,
+            }),
+            1 => Some(Self::Edges { first, second }),
+            _ => None,
+        }
+    }
+}
