@@ -197,26 +197,30 @@ impl Simulator {
         let Some(last) = frame.checked_sub(1) else {
             return Ok(simulator);
         };
+        let path = scene.handle_path().map_err(SceneError::from)?;
+        // A spring handle is not where its path is.
+        simulator.reached = path.at(frame as f64 / rate);
         let has_let_go = scene.schedule.let_go_by(last, rate, scene.handles.len());
         if !has_let_go.contains(&true) {
             return Ok(simulator);
         }
-        let path = scene.handle_path().map_err(SceneError::from)?;
-        let places = path.at(frame as f64 / rate);
         let released = scene.schedule.released(last, rate, scene.handles.len());
         let holds: Vec<bool> = released.iter().map(|released| !released).collect();
         let now = scene.handles.select(&simulator.state.positions);
         let offset = |handle: usize| match holds[handle] && has_let_go[handle] {
-            true => now[handle] - places[handle],
+            true => now[handle] - simulator.reached[handle],
             false => DVec3::ZERO,
         };
         let offsets = (0..holds.len()).map(offset).collect();
-        simulator.active = ActiveHandles::new(scene, holds, offsets).map_err(|cause| {
+        let mut active = ActiveHandles::new(scene, holds, offsets).map_err(|cause| {
             let vertices = simulator.rounded.len();
             let cause = cause.to_string();
             SimulatorError::Analysis { vertices, cause }
         })?;
-        simulator.reached = places;
+        if let Some((changes, seconds)) = simulator.active.system.last_changes() {
+            active.system.put_changes(changes, seconds);
+        }
+        simulator.active = active;
         simulator.update_wind();
         Ok(simulator)
     }

@@ -461,7 +461,8 @@ impl System {
     /// Changes of velocity from which the next solve starts `[m/s]`, `[vertices]`, and their time
     /// `[s]`; none if it starts from nothing.
     pub(crate) fn last_changes(&self) -> Option<(&[DVec3], f64)> {
-        let starts = matches!(self.solver, Solver::Iterative(_)) && self.solved_span > 0.0;
+        let iterates = matches!(self.solver, Solver::Iterative(_)) || self.touching.is_some();
+        let starts = iterates && self.solved_span > 0.0;
         starts.then_some((self.changes.as_slice(), self.solved_span))
     }
 
