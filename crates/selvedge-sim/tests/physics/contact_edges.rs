@@ -125,11 +125,12 @@ fn edges_hold_on_edges_without_creep() {
     }
 }
 
-/// A sheet whose edges pass over vertices of both rails all at the same instant is left out: at 35°
-/// it loses a quarter of its acceleration there.
+/// One setting is left out. A sheet whose edges pass over vertices of both rails all at the same
+/// instant loses a quarter of its acceleration at 35°, why is not known.
 #[test]
 fn edges_slide_on_edges_as_coulomb_has_it() {
-    for on in rails().filter(|on| on.pieces == 1 || on.turn > 0.0) {
+    let is_met = |on: &OnRails| on.pieces == 1 || on.turn > 0.0 || on.slope < 0.6;
+    for on in rails().filter(is_met) {
         let on = OnRails {
             friction: 0.5 * on.slope.tan(),
             ..on
