@@ -1,17 +1,19 @@
 //! Random scenes with contact: whatever is thrown together, no frame ever intersects, and a motion
 //! that cannot go on ends in an error that says why.
 //!
-//! A scene that starts with an intersection is drawn again, which the tests count apart. So are
-//! those whose handle is led into an obstacle: nothing can move then but what is prescribed, and
-//! the error is the right end.
+//! A scene that starts with an intersection is drawn again, which the tests count. Where a handle
+//! is led through an obstacle or past it within an edge's length, handles are springs, which yield:
+//! exact ones leave nothing that could move, and an error is the right end
+//! (`assets/scenes/contact/fail-handle.toml`). Elsewhere they are exact or springs as drawn.
 #![allow(clippy::print_stdout, reason = "the counts, for the docs")]
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    ContactSettings, HandleTargets, Handles, Integrator, Mesh, Obstacle, ObstaclePath, RigidKey,
-    Scene, StepError, Stepper, StrainLimits, bodies,
+    ContactSettings, HandleConstraint, HandleTargets, Handles, Integrator, Mesh, Obstacle,
+    ObstaclePath, RigidKey, Scene, Stepper, StrainLimits, bodies,
 };
+use selvedge_contact::{Kind, gap, least_gap};
 use selvedge_sim::{ContactCounts, Simulator, SimulatorError};
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material};
@@ -47,9 +49,13 @@ impl Dice {
 #[derive(Debug, Default)]
 struct Ends {
     whole: u32,
-    /// Stopped by an error, though what is prescribed does not meet.
+    /// Stopped by an error.
     stopped: u32,
-    /// Stopped because a handle is led into an obstacle.
+    /// Scenes with handles that are exact.
+    exact: u32,
+    /// Scenes with springs for handles.
+    springs: u32,
+    /// Those of them whose handles are led through an obstacle, or past it.
     led: u32,
     /// Scenes that were drawn again, since they start with an intersection or have a thickness
     /// that their mesh is too fine for.
@@ -61,6 +67,8 @@ impl Ends {
     fn add(&mut self, other: &Self) {
         self.whole += other.whole;
         self.stopped += other.stopped;
+        self.exact += other.exact;
+        self.springs += other.springs;
         self.led += other.led;
         self.drawn_again += other.drawn_again;
         self.frames += other.frames;
@@ -144,54 +152,93 @@ fn scene(dice: &mut Dice) -> Scene {
     scene
 }
 
-/// Returns true if the pair in these words is a handle and a part of an obstacle.
-fn is_led(scene: &Scene, pair: &str) -> bool {
-    let first: Vec<u32> = match pair.split_once(" and ") {
-        Some((first, second)) if second.contains(" of obstacle ") => first
-            .split(|c: char| !c.is_ascii_digit())
-            .filter_map(|number| number.parse().ok())
-            .collect(),
-        _ => return false,
-    };
-    let handles = scene.handles.vertices();
-    let is_handle = |v: &u32| handles.iter().any(|handle| handle.0 == *v);
-    !first.is_empty() && first.iter().all(is_handle)
+/// Handles that swing at up to 10 m/s.
+struct Swing {
+    start: Vec<DVec3>,
+    aside: DVec3,
+    reach: f64,
+    rate: f64,
 }
 
-/// Runs a scene for `frames`; handles swing at up to 10 m/s.
+impl Swing {
+    fn drawn(dice: &mut Dice, scene: &Scene) -> Self {
+        let (reach, rate) = (dice.between(0.0, 0.5), dice.between(1.0, 20.0));
+        Self {
+            start: scene.handles.select(scene.mesh.positions()),
+            aside: dice.vector(1.0).normalize_or(DVec3::X),
+            reach,
+            rate,
+        }
+    }
+
+    fn at_frame(&self, frame: usize) -> Vec<DVec3> {
+        let swing = self.aside * (self.reach * (self.rate * frame as f64 / 60.0).sin());
+        self.start.iter().map(|p| *p + swing).collect()
+    }
+
+    /// Returns true if a handle comes within `margin` `[m]` of an obstacle, as both are led through
+    /// `frames`.
+    fn meets(&self, obstacles: &[Obstacle], frames: usize, margin: f64) -> bool {
+        const LOOKS: usize = 8;
+        (0..frames).any(|frame| {
+            let (from, to) = (self.at_frame(frame), self.at_frame(frame + 1));
+            (0..=LOOKS).any(|look| {
+                let part = look as f64 / LOOKS as f64;
+                let time = (frame as f64 + part) / 60.0;
+                let handles = from.iter().zip(&to).map(|(from, to)| from.lerp(*to, part));
+                let handles: Vec<DVec3> = handles.collect();
+                obstacles.iter().any(|obstacle| {
+                    let points: Vec<DVec3> = obstacle.positions_at(time).collect();
+                    obstacle.faces().iter().any(|face| {
+                        let [a, b, c] = face.map(|v| points[v as usize]);
+                        handles.iter().any(|p| {
+                            let corners = [*p, a, b, c];
+                            least_gap(Kind::VertexFace, corners) < margin
+                                && gap(Kind::VertexFace, corners).distance < margin
+                        })
+                    })
+                })
+            })
+        })
+    }
+}
+
+/// Runs a scene for `frames`.
 fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
     let mut dice = Dice(1000 * number);
-    let (scene, mut simulator) = loop {
+    let mut scene = loop {
         let scene = scene(&mut dice);
         match Simulator::new(&scene) {
-            Ok(simulator) => break (scene, simulator),
+            Ok(_) => break scene,
             Err(SimulatorError::Intersections { .. } | SimulatorError::Thickness { .. }) => {
                 ends.drawn_again += 1;
             }
             Err(error) => panic!("scene {number}: {error}"),
         }
     };
-    let start = scene.handles.select(scene.mesh.positions());
-    let (reach, rate) = (dice.between(0.0, 0.5), dice.between(1.0, 20.0));
-    let aside = dice.vector(1.0).normalize_or(DVec3::X);
+    let swing = Swing::drawn(&mut dice, &scene);
+    let is_led = !scene.handles.is_empty()
+        && swing.meets(&scene.obstacles, frames, longest_edge(&scene.mesh));
+    if is_led || dice.part() < 0.3 {
+        scene.physics.handles = HandleConstraint::Spring;
+    }
+    if !scene.handles.is_empty() {
+        ends.led += u32::from(is_led);
+        match scene.physics.handles {
+            HandleConstraint::Exact => ends.exact += 1,
+            HandleConstraint::Spring => ends.springs += 1,
+        }
+    }
+    let mut simulator = Simulator::new(&scene).unwrap();
     for frame in 1..=frames {
-        let swing = aside * (reach * (rate * frame as f64 / 60.0).sin());
-        let targets = start.iter().map(|p| *p + swing).collect();
+        let targets = HandleTargets::at_frame_end(swing.at_frame(frame)).unwrap();
         let before = simulator.positions().to_vec();
-        match simulator.step(&HandleTargets::at_frame_end(targets).unwrap()) {
-            Ok(()) => {}
-            Err(error) => {
-                assert_eq!(simulator.positions(), before, "scene {number}");
-                assert_eq!(simulator.frame(), frame - 1, "scene {number}");
-                match &error {
-                    StepError::Contact { pair, .. } if is_led(&scene, pair) => ends.led += 1,
-                    _ => {
-                        eprintln!("scene {number}: {error}");
-                        ends.stopped += 1;
-                    }
-                }
-                return simulator.contact_counts();
-            }
+        if let Err(error) = simulator.step(&targets) {
+            assert_eq!(simulator.positions(), before, "scene {number}");
+            assert_eq!(simulator.frame(), frame - 1, "scene {number}");
+            eprintln!("scene {number}: {error}");
+            ends.stopped += 1;
+            return simulator.contact_counts();
         }
         assert_eq!(
             simulator.intersection_count(),
@@ -202,6 +249,16 @@ fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
     }
     ends.whole += 1;
     simulator.contact_counts()
+}
+
+fn longest_edge(mesh: &Mesh) -> f64 {
+    let at = mesh.positions();
+    let edges = mesh.topology().edges().iter();
+    let lengths = edges.map(|edge| {
+        let [a, b] = edge.vertices;
+        at[a.index()].distance(at[b.index()])
+    });
+    lengths.fold(0.0, f64::max)
 }
 
 fn follow_all(numbers: impl Iterator<Item = u64>, frames: usize) -> Ends {
@@ -215,13 +272,13 @@ fn follow_all(numbers: impl Iterator<Item = u64>, frames: usize) -> Ends {
     ends
 }
 
-/// Fifty scenes of two hundred, so that threads share them. One of a hundred that can go on may
-/// stop, which of fifty is at most one.
+/// Fifty scenes of two hundred, so that threads share them. One of a hundred may stop, which of
+/// fifty is at most one.
 fn no_scene_of(numbers: std::ops::Range<u64>) {
     let count = (numbers.end - numbers.start) as u32;
     let ends = follow_all(numbers, 60);
-    assert_eq!(ends.whole + ends.led + ends.stopped, count, "{ends:?}");
-    assert!(ends.whole >= 4 * count / 5, "{ends:?}");
+    assert_eq!(ends.whole + ends.stopped, count, "{ends:?}");
+    assert!(ends.exact > 0 && ends.springs > 0, "{ends:?}");
     assert!(ends.stopped <= 1, "{ends:?}");
 }
 
@@ -257,9 +314,6 @@ fn no_scene_of_two_thousand_ever_intersects() {
         ends.add(&run.join().unwrap());
     }
     eprintln!("{ends:?}");
-    assert_eq!(ends.whole + ends.led + ends.stopped, 2000, "{ends:?}");
-    assert!(
-        f64::from(ends.stopped) <= 0.01 * f64::from(ends.whole),
-        "{ends:?}"
-    );
+    assert_eq!(ends.whole + ends.stopped, 2000, "{ends:?}");
+    assert!(ends.stopped <= 20, "{ends:?}");
 }
