@@ -244,7 +244,7 @@ pub(crate) fn rollout(
 fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Made> {
     let Asked { scene, model, .. } = asked;
     let mut loaded = scene.loaded.clone();
-    for warning in start::for_model(&mut loaded) {
+    for warning in start::for_model(&mut loaded, &model.model) {
         tracing::warn!("{}: {warning}", loaded.spec.name);
     }
     let built = Arc::new(loaded.scene.clone());

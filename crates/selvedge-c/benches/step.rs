@@ -49,7 +49,8 @@ fn main() {
     let repeats: usize = words.next().map_or(8, |word| word.parse().unwrap());
     assert_eq!(selvedge_set_threads(1), SelvedgeStatus::Ok);
     let mut loaded = open_scene(SCENE).unwrap();
-    start::for_model(&mut loaded);
+    let model = NamedModel::open(Some(Path::new(MODEL))).unwrap();
+    start::for_model(&mut loaded, &model.model);
     let rest = start::find(&loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     let rest = rest.state.positions;
     let scene = Arc::new(loaded.scene);
@@ -78,7 +79,6 @@ fn main() {
         || (physics(), open(None)),
         &course(substeps),
     );
-    let model = NamedModel::open(Some(Path::new(MODEL))).unwrap();
     let guarded = || {
         let settings = GuardSettings::default();
         start::guarded(&scene, &rest, &model, &Machine::Cpu, settings).unwrap()

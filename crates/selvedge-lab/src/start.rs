@@ -10,6 +10,7 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, Scene};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Guard, GuardError, GuardSettings};
+use selvedge_model::Model;
 use selvedge_sim::{SagError, SaggedRest};
 use thiserror::Error;
 
@@ -105,8 +106,8 @@ fn at_rest(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<Start, StartErro
 }
 
 /// Lets a scene start in its sagged rest pose, the only start of a model. Returns what the scene
-/// asks for and a model does not do; the scene's own list of warnings has it from then on.
-pub fn for_model(loaded: &mut LoadedScene) -> Vec<&'static str> {
+/// asks for and `model` does not do; the scene's own list of warnings has it from then on.
+pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
     let mut warnings = Vec::new();
     if loaded.spec.start != StartSpec::Rest {
         warnings.push(
@@ -116,9 +117,14 @@ pub fn for_model(loaded: &mut LoadedScene) -> Vec<&'static str> {
         loaded.state = None;
     }
     if loaded.scene.contact.is_some() {
-        warnings.push(
-            "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (with --guard none its cloth passes through both)",
-        );
+        warnings.push(match model.spec().base {
+            None => {
+                "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (with --guard none its cloth passes through both)"
+            }
+            Some(_) => {
+                "contact: the physics that the model corrects sees obstacles, and where the cloth touches itself, its network does not: the guard pushes apart what a correction drives together (with --guard none such frames stay)"
+            }
+        });
     }
     let said = warnings.iter().map(ToString::to_string);
     loaded.warnings.extend(said);
@@ -150,12 +156,17 @@ pub fn guarded(
 mod tests {
     use std::ops::ControlFlow;
 
+    use selvedge_cloth::ContactSettings;
     use selvedge_data::open_scene;
 
     use super::*;
 
     fn default_scene() -> LoadedScene {
         open_scene("default").unwrap()
+    }
+
+    fn shipped(name: &str) -> Arc<Model> {
+        NamedModel::open(Some(name.as_ref())).unwrap().model
     }
 
     #[test]
@@ -171,9 +182,29 @@ mod tests {
         let start = find(&loaded, &mut go_on).unwrap();
         assert_eq!(start.state.positions, loaded.scene.mesh.positions());
         assert!(start.rest.is_none());
-        assert_eq!(for_model(&mut loaded).len(), 1);
+        let model = shipped("small");
+        assert_eq!(for_model(&mut loaded, &model).len(), 1);
         assert_eq!(loaded.spec.start, StartSpec::Rest);
-        assert_eq!(for_model(&mut loaded), Vec::<&str>::new());
+        assert_eq!(for_model(&mut loaded, &model), Vec::<&str>::new());
+    }
+
+    #[test]
+    fn only_a_model_without_physics_is_said_not_to_see_obstacles() {
+        for (name, expected) in [
+            ("small", "contact: a learned model does not see obstacles"),
+            (
+                "corrected",
+                "contact: the physics that the model corrects sees obstacles",
+            ),
+        ] {
+            let (mut loaded, model) = (default_scene(), shipped(name));
+            assert_eq!(for_model(&mut loaded, &model), Vec::<&str>::new());
+            loaded.scene.contact = Some(ContactSettings::default());
+            let warnings = for_model(&mut loaded, &model);
+            assert_eq!(warnings.len(), 1, "{name}");
+            assert!(warnings[0].starts_with(expected), "{name}: {warnings:?}");
+            assert_eq!(loaded.warnings.last().unwrap(), warnings[0]);
+        }
     }
 
     #[test]

@@ -104,9 +104,10 @@ pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
     }
-    let loaded = open_at_rest(&args.scene)?;
+    let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
     let model = NamedModel::open(args.model.as_deref())?;
+    adapt(&mut loaded, &model.model, &args.scene);
     let machine = args.machine.open()?;
     let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
@@ -214,14 +215,12 @@ fn truth(
     Ok(Some(run))
 }
 
-/// Opens a scene in its sagged rest pose, the only start of a model; warns where the scene says
-/// otherwise.
-fn open_at_rest(scene: &str) -> anyhow::Result<LoadedScene> {
-    let mut loaded = scenes::open(scene)?;
-    for warning in start::for_model(&mut loaded) {
-        tracing::warn!("{scene}: {warning}");
+/// Lets the scene that was opened as `name` start in its sagged rest pose, the only start of a
+/// model; warns where it asks for what `model` does not do.
+fn adapt(loaded: &mut LoadedScene, model: &Model, name: &str) {
+    for warning in start::for_model(loaded, model) {
+        tracing::warn!("{name}: {warning}");
     }
-    Ok(loaded)
 }
 
 /// Checks that nothing is written over something else that is written, and that nothing that is
