@@ -46,8 +46,8 @@ fn taken_up(scene: &Scene, whole: &Simulator, without: Without) -> Simulator {
     rest.taken_up_at(whole.frame()).unwrap()
 }
 
-/// Takes a run of `scene` up after each of `frames`, and compares it over ten more. Without `needed`
-/// it differs.
+/// Takes a run of `scene` up after each of `frames`, and compares it over ten more. Without
+/// `needed` it differs.
 fn check(scene: &Scene, frames: &[usize], needed: Without) {
     let mut differs = false;
     for &frame in frames {
