@@ -1,6 +1,6 @@
 //! Pairs that push in a substep, as the linear system sees them.
 
-use glam::{DMat3, DVec3, Mat3A, Vec3A};
+use glam::{DMat3, DVec3, Mat3A};
 
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
@@ -102,7 +102,7 @@ impl Touch {
     }
 
     /// Each two of its vertices and the block that couples them `[kg]`.
-    fn couplings(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+    fn couplings(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> + Clone {
         const TWO: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         TWO.into_iter().filter_map(|two| {
             let [a, b] = two.map(|k| self.weights[k]);
@@ -271,7 +271,7 @@ impl Touches {
 
     /// Each two vertices of a touch that the matrix of the cloth does not couple, and the block
     /// that does `[kg]`.
-    pub(crate) fn couplings_beyond(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+    pub(crate) fn couplings_beyond(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> + Clone {
         let beyond = self.list.iter().filter(|touch| touch.reaches_beyond());
         beyond.flat_map(Touch::couplings)
     }
@@ -280,42 +280,6 @@ impl Touches {
     pub(crate) fn couplings_within(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
         let within = self.list.iter().filter(|touch| touch.is_within);
         within.flat_map(Touch::couplings)
-    }
-
-    /// `product` = the part that the matrix of the cloth has no blocks for, in the scaled space of
-    /// an incomplete factor: C⁻¹ E C⁻ᵀ `solved` times `scale`. `unknown` gives the unknown of a
-    /// vertex; the count of unknowns where it is held.
-    pub(crate) fn beyond(
-        &self,
-        scale: f64,
-        scaling: &[Mat3A],
-        unknown: impl Fn(u32) -> u32,
-        solved: &[Vec3A],
-        product: &mut Vec<Vec3A>,
-    ) {
-        product.clear();
-        product.resize(solved.len(), Vec3A::ZERO);
-        for touch in self.list.iter().filter(|touch| touch.reaches_beyond()) {
-            let corners = touch.corners.iter().zip(touch.weights);
-            let parts = corners.filter(|(_, weight)| *weight != 0.0);
-            let parts = parts.map(|(corner, weight)| (unknown(*corner) as usize, weight as f32));
-            let mut values = [(0_usize, 0.0_f32, Vec3A::ZERO); 4];
-            let (mut count, mut sum) = (0, Vec3A::ZERO);
-            for (u, weight) in parts.filter(|(u, _)| *u < solved.len()) {
-                let value = scaling[u].transpose() * solved[u];
-                sum += value * weight;
-                values[count] = (u, weight, value);
-                count += 1;
-            }
-            if count < 2 {
-                continue;
-            }
-            let block = to_single(touch.response.block * scale);
-            for (u, weight, value) in &values[..count] {
-                let pushed = block * (sum - *value * *weight) * *weight;
-                product[*u] += scaling[*u] * pushed;
-            }
-        }
     }
 }
 

@@ -1,9 +1,10 @@
 //! What is left where conjugate gradients with touches do not converge: the whole matrix, its
 //! pattern with all that touches, factorised completely.
 //!
-//! Touches that couple vertices are not in the factor that preconditions the iteration. Where many
-//! of them lie side by side, stiff against what holds their pairs together, that takes hundreds of
-//! iterations. The complete factor takes as long as about sixty, most of it for its new pattern.
+//! Touches that couple vertices are not in the complete factor that preconditions the iteration of
+//! a small cloth. Where many of them lie side by side, stiff against what holds their pairs
+//! together, that takes hundreds of iterations. The factor of the whole takes as long as about
+//! sixty, most of it for its new pattern.
 
 use glam::DVec3;
 

@@ -1,5 +1,5 @@
 //! Conjugate gradients (Hestenes and Stiefel 1952) for the system of a large cloth, preconditioned
-//! by [`crate::solver::incomplete`].
+//! by [`crate::solver::incomplete`], or where things touch by [`crate::solver::woven`].
 //!
 //! The iteration runs in f32 on the scaled matrix. From time to time the residual is computed anew
 //! in f64, without a matrix, and the iteration continues from it with the same direction (Clark et
@@ -15,6 +15,7 @@ use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
 use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
 use crate::solver::pattern::Pattern;
+use crate::solver::woven::Woven;
 use crate::threads::Threads;
 
 /// Reason for a failed solve.
@@ -60,22 +61,18 @@ pub(crate) struct ConjugateGradients {
     contributions: Contributions,
     singles: Singles,
     blocks: Vec<Mat3A>,
+    /// The same without what touches.
+    untouched: Vec<Mat3A>,
     incomplete: Incomplete,
+    /// Factor in the place of `incomplete` where touches couple vertices that the pattern does not.
+    woven: Woven,
+    is_woven: bool,
     /// Scale of the matrix in f32: 1 / the mean mass of a vertex `[1/kg]`.
     scale: f64,
     vectors: Vectors,
     residual: Vec<DVec3>,
-    /// Product of what touches, beside the diagonal, `[unknowns]`.
-    room: Vec<Vec3A>,
     iterations: u32,
     stop: Stop,
-}
-
-/// Touches that couple vertices.
-#[derive(Clone, Copy)]
-struct Beside<'a> {
-    touches: &'a Touches,
-    pattern: &'a Pattern,
 }
 
 /// Residual's size squared, and the part of the last direction in the first one.
@@ -92,7 +89,7 @@ struct Vectors {
     solution: Vec<Vec3A>,
     residual: Vec<Vec3A>,
     direction: Vec<Vec3A>,
-    /// (I + L)⁻ᵀ of the direction.
+    /// The direction, taken out of the scaled space but for its scale.
     solved: Vec<Vec3A>,
     /// The matrix times the direction.
     product: Vec<Vec3A>,
@@ -129,6 +126,7 @@ impl ConjugateGradients {
             contributions: Contributions::new(pattern, elements),
             singles: Singles::new(elements),
             blocks: vec![Mat3A::ZERO; pattern.slot_count()],
+            untouched: Vec::new(),
             incomplete: Incomplete::new(tile_of(pattern.unknown_count()), pattern),
             scale: elements.mass.len() as f64 / mass,
             vectors: Vectors {
@@ -139,7 +137,8 @@ impl ConjugateGradients {
                 product: zeros(),
             },
             residual: vec![DVec3::ZERO; elements.mass.len()],
-            room: Vec::new(),
+            woven: Woven::default(),
+            is_woven: false,
             iterations: 0,
             stop: Stop::default(),
         }
@@ -160,26 +159,35 @@ impl ConjugateGradients {
         self.iterations
     }
 
-    /// Gathers the matrix from the evaluated `elements`, with `springs` (vertex, `[kg]`) on its
-    /// diagonal, and factorises it incompletely.
+    /// Gathers the matrix from evaluated elements, with springs (vertex, `[kg]`) on its diagonal,
+    /// and factorises it incompletely. Without those it is that of the last time, but for what
+    /// touches; something touched then.
     pub(crate) fn prepare(
         &mut self,
         threads: Threads,
         pattern: &Pattern,
-        elements: &Elements,
-        springs: impl Iterator<Item = (u32, f64)>,
+        gathered: Option<(&Elements, impl Iterator<Item = (u32, f64)>)>,
         touches: &Touches,
     ) {
-        self.contributions.gather_single(
-            threads,
-            elements,
-            self.scale,
-            &mut self.singles,
-            &mut self.blocks,
-        );
-        for (vertex, stiffness) in springs {
-            let added = Mat3A::from_diagonal(glam::Vec3::splat((stiffness * self.scale) as f32));
-            self.blocks[pattern.unknown(vertex) as usize] += added;
+        if let Some((elements, springs)) = gathered {
+            self.contributions.gather_single(
+                threads,
+                elements,
+                self.scale,
+                &mut self.singles,
+                &mut self.blocks,
+            );
+            for (vertex, stiffness) in springs {
+                let added =
+                    Mat3A::from_diagonal(glam::Vec3::splat((stiffness * self.scale) as f32));
+                self.blocks[pattern.unknown(vertex) as usize] += added;
+            }
+            if !touches.is_empty() {
+                self.untouched.clear();
+                self.untouched.extend_from_slice(&self.blocks);
+            }
+        } else {
+            self.blocks.copy_from_slice(&self.untouched);
         }
         for (vertex, block) in touches.diagonal() {
             let unknown = pattern.unknown(vertex) as usize;
@@ -192,8 +200,15 @@ impl ConjugateGradients {
                 self.blocks[slot as usize] += to_single(block * self.scale);
             }
         }
-        let taken = part_taken(self.singles.bending());
-        self.incomplete.factorise(threads, &self.blocks, taken);
+        self.is_woven = touches.couple();
+        if self.is_woven {
+            let (couplings, scale) = (touches.couplings_beyond(), self.scale);
+            self.woven
+                .factorise(pattern, &self.blocks, couplings, scale);
+        } else {
+            let taken = part_taken(self.singles.bending());
+            self.incomplete.factorise(threads, &self.blocks, taken);
+        }
     }
 
     /// Solves A Δv = b. `changes` `[m/s]`, `[vertices]`, is the first guess of Δv and becomes the
@@ -206,18 +221,16 @@ impl ConjugateGradients {
         &mut self,
         threads: Threads,
         pattern: &Pattern,
-        touches: &Touches,
         changes: &mut [DVec3],
         mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
     ) -> Result<(), IterationError> {
         self.iterations = 0;
-        let beside = touches.couple().then_some(Beside { touches, pattern });
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
-        let most = match beside {
-            None => self.settings.max_iterations,
-            Some(_) => self.settings.max_iterations.min(COUPLED_ITERATIONS),
+        let most = match self.is_woven {
+            false => self.settings.max_iterations,
+            true => self.settings.max_iterations.min(COUPLED_ITERATIONS),
         };
         let mut last: Option<Cycle> = None;
         loop {
@@ -243,7 +256,7 @@ impl ConjugateGradients {
             let part = truthful.map_or(0.0, |last| size / last.before_end);
             let cycle_goal = goal.max(size * CYCLE * CYCLE);
             let start = Start { size, part, most };
-            let cycle = self.cycle(threads, beside, start, cycle_goal)?;
+            let cycle = self.cycle(threads, start, cycle_goal)?;
             self.give_solution(threads, pattern, changes);
             if cycle.end <= goal {
                 return Ok(());
@@ -257,7 +270,6 @@ impl ConjugateGradients {
     fn cycle(
         &mut self,
         threads: Threads,
-        beside: Option<Beside<'_>>,
         start: Start,
         goal: f64,
     ) -> Result<Cycle, IterationError> {
@@ -277,7 +289,7 @@ impl ConjugateGradients {
             self.turn(threads, part);
             before = now;
             now = self
-                .iterate(threads, beside, now)
+                .iterate(threads, now)
                 .ok_or(IterationError::Indefinite {
                     iterations: self.iterations,
                 })?;
@@ -292,19 +304,19 @@ impl ConjugateGradients {
 
     /// Rounds and scales the f64 residual. Gives its size squared.
     fn take_residual(&mut self, threads: Threads, pattern: &Pattern) -> f64 {
-        let scaling = self.incomplete.scaling();
-        for ((entry, vertex), scaling) in self
-            .vectors
-            .residual
-            .iter_mut()
-            .zip(pattern.vertices())
-            .zip(scaling)
-        {
-            *entry = *scaling * (self.residual[*vertex as usize] * self.scale).as_vec3a();
+        let entries = &mut self.vectors.residual;
+        for (entry, vertex) in entries.iter_mut().zip(pattern.vertices()) {
+            *entry = (self.residual[*vertex as usize] * self.scale).as_vec3a();
         }
-        self.incomplete
-            .solve_lower(threads, &mut self.vectors.residual);
-        length_squared(&self.vectors.residual)
+        if self.is_woven {
+            self.woven.solve_lower(entries);
+        } else {
+            for (entry, scaling) in entries.iter_mut().zip(self.incomplete.scaling()) {
+                *entry = *scaling * *entry;
+            }
+            self.incomplete.solve_lower(threads, entries);
+        }
+        length_squared(entries)
     }
 
     /// Computes the next direction: residual + `part` · direction. Without a part, a direction that
@@ -325,12 +337,16 @@ impl ConjugateGradients {
             *direction = *residual + *direction * part;
             *solved = *direction;
         }
-        self.incomplete.solve_upper(threads, solved);
+        if self.is_woven {
+            self.woven.solve_upper(solved);
+        } else {
+            self.incomplete.solve_upper(threads, solved);
+        }
     }
 
     /// Does one iteration from a residual of size squared `size`. Gives the next size squared; none
     /// if the matrix is not positive definite or a number is not finite.
-    fn iterate(&mut self, threads: Threads, beside: Option<Beside<'_>>, size: f64) -> Option<f64> {
+    fn iterate(&mut self, threads: Threads, size: f64) -> Option<f64> {
         self.iterations += 1;
         let Vectors {
             solution,
@@ -339,17 +355,12 @@ impl ConjugateGradients {
             solved,
             product,
         } = &mut self.vectors;
-        let beside = beside.map(|beside| {
-            let scaling = self.incomplete.scaling();
-            let unknown = |vertex| beside.pattern.unknown(vertex);
-            let room = &mut self.room;
-            beside
-                .touches
-                .beyond(self.scale, scaling, unknown, solved, room);
-            &**room
-        });
-        self.incomplete
-            .multiply(threads, direction, solved, beside, product);
+        if self.is_woven {
+            self.woven.multiply(solved, product);
+        } else {
+            self.incomplete
+                .multiply(threads, direction, solved, product);
+        }
         let curvature = dot(direction, product);
         if curvature.is_nan() || curvature <= 0.0 {
             return None;
@@ -372,10 +383,16 @@ impl ConjugateGradients {
     /// Adds the solution of the iteration to `changes`.
     fn give_solution(&mut self, threads: Threads, pattern: &Pattern, changes: &mut [DVec3]) {
         let solution = &mut self.vectors.solution;
-        self.incomplete.solve_upper(threads, solution);
-        let scaling = self.incomplete.scaling();
-        for ((entry, vertex), scaling) in solution.iter().zip(pattern.vertices()).zip(scaling) {
-            changes[*vertex as usize] += (scaling.transpose() * *entry).as_dvec3();
+        if self.is_woven {
+            self.woven.solve_upper(solution);
+        } else {
+            self.incomplete.solve_upper(threads, solution);
+            for (entry, scaling) in solution.iter_mut().zip(self.incomplete.scaling()) {
+                *entry = scaling.transpose() * *entry;
+            }
+        }
+        for (entry, vertex) in solution.iter().zip(pattern.vertices()) {
+            changes[*vertex as usize] += entry.as_dvec3();
         }
     }
 }

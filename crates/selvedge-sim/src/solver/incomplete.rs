@@ -161,17 +161,15 @@ impl Incomplete {
 
     /// `product` = (I + L)⁻¹ A (I + L)⁻ᵀ p, given p and `solved` = (I + L)⁻ᵀ p:
     /// solved + (I + L)⁻¹ (p + (D - 2 I + K) solved), K the couplings of tiles. `[eq:eisenstat]`
-    /// `beside` is the product of further couplings, which belong to K.
     pub(crate) fn multiply(
         &mut self,
         threads: Threads,
         p: &[Vec3A],
         solved: &[Vec3A],
-        beside: Option<&[Vec3A]>,
         product: &mut [Vec3A],
     ) {
         threads.each_share(&mut self.tiles, product, self.tile, |tile, product| {
-            tile.multiply(p, solved, beside, product);
+            tile.multiply(p, solved, product);
         });
     }
 }
@@ -267,13 +265,7 @@ impl Tile {
         }
     }
 
-    fn multiply(
-        &self,
-        p: &[Vec3A],
-        solved: &[Vec3A],
-        beside: Option<&[Vec3A]>,
-        product: &mut [Vec3A],
-    ) {
+    fn multiply(&self, p: &[Vec3A], solved: &[Vec3A], product: &mut [Vec3A]) {
         let rows = self.first..self.first + product.len();
         let (p, own) = (&p[rows.clone()], &solved[rows]);
         for row in 0..product.len() {
@@ -287,11 +279,6 @@ impl Tile {
             }
             product[row] = sum;
         }
-        if let Some(beside) = beside {
-            for (product, beside) in product.iter_mut().zip(&beside[self.first..]) {
-                *product += *beside;
-            }
-        }
         self.solve_lower(product);
         for (product, own) in product.iter_mut().zip(own) {
             *product += *own;
@@ -300,7 +287,7 @@ impl Tile {
 }
 
 /// C⁻¹ of a symmetric matrix C Cᵀ; none if a pivot is at most `least` of its diagonal entry.
-fn inverse_root(matrix: Mat3A, least: f32) -> Option<Mat3A> {
+pub(super) fn inverse_root(matrix: Mat3A, least: f32) -> Option<Mat3A> {
     let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
     let root = |pivot: f32, of: f32| (pivot > least * of && of > 0.0).then(|| pivot.sqrt());
     let a = root(x.x, x.x)?;
@@ -375,7 +362,7 @@ mod tests {
             let mut solved = p.clone();
             incomplete.solve_upper(Threads::One, &mut solved);
             let mut found = vec![Vec3A::ZERO; 23];
-            incomplete.multiply(Threads::One, &p, &solved, None, &mut found);
+            incomplete.multiply(Threads::One, &p, &solved, &mut found);
             // (I + L)⁻¹ C⁻¹ A C⁻ᵀ (I + L)⁻ᵀ p step by step.
             let scaling = incomplete.scaling().to_vec();
             let x: Vec<Vec3A> = solved

@@ -3,7 +3,7 @@
 //! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves the
 //! equations of a [`stage`]. A small cloth is factorised completely ([`direct`], [`pattern`],
 //! [`ordering`], [`blocks`], [`cholesky`]), a large one iterated ([`conjugate_gradients`],
-//! [`incomplete`]). Touches are iterated ([`coupled`]), and where that fails factorised
+//! [`incomplete`], [`woven`]). Touches are iterated ([`coupled`]), and where that fails factorised
 //! ([`complete`]).
 
 mod blocks;
@@ -18,6 +18,7 @@ mod ordering;
 mod pattern;
 mod stage;
 mod system;
+mod woven;
 
 pub(crate) use cholesky::FactorError;
 pub(crate) use stage::{Stage, StageAir};

@@ -111,6 +111,21 @@ pub(crate) struct System {
     complete: Complete,
     /// Pairs that push in the solves that follow.
     pub(crate) touches: Touches,
+    repeated: Repeated,
+}
+
+/// Parts that a solve repeated from the same start has in common with the last one.
+#[derive(Default)]
+struct Repeated {
+    /// True if the next assembly is from the same start as the last one.
+    is_next: bool,
+    /// True if the last assembly was one from a start that was assembled before.
+    is_now: bool,
+    /// Length of the solve whose start was assembled last `[s]`; none before, and where it was not
+    /// kept.
+    dt: Option<f64>,
+    /// b without what touches, `[vertices]` `[N s]`.
+    impulses: Vec<DVec3>,
 }
 
 /// Method for A Δv = b.
@@ -187,6 +202,7 @@ impl System {
             solved_span: 0.0,
             saved_changes: (vec![DVec3::ZERO; vertex_count], 0.0),
             touches: Touches::default(),
+            repeated: Repeated::default(),
         })
     }
 
@@ -252,6 +268,28 @@ impl System {
     /// Assembles b at `state` for a solve over `dt` `[s]` with handles going to `targets` `[m]`,
     /// and evaluates the elements of A.
     pub(crate) fn assemble(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
+        let is_same = std::mem::take(&mut self.repeated.is_next);
+        self.repeated.is_now = is_same && self.repeated.dt == Some(dt);
+        if self.repeated.is_now {
+            self.impulses.copy_from_slice(&self.repeated.impulses);
+        } else {
+            self.assemble_anew(dt, state, targets);
+        }
+        if !self.touches.is_empty() {
+            let driven = &self.driven;
+            let place = |v: usize| state.positions[v] + driven[v] * dt;
+            self.touches.linearise(dt, place, &mut self.impulses);
+        }
+    }
+
+    /// Lets the next assembly know that it is from the same start as the last one, with the same
+    /// targets, if over the same time: only what touches is another.
+    pub(crate) fn repeat_start(&mut self) {
+        self.repeated.is_next = true;
+    }
+
+    /// As [`Self::assemble`], without what touches.
+    fn assemble_anew(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
         self.driven.copy_from_slice(&state.velocities);
         if self.constraint == HandleConstraint::Exact {
             for (vertex, target) in self.handles.vertices().iter().zip(targets) {
@@ -276,10 +314,11 @@ impl System {
         self.push_springs(dt, targets, |v| {
             state.positions[v] + state.velocities[v] * dt
         });
+        self.repeated.dt = None;
         if !self.touches.is_empty() {
-            let driven = &self.driven;
-            let place = |v: usize| state.positions[v] + driven[v] * dt;
-            self.touches.linearise(dt, place, &mut self.impulses);
+            self.repeated.dt = Some(dt);
+            self.repeated.impulses.clear();
+            self.repeated.impulses.extend_from_slice(&self.impulses);
         }
     }
 
@@ -287,6 +326,10 @@ impl System {
     /// at the estimate `now`, and evaluates the elements of A = M - Σ γ (γ + c) J + γ D_air + γ²
     /// K_handles. A Δv = b is Newton's step, for handles going to `targets` `[m]`. `[eq:newton]`
     pub(crate) fn linearise(&mut self, stage: Stage<'_>, now: &State, targets: &[DVec3]) {
+        self.repeated = Repeated {
+            impulses: std::mem::take(&mut self.repeated.impulses),
+            ..Repeated::default()
+        };
         let gamma = stage.gamma;
         let (air_positions, air_velocities, air_resistance) = match stage.air {
             StageAir::OfStart(from) => {
@@ -421,7 +464,11 @@ impl System {
             0.0
         };
         changes.iter_mut().for_each(|change| *change *= scale);
-        solver.prepare(threads, pattern, elements, springs.stiff(), touches);
+        let gathered = match self.repeated.is_now {
+            true => None,
+            false => Some((&*elements, springs.stiff())),
+        };
+        solver.prepare(threads, pattern, gathered, touches);
         let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
             elements.multiply(threads, changes, residual);
             for (residual, impulse) in residual.iter_mut().zip(impulses) {
@@ -432,7 +479,7 @@ impl System {
             }
             touches.multiply(-1.0, changes, residual);
         };
-        Ok(solver.solve(threads, pattern, touches, changes, residual)?)
+        Ok(solver.solve(threads, pattern, changes, residual)?)
     }
 
     fn check_impulses(&self) -> Result<(), SolveError> {
