@@ -116,6 +116,8 @@ struct Node {
     count: u32,
     /// The group of faces that are all those below, or [`NO_GROUP`].
     group: u32,
+    /// True if a face below has changed since the last search: its box, or what it is apart from.
+    has_changed: bool,
 }
 
 /// The tree of a body's faces. Children stand after their parent.
@@ -136,16 +138,21 @@ impl Tree {
         Self { nodes }
     }
 
-    /// Gives every face the box that `bounds` has for it, and every node one around its faces.
-    pub(crate) fn refit(&mut self, bounds: impl Fn(u32) -> Rough) {
+    /// Gives every face the box that `bounds` has for it, with whether the face has changed, and
+    /// every node one around its faces.
+    pub(crate) fn refit(&mut self, bounds: impl Fn(u32) -> (Rough, bool)) {
         for k in (0..self.nodes.len()).rev() {
             let Node { link, count, .. } = self.nodes[k];
-            self.nodes[k].bounds = match count {
+            let (around, has_changed) = match count {
                 1 => bounds(link),
-                _ => self.nodes[k + 1]
-                    .bounds
-                    .around(self.nodes[link as usize].bounds),
+                _ => {
+                    let (left, right) = (&self.nodes[k + 1], &self.nodes[link as usize]);
+                    let has_changed = left.has_changed || right.has_changed;
+                    (left.bounds.around(right.bounds), has_changed)
+                }
             };
+            self.nodes[k].bounds = around;
+            self.nodes[k].has_changed = has_changed;
         }
     }
 
@@ -172,42 +179,62 @@ impl Tree {
     }
 
     /// Calls `found` for each two faces of the tree whose boxes meet, but for those below two
-    /// groups, or the same, that `are_apart`.
+    /// groups, or the same, that are `apart`; with whether they are looked at for the first time.
+    /// In a search that is not `anew` two faces are left out of which neither has changed since the
+    /// last one.
     pub(crate) fn own_pairs(
         &self,
-        are_apart: impl Fn(u32, u32) -> bool,
-        mut found: impl FnMut(u32, u32),
+        anew: bool,
+        apart: impl Fn(u32, u32) -> Apart,
+        mut found: impl FnMut(u32, u32, bool),
     ) {
         let mut open: Vec<Two> = Vec::with_capacity(64);
         if !self.nodes.is_empty() {
             open.push(Two {
                 first: 0,
                 second: 0,
+                anew,
             });
         }
-        while let Some(two) = open.pop() {
+        while let Some(mut two) = open.pop() {
             let own = two.first;
             let group = |node: u32| self.nodes[node as usize].group;
-            if are_apart(group(own), group(two.second)) {
-                continue;
+            match apart(group(own), group(two.second)) {
+                Apart::Still => continue,
+                Apart::NoMore => two.anew = true,
+                Apart::Never => (),
             }
             if own != two.second {
                 visit(&self.nodes, &self.nodes, two, &mut open, &mut found);
-            } else if self.nodes[own as usize].count > 1 {
-                let (left, right) = (own + 1, self.nodes[own as usize].link);
-                let two = |first, second| Two { first, second };
-                open.extend([two(left, right), two(right, right), two(left, left)]);
+                continue;
+            }
+            let Node {
+                link,
+                count,
+                has_changed,
+                ..
+            } = self.nodes[own as usize];
+            if count > 1 && (two.anew || has_changed) {
+                let two = |first, second| Two {
+                    first,
+                    second,
+                    anew: two.anew,
+                };
+                open.extend([two(own + 1, link), two(link, link), two(own + 1, own + 1)]);
             }
         }
     }
 
-    /// Calls `found` for each face of this tree and each of `other` whose boxes meet.
-    pub(crate) fn pairs(&self, other: &Self, mut found: impl FnMut(u32, u32)) {
+    /// Calls `found` for each face of this tree and each of `other` whose boxes meet, with `anew`.
+    /// In a search that is not two faces are left out of which neither has changed since the last
+    /// one.
+    pub(crate) fn pairs(&self, other: &Self, anew: bool, mut found: impl FnMut(u32, u32, bool)) {
         let mut open: Vec<Two> = Vec::with_capacity(64);
         if !self.nodes.is_empty() && !other.nodes.is_empty() {
             open.push(Two {
                 first: 0,
                 second: 0,
+                anew,
             });
         }
         while let Some(two) = open.pop() {
@@ -216,10 +243,24 @@ impl Tree {
     }
 }
 
+/// Need of a search for the pairs of two groups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Apart {
+    /// They need none.
+    Still,
+    /// They need one, and needed none the last time.
+    NoMore,
+    /// They need one, as the last time.
+    Never,
+}
+
 /// Two nodes that are still to be compared.
+#[derive(Clone, Copy)]
 struct Two {
     first: u32,
     second: u32,
+    /// True if the pairs below were left out of the last search.
+    anew: bool,
 }
 
 /// Opens the larger of two nodes whose boxes meet, or gives two leaves to `found`.
@@ -229,17 +270,22 @@ fn visit(
     right: &[Node],
     two: Two,
     open: &mut Vec<Two>,
-    found: &mut impl FnMut(u32, u32),
+    found: &mut impl FnMut(u32, u32, bool),
 ) {
-    let Two { first, second } = two;
+    let Two {
+        first,
+        second,
+        anew,
+    } = two;
     let (a, b) = (&left[first as usize], &right[second as usize]);
-    if !a.bounds.meets(&b.bounds) {
+    let is_known = !(anew || a.has_changed || b.has_changed);
+    if is_known || !a.bounds.meets(&b.bounds) {
         return;
     }
-    let with_first = |first| Two { first, second };
-    let with_second = |second| Two { first, second };
+    let with_first = |first| Two { first, ..two };
+    let with_second = |second| Two { second, ..two };
     match (a.count, b.count) {
-        (1, 1) => found(a.link, b.link),
+        (1, 1) => found(a.link, b.link, anew),
         (m, n) if m >= n => open.extend([with_first(a.link), with_first(first + 1)]),
         _ => open.extend([with_second(b.link), with_second(second + 1)]),
     }
@@ -252,6 +298,7 @@ fn build(nodes: &mut Vec<Node>, faces: &mut [(u32, DVec3)]) {
         link: faces[0].0,
         count: faces.len() as u32,
         group: NO_GROUP,
+        has_changed: true,
     });
     if faces.len() == 1 {
         return;
@@ -308,11 +355,15 @@ mod tests {
                         .widened(0.01)
                 })
                 .collect();
-            first.refit(|f| boxes[f as usize].into());
-            second.refit(|f| boxes[f as usize].into());
+            first.refit(|f| (boxes[f as usize].into(), true));
+            second.refit(|f| (boxes[f as usize].into(), true));
             let (mut own, mut across) = (Vec::new(), Vec::new());
-            first.own_pairs(|_, _| false, |a, b| own.push((a.min(b), a.max(b))));
-            first.pairs(&second, |a, b| across.push((a, b)));
+            first.own_pairs(
+                true,
+                |_, _| Apart::Never,
+                |a, b, _| own.push((a.min(b), a.max(b))),
+            );
+            first.pairs(&second, true, |a, b, _| across.push((a, b)));
             orders.push(across.clone());
             own.sort_unstable();
             across.sort_unstable();

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::boxes::{Bounds, Rough, Tree};
+use crate::boxes::{Apart, Bounds, Rough, Tree};
 use crate::pair::Pair;
 use crate::patches::Patches;
 use crate::surface::{NONE, Surface};
@@ -18,10 +18,18 @@ pub struct Candidates {
     pairs: Vec<Pair>,
     /// Boxes that the points must not leave while the pairs hold.
     allowed: Vec<Bounds>,
-    /// Boxes of faces, in room that is kept.
+    boxes: Boxes,
+    /// Boxes of the search before, and points whose boxes are others since, in room that is kept.
+    before: Boxes,
+    has_moved: Vec<bool>,
+}
+
+/// Boxes of all features, wide enough for a search.
+#[derive(Clone, Debug, Default)]
+struct Boxes {
+    points: Vec<Rough>,
     faces: Vec<Rough>,
     edges: Vec<Rough>,
-    points: Vec<Rough>,
 }
 
 /// Ways of all points, for which candidates are found.
@@ -74,9 +82,9 @@ impl Candidates {
             patches: None,
             pairs: Vec::new(),
             allowed: Vec::new(),
-            faces: Vec::new(),
-            edges: Vec::new(),
-            points: Vec::new(),
+            boxes: Boxes::default(),
+            before: Boxes::default(),
+            has_moved: Vec::new(),
         }
     }
 
@@ -105,13 +113,13 @@ impl Candidates {
                     (face, (bounds.least + bounds.greatest) * 0.5)
                 };
                 let mut tree = Tree::new(body.faces.clone().map(middle));
-                tree.refit(|face| bounds(face).into());
+                tree.refit(|face| (bounds(face).into(), true));
                 tree
             })
             .collect()
     }
 
-    /// The pairs, in an order that depends on the surface alone.
+    /// The pairs. Those of one search are in an order that depends on the surface alone.
     #[must_use]
     pub fn pairs(&self) -> &[Pair] {
         &self.pairs
@@ -146,85 +154,148 @@ impl Candidates {
     /// Finds all pairs that could come nearer than `reach.gap` while no point strays further than
     /// `reach.slack` from the box around its path.
     pub fn find(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) {
-        let Ways { from, to, later } = ways;
         if let Some(patches) = &mut self.patches {
-            patches.look(from, to, reach.gap);
+            patches.look(ways.from, ways.to, reach.gap);
         }
-        let margin = reach.slack + 0.5 * reach.gap;
-        self.points.clear();
+        self.boxes.points.clear();
         self.allowed.clear();
-        for ((from, to), later) in from.iter().zip(to).zip(later) {
-            let path = Bounds::of(*from)
-                .around(Bounds::of(*to))
-                .around(Bounds::of(*later));
+        for path in paths(ways) {
             self.allowed.push(path.widened(reach.slack));
-            self.points.push(path.widened(margin).into());
-        }
-        let points = &self.points;
-        let around = |corners: &[u32]| {
-            let first = points[corners[0] as usize];
-            let rest = corners[1..].iter();
-            rest.fold(first, |all, p| all.around(points[*p as usize]))
-        };
-        self.faces.clear();
-        self.faces
-            .extend(surface.faces().iter().map(|face| around(face)));
-        self.edges.clear();
-        self.edges
-            .extend(surface.edges().iter().map(|edge| around(&edge.ends)));
-        for tree in &mut self.trees {
-            tree.refit(|face| self.faces[face as usize]);
+            let wide = path.widened(reach.slack + 0.5 * reach.gap);
+            self.boxes.points.push(wide.into());
         }
         self.pairs.clear();
+        self.search(surface, true);
+    }
+
+    /// Adds the pairs that [`Self::find`] would find for points that go where they were not
+    /// expected to go. All pairs that there are stay, in their places.
+    pub fn widen(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) {
+        if self.allowed.len() != ways.from.len() {
+            self.find(surface, ways, reach);
+            return;
+        }
+        if let Some(patches) = &mut self.patches {
+            patches.look_again(ways.from, ways.to);
+        }
+        self.before.clone_from(&self.boxes);
+        self.has_moved.clear();
+        let ends = ways.from.iter().zip(ways.to);
+        for (p, (path, (from, to))) in paths(ways).zip(ends).enumerate() {
+            let allowed = &mut self.allowed[p];
+            let stays = allowed.contains(&Bounds::of(*from).around(Bounds::of(*to)));
+            self.has_moved.push(!stays);
+            if !stays {
+                *allowed = allowed.around(path.widened(reach.slack));
+                let wide = path.widened(reach.slack + 0.5 * reach.gap);
+                self.boxes.points[p] = self.boxes.points[p].around(wide.into());
+            }
+        }
+        self.search(surface, false);
+    }
+
+    /// Adds the pairs whose boxes meet now; in a search that is not `anew`, those of which this was
+    /// not so in the last one.
+    fn search(&mut self, surface: &Surface, anew: bool) {
+        self.boxes.close(surface);
+        let (patches, has_moved) = (self.patches.as_ref(), &self.has_moved);
+        let has_changed = |face: u32| {
+            anew || surface.faces()[face as usize]
+                .iter()
+                .any(|p| has_moved[*p as usize])
+                || patches.is_some_and(|patches| patches.has_lost(face))
+        };
+        for tree in &mut self.trees {
+            tree.refit(|face| (self.boxes.faces[face as usize], has_changed(face)));
+        }
         let mut finder = Finder {
             surface,
-            points: &self.points,
-            faces: &self.faces,
-            edges: &self.edges,
+            boxes: &self.boxes,
+            before: &self.before,
             pairs: &mut self.pairs,
         };
         let Some((cloth, obstacles)) = self.trees.split_first() else {
             return;
         };
         if self.touches_itself {
-            let patches = self.patches.as_ref();
-            let are_apart = |a, b| patches.is_some_and(|patches| patches.are_apart(a, b));
-            cloth.own_pairs(are_apart, |a, b| finder.of_faces(a, b));
+            let apart = |a, b| patches.map_or(Apart::Never, |patches| patches.apart(a, b));
+            cloth.own_pairs(anew, apart, |a, b, anew| finder.of_faces(a, b, anew));
         }
         for obstacle in obstacles {
-            cloth.pairs(obstacle, |a, b| finder.of_faces(a, b));
+            cloth.pairs(obstacle, anew, |a, b, anew| finder.of_faces(a, b, anew));
         }
+    }
+}
+
+/// Boxes around the ways of all points.
+fn paths(ways: Ways<'_>) -> impl Iterator<Item = Bounds> {
+    let ends = ways.from.iter().zip(ways.to).zip(ways.later);
+    ends.map(|((from, to), later)| {
+        Bounds::of(*from)
+            .around(Bounds::of(*to))
+            .around(Bounds::of(*later))
+    })
+}
+
+impl Boxes {
+    /// Puts the boxes of faces and edges around those of their points.
+    fn close(&mut self, surface: &Surface) {
+        let points = &self.points;
+        let around = |corners: &[u32]| {
+            let first = points[corners[0] as usize];
+            let rest = corners[1..].iter();
+            rest.fold(first, |all, p| all.around(points[*p as usize]))
+        };
+        let faces = surface.faces().iter();
+        self.faces.clear();
+        self.faces.extend(faces.map(|face| around(face)));
+        let edges = surface.edges().iter();
+        self.edges.clear();
+        self.edges.extend(edges.map(|edge| around(&edge.ends)));
+    }
+
+    fn vertex_meets(&self, vertex: u32, face: u32) -> bool {
+        self.points[vertex as usize].meets(&self.faces[face as usize])
+    }
+
+    fn edges_meet(&self, first: u32, second: u32) -> bool {
+        self.edges[first as usize].meets(&self.edges[second as usize])
     }
 }
 
 /// The search among the features of two faces.
 struct Finder<'a> {
     surface: &'a Surface,
-    points: &'a [Rough],
-    faces: &'a [Rough],
-    edges: &'a [Rough],
+    boxes: &'a Boxes,
+    before: &'a Boxes,
     pairs: &'a mut Vec<Pair>,
 }
 
 impl Finder<'_> {
-    fn of_faces(&mut self, a: u32, b: u32) {
-        self.vertices(a, b);
-        self.vertices(b, a);
+    /// Adds the pairs of two faces whose boxes meet; unless the faces are looked at `anew`, those
+    /// whose boxes did not meet before.
+    fn of_faces(&mut self, a: u32, b: u32, anew: bool) {
+        self.vertices(a, b, anew);
+        self.vertices(b, a, anew);
         for first in self.surface.share(a).edges {
-            if first != NONE && self.edges[first as usize].meets(&self.faces[b as usize]) {
-                self.edges_with(first, self.surface.share(b).edges);
+            if first != NONE
+                && self.boxes.edges[first as usize].meets(&self.boxes.faces[b as usize])
+            {
+                self.edges_with(first, self.surface.share(b).edges, anew);
             }
         }
     }
 
     /// Pairs of the vertices for which `owner` stands with `face`.
-    fn vertices(&mut self, owner: u32, face: u32) {
+    fn vertices(&mut self, owner: u32, face: u32, anew: bool) {
         let corners = self.surface.faces()[face as usize];
         for vertex in self.surface.share(owner).vertices {
             if vertex == NONE || corners.contains(&vertex) {
                 continue;
             }
-            if self.points[vertex as usize].meets(&self.faces[face as usize]) {
+            if self.boxes.vertex_meets(vertex, face)
+                && (anew || !self.before.vertex_meets(vertex, face))
+            {
                 let [b, c, d] = corners;
                 let pair = Pair::vertex_face(vertex, face, [vertex, b, c, d]);
                 self.pairs.push(pair);
@@ -232,7 +303,7 @@ impl Finder<'_> {
         }
     }
 
-    fn edges_with(&mut self, first: u32, others: [u32; 3]) {
+    fn edges_with(&mut self, first: u32, others: [u32; 3], anew: bool) {
         let [a, b] = self.surface.edges()[first as usize].ends;
         for second in others {
             if second == NONE {
@@ -242,7 +313,9 @@ impl Finder<'_> {
             if a == c || a == d || b == c || b == d {
                 continue;
             }
-            if self.edges[first as usize].meets(&self.edges[second as usize]) {
+            if self.boxes.edges_meet(first, second)
+                && (anew || !self.before.edges_meet(first, second))
+            {
                 self.pairs
                     .push(Pair::edge_edge(first, second, [a, b, c, d]));
             }
@@ -253,7 +326,7 @@ impl Finder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::closest::gap;
+    use crate::closest;
     use crate::pair::Kind;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -292,6 +365,84 @@ mod tests {
             }
             _ => *pair,
         }
+    }
+
+    /// Asserts that `found`, in order, has all pairs that come nearer than `gap` `[m]` on the way
+    /// between two states.
+    fn assert_none_is_missed(every: &[Pair], found: &[Pair], way: [&[DVec3]; 2], gap: f64) {
+        for pair in every {
+            let [a, b] = way.map(|points| pair.places(points));
+            let nearest = (0..=20)
+                .map(|k| {
+                    let part = f64::from(k) / 20.0;
+                    let corners = std::array::from_fn(|c| a[c].lerp(b[c], part));
+                    closest::gap(pair.kind, corners).distance
+                })
+                .fold(f64::INFINITY, f64::min);
+            if nearest < gap {
+                assert!(found.binary_search(pair).is_ok(), "{pair:?} at {nearest}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_wider_search_keeps_what_there_is_and_misses_nothing() {
+        let spec = SquareSpec {
+            vertices: 36,
+            size: 1.0,
+            seed: 1,
+        };
+        let sheet = square(&spec).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let mut point =
+            |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
+        let corners = (0..6).map(|_| point(0.7)).collect();
+        let body = Obstacle::new("body", corners, vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]]).unwrap();
+        let surface = Surface::new(sheet.mesh.topology(), std::slice::from_ref(&body));
+        let mut start = sheet.mesh.positions().to_vec();
+        start.extend(body.positions_at(0.0));
+        let mut candidates = Candidates::new(&surface, &start, true);
+        let reach = Reach {
+            gap: 0.02,
+            slack: 0.02,
+        };
+        let every = every_pair(&surface);
+        let mut added = 0;
+        for _ in 0..20 {
+            let crumpled = |p: &DVec3, by: DVec3| DVec3::new(0.0, p.y * 0.5, p.z * 0.5) + by;
+            let from: Vec<DVec3> = start.iter().map(|p| crumpled(p, point(0.1))).collect();
+            let ways = |to| Ways {
+                from: &from,
+                to,
+                later: to,
+            };
+            let to: Vec<DVec3> = from.iter().map(|p| *p + point(0.02)).collect();
+            candidates.find(&surface, ways(&to), reach);
+            let first = candidates.pairs().to_vec();
+            // Some points end elsewhere.
+            let mut other = to.clone();
+            for _ in 0..8 {
+                other[(point(1.0).x.abs() * 41.0) as usize] += point(0.3);
+            }
+            candidates.widen(&surface, ways(&other), reach);
+            assert!(candidates.cover(&from, &other));
+            assert!(candidates.cover(&from, &to));
+            let pairs = candidates.pairs();
+            assert_eq!(pairs[..first.len()], first);
+            added += pairs.len() - first.len();
+            let mut found: Vec<Pair> = pairs.iter().map(ordered).collect();
+            found.sort_unstable();
+            found.dedup();
+            assert_eq!(found.len(), pairs.len());
+            assert!(found.len() < every.len());
+            for end in [&to, &other] {
+                assert_none_is_missed(&every, &found, [&from, end], reach.gap);
+            }
+            // Nothing new for points that stay within their boxes.
+            candidates.widen(&surface, ways(&to), reach);
+            assert_eq!(candidates.pairs().len(), found.len());
+        }
+        assert!(added > 1000, "{added}");
     }
 
     #[test]
@@ -340,18 +491,7 @@ mod tests {
             assert!(candidates.cover(&other, &end));
             let far: Vec<DVec3> = to.iter().map(|p| *p + DVec3::X * 0.2).collect();
             assert!(!candidates.cover(&other, &far));
-            for pair in &every {
-                let (a, b) = (pair.places(&other), pair.places(&end));
-                let nearest = (0..=20)
-                    .map(|k| {
-                        let part = f64::from(k) / 20.0;
-                        gap(pair.kind, std::array::from_fn(|c| a[c].lerp(b[c], part))).distance
-                    })
-                    .fold(f64::INFINITY, f64::min);
-                if nearest < reach.gap {
-                    assert!(found.binary_search(pair).is_ok(), "{pair:?} at {nearest}");
-                }
-            }
+            assert_none_is_missed(&every, &found, [&other, &end], reach.gap);
         }
     }
 }

@@ -5,16 +5,21 @@
 //! both ends of a span of time, the features are at least d apart throughout. Nothing is iterated
 //! and nothing is tuned.
 //!
-//! Features that turn together need a direction that turns. Where no direction serves for a span,
-//! its halves get one each, down to [`MOST_HALVINGS`].
+//! Features that turn together need a direction that turns: spans of the way get one each, down to
+//! [`SHORTEST`].
 
 use glam::DVec3;
 
 use crate::closest::{Gap, gap};
 use crate::pair::Kind;
 
-/// Halvings of the span before a pair counts as not safe.
-const MOST_HALVINGS: u32 = 8;
+/// Shortest span that gets a direction of its own, before a pair counts as not safe.
+const SHORTEST: f64 = 1.0 / 256.0;
+/// Length of the first span that is tried.
+const FIRST_SPAN: f64 = 0.25;
+/// Part of the span that a direction serves for which is taken: features that meet are told from
+/// each other the better the nearer they are, but what is safe should leave them some room.
+const CAUTION: f64 = 0.9;
 
 /// The corners of a pair at both ends of a span of time, on straight lines in between.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,13 +67,41 @@ impl Path {
     #[must_use]
     #[inline]
     pub fn axes_gap(&self, kind: Kind) -> f64 {
+        let (above, below) = self.along_axes(kind);
+        above.max(below).max_element()
+    }
+
+    /// The axis by which [`Self::axes_gap`] is kept: a unit direction from the second feature to
+    /// the first.
+    #[must_use]
+    pub fn axis(&self, kind: Kind) -> DVec3 {
+        let (above, below) = self.along_axes(kind);
+        let axis = above.max(below).max_position();
+        let sign = if above[axis] >= below[axis] {
+            1.0
+        } else {
+            -1.0
+        };
+        DVec3::AXES[axis] * sign
+    }
+
+    /// Distances that the features keep along the axes, the first above the second, and below it
+    /// `[m]`.
+    #[inline]
+    fn along_axes(&self, kind: Kind) -> (DVec3, DVec3) {
         let (above, below) = along_axes(kind, self.from);
         let (above_then, below_then) = along_axes(kind, self.to);
-        above
-            .min(above_then)
-            .max(below.min(below_then))
-            .max_element()
+        (above.min(above_then), below.min(below_then))
     }
+}
+
+/// One direction that keeps two features apart for the whole of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Straight {
+    /// The direction, not longer than 1, from the second feature to the first.
+    pub direction: DVec3,
+    /// By how much more than the distance it keeps them apart at the end `[m]`.
+    pub spare: f64,
 }
 
 /// Distances of the boxes around two features along the axes, the first above the second, and
@@ -87,65 +120,71 @@ fn along_axes(kind: Kind, corners: [DVec3; 4]) -> (DVec3, DVec3) {
 /// `[eq:certificate]`
 ///
 /// # Errors
-/// [`Approach`] where that is not so, or where halves of halves did not show it.
+/// [`Approach`] where that is not so, or where short spans did not show it.
 #[inline]
 pub fn certify(kind: Kind, path: Path, distance: f64) -> Result<(), Approach> {
     let start = gap(kind, path.from);
     match is_apart(kind, path.from, path.to, distance, &start) {
         Some(_) => Ok(()),
-        None => refined(kind, &path, distance, start),
+        None => certify_turning(kind, &path, distance, start),
     }
 }
 
-/// As [`certify`], with one direction for the whole path. Returns by how much more than `distance`
-/// it keeps the features apart at the end `[m]`: they still are apart if the corners end elsewhere,
-/// none of one feature further off against one of the other than that.
-#[must_use]
-pub fn certify_straight(kind: Kind, path: Path, distance: f64) -> Option<f64> {
+/// As [`certify`], with one direction for the whole path. By as much as that has to spare at the
+/// end the corners may end elsewhere, those of one feature against those of the other, and the
+/// features still are apart.
+///
+/// # Errors
+/// The gap at the start, where no one direction shows it: [`certify_turning`] may.
+pub fn certify_straight(kind: Kind, path: Path, distance: f64) -> Result<Straight, Gap> {
     let start = gap(kind, path.from);
-    is_apart(kind, path.from, path.to, distance, &start)
+    is_apart(kind, path.from, path.to, distance, &start).ok_or(start)
 }
 
-/// As [`certify`], by spans of the path; `start` is the gap where it begins.
+/// As [`certify`], by spans of the path, of which each has a direction; `start` is the gap where it
+/// begins. How far a span may go is told by the direction of the gap at its start: the extent along
+/// it is no less than the straight line between its values there and at the end of the path. Where
+/// that is not far, a longer span may have another direction.
+///
+/// # Errors
+/// As for [`certify`].
 #[cold]
-fn refined(kind: Kind, path: &Path, distance: f64, start: Gap) -> Result<(), Approach> {
-    let approach = path.approach(kind);
-    // Spans that are still to be shown, the earliest last: numerator and halvings.
-    let mut open = [(0_u32, 0_u32); MOST_HALVINGS as usize + 2];
-    (open[0], open[1]) = ((1, 1), (0, 1));
-    let mut count = 2;
-    // The gap where the next span begins, if it is known.
-    let mut known = Some(start);
-    while count > 0 {
-        count -= 1;
-        let (number, halvings) = open[count];
-        let length = 1.0 / f64::from(1_u32 << halvings);
-        let safe = f64::from(number) * length;
-        let from = path.at(safe);
-        let now = known.unwrap_or_else(|| gap(kind, from));
-        known = Some(now);
+pub fn certify_turning(kind: Kind, path: &Path, distance: f64, start: Gap) -> Result<(), Approach> {
+    let (mut safe, mut now, mut span) = (0.0, start, FIRST_SPAN);
+    loop {
         if now.distance < distance {
             return Err(Approach { safe, gap: now });
         }
-        if now.distance - approach * length >= distance {
-            known = None;
-            continue;
+        let from = path.at(safe);
+        let first = extent(kind, from, now.normal) - distance;
+        let last = extent(kind, path.to, now.normal) - distance;
+        if first >= 0.0 && last >= 0.0 {
+            return Ok(());
         }
-        match is_apart(kind, from, path.at(safe + length), distance, &now) {
-            Some(_) => known = None,
-            None if halvings >= MOST_HALVINGS => return Err(Approach { safe, gap: now }),
-            None => {
-                open[count] = (2 * number + 1, halvings + 1);
-                open[count + 1] = (2 * number, halvings + 1);
-                count += 2;
+        let mut step = CAUTION * (1.0 - safe) * (first / (first - last)).max(0.0);
+        span = span.max(SHORTEST);
+        while step < span && span >= SHORTEST {
+            let next = path.at((safe + span).min(1.0));
+            if is_apart(kind, from, next, distance, &now).is_some() {
+                step = span;
+                span *= 2.0;
+                break;
             }
+            span *= 0.5;
         }
+        if step < SHORTEST {
+            return Err(Approach { safe, gap: now });
+        }
+        safe += step;
+        if safe >= 1.0 {
+            return Ok(());
+        }
+        now = gap(kind, path.at(safe));
     }
-    Ok(())
 }
 
 /// Looks for one of a few directions that keeps the features apart at both ends, where `start` is
-/// their gap at the first. Returns by how much more than `distance` it does at the second `[m]`.
+/// their gap at the first.
 #[inline]
 fn is_apart(
     kind: Kind,
@@ -153,36 +192,40 @@ fn is_apart(
     to: [DVec3; 4],
     distance: f64,
     start: &Gap,
-) -> Option<f64> {
+) -> Option<Straight> {
     let serves = |direction: DVec3| {
-        let spare = least(kind, to, direction) - distance;
-        (spare >= 0.0 && least(kind, from, direction) >= distance).then_some(spare)
+        let spare = extent(kind, to, direction) - distance;
+        let is_apart = spare >= 0.0 && extent(kind, from, direction) >= distance;
+        is_apart.then_some(Straight { direction, spare })
     };
     if start.distance < distance {
         return None;
     }
-    if let Some(spare) = serves(start.normal) {
-        return Some(spare);
+    if let Some(straight) = serves(start.normal) {
+        return Some(straight);
     }
     let end = gap(kind, to);
     if end.distance < distance {
         return None;
     }
-    if let Some(spare) = serves(end.normal) {
-        return Some(spare);
+    if let Some(straight) = serves(end.normal) {
+        return Some(straight);
     }
     if let Some(middle) = (start.normal + end.normal).try_normalize()
-        && let Some(spare) = serves(middle)
+        && let Some(straight) = serves(middle)
     {
-        return Some(spare);
+        return Some(straight);
     }
     let mut across = [across(kind, from), across(kind, to)].into_iter().flatten();
     across.find_map(|normal| serves(normal).or_else(|| serves(-normal)))
 }
 
-/// Least extent along `direction` from the second feature to the first `[m]`.
+/// Least extent along `direction`, not longer than 1, from the second feature to the first `[m]`:
+/// they are at least so far apart. Where the extent at both ends of a straight way is at least a
+/// distance, it is so on all of it.
+#[must_use]
 #[inline]
-fn least(kind: Kind, corners: [DVec3; 4], direction: DVec3) -> f64 {
+pub fn extent(kind: Kind, corners: [DVec3; 4], direction: DVec3) -> f64 {
     let [a, b, c, d] = corners.map(|corner| corner.dot(direction));
     match kind {
         Kind::VertexFace => a - b.max(c).max(d),
@@ -239,7 +282,7 @@ mod tests {
             count.false_safe += u32::from(is_certified && nearest < distance * (1.0 - 1e-9));
             count.apart += u32::from(nearest >= distance + 1e-6);
             count.certified += u32::from(is_certified && nearest >= distance + 1e-6);
-            let straight = certify_straight(kind, path, distance).is_some();
+            let straight = certify_straight(kind, path, distance).is_ok();
             count.by_one_direction += u32::from(straight && nearest >= distance + 1e-6);
         }
         count
@@ -282,8 +325,9 @@ mod tests {
             };
             let axes = path.axes_gap(kind);
             let near = gap(kind, from).distance - path.approach(kind);
-            let straight = certify_straight(kind, path, 2e-5).map(|spare| spare + 2e-5);
-            let best = axes.max(near).max(straight.unwrap_or(f64::NEG_INFINITY));
+            let straight =
+                certify_straight(kind, path, 2e-5).map_or(f64::NEG_INFINITY, |s| s.spare + 2e-5);
+            let best = axes.max(near).max(straight);
             if best <= 0.0 {
                 continue;
             }
@@ -314,7 +358,7 @@ mod tests {
             from,
             to: from.map(|p| turn * p),
         };
-        assert_eq!(certify_straight(Kind::VertexFace, path, 2e-5), None);
+        assert!(certify_straight(Kind::VertexFace, path, 2e-5).is_err());
         assert_eq!(certify(Kind::VertexFace, path, 2e-5), Ok(()));
     }
 

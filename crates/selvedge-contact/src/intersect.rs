@@ -4,7 +4,7 @@
 use glam::DVec3;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-use crate::boxes::Bounds;
+use crate::boxes::{Apart, Bounds};
 use crate::candidates::Candidates;
 use crate::surface::Surface;
 
@@ -20,7 +20,7 @@ pub struct Intersection {
 #[must_use]
 pub fn intersections(surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
     let mut found = Vec::new();
-    let mut test = |a: u32, b: u32| {
+    let mut test = |a: u32, b: u32, _| {
         if triangles_meet(
             points,
             surface.faces()[a as usize],
@@ -35,9 +35,9 @@ pub fn intersections(surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
         a.around(b).around(c)
     });
     if let Some((cloth, obstacles)) = trees.split_first() {
-        cloth.own_pairs(|_, _| false, &mut test);
+        cloth.own_pairs(true, |_, _| Apart::Never, &mut test);
         for obstacle in obstacles {
-            cloth.pairs(obstacle, &mut test);
+            cloth.pairs(obstacle, true, &mut test);
         }
     }
     found.sort_unstable();

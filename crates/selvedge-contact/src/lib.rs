@@ -30,7 +30,9 @@ mod surface;
 
 pub use boxes::Bounds;
 pub use candidates::{Candidates, Reach, Ways};
-pub use certificate::{Approach, Path, certify, certify_straight};
+pub use certificate::{
+    Approach, Path, Straight, certify, certify_straight, certify_turning, extent,
+};
 pub use closest::{Gap, gap, least_gap};
 pub use intersect::{Intersection, intersections, triangles_meet};
 pub use pair::{Kind, Pair};

@@ -116,7 +116,7 @@ fn follow(scene: &Scene, wave: bool) -> Result<Count, Box<dyn std::error::Error>
             let near = usize::from(gap(pair.kind, path.from).distance < 2e-3);
             count.all += 1;
             count.near += near as u64;
-            let straight = certify_straight(pair.kind, path, 2e-5).is_some();
+            let straight = certify_straight(pair.kind, path, 2e-5).is_ok();
             let halved = !straight && certify(pair.kind, path, 2e-5).is_ok();
             for k in 0..=near {
                 count.straight[k] += u64::from(straight);

@@ -28,14 +28,11 @@ use substep_error::SubstepError;
 mod contact;
 mod correctable;
 mod divided_frames;
+mod parts;
 mod previous;
 mod state_check;
 mod stepping;
 mod substep_error;
-
-/// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
-/// while its neighbours go on is strained, and what is strained meets again.
-const BEFORE_HOLDING: u32 = 8;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
@@ -44,6 +41,8 @@ pub struct Simulator {
     state: State,
     history: History,
     saved: (State, History),
+    /// The same at the start of a part of a frame, where contact may take it back there.
+    part: (State, History),
     /// The rest of what undoes the last step, while that can be undone.
     undo: Option<Undo>,
     rounded: Vec<Vec3>,
@@ -156,6 +155,7 @@ impl Simulator {
             targets: vec![DVec3::ZERO; scene.handles.len()],
             history: History::none(vertices),
             saved: (state.clone(), History::none(vertices)),
+            part: (state.clone(), History::none(vertices)),
             undo: None,
             frame: beginning.frame,
             divided_frames: DividedFrames::default(),
@@ -431,31 +431,6 @@ impl Simulator {
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 
-    /// Moves the state by a frame in `substeps` substeps. On an error the state is unusable.
-    fn advance(&mut self, targets: &HandleTargets, substeps: u32) -> Result<(), SubstepError> {
-        let dt = 1.0 / self.scene.frame_rate / f64::from(substeps);
-        self.forget_received();
-        for substep in 1..=substeps {
-            if self.stop.is_wanted() {
-                return Err(SubstepError::Stopped);
-            }
-            let fraction = f64::from(substep) / f64::from(substeps);
-            let reached = &self.reached;
-            let path = |h: usize| targets.at(h, fraction, reached[h]);
-            self.active.put_targets(&mut self.targets, path);
-            let from = f64::from(substep - 1) / f64::from(substeps);
-            let part = Part {
-                from,
-                to: fraction,
-                may_hold: substeps >= self.scene.physics.substeps * BEFORE_HOLDING
-                    || 2 * substeps > self.scene.physics.most_substeps(),
-            };
-            self.solve(dt, part)?;
-        }
-        let began = &self.saved.0.positions;
-        Ok(self.watch.check_frame(began, &self.state.positions)?)
-    }
-
     /// Moves the state by a substep over `dt` towards `self.targets`, in this part of the frame. On
     /// an error the state is unusable.
     fn solve(&mut self, dt: f64, part: Part) -> Result<(), SubstepError> {
@@ -488,7 +463,11 @@ impl Simulator {
         self.enter_frame();
         let most = self.scene.physics.most_substeps();
         let mut substeps = self.scene.physics.substeps;
-        while let Err(error) = threads.run(|| self.advance(targets, substeps)) {
+        let finest = loop {
+            let error = match threads.run(|| self.advance(targets, substeps)) {
+                Ok(finest) => break finest,
+                Err(error) => error,
+            };
             self.restore();
             if self.stop.is_wanted() {
                 return Err(self.step_error(SubstepError::Stopped, substeps));
@@ -500,9 +479,13 @@ impl Simulator {
                 return Err(self.step_error(error, substeps));
             }
             substeps *= 2;
-        }
+            // Contact has divided the substep as far as that goes: another start may help.
+            while matches!(error, SubstepError::Contact(_)) && 2 * substeps <= most {
+                substeps *= 2;
+            }
+        };
         self.divided_frames
-            .count(substeps, self.scene.physics.substeps);
+            .count(finest, self.scene.physics.substeps);
         Ok(())
     }
 

@@ -15,7 +15,7 @@ mod layout;
 
 use glam::{DVec2, DVec3, Vec3A};
 
-use crate::boxes::{NO_GROUP, Tree};
+use crate::boxes::{Apart, NO_GROUP, Tree};
 use crate::surface::Surface;
 use layout::Layout;
 
@@ -43,6 +43,10 @@ pub(crate) struct Patches {
     points: usize,
     /// True for groups whose own pairs, and those with what is close, are left out.
     is_smooth: Vec<bool>,
+    /// Those of the search before.
+    was_smooth: Vec<bool>,
+    /// Group of each face, `[faces]`.
+    group_of: Vec<u32>,
 }
 
 /// A group of faces.
@@ -77,7 +81,15 @@ impl Patches {
         let faces = &surface.faces()[surface.bodies()[0].faces.start as usize..][..corners.len()];
         let groups = Layout::new(faces, corners).groups(groups);
         let count = groups.len();
+        let mut group_of = vec![NO_GROUP; corners.len()];
+        for (number, group) in groups.iter().enumerate() {
+            for face in &group.faces {
+                group_of[*face as usize] = number as u32;
+            }
+        }
         Self {
+            group_of,
+            was_smooth: vec![false; count],
             corners: faces.to_vec(),
             inverse: corners.iter().map(inverse).collect(),
             groups,
@@ -98,6 +110,21 @@ impl Patches {
         }
     }
 
+    /// Drops groups that were smooth and are not on the way from `from` to `to` `[m]`.
+    pub(crate) fn look_again(&mut self, from: &[DVec3], to: &[DVec3]) {
+        self.measure(from, to);
+        self.was_smooth.copy_from_slice(&self.is_smooth);
+        for k in 0..self.groups.len() {
+            self.is_smooth[k] = self.is_smooth[k] && self.keeps(k, KEPT);
+        }
+    }
+
+    /// Returns true if [`Self::look_again`] has dropped the group of a face of the surface.
+    pub(crate) fn has_lost(&self, face: u32) -> bool {
+        let group = self.group_of.get(face as usize);
+        group.is_some_and(|k| self.was_smooth[*k as usize] && !self.is_smooth[*k as usize])
+    }
+
     /// Returns true if all groups that were smooth are so on the way from `from` to `to` `[m]`.
     pub(crate) fn hold(&mut self, from: &[DVec3], to: &[DVec3]) -> bool {
         self.measure(from, to);
@@ -109,14 +136,23 @@ impl Patches {
         self.is_smooth.fill(false);
     }
 
-    /// Returns true if no pair of the two groups needs a search.
+    /// Tells if the pairs of the two groups need a search.
     #[inline]
-    pub(crate) fn are_apart(&self, first: u32, second: u32) -> bool {
-        let covers = |own: u32, other: u32| {
+    pub(crate) fn apart(&self, first: u32, second: u32) -> Apart {
+        if first == NO_GROUP || second == NO_GROUP {
+            return Apart::Never;
+        }
+        let covers = |own: u32, other: u32, smooth: &[bool]| {
             let close = &self.groups[own as usize].close;
-            self.is_smooth[own as usize] && close.binary_search(&other).is_ok()
+            smooth[own as usize] && close.binary_search(&other).is_ok()
         };
-        first != NO_GROUP && second != NO_GROUP && (covers(first, second) || covers(second, first))
+        let apart =
+            |smooth: &[bool]| covers(first, second, smooth) || covers(second, first, smooth);
+        match (apart(&self.is_smooth), apart(&self.was_smooth)) {
+            (true, _) => Apart::Still,
+            (false, true) => Apart::NoMore,
+            (false, false) => Apart::Never,
+        }
     }
 
     /// Takes the gradients at both ends of a way. Those that are known are kept: a way mostly

@@ -208,6 +208,28 @@ fn a_patch_that_folds_is_searched_again() {
     assert!(!candidates.cover(&start, &start));
 }
 
+#[test]
+fn a_wider_search_takes_up_patches_that_fold() {
+    let sheet = Sheet::new(10, 10, |_, _| true);
+    let surface = sheet.surface();
+    let (start, folded) = (sheet.laid(flat), sheet.laid(rolled(1.0)));
+    let reach = Reach {
+        gap: 0.01,
+        slack: 20.0,
+    };
+    let [smooth, every] = found(&sheet, Ways::still(&start), reach);
+    assert!(smooth.len() + 1000 < every.len());
+    let mut candidates =
+        Candidates::new(&surface, &start, true).with_pattern(&surface, &sheet.corners());
+    candidates.find(&surface, Ways::still(&start), reach);
+    // All within their boxes: what is new is what was left out.
+    candidates.widen(&surface, Ways::still(&folded), reach);
+    assert!(candidates.cover(&start, &folded));
+    let mut pairs = candidates.pairs().to_vec();
+    pairs.sort_unstable();
+    assert_eq!(pairs, every);
+}
+
 /// Numbers of the groups that have something close, with the faces of each group.
 fn usable(sheet: &Sheet) -> Vec<(Vec<u32>, bool)> {
     let surface = sheet.surface();

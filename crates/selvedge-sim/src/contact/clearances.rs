@@ -39,6 +39,11 @@ impl Clearances {
         self.budgets.resize(pairs, f64::NEG_INFINITY);
     }
 
+    /// Takes more candidates, this many with those there are.
+    pub(super) fn add(&mut self, pairs: usize) {
+        self.budgets.resize(pairs, f64::NEG_INFINITY);
+    }
+
     /// Takes the way of a solve.
     pub(super) fn look_ahead(&mut self, start: &[DVec3], end: &[DVec3]) {
         for (way, (start, end)) in self.ways.iter_mut().zip(start.iter().zip(end)) {

@@ -85,8 +85,10 @@ impl Contact {
         let mut budgets = std::mem::take(&mut self.clearances.budgets);
         let mut near = self.near(threads, &mut budgets);
         self.clearances.budgets = budgets;
-        // The nearest first, in the order of the surface where two are as near.
-        near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        near.sort_by(|a, b| {
+            let nearer = a.distance.total_cmp(&b.distance);
+            nearer.then_with(|| key(&a.pair).cmp(&key(&b.pair)))
+        });
         let near = self.nearest(near);
         let mut set: Vec<Key> = near.iter().map(|near| key(&near.pair)).collect();
         set.sort_unstable();
@@ -188,9 +190,16 @@ impl Contact {
             from: pair.places(&self.start),
             to: pair.places(&self.end),
         };
+        let axes = path.axes_gap(pair.kind);
+        if axes > most {
+            return None;
+        }
         let now = gap(pair.kind, path.from);
         *budget = clearances.budget(pair, now.distance);
         if now.distance - approach > most {
+            return None;
+        }
+        if now.distance >= thickness && axes > thickness {
             return None;
         }
         let gap = meeting(pair.kind, path, now, thickness)?;
@@ -466,8 +475,6 @@ impl Contact {
 fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64) -> Option<Gap> {
     let near = if now.distance < thickness {
         Some(now)
-    } else if path.axes_gap(kind) > thickness {
-        None
     } else {
         let approach = certify(kind, path, LEAST * thickness).err();
         approach.map(|approach| approach.gap)

@@ -36,8 +36,12 @@ use memory::Held;
 pub(crate) use memory::Memory;
 pub(crate) use touches::{Touches, to_single};
 
-/// Solves that are repeated with pairs that met unexpectedly, at most.
+/// Times that a solve is repeated with pairs that met unexpectedly, at most.
 const REPEATS: usize = 3;
+/// Pairs without a certificate from which on a solve is repeated once only, and the rest pushed
+/// apart: something has struck the cloth, and each repeat ends far from the last one. With half as
+/// many, cloth that folds and crumples was pushed too.
+const STRUCK: usize = 40;
 
 /// Distance that points may stray from their expected way, as a part of the thickness.
 const SLACK: f64 = 2.0;
@@ -154,6 +158,7 @@ pub(crate) struct Contact {
     before: State,
     memory: Memory,
     saved: Memory,
+    part: (Memory, received::Received),
     pub(crate) counts: ContactCounts,
     received: received::Received,
     room: separation::Room,
@@ -195,6 +200,7 @@ impl Contact {
             before: State::at_origin(mass.len()),
             memory: Memory::default(),
             saved: Memory::default(),
+            part: Default::default(),
             counts: ContactCounts::default(),
             received: received::Received::none(scene.obstacles.len()),
             room: separation::Room::default(),
@@ -265,6 +271,18 @@ impl Contact {
         self.memory.clone_from(&self.saved);
     }
 
+    /// Keeps what a part of a frame changes.
+    pub(crate) fn begin_part(&mut self) {
+        self.part.0.clone_from(&self.memory);
+        self.part.1.clone_from(&self.received);
+    }
+
+    /// Restores what [`Self::begin_part`] kept.
+    pub(crate) fn undo_part(&mut self) {
+        self.memory.clone_from(&self.part.0);
+        self.received.clone_from(&self.part.1);
+    }
+
     /// The memory that the last substep left.
     pub(crate) fn memory(&self) -> &Memory {
         &self.memory
@@ -307,7 +325,7 @@ impl Contact {
             let mut is_limited = self.solve(left, span, active, state, history)?;
             let mut repeats = 0;
             while !self.certify_solve(span.threads, &state.positions)
-                && repeats < REPEATS
+                && (repeats == 0 || repeats < REPEATS && self.failed().count() < STRUCK)
                 && self.arcsim.is_none()
                 && self.catch(&mut active.system.touches)
             {
@@ -315,6 +333,7 @@ impl Contact {
                 self.counts.repeated += 1;
                 history.forget();
                 state.copy_from(&self.before);
+                active.system.repeat_start();
                 active.advance_first_order_unlimited(left, state, span.targets)?;
                 is_limited = false;
             }
@@ -441,13 +460,14 @@ impl Contact {
         for (v, velocity) in state.velocities.iter().enumerate() {
             self.end[v] = self.start[v] + *velocity * left;
         }
-        self.cover();
+        self.cover(true);
     }
 
-    /// Finds the candidates anew where the points may have left their boxes. Returns true if so.
-    fn cover(&mut self) -> bool {
+    /// Finds the candidates where the points may have left their boxes: `anew`, or in addition to
+    /// those there are, which keep their places.
+    fn cover(&mut self, anew: bool) {
         if self.candidates.cover(&self.start, &self.end) {
-            return false;
+            return;
         }
         let mut reach = self.reach();
         reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
@@ -464,9 +484,15 @@ impl Contact {
             to: &self.end,
             later: &self.ahead,
         };
-        self.candidates.find(&self.surface, ways, reach);
-        self.clearances.reset(self.candidates.pairs().len());
-        true
+        // ARCSim's choice among pairs that are as near depends on their order.
+        if anew || self.arcsim.is_some() {
+            self.candidates.find(&self.surface, ways, reach);
+            self.clearances.reset(self.candidates.pairs().len());
+            self.room.begin();
+        } else {
+            self.candidates.widen(&self.surface, ways, reach);
+            self.clearances.add(self.candidates.pairs().len());
+        }
     }
 
     fn reach(&self) -> Reach {

@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 use selvedge_contact::{
-    Approach, Gap, Kind, Pair, Path, certify, certify_straight, gap, least_gap, push,
+    Approach, Gap, Pair, Path, Straight, certify_straight, certify_turning, extent, least_gap, push,
 };
 
 use super::clearances::against;
@@ -47,18 +47,32 @@ pub(super) enum Outcome {
     },
 }
 
-/// Certificate of a pair.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Verdict {
-    #[default]
-    Safe,
-    /// As safe, but one direction did not show it.
+/// Knowledge of a pair in a solve. A solve that is repeated, or whose end is pushed, ends near
+/// the last one, and most of its pairs need no new look.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    /// Distance by which a point of one side may stray from [`Room::ends`] against one of the other
+    /// while the pair stays certified `[m]`; negative where it is not, not a number where it has
+    /// not been looked at.
+    reach: f64,
+    /// A direction that certified it, and the extent along it at the start `[m]`; negative without.
+    direction: DVec3,
+    extent: f64,
+}
+
+impl Known {
+    const NOTHING: Self = Self {
+        reach: f64::NAN,
+        direction: DVec3::ZERO,
+        extent: -1.0,
+    };
+}
+
+/// A pair that one direction does not certify.
+enum Turning {
+    /// It is safe all the same.
     Halved,
-    Failed {
-        approach: Approach,
-        /// Gap that it must keep `[m]`.
-        floor: f64,
-    },
+    Failed(Pair, Approach, f64),
 }
 
 /// The pair that was safe for the shortest part.
@@ -72,30 +86,23 @@ pub(super) struct Worst {
 /// Lists that are kept from round to round and from substep to substep.
 #[derive(Default)]
 pub(super) struct Room {
-    verdicts: Vec<Verdict>,
-    spare: Spare,
+    /// `[candidates]`
+    known: Vec<Known>,
+    /// Ends of the points when the first pair of the solve was certified `[m]`, `[points]`; empty
+    /// before.
+    ends: Vec<DVec3>,
+    /// Way of each point from there to the last certificates `[m]`, `[points]`.
+    strayed: Vec<DVec3>,
     /// Points that moved since the last certificates.
     stirred: Vec<bool>,
+    /// Pairs that failed, with the gap that each must keep `[m]`, in ascending order.
     failed: Vec<(Pair, Approach, f64)>,
     pub(super) worst: Option<Worst>,
 }
 
-/// Room that certificates of one solve leave: a solve that is repeated ends near the last one,
-/// and most of its pairs need no new look.
-#[derive(Default)]
-struct Spare {
-    /// Ends of the points when the first pair was certified `[m]`, `[points]`; empty before.
-    ends: Vec<DVec3>,
-    /// Way of each point from there to the last certificates `[m]`, `[points]`.
-    strayed: Vec<DVec3>,
-    /// Distance by which a point of one side may stray against one of the other while the pair
-    /// stays certified `[m]`, `[candidates]`; negative where it is not.
-    reach: Vec<f64>,
-}
-
-impl Spare {
-    /// Forgets all certificates: points start elsewhere, or there are other candidates.
-    fn forget(&mut self) {
+impl Room {
+    /// Forgets all certificates: points start elsewhere.
+    pub(super) fn begin(&mut self) {
         self.ends.clear();
     }
 
@@ -103,53 +110,42 @@ impl Spare {
     fn take(&mut self, ends: &[DVec3], candidates: usize) {
         if self.ends.is_empty() {
             self.ends.extend_from_slice(ends);
-            self.reach.clear();
-            self.reach.resize(candidates, -1.0);
+            self.known.clear();
         }
+        self.known.resize(candidates, Known::NOTHING);
         let strayed = self.ends.iter().zip(ends).map(|(a, b)| *b - *a);
         self.strayed.clear();
         self.strayed.extend(strayed);
     }
-}
-
-impl Room {
-    /// Forgets what the certificates of the last solve had to spare.
-    pub(super) fn begin(&mut self) {
-        self.spare.forget();
-    }
 
     /// Lists the pairs that failed, and the one that was safe for the shortest part.
-    fn list_failed(&mut self, pairs: &[Pair]) {
+    fn list_failed(&mut self, turning: Vec<Turning>) {
         self.failed.clear();
-        self.worst = None;
-        for (pair, verdict) in pairs.iter().zip(&self.verdicts) {
-            let Verdict::Failed { approach, floor } = *verdict else {
-                continue;
-            };
-            self.failed.push((*pair, approach, floor));
-            let worst = self.worst.as_ref();
-            if worst.is_none_or(|worst| approach.safe < worst.part) {
-                self.worst = Some(Worst {
-                    pair: *pair,
-                    gap: approach.gap.distance,
-                    part: approach.safe,
-                });
-            }
-        }
+        self.failed
+            .extend(turning.into_iter().filter_map(|turning| match turning {
+                Turning::Halved => None,
+                Turning::Failed(pair, approach, floor) => Some((pair, approach, floor)),
+            }));
+        self.failed.sort_unstable_by_key(|(pair, ..)| *pair);
+        let least =
+            |a: &&(Pair, Approach, f64), b: &&(Pair, Approach, f64)| a.1.safe.total_cmp(&b.1.safe);
+        let worst = self.failed.iter().min_by(least);
+        self.worst = worst.map(|(pair, approach, _)| Worst {
+            pair: *pair,
+            gap: approach.gap.distance,
+            part: approach.safe,
+        });
     }
 }
 
 impl ContactCounts {
-    /// Counts the first certificates after a solve.
-    fn count(&mut self, verdicts: &[Verdict]) {
-        for verdict in verdicts {
-            let count = match verdict {
-                Verdict::Safe => &mut self.certified,
-                Verdict::Halved => &mut self.halved,
-                Verdict::Failed { .. } => &mut self.uncertified,
-            };
-            *count += 1;
-        }
+    /// Counts the first certificates of `pairs` after a solve.
+    fn count(&mut self, pairs: usize, turning: &[Turning]) {
+        let halved = |turning: &&Turning| matches!(turning, Turning::Halved);
+        let halved = turning.iter().filter(halved).count();
+        self.certified += (pairs - turning.len()) as u64;
+        self.halved += halved as u64;
+        self.uncertified += (turning.len() - halved) as u64;
     }
 }
 
@@ -285,49 +281,30 @@ impl Contact {
 
     /// Certifies all candidates, of which some point moved, and lists those that fail.
     fn certify(&mut self, threads: Threads, first: bool) {
-        if self.cover() {
-            self.room.stirred.fill(true);
-            self.room.spare.forget();
-        }
+        self.cover(false);
         self.clearances.look_ahead(&self.start, &self.end);
         let mut room = std::mem::take(&mut self.room);
         let pairs = self.candidates.pairs();
-        room.verdicts.resize(pairs.len(), Verdict::Safe);
-        room.spare.take(&self.end, pairs.len());
-        let (start, end, stirred) = (&self.start, &self.end, &room.stirred);
-        let floor = self.settings.floor;
-        let clearances = &self.clearances;
-        let budgets = &clearances.budgets;
-        let Spare { strayed, reach, .. } = &mut room.spare;
-        threads.each_pair(&mut room.verdicts, reach, |k, verdict, reach| {
+        room.take(&self.end, pairs.len());
+        let (stirred, strayed) = (&room.stirred, &room.strayed);
+        let turning = threads.find(&mut room.known, |k, known| {
             let pair = &pairs[k];
-            if clearances.surely_apart(budgets[k], pair, floor) {
-                *verdict = Verdict::Safe;
-                return;
+            if self
+                .clearances
+                .surely_apart(self.clearances.budgets[k], pair, self.settings.floor)
+            {
+                return None;
             }
-            if !first && !pair.corners.iter().any(|p| stirred[*p as usize]) {
-                return;
+            let is_still = || !pair.corners.iter().any(|p| stirred[*p as usize]);
+            if !first && !known.reach.is_nan() && is_still() {
+                return None;
             }
-            if *reach > 0.0 && against(pair, strayed) <= *reach {
-                *verdict = Verdict::Safe;
-                return;
-            }
-            let mut spare =
-                clearances.at_start(budgets[k], pair) - clearances.approach(pair) - floor;
-            *verdict = Verdict::Safe;
-            if spare <= 0.0 {
-                let path = Path {
-                    from: pair.places(start),
-                    to: pair.places(end),
-                };
-                (*verdict, spare) = judge(pair.kind, path, clearances.approach(pair), floor);
-            }
-            *reach = spare - against(pair, strayed);
+            self.look(k, pair, strayed, known)
         });
-        room.list_failed(pairs);
         if first {
-            self.counts.count(&room.verdicts);
+            self.counts.count(pairs.len(), &turning);
         }
+        room.list_failed(turning);
         room.stirred.fill(false);
         for (pair, ..) in &room.failed {
             for p in pair.corners {
@@ -335,6 +312,62 @@ impl Contact {
             }
         }
         self.room = room;
+    }
+
+    /// Certifies candidate `k`, whose points have `strayed` `[m]`, `[points]`.
+    fn look(&self, k: usize, pair: &Pair, strayed: &[DVec3], known: &mut Known) -> Option<Turning> {
+        let floor = self.settings.floor;
+        if known.extent >= floor {
+            let extent = extent(pair.kind, pair.places(&self.end), known.direction);
+            if extent >= floor {
+                return None;
+            }
+        }
+        let strayed = against(pair, strayed);
+        if known.reach > 0.0 && strayed <= known.reach {
+            return None;
+        }
+        let clearances = &self.clearances;
+        let approach = clearances.approach(pair);
+        let spare = clearances.at_start(clearances.budgets[k], pair) - approach - floor;
+        if spare > 0.0 {
+            known.reach = spare - strayed;
+            return None;
+        }
+        let path = Path {
+            from: pair.places(&self.start),
+            to: pair.places(&self.end),
+        };
+        let spare = least_gap(pair.kind, path.from) - approach - floor;
+        if spare > 0.0 {
+            known.reach = spare - strayed;
+            return None;
+        }
+        let spare = path.axes_gap(pair.kind) - floor;
+        let straight = if spare > 0.0 {
+            let direction = path.axis(pair.kind);
+            Ok(Straight { direction, spare })
+        } else {
+            certify_straight(pair.kind, path, floor)
+        };
+        match straight {
+            Ok(Straight { direction, spare }) => {
+                *known = Known {
+                    reach: spare - strayed,
+                    direction,
+                    extent: extent(pair.kind, path.from, direction),
+                };
+                None
+            }
+            Err(start) => {
+                known.reach = f64::NEG_INFINITY;
+                let floor = floor.min(start.distance * KEPT);
+                Some(match certify_turning(pair.kind, &path, floor, start) {
+                    Ok(()) => Turning::Halved,
+                    Err(approach) => Turning::Failed(*pair, approach, floor),
+                })
+            }
+        }
     }
 
     /// Pushes every pair that failed to a gap, one after the other. In `round` 0 friction acts.
@@ -419,23 +452,4 @@ impl Contact {
         }
         state.check_finite()
     }
-}
-
-/// Certificate of a pair that keeps at least `floor` `[m]`, or its gap at the start, and what it
-/// has to spare `[m]`. No two points of its sides come nearer by more than `approach` `[m]`.
-#[inline]
-fn judge(kind: Kind, path: Path, approach: f64, floor: f64) -> (Verdict, f64) {
-    let spare = (least_gap(kind, path.from) - approach).max(path.axes_gap(kind)) - floor;
-    if spare > 0.0 {
-        return (Verdict::Safe, spare);
-    }
-    if let Some(spare) = certify_straight(kind, path, floor) {
-        return (Verdict::Safe, spare);
-    }
-    let floor = floor.min(gap(kind, path.from).distance * KEPT);
-    let verdict = match certify(kind, path, floor) {
-        Ok(()) => Verdict::Halved,
-        Err(approach) => Verdict::Failed { approach, floor },
-    };
-    (verdict, f64::NEG_INFINITY)
 }

@@ -6,7 +6,8 @@
 pub struct DividedFrames {
     /// Such frames.
     pub frames: u64,
-    /// The most substeps that one took; 0 where there is none.
+    /// The most substeps that one would have taken, had all been as short as its shortest; 0 where
+    /// there is none.
     pub most_substeps: u32,
 }
 
