@@ -20,7 +20,7 @@ use selvedge_cloth::MotionError;
 use selvedge_cluster::{ClusterError, Shard};
 use selvedge_data::{
     Dataset, DatasetError, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged,
-    SceneSpecError, Split,
+    SceneSpecError, Split, StartSpec,
 };
 use selvedge_sim::{DividedFrames, Threads};
 use serde::Serialize;
@@ -41,6 +41,11 @@ pub enum GenerateError {
     Preset(#[from] SceneSpecError),
     #[error("motion {0:?} is not in the preset")]
     NoMotion(String),
+    #[error(
+        "the handles of {0:?} let go, which the trajectories of a data set do not keep: set \
+         random_cloths.ranges.released = 0, or train on the preset itself as teacher.scenes"
+    )]
+    Released(String),
     Motion(#[from] MotionError),
     Folder(#[from] FolderError),
     Dataset(#[from] DatasetError),
@@ -149,6 +154,7 @@ pub(crate) fn help(
     crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<(), GenerateError> {
+    check_releases(order.preset)?;
     let names = of_first::<Vec<(Split, String)>>(crew, &Vec::new())?;
     let jobs = jobs(order.preset, names)?;
     let rests = shared_rests(crew, Rests::new())?;
@@ -189,6 +195,7 @@ pub(crate) fn make_dataset(
         folder,
         part,
     } = order;
+    check_releases(preset)?;
     let plan = preset.plan()?;
     let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
     let mut writer = DatasetWriter::open_part(folder, plan, part)?;
@@ -220,6 +227,14 @@ pub(crate) fn make_dataset(
         generated.samples = writer.finish()?.index().statistics.samples;
     }
     Ok(generated)
+}
+
+/// Refuses handles that let go: a trajectory in a data set has all of them all the time.
+fn check_releases(preset: &DatasetPreset) -> Result<(), GenerateError> {
+    match preset.first_released() {
+        Some(motion) => Err(GenerateError::Released(motion.to_owned())),
+        None => Ok(()),
+    }
 }
 
 /// Makes what is missing, until an end is asked for, and says what that was.
@@ -261,18 +276,25 @@ fn jobs(preset: &DatasetPreset, missing: Vec<(Split, String)>) -> Result<Vec<Job
 /// Rest poses by cloth `[m]`, `[vertices]`.
 type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
 
-/// The rest pose of every cloth that the jobs have, until an end is asked for.
+/// The start of every cloth that the jobs have, until an end is asked for: its rest pose, or its
+/// mesh where it was drawn at random.
 fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests, GenerateError> {
     let mut rests = Rests::new();
     for job in jobs {
         if rests.contains_key(&job.cloth) {
             continue;
         }
-        let rest = physics::find_rest_pose(&job.scene.scene, reporter);
-        if reporter.is_stopped() {
-            break;
-        }
-        rests.insert(job.cloth.clone(), rest?.positions);
+        let start = match job.scene.spec.start {
+            StartSpec::Mesh => job.scene.scene.mesh.positions().to_vec(),
+            _ => {
+                let rest = physics::find_rest_pose(&job.scene.scene, reporter);
+                if reporter.is_stopped() {
+                    break;
+                }
+                rest?.positions
+            }
+        };
+        rests.insert(job.cloth.clone(), start);
     }
     Ok(rests)
 }

@@ -62,7 +62,7 @@ fn sides(polygon: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> {
     polygon.iter().copied().zip(next.copied())
 }
 
-fn polygon_area(polygon: &[DVec2]) -> f64 {
+pub(super) fn polygon_area(polygon: &[DVec2]) -> f64 {
     let fan = sides(polygon).map(|(a, b)| signed_area_2d(DVec2::ZERO, a, b));
     fan.sum()
 }

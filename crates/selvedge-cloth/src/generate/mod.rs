@@ -44,7 +44,7 @@ pub struct SheetSpec {
     pub vertices: usize,
     /// The unit of length of the shape `[m]`.
     pub size: f64,
-    /// Decides where the inner vertices lie.
+    /// Decides where the inner vertices lie, and the outline of a random shape.
     pub seed: u64,
 }
 
@@ -90,11 +90,12 @@ pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
 
 /// A sheet of any shape, placed as [`square`] is: flat in the plane x = 0, its highest point at y =
 /// 0, its middle at z = 0, u along z and normals (-1, 0, 0). The boundary comes first, clockwise
-/// from the upper left (of a disc at 135°, of a diamond the left corner), then holes, then the
+/// from the upper left (of a disc at 135°, of a diamond the left corner, of a random shape near
+/// 135°), then holes, then the
 /// inner vertices from top to bottom.
 ///
 /// Labels: `boundary` (holes included); `upper-corners` (left, then right) of every shape, of a
-/// disc the points at 135° and 45°; `upper-three` (left, middle, right) of `wide`, `diamond` and
+/// disc the points at 135° and 45°, of a random shape the corners near them, not level; `upper-three` (left, middle, right) of `wide`, `diamond` and
 /// `disc`; `upper-row` of `triangle`, 17 vertices evenly spaced from left to right; `upper-edge`
 /// where there is one; `lower-corners` of a sheet with four corners; `hole` where there is one.
 ///
@@ -108,7 +109,7 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
         let found = spec.vertices;
         return Err(GenerateError::TooManyVertices { found });
     }
-    let cut = spec.shape.cut(spec.vertices);
+    let cut = spec.shape.cut(spec.vertices, spec.seed);
     let flat = sheet_from_outline(&cut.loops, spec.vertices, spec.seed)?;
     let coordinates: Vec<DVec2> = flat.points.iter().map(|p| spec.size * *p).collect();
     let extent = spec.size * cut.extent;

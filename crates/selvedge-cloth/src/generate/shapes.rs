@@ -8,9 +8,12 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use glam::DVec2;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
-use super::boundary::spacing;
+use super::boundary::{polygon_area, spacing};
+use super::scatter::unit;
 
 /// The shape of a sheet. Lengths are in units of its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -33,11 +36,21 @@ pub enum Shape {
     LShape,
     /// 1 × 1 with a round hole of diameter 0.4 in its middle.
     Holed,
+    /// A polygon of area 0.7 with five to eight corners, each at its own distance from the middle,
+    /// which the seed decides.
+    Random,
 }
 
 /// Handles along the upper edge of a triangle.
 const TRIANGLE_HANDLES: usize = 17;
 const HOLE_RADIUS: f64 = 0.2;
+const RANDOM_AREA: f64 = 0.7;
+/// Directions between two corners of a random shape, from which a corner is at most
+/// [`RANDOM_SWAY`] away.
+const RANDOM_DIRECTIONS: usize = 16;
+const RANDOM_SWAY: usize = 3;
+/// Smallest distance of a corner from the middle, in parts of the largest.
+const RANDOM_NEAREST: f64 = 0.65;
 
 /// Vertices of the outer loop.
 #[derive(Clone, Debug)]
@@ -68,11 +81,12 @@ impl Shape {
             Self::Disc => PI / 4.0,
             Self::LShape => 0.75,
             Self::Holed => 1.0 - PI * HOLE_RADIUS * HOLE_RADIUS,
+            Self::Random => RANDOM_AREA,
         }
     }
 
-    /// The outline, for a mesh of `count` vertices.
-    pub(super) fn cut(self, count: usize) -> Cut {
+    /// The outline, for a mesh of `count` vertices; `seed` decides that of a random shape.
+    pub(super) fn cut(self, count: usize, seed: u64) -> Cut {
         match self {
             Self::Square => rectangle(1.0, 1.0),
             Self::Long => rectangle(1.0, 1.5),
@@ -82,6 +96,7 @@ impl Shape {
             Self::Disc => disc(count),
             Self::LShape => l_shape(),
             Self::Holed => holed(count),
+            Self::Random => random(seed),
         }
     }
 }
@@ -178,6 +193,36 @@ fn holed(count: usize) -> Cut {
     let hole = circle(DVec2::splat(0.5), HOLE_RADIUS, sides);
     cut.loops.push(hole);
     cut
+}
+
+/// A polygon that its middle sees all of; the first corner at its upper left.
+fn random(seed: u64) -> Cut {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // Stream 0 of the seed places the inner vertices.
+    rng.set_stream(1);
+    let corners = 5 + (rng.next_u32() % 4) as usize;
+    let directions = circle(DVec2::ZERO, 1.0, RANDOM_DIRECTIONS * corners);
+    let all = directions.len();
+    let points: Vec<DVec2> = (0..corners)
+        .map(|corner| {
+            let sway = rng.next_u32() as usize % (2 * RANDOM_SWAY + 1);
+            let direction = (all + RANDOM_DIRECTIONS * corner + sway - RANDOM_SWAY) % all;
+            let distance = RANDOM_NEAREST + (1.0 - RANDOM_NEAREST) * unit(&mut rng);
+            distance * directions[direction]
+        })
+        .collect();
+    // Clockwise loops have a negative area.
+    let scale = (RANDOM_AREA / -polygon_area(&points)).sqrt();
+    let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let points: Vec<DVec2> = points.iter().map(|p| scale * (*p - low)).collect();
+    let extent = points.iter().copied().fold(DVec2::ZERO, DVec2::max);
+    // A quarter of a turn on.
+    let right = (corners + 2) / 4;
+    Cut {
+        loops: vec![points],
+        labels: vec![("upper-corners", Label::Corners(vec![0, right]))],
+        extent,
+    }
 }
 
 impl Cut {

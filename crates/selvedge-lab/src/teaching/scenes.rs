@@ -1,12 +1,12 @@
 //! The scenes that a model learns to correct: those of data sets' motions to train on, in their
-//! rest poses.
+//! rest poses, or as their mesh hangs where the data set says so.
 
 use std::sync::Arc;
 
 use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, Scene, SceneError};
 use selvedge_corrected::cloth_graph;
-use selvedge_data::{DatasetPreset, SceneFileError, SceneSpecError, Setting, Split};
+use selvedge_data::{DatasetPreset, SceneFileError, SceneSpecError, Setting, Split, StartSpec};
 use selvedge_model::{ClothGraph, Domain, GraphError, ModelSpec};
 use thiserror::Error;
 
@@ -38,17 +38,18 @@ pub struct TeachingScenes {
     pub(super) domain: Option<Domain>,
 }
 
-/// A scene whose cloth hangs in its rest pose.
+/// A scene with the cloth where it starts.
 pub(super) struct TeachingScene {
     pub(super) scene: Scene,
     pub(super) graph: Arc<ClothGraph>,
-    /// Positions at rest `[m]`, `[vertices]`.
+    /// Positions at the start `[m]`, `[vertices]`.
     pub(super) rest: Arc<Vec<DVec3>>,
 }
 
-/// A cloth in its rest pose.
+/// A cloth where it starts.
 struct Hanging {
     setting: Setting,
+    start: StartSpec,
     graph: Arc<ClothGraph>,
     rest: Arc<Vec<DVec3>>,
 }
@@ -75,15 +76,18 @@ impl TeachingScenes {
             }
             for motion in preset.motions(Split::Train) {
                 let loaded = preset.scene(motion)?;
-                let (setting, scene) = (loaded.spec.setting, loaded.scene);
+                let (setting, start) = (loaded.spec.setting, loaded.spec.start);
+                let scene = loaded.scene;
                 let frames = scene.frame_count().map_err(SceneError::from)?;
                 let its = Domain::of_scene(&scene, frames).map_err(SceneError::from)?;
                 Domain::widen(&mut domain, its);
-                let place = known.iter().position(|cloth| cloth.setting == setting);
+                let place = known
+                    .iter()
+                    .position(|cloth| cloth.setting == setting && cloth.start == start);
                 let place = match place {
                     Some(place) => place,
                     None => {
-                        match hanging(setting, &scene, spec, &reporter) {
+                        match hanging((setting, start), &scene, spec, &reporter) {
                             Err(_) if reporter.is_stopped() => return Ok(None),
                             cloth => known.push(cloth?),
                         }
@@ -103,12 +107,15 @@ impl TeachingScenes {
 }
 
 fn hanging(
-    setting: Setting,
+    (setting, start): (Setting, StartSpec),
     scene: &Scene,
     spec: &ModelSpec,
     reporter: &Reporter<'_>,
 ) -> Result<Hanging, TeachingScenesError> {
-    let rest = physics::find_rest_pose(scene, reporter)?.positions;
+    let rest = match start {
+        StartSpec::Mesh => scene.mesh.positions().to_vec(),
+        _ => physics::find_rest_pose(scene, reporter)?.positions,
+    };
     let name = || scene.name.clone();
     let cloth = Cloth::of_scene(scene, physics::rounded(&rest)).map_err(|source| {
         let scene = name();
@@ -120,6 +127,7 @@ fn hanging(
     })?;
     Ok(Hanging {
         setting,
+        start,
         graph: Arc::new(graph.for_spec(spec)),
         rest: Arc::new(rest),
     })

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::quality;
 use crate::generate::*;
 
-const SHAPES: [Shape; 8] = [
+const SHAPES: [Shape; 9] = [
     Shape::Square,
     Shape::Long,
     Shape::Wide,
@@ -16,6 +16,7 @@ const SHAPES: [Shape; 8] = [
     Shape::Disc,
     Shape::LShape,
     Shape::Holed,
+    Shape::Random,
 ];
 
 fn of(shape: Shape, vertices: usize) -> Sheet {
@@ -95,6 +96,10 @@ fn labels_are_where_they_say() {
         let [left, right] = corners[..] else {
             panic!("{shape:?}: two corners");
         };
+        if shape == Shape::Random {
+            assert!(left.z < right.z, "{left} {right}");
+            continue;
+        }
         // Level, left before right, and in the middle.
         assert!((left.y - right.y).abs() < 1e-14, "{shape:?}");
         assert!(
@@ -129,6 +134,32 @@ fn labels_are_where_they_say() {
         let place = triangle.mesh.positions()[vertex as usize];
         assert_eq!(place, DVec3::new(0.0, 0.0, k as f64 / 16.0 - 0.5));
     }
+}
+
+#[test]
+fn random_outlines_are_decided_by_the_seed_and_well_formed() {
+    let random = |seed| {
+        let spec = SheetSpec {
+            shape: Shape::Random,
+            vertices: 300,
+            size: 1.0,
+            seed,
+        };
+        sheet(&spec).unwrap()
+    };
+    assert_eq!(random(3), random(3));
+    let mut counts = std::collections::BTreeSet::new();
+    for seed in 0..40 {
+        let sheet = random(seed);
+        let area: f64 = sheet.mesh.rest_shape(1.0).face_area.iter().sum();
+        assert!((area - 0.7).abs() < 1e-12, "{seed}: {area}");
+        let (angle, shortest, longest, _) = quality(&sheet.mesh);
+        let found = format!("{seed}: {angle}° {shortest} {longest}");
+        assert!(angle > 20.0, "{found}");
+        assert!(shortest > 0.4 && longest < 2.0, "{found}");
+        counts.insert(sheet.labels["boundary"].len());
+    }
+    assert!(counts.len() > 3, "{counts:?}");
 }
 
 #[test]

@@ -49,6 +49,7 @@ impl NamedCloth {
             name: sheet.name.to_owned(),
             mesh,
             handles: handles.unwrap_or_default(),
+            drawn: None,
         };
         Ok((cloth, built.mesh))
     }
@@ -131,6 +132,7 @@ impl ClothFile {
             name: self.name,
             mesh,
             handles: selected.vertices,
+            drawn: None,
         };
         Ok((cloth, sheet.mesh))
     }
