@@ -62,6 +62,7 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
     "fine-400",
     "few-400",
     "converged-400",
+    "broad",
 );
 
 /// Models by their names, in the files that `selvedge train` writes; first the one that

@@ -7,7 +7,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,8 @@ const APART: f64 = 0.6;
 const TAUT: f64 = 1.0 + 1e-9;
 /// Times that displacements are drawn nearer together before the handles stay where they are.
 const TRIES: usize = 20;
+/// Shortest horizontal line of handles that is turned, in parts of the cloth's size.
+const LEAST_LINE: f64 = 0.1;
 /// Poisson's ratios of isotropic sheets.
 const POISSON: [f64; 2] = [0.1, 0.4];
 /// Periods of gusts `[s]`.
@@ -311,10 +313,7 @@ impl Draws {
 
     fn air(&mut self, ranges: &ClothRanges) -> Environment {
         let (direction, speed) = (self.direction(), self.uniform([0.0, ranges.wind]));
-        let (gusts, period) = (
-            self.uniform([0.0, ranges.gusts]),
-            self.uniform(GUST_PERIOD),
-        );
+        let (gusts, period) = (self.uniform([0.0, ranges.gusts]), self.uniform(GUST_PERIOD));
         let seed = u64::from(self.0.next_u32());
         let (is_windy, is_gusty) = (self.is(0.5), self.is(0.5));
         let gust = Gust {
@@ -333,13 +332,7 @@ impl Draws {
     }
 
     /// All handles together, in moves and turns; or groups of them apart, by keyframes.
-    fn motion(
-        &mut self,
-        ranges: &ClothRanges,
-        start: &[DVec3],
-        size: f64,
-        number: u32,
-    ) -> Motion {
+    fn motion(&mut self, ranges: &ClothRanges, start: &[DVec3], size: f64, number: u32) -> Motion {
         let seed = u64::from(self.0.next_u32());
         let is_apart = self.is(0.5);
         match start.len() {
@@ -347,7 +340,7 @@ impl Draws {
                 blocks: vec![Block::still(whole_frames(ranges.duration))],
             },
             2.. if is_apart => Motion::Keyframes(self.apart(ranges, start, size)),
-            handles => {
+            _ => {
                 let random = RandomMotion {
                     seed,
                     number: u64::from(number),
@@ -355,8 +348,11 @@ impl Draws {
                     speed: ranges.speed,
                 };
                 let mut motion = random.motion();
-                if let (1, Motion::Blocks { blocks }) = (handles, &mut motion) {
-                    // One handle has no line to turn about.
+                // A turn is about a vertical axis through the line from the first to the last.
+                let [first, last] = [start[0], start[start.len() - 1]].map(|place| place.xz());
+                if let Motion::Blocks { blocks } = &mut motion
+                    && first.distance(last) < LEAST_LINE * size
+                {
                     blocks.iter_mut().for_each(|block| block.rotation = None);
                 }
                 motion
@@ -412,7 +408,9 @@ impl Draws {
                     *displacement = together + *own;
                 }
                 let way = displacements.iter().zip(&before);
-                let is_slow = way.into_iter().all(|(to, from)| to.distance(*from) <= farthest);
+                let is_slow = way
+                    .into_iter()
+                    .all(|(to, from)| to.distance(*from) <= farthest);
                 found = is_slow && is_loose(start, &owner, &displacements);
                 if found {
                     break;

@@ -62,7 +62,8 @@ mod trajectory;
 pub use dataset::merge::{DatasetParts, Merged};
 pub use dataset::plan::DatasetPlan;
 pub use dataset::preset::{
-    DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
+    DatasetConfig, DatasetPreset, DrawnSetting, Forecast, NamedCloth, NamedMotion, PlannedRun,
+    shipped_presets,
 };
 pub use dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};

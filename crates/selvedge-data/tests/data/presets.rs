@@ -7,7 +7,7 @@ use selvedge_cloth::generate::named_sheets;
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{PhysicsMode, PhysicsSettings};
 use selvedge_data::{
-    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, shipped_presets,
+    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, StartSpec, shipped_presets,
 };
 
 /// A preset with these lists, sections, frame rate and own motions.
@@ -77,7 +77,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400, converged-400"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400, converged-400, broad"
     );
 }
 
@@ -405,4 +405,118 @@ fn every_trajectory_has_obstacles_of_its_own_drawn_from_the_seed() {
         let error = parse(&text.replace(from, to)).unwrap_err();
         assert!(error.contains(named), "{named}: {error}");
     }
+}
+
+/// A table of random cloths, with `changed` in its text.
+fn random_cloths(changed: (&str, &str)) -> Result<DatasetPreset, String> {
+    let table = "[random_cloths]\ntrain = 12\ntest = 3\nseed = 4\n\
+        materials = [\"gray-interlock\", \"camel-ponte-roma\"]\n\
+        [random_cloths.ranges]\nshapes = [\"square\", \"random\"]\nvertices = [40, 60]\n\
+        size = [0.5, 1.5]\nstiffness = [0.1, 10.0]\ndensity = [0.5, 2.0]\nisotropic = 0.2\n\
+        handles = [0, 6]\nreleased = 0.5\nspeed = 2.0\nwind = 8.0\ngusts = 2.0\nduration = 2.0";
+    let table = table.replacen(changed.0, changed.1, 1);
+    preset("train = []\ntest = []", "whole", "60", &table)
+}
+
+#[test]
+fn random_cloths_are_scenes_of_their_own_that_the_configuration_keeps() {
+    let preset = random_cloths(("", "")).unwrap();
+    let names = |split| {
+        preset
+            .motions(split)
+            .iter()
+            .map(|motion| motion.name.as_str())
+    };
+    assert_eq!(names(Split::Train).count(), 12);
+    assert_eq!(names(Split::Train).next(), Some("drawn-0"));
+    assert_eq!(
+        names(Split::Test).collect::<Vec<_>>(),
+        ["unseen-0", "unseen-1", "unseen-2"]
+    );
+    let mut materials = std::collections::BTreeSet::new();
+    let mut let_go = Vec::new();
+    for motion in [Split::Train, Split::Test]
+        .map(|split| preset.motions(split))
+        .concat()
+    {
+        let loaded = preset.scene(&motion).unwrap();
+        assert_eq!(loaded.spec.start, StartSpec::Mesh, "{}", motion.name);
+        assert!((40..=60).contains(&loaded.scene.mesh.topology().vertex_count()));
+        materials.insert(format!("{:?}", loaded.scene.material));
+        if !loaded.scene.schedule.is_empty() {
+            let_go.push(motion.name.clone());
+        }
+        // The trajectory's own scene is the same again.
+        let json = loaded.spec.to_json().unwrap();
+        let again = selvedge_data::SceneSpec::from_json(&json).unwrap();
+        assert_eq!(again.build(Path::new("")).unwrap(), loaded.scene);
+    }
+    assert_eq!(materials.len(), 15);
+    assert!(!let_go.is_empty() && let_go.len() < 12, "{let_go:?}");
+    assert_eq!(preset.first_released(), Some(let_go[0].as_str()));
+    let held = random_cloths(("released = 0.5", "released = 0.0")).unwrap();
+    assert_eq!(held.first_released(), None);
+    let kept: DatasetConfig =
+        serde_json::from_str(&preset.plan().unwrap().config.to_string()).unwrap();
+    assert_eq!(&kept, preset.config());
+    assert_eq!(random_cloths(("", "")).unwrap(), preset);
+    assert_ne!(
+        random_cloths(("seed = 4", "seed = 5")).unwrap().config(),
+        preset.config()
+    );
+}
+
+#[test]
+fn mistakes_in_random_cloths_are_named() {
+    for (changed, expected) in [
+        (
+            ("train = 12", "train = 20000"),
+            "random_cloths.train: must be at most 10000",
+        ),
+        (("\"random\"", "\"round\""), "unknown variant `round`"),
+        (
+            ("[40, 60]", "[60, 40]"),
+            "random_cloths.ranges: vertices must be",
+        ),
+        (
+            ("speed = 2.0", "speed = -2.0"),
+            "random_cloths.ranges: speed must be",
+        ),
+        (("wind = 8.0\n", ""), "missing field `wind`"),
+        (
+            ("\"gray-interlock\"", "\"tweed\""),
+            "material: \"tweed\" is neither",
+        ),
+        (
+            ("[\"gray-interlock\", \"camel-ponte-roma\"]", "[]"),
+            "random_cloths: materials must be",
+        ),
+        (
+            (
+                "[random_cloths]",
+                "[[cloths]]\nname = \"drawn-3\"\nhandles = { label = \"upper-corners\" }\nmesh = { generator = { kind = \"square\", vertices = 36, size = 1.0, seed = 1 } }\n[random_cloths]",
+            ),
+            "cloths.name: \"drawn-3\" is the name of a drawn cloth",
+        ),
+    ] {
+        let error = random_cloths(changed).unwrap_err();
+        assert!(error.contains(expected), "{error} lacks {expected}");
+    }
+}
+
+#[test]
+fn the_broad_preset_holds_fabrics_and_shapes_apart() {
+    let broad = DatasetPreset::open("broad").unwrap();
+    let counts = [Split::Train, Split::Test].map(|split| broad.motions(split).len());
+    assert_eq!(counts, [256, 16]);
+    for cloth in &broad.config().cloths {
+        let drawn = cloth.drawn.as_ref().unwrap();
+        let fabric = &drawn.material.name;
+        let known = ["gray-interlock", "camel-ponte-roma"];
+        assert!(
+            known.iter().any(|known| fabric.starts_with(known)),
+            "{fabric}"
+        );
+    }
+    assert!(broad.first_released().is_some());
 }

@@ -220,7 +220,10 @@ impl DatasetPreset {
         }
         for one in drawn {
             if cloths.iter().any(|(other, _)| other.name == one.cloth.name) {
-                let problem = format!("{:?} is the name of a drawn cloth: rename it", one.cloth.name);
+                let problem = format!(
+                    "{:?} is the name of a drawn cloth: rename it",
+                    one.cloth.name
+                );
                 return Err(field("cloths.name", problem));
             }
             config.cloths.push(one.cloth.clone());
