@@ -437,3 +437,25 @@ pub fn open(folder: &Path) -> Result<Dataset, OpenDatasetError> {
         other => Ok(other?),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A trajectory does not say which handles hold.
+    #[test]
+    fn handles_that_let_go_are_refused_before_anything_is_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let preset = DatasetPreset::open("broad").unwrap();
+        let order = Order {
+            preset: &preset,
+            folder: &folder.path().join("broad"),
+            part: None,
+        };
+        let crew = Crew::of_threads(Some(1));
+        let error = generate(order, &crew, &mut |_| ControlFlow::Continue(())).unwrap_err();
+        assert!(matches!(error, GenerateError::Released(_)), "{error}");
+        assert!(error.to_string().contains("released = 0"), "{error}");
+        assert!(!order.folder.exists());
+    }
+}

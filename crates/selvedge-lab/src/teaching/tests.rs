@@ -171,3 +171,60 @@ fn a_preset_that_is_not_there_is_named() {
     assert!(error.starts_with("teacher.scenes: "), "{error}");
     assert!(error.contains("nowhere"), "{error}");
 }
+
+const DRAWN: &str = r#"
+name = "drawn"
+sections = "whole"
+train = []
+test = []
+[setting]
+material = "gray-interlock"
+mesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }
+handles = { label = "upper-corners" }
+[random_cloths]
+train = 12
+seed = 1
+materials = ["gray-interlock"]
+[random_cloths.ranges]
+shapes = ["square", "random"]
+vertices = [36, 48]
+size = [0.8, 1.0]
+stiffness = [0.5, 2.0]
+density = [0.5, 2.0]
+isotropic = 0.2
+handles = [2, 6]
+released = 1.0
+speed = 1.0
+wind = 4.0
+gusts = 1.0
+duration = 2.0
+"#;
+
+/// Cloths that are drawn start as their meshes hang, and the samples say which handles are let go.
+#[test]
+fn drawn_cloths_teach_with_handles_that_let_go() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drawn.toml");
+    std::fs::write(&path, DRAWN).unwrap();
+    let names = [path.to_str().unwrap().to_owned()];
+    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
+    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let scenes = opened.unwrap().unwrap();
+    assert_eq!(scenes.scenes.len(), 12);
+    for taught in &scenes.scenes {
+        assert_eq!(taught.rest.as_slice(), taught.scene.mesh.positions());
+    }
+    let mut cfg = config();
+    cfg.samples.lead = 120;
+    let mut teaching = Teaching::new(scenes, cfg, 0);
+    let model = model();
+    let (mut held, mut free) = (0, 0);
+    for _ in 0..60 {
+        for sample in teaching.samples(Some(&model), 3).unwrap().unwrap() {
+            assert!(sample.target.iter().all(|x| x.is_finite()));
+            let handles = sample.free.iter().filter(|free| !**free).count();
+            if handles < 2 { free += 1 } else { held += 1 }
+        }
+    }
+    assert!(held > 60 && free > 10, "{held} held, {free} free");
+}
