@@ -95,6 +95,7 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "rp-without-physics",
     "rp-gru10-better",
     "corrected",
+    "general-pure",
 );
 
 /// Studies.

@@ -109,11 +109,10 @@ pub use network::{
 pub use network::{reference, roofline};
 pub use rollout::{
     CorrectionError, CorrectionNetwork, Corrector, Familiarity, LearnedStepper, LocalAcceleration,
-    MODEL_FORMAT, MOST_DEVIATIONS, Model, ModelError, ModelFileError, NoBase, NonFinite,
-    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, cut,
-    opening_frames, target_acceleration,
+    MODEL_FORMAT, Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError,
+    TwoFrames, WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, ModelSpec,
-    NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, MOST_DEVIATIONS,
+    ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
 };

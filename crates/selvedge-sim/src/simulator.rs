@@ -263,6 +263,31 @@ impl Simulator {
         Ok(())
     }
 
+    /// Goes on from other positions `[m]` and velocities `[m/s]`, `[vertices]`, at the same frame
+    /// of the same run: handles hold as they do, those that took hold again from where they did so.
+    /// The next substep starts anew.
+    ///
+    /// # Errors
+    /// As for [`Self::resume`]; the cloth is left as it was.
+    pub fn take_state(
+        &mut self,
+        positions: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), SimulatorError> {
+        let vertices = self.rounded.len();
+        check_state("positions", "position", positions, vertices)?;
+        check_state("velocities", "velocity", velocities, vertices)?;
+        self.check_meeting(self.frame, positions)?;
+        self.state.positions.copy_from_slice(positions);
+        self.state.velocities.copy_from_slice(velocities);
+        self.active.system.forget_changes();
+        self.history.forget();
+        self.forget_touches();
+        self.undo = None;
+        self.round();
+        Ok(())
+    }
+
     /// Replaces the newest positions `[m]` and velocities `[m/s]`, `[vertices]`. The state one
     /// substep ago takes its part of the change, as if that had grown evenly over the frame, so
     /// that the next substep does not take the change for motion.

@@ -12,7 +12,7 @@ use selvedge_model::{
     ClothGraph, CorrectionColumns, Corrector, HalfTurns, Model, MotionState, PhysicsBase,
     PredictedFrame, Stiffness,
 };
-use selvedge_sim::{Simulator, Threads};
+use selvedge_sim::{Simulator, SimulatorError, Threads};
 use selvedge_train::{CorrectionConfig, CorrectionSample};
 
 use super::scenes::{TeachingScene, TeachingScenes};
@@ -58,6 +58,8 @@ struct Run {
     base: PhysicsBase,
     /// Solves of the teacher per frame.
     teaching: u32,
+    /// Mean distance from the teacher after one frame of the model at which a run ends `[m]`.
+    farthest: Option<f64>,
     held: Vec<bool>,
     now: FrameState,
     before: Option<FrameState>,
@@ -178,6 +180,7 @@ impl Run {
             stop: stop.clone(),
             base,
             teaching: teacher.substeps,
+            farthest: cfg.samples.farthest,
             held: graph.handle_mask().to_vec(),
             path,
             now,
@@ -221,7 +224,11 @@ impl Run {
             positions,
             velocities,
         } = &self.now;
-        self.teacher.resume(frame, positions, velocities)?;
+        match self.teacher.take_state(positions, velocities) {
+            // The teacher has no frame for a cloth that passes through itself or a body.
+            Err(SimulatorError::Intersections { .. }) => return Ok(None),
+            taken => taken?,
+        }
         let targets = self.path.targets(frame, self.base.substeps as usize)?;
         let finely = self.path.targets(frame, self.teaching as usize)?;
         for (handle, vertex) in scene.scene.handles.vertices().iter().enumerate() {
@@ -240,9 +247,7 @@ impl Run {
             Some(model) => self.corrected(scene, model, predicted)?,
             None => state_of(&self.teacher),
         };
-        let truth = self.teacher.positions_f64().iter();
-        let near = |(p, q): (&DVec3, &DVec3)| p.distance(*q) < ASTRAY;
-        if !next.positions.iter().zip(truth).all(near)
+        if self.is_astray(&next.positions)
             || self
                 .cheap
                 .correct(&next.positions, &next.velocities)
@@ -252,6 +257,25 @@ impl Run {
         }
         self.before = Some(std::mem::replace(&mut self.now, next));
         Ok(Some(sample))
+    }
+
+    /// Returns true where the cloth at `next` `[m]`, `[vertices]`, is too far from the teacher's
+    /// frame to go on: a vertex is, or after a frame of the model the mean over those that no
+    /// handle holds.
+    fn is_astray(&self, next: &[DVec3]) -> bool {
+        let pairs = || next.iter().zip(self.teacher.positions_f64());
+        let near = |(p, q): (&DVec3, &DVec3)| p.distance(*q) < ASTRAY;
+        if !pairs().all(near) {
+            return true;
+        }
+        let Some(farthest) = self.farthest.filter(|_| self.follows_model) else {
+            return false;
+        };
+        let free = pairs().zip(&self.held).filter(|(_, held)| !**held);
+        let (sum, count) = free.fold((0.0, 0_u32), |(sum, count), ((p, q), _)| {
+            (sum + p.distance(*q), count + 1)
+        });
+        sum > farthest * f64::from(count)
     }
 
     /// The sample of the cheap frame `predicted`, in columns of the cloth turned by `turns`.
@@ -326,7 +350,7 @@ fn simulator(
 ) -> Result<Simulator, Problem> {
     let scene = base_scene(scene, base);
     let made = Simulator::with_state(&scene, state.positions, state.velocities)?;
-    let mut made = made.at_frame(frame);
+    let mut made = made.taken_up_at(frame)?;
     made.set_threads(Threads::One);
     made.stop_by(stop.clone());
     Ok(made)

@@ -228,3 +228,80 @@ fn drawn_cloths_teach_with_handles_that_let_go() {
     }
     assert!(held > 60 && free > 10, "{held} held, {free} free");
 }
+
+/// The tiny scenes with handles that let go and take hold again, and once more.
+fn letting_go() -> TeachingScenes {
+    let mut scenes = scenes();
+    for taught in &mut scenes.scenes {
+        let release = |handles: Vec<usize>, from: f64, to: f64| selvedge_cloth::Release {
+            handles,
+            from,
+            to: Some(to),
+        };
+        taught.scene.schedule.releases = vec![
+            release(vec![0], 0.15, 0.3),
+            release(vec![0, 1], 0.45, 0.5),
+            release(vec![1], 0.75, 1.0),
+        ];
+    }
+    scenes
+}
+
+/// A teacher of the same physics as the base has nothing to add, wherever a run begins and whoever
+/// holds: both hold the same vertices, and lead them from where they were taken.
+#[test]
+fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() {
+    let mut cfg = config();
+    cfg.teacher.substeps = 2;
+    cfg.samples.cloths = 8;
+    cfg.samples.frames = 40;
+    let base = cfg.model.base.as_mut().unwrap();
+    (base.substeps, base.forgets) = (2, true);
+    let mut teaching = Teaching::new(letting_go(), cfg, 0);
+    let mut held = [0; 3];
+    for _ in 0..50 {
+        for sample in teaching.samples(None, 1).unwrap().unwrap() {
+            held[sample.free.iter().filter(|free| !**free).count()] += 1;
+            let most = sample
+                .target
+                .iter()
+                .fold(0.0_f32, |most, x| most.max(x.abs()));
+            assert!(most < 1e-7, "{most}");
+        }
+    }
+    assert!(held.iter().all(|samples| *samples > 5), "{held:?}");
+    assert_eq!(teaching.gone_astray(), 0);
+}
+
+/// A run of the model's own frames ends where it is too far from the teacher's, and only there.
+#[test]
+fn a_run_of_own_frames_ends_where_it_is_farther_than_wanted() {
+    let mut cfg = config();
+    cfg.samples.frames = 40;
+    let base = cfg.model.base.as_mut().unwrap();
+    base.integrator = selvedge_cloth::Integrator::FreeFlight;
+    let spec = cfg.model.clone();
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let network = Network::new(&spec).unwrap();
+    let weights = network.initialise(&mut || rng.random::<f64>());
+    let normalizers = model().normalizers().clone();
+    let model = Model::new(&spec, weights, normalizers, String::new()).unwrap();
+    let model = Arc::new(model);
+    let astray = |farthest: Option<f64>, model: Option<&Arc<Model>>| {
+        let mut cfg = cfg.clone();
+        cfg.samples.farthest = farthest;
+        let mut teaching = Teaching::new(scenes(), cfg, 0);
+        (0..30).for_each(|_| {
+            teaching.samples(model, 8).unwrap();
+        });
+        teaching.gone_astray()
+    };
+    // The model leaves the cloth to its fall, which is 1.4 mm a frame.
+    let fallen = astray(Some(5e-4), Some(&model));
+    let kept = astray(Some(0.02), Some(&model));
+    assert!(fallen > 5, "{fallen}");
+    assert_eq!(kept, astray(None, Some(&model)));
+    assert!(kept < fallen, "{kept} {fallen}");
+    // Frames of the teacher are as far as they may be.
+    assert_eq!(astray(Some(1e-9), None), 0);
+}

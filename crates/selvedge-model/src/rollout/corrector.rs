@@ -2,7 +2,8 @@
 //! the network, and its corrections of positions and velocities.
 //!
 //! Where the input is unlike what the model was trained on, its corrections fade to nothing, and
-//! the frame stays the physics' own.
+//! the frame stays the physics' own. Those of free flight are whole: they are all forces that there
+//! are.
 
 use std::sync::Arc;
 
@@ -23,8 +24,6 @@ use crate::spec::PhysicsBase;
 const FAMILIAR: f32 = 6.0;
 /// Deviations beyond which a column counts as never seen.
 const UNLIKE: f32 = 12.0;
-/// Deviations to which inputs and outputs are cut, in training and in use.
-pub const MOST_DEVIATIONS: f32 = 10.0;
 
 /// A model that moves cloth by itself where one that corrects physics is needed.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
@@ -54,6 +53,7 @@ pub struct CorrectionError(pub String);
 /// A model that corrects the frames of one cloth.
 pub struct Corrector {
     model: Arc<Model>,
+    base: PhysicsBase,
     graph: ClothGraph,
     columns: CorrectionColumns,
     weights: PackedWeights<f32>,
@@ -61,7 +61,7 @@ pub struct Corrector {
     /// The network on another machine, if it does not run here.
     elsewhere: Option<Box<dyn CorrectionNetwork>>,
     rows: Vec<f32>,
-    /// Part of the correction that each vertex gets, `[vertices]`.
+    /// Part of the correction that each vertex gets but in free flight, `[vertices]`.
     shares: Vec<f32>,
 }
 
@@ -92,9 +92,7 @@ impl Corrector {
         graph: ClothGraph,
         stiffness: impl Fn(FaceId) -> Stiffness,
     ) -> Result<Self, NoBase> {
-        if model.spec().base.is_none() {
-            return Err(NoBase);
-        }
+        let base = model.spec().base.ok_or(NoBase)?;
         let graph = graph.for_spec(model.spec());
         let columns = CorrectionColumns::of_faces(
             &graph,
@@ -111,6 +109,7 @@ impl Corrector {
             rows: Vec::new(),
             shares: vec![1.0; graph.vertex_count()],
             model,
+            base,
             graph,
         })
     }
@@ -165,11 +164,9 @@ impl Corrector {
     }
 
     /// The physics that the model corrects.
-    ///
-    /// # Errors
-    /// [`NoBase`], which [`Self::new`] has refused.
-    pub fn base(&self) -> Result<PhysicsBase, NoBase> {
-        self.model.spec().base.ok_or(NoBase)
+    #[must_use]
+    pub fn base(&self) -> PhysicsBase {
+        self.base
     }
 
     /// Corrects `positions` `[m]` and `velocities` `[m/s]`, `[vertices]` each, which begin as the
@@ -192,17 +189,22 @@ impl Corrector {
         normalizers.nodes.normalize(&mut columns.nodes);
         normalizers.edges.normalize(&mut columns.arcs);
         find_shares(&self.graph, columns, &mut self.shares);
-        cut(&mut columns.nodes);
-        cut(&mut columns.arcs);
+        let most = self.base.most_deviations();
+        cut(&mut columns.nodes, most);
+        cut(&mut columns.arcs, most);
         self.run_network()?;
-        cut(&mut self.rows);
+        if let Some(most) = self.base.most_corrected() {
+            cut(&mut self.rows, most);
+        }
+        let flies = self.base.flies();
         let normalizers = self.model.normalizers();
         normalizers.acceleration.denormalize(&mut self.rows);
         let mut result = Familiarity::default();
         let rows = self.rows.as_chunks_mut::<6>().0.iter_mut();
         for ((row, &share), &held) in rows.zip(&self.shares).zip(frame.held) {
+            let given = if flies { 1.0 } else { share };
             // What is dropped need not be a number.
-            let part = |x: f32| if share == 0.0 || held { 0.0 } else { share * x };
+            let part = |x: f32| if given == 0.0 || held { 0.0 } else { given * x };
             row.iter_mut().for_each(|x| *x = part(*x));
             let moved = row[..3].iter().map(|x| x * x).sum::<f32>().sqrt();
             result.largest = result.largest.max(moved.into());
@@ -255,10 +257,10 @@ fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f3
     }
 }
 
-/// Cuts normalised values to what training shows.
-pub fn cut(rows: &mut [f32]) {
+/// Cuts normalised values to `most` deviations, as training shows them.
+pub fn cut(rows: &mut [f32], most: f32) {
     for value in rows {
-        *value = value.clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS);
+        *value = value.clamp(-most, most);
     }
 }
 

@@ -216,6 +216,16 @@ impl System {
         self.elements.set_environment(environment);
     }
 
+    /// Gravity of the solves that follow `[m/s²]`.
+    pub(crate) fn gravity(&self) -> DVec3 {
+        self.elements.gravity()
+    }
+
+    /// The vertices of the active handles, in the order of their targets.
+    pub(crate) fn held(&self) -> &[VertexId] {
+        self.handles.vertices()
+    }
+
     /// Vertices that are unknowns.
     pub(crate) fn unknown_vertices(&self) -> &[u32] {
         self.pattern.vertices()

@@ -76,6 +76,11 @@ pub struct SampleConfig {
     pub lead: usize,
     /// Frames of a motion that give samples, at most.
     pub frames: usize,
+    /// Mean distance from the teacher's frame, over the vertices that no handle holds, after one
+    /// frame of the model, at which a run of its own frames ends `[m]`: what a run that diverges
+    /// shows is not learned from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub farthest: Option<f64>,
 }
 
 impl Default for SampleConfig {
@@ -87,6 +92,7 @@ impl Default for SampleConfig {
             statistics: 400,
             lead: 300,
             frames: 300,
+            farthest: None,
         }
     }
 }
@@ -159,6 +165,9 @@ impl SampleConfig {
         let enough = self.kept >= self.statistics;
         let expected = "at least samples.statistics";
         check::require(enough, "samples.kept", expected, self.kept as f64)?;
+        if let Some(farthest) = self.farthest {
+            check::positive("samples.farthest", farthest)?;
+        }
         check::positive("samples.uses", self.uses)
     }
 }
@@ -171,12 +180,13 @@ mod tests {
     fn wrong_values_name_their_key() {
         let frames = |frames| crate::schedule::UnrollFrames::Constant { frames };
         type Edit = fn(&mut super::CorrectionConfig);
-        let edits: [(&str, Edit); 6] = [
+        let edits: [(&str, Edit); 7] = [
             ("teacher.substeps", |cfg| cfg.teacher.substeps = 0),
             ("teacher.scenes", |cfg| cfg.teacher.scenes.clear()),
             ("samples.cloths", |cfg| cfg.samples.cloths = 0),
             ("samples.kept", |cfg| cfg.samples.kept = 3),
             ("samples.uses", |cfg| cfg.samples.uses = 0.0),
+            ("samples.farthest", |cfg| cfg.samples.farthest = Some(0.0)),
             ("model.base", |cfg| {
                 cfg.model.base.as_mut().unwrap().substeps = 0
             }),

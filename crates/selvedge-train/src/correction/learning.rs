@@ -2,8 +2,8 @@
 
 use selvedge_cloth::Stop;
 use selvedge_model::{
-    Carried, EncoderState, Gradients, Input, Network, Normalizers, PackedWeights, Pass, Workspace,
-    cut,
+    Carried, EncoderState, Gradients, Input, MOST_DEVIATIONS, Network, Normalizers, PackedWeights,
+    Pass, Workspace, cut,
 };
 
 use super::store::CorrectionSample;
@@ -59,7 +59,7 @@ impl Desk {
         if self.stop.is_wanted() {
             return 0.0;
         }
-        self.put(lesson.normalizers, sample);
+        self.put(lesson, sample);
         let graph = sample.graph.connectivity();
         let state = EncoderState::new();
         let carried = Carried {
@@ -108,16 +108,33 @@ impl Desk {
         loss
     }
 
-    fn put(&mut self, normalizers: &Normalizers, sample: &CorrectionSample) {
-        for (to, from, normalizer) in [
-            (&mut self.nodes, &sample.nodes, &normalizers.nodes),
-            (&mut self.arcs, &sample.arcs, &normalizers.edges),
-            (&mut self.target, &sample.target, &normalizers.acceleration),
+    /// Puts the columns and the target of `sample` in deviations, cut as in use.
+    fn put(&mut self, lesson: Lesson<'_>, sample: &CorrectionSample) {
+        let normalizers = lesson.normalizers;
+        let base = lesson.network.spec().base;
+        let most = base.map_or(MOST_DEVIATIONS, |base| base.most_deviations());
+        let most_corrected = base.and_then(|base| base.most_corrected());
+        for (to, from, normalizer, most) in [
+            (
+                &mut self.nodes,
+                &sample.nodes,
+                &normalizers.nodes,
+                Some(most),
+            ),
+            (&mut self.arcs, &sample.arcs, &normalizers.edges, Some(most)),
+            (
+                &mut self.target,
+                &sample.target,
+                &normalizers.acceleration,
+                most_corrected,
+            ),
         ] {
             to.clear();
             to.extend_from_slice(from);
             normalizer.normalize(to);
-            cut(to);
+            if let Some(most) = most {
+                cut(to, most);
+            }
         }
     }
 }
