@@ -206,35 +206,9 @@ impl System {
         })
     }
 
-    /// Mass of each vertex `[kg]`, `[vertices]`.
-    pub(crate) fn mass(&self) -> &[f64] {
-        &self.elements.mass
-    }
-
     /// Sets gravity and air for the solves that follow. Gusts are ignored.
     pub(crate) fn set_environment(&mut self, environment: Environment) {
         self.elements.set_environment(environment);
-    }
-
-    /// Gravity of the solves that follow `[m/s²]`.
-    pub(crate) fn gravity(&self) -> DVec3 {
-        self.elements.gravity()
-    }
-
-    /// The vertices of the active handles, in the order of their targets.
-    pub(crate) fn held(&self) -> &[VertexId] {
-        self.handles.vertices()
-    }
-
-    /// Vertices that are unknowns.
-    pub(crate) fn unknown_vertices(&self) -> &[u32] {
-        self.pattern.vertices()
-    }
-
-    /// Positions of the active handles `[m]`, `[handles]`.
-    pub(crate) fn handle_positions(&self, state: &State) -> impl Iterator<Item = DVec3> {
-        let vertices = self.handles.vertices().iter();
-        vertices.map(|vertex| state.positions[vertex.index()])
     }
 
     /// Sets the threads of the solves that follow. The result is the same.
@@ -604,5 +578,6 @@ fn springs(constraint: HandleConstraint, handles: &Handles, dt: f64) -> Springs<
     }
 }
 
+mod parts;
 #[cfg(test)]
 mod tests;

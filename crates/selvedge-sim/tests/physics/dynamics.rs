@@ -93,7 +93,7 @@ fn free_flight_is_a_throw_and_handles_go_where_they_are_led() {
     }
 }
 
-/// What free flight cannot have is named, with what to do about it.
+/// Contact, limits, springs and the like are named, with what to do about them.
 #[test]
 fn free_flight_refuses_what_would_hold_the_cloth_back() {
     type Edit = fn(&mut Scene);
