@@ -138,9 +138,12 @@ impl Room {
                 Turning::Halved => None,
                 Turning::Failed(pair, approach, floor) => Some((pair, approach, floor)),
             }));
-        self.failed.sort_unstable_by_key(|(pair, ..)| by_place(pair));
-        let least =
-            |a: &&(Pair, Approach, f64), b: &&(Pair, Approach, f64)| a.1.safe.total_cmp(&b.1.safe);
+        self.failed
+            .sort_unstable_by_key(|(pair, ..)| by_place(pair));
+        let least = |a: &&(Pair, Approach, f64), b: &&(Pair, Approach, f64)| {
+            let sooner = a.1.safe.total_cmp(&b.1.safe);
+            sooner.then_with(|| a.0.cmp(&b.0))
+        };
         let worst = self.failed.iter().min_by(least);
         self.worst = worst.map(|(pair, approach, _)| Worst {
             pair: *pair,
