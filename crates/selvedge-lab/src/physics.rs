@@ -357,3 +357,33 @@ pub fn largest_strain(trajectory: &Trajectory) -> Result<f64, MetricError> {
     let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
     Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }
+
+#[cfg(test)]
+mod tests {
+    use selvedge_sim::ContactGauge;
+
+    use super::*;
+
+    /// The edge by which the cloth is led drives it against the rims of the plates, which stand
+    /// still: what is pushed away from the one must not be pushed into the other.
+    #[test]
+    fn a_cloth_that_is_pinched_between_its_edge_and_plates_goes_on() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/contact");
+        for (name, frames) in [("tablecloth-4", 17), ("tablecloth-8", 12)] {
+            let loaded = selvedge_data::open_scene(&format!("{folder}/{name}.toml")).unwrap();
+            let scene = loaded.scene;
+            let start = scene.mesh.positions().to_vec();
+            let go_on = &mut || ControlFlow::Continue(());
+            let run = run(&scene, start, frames, Threads::One, go_on);
+            let run = run.unwrap_or_else(|error| panic!("{name}: {error}"));
+            let divided = run.divided.frames;
+            assert!(divided > 0 && run.contact.projected > 0, "{name}: no pinch");
+            let mut gauge = ContactGauge::of(&scene).unwrap();
+            let vertices = scene.mesh.positions().len();
+            for (frame, positions) in run.positions.chunks(vertices).enumerate() {
+                let found = gauge.measure(frame, positions);
+                assert_eq!(found.intersections, 0, "{name}, frame {frame}");
+            }
+        }
+    }
+}

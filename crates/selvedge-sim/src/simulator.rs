@@ -504,10 +504,6 @@ impl Simulator {
                 return Err(self.step_error(error, substeps));
             }
             substeps *= 2;
-            // Contact has divided the substep as far as that goes: another start may help.
-            while matches!(error, SubstepError::Contact(_)) && 2 * substeps <= most {
-                substeps *= 2;
-            }
         };
         self.divided_frames
             .count(finest, self.scene.physics.substeps);

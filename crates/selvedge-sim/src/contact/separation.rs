@@ -29,7 +29,8 @@ const KEPT: f64 = 1.0 - 1e-6;
 const HOLDING: u32 = 24;
 const HALVES: u32 = 10;
 /// Shortest safe part of a solve after which a substep is divided before vertices are held back,
-/// and after that.
+/// and after that. The round with the longest counts: what is held back may be run over by what is
+/// led.
 const WELCOME: f64 = 0.125;
 const SHORTEST: f64 = 1.0 / 64.0;
 
@@ -95,9 +96,20 @@ pub(super) struct Room {
     strayed: Vec<DVec3>,
     /// Points that moved since the last certificates.
     stirred: Vec<bool>,
-    /// Pairs that failed, with the gap that each must keep `[m]`, in ascending order.
+    /// Pairs that failed, with the gap that each must keep `[m]`, in the order of [`by_place`].
     failed: Vec<(Pair, Approach, f64)>,
     pub(super) worst: Option<Worst>,
+    /// Ends of the points in the round that was safe for the longest part `[m]`, `[points]`.
+    best: Vec<DVec3>,
+}
+
+/// The order in which pairs are pushed, which depends on the pairs alone: those of a vertex with a
+/// face stand beside those of the edges there. A push of one undoes that of another less often than
+/// where all of one kind come first.
+fn by_place(pair: &Pair) -> ([u32; 4], Pair) {
+    let mut corners = pair.corners;
+    corners.sort_unstable();
+    (corners, *pair)
 }
 
 impl Room {
@@ -126,9 +138,12 @@ impl Room {
                 Turning::Halved => None,
                 Turning::Failed(pair, approach, floor) => Some((pair, approach, floor)),
             }));
-        self.failed.sort_unstable_by_key(|(pair, ..)| *pair);
-        let least =
-            |a: &&(Pair, Approach, f64), b: &&(Pair, Approach, f64)| a.1.safe.total_cmp(&b.1.safe);
+        self.failed
+            .sort_unstable_by_key(|(pair, ..)| by_place(pair));
+        let least = |a: &&(Pair, Approach, f64), b: &&(Pair, Approach, f64)| {
+            let sooner = a.1.safe.total_cmp(&b.1.safe);
+            sooner.then_with(|| a.0.cmp(&b.0))
+        };
         let worst = self.failed.iter().min_by(least);
         self.worst = worst.map(|(pair, approach, _)| Worst {
             pair: *pair,
@@ -164,6 +179,10 @@ impl Contact {
         } else {
             rounds
         };
+        // Longest part that was safe in a round after which vertices are held back, and what
+        // obstacles had received by then.
+        let mut best = None;
+        let mut longest = SHORTEST;
         for round in 0..=last {
             if round > 0 {
                 self.certify(span.threads, false);
@@ -175,15 +194,15 @@ impl Contact {
                 }
                 return Ok(Outcome::Settled { moved });
             }
-            let most = match round {
-                _ if round == rounds => WELCOME,
-                _ if round == rounds + HOLDING => SHORTEST,
-                _ => 1.0,
-            };
             let part = self.room.worst.as_ref().map_or(0.0, |worst| worst.part);
-            if part >= most {
+            if round == rounds && part >= WELCOME {
                 self.take(left, state)?;
                 return Ok(Outcome::Safe { part });
+            }
+            if round >= rounds && span.may_hold && part >= longest {
+                longest = part;
+                best = Some(self.received.clone());
+                self.room.best.clone_from(&self.end);
             }
             if round > rounds {
                 self.counts.held_back += 1;
@@ -193,7 +212,13 @@ impl Contact {
                 self.project(round);
             }
         }
-        Err(ContactError::Unseparated(self.unseparated()))
+        let Some(received) = best else {
+            return Err(ContactError::Unseparated(self.unseparated()));
+        };
+        self.received = received;
+        self.end.clone_from(&self.room.best);
+        self.take(left, state)?;
+        Ok(Outcome::Safe { part: longest })
     }
 
     /// Pushes pairs apart that have no certificate on their way to `end` `[m]`, `[vertices]`, but
