@@ -81,7 +81,8 @@ impl Mesh {
     }
 
     /// An irregular sheet that hangs flat: `shape` is square, long, wide, triangle, diamond, disc,
-    /// l-shape, holed or random; `size` [m] is the side of a square; `seed` places the inner vertices.
+    /// l-shape, holed or random; `size` [m] is the side of a square; `seed` places the inner
+    /// vertices.
     #[staticmethod]
     #[pyo3(signature = (shape="square", vertices=400, size=1.0, seed=1))]
     fn generate(

@@ -16,22 +16,13 @@ use thiserror::Error;
 use crate::generate::{GenerateError, Shape, Sheet, SheetSpec, sheet};
 use crate::motion::MOTION_RATE;
 use crate::{
-    Block, Environment, Gust, HandleSchedule, Isotropic, Keyframe, KeyframeGroup, KeyframeMotion,
-    Material, Motion, RandomMotion, Release,
+    Block, Environment, Gust, HandleSchedule, Isotropic, Material, Motion, RandomMotion, Release,
 };
+
+mod apart;
 
 /// Peak speed of the paper's training motions `[m/s]`.
 const TRAINED_SPEED: f64 = PI / 2.0;
-/// Ratio of the peak speed to the mean between two keyframes: the slope of s²(3 - 2s) at ½.
-const KEYFRAME_PEAK: f64 = 1.5;
-/// Shortest and longest time between two keyframes `[s]`.
-const KEYFRAME_SPAN: [f64; 2] = [0.5, 1.5];
-/// Longest way of a handle against the others between keyframes, in parts of the cloth's size.
-const APART: f64 = 0.6;
-/// Part of the flat distance to which the distance of two handles may grow: that and a rounding.
-const TAUT: f64 = 1.0 + 1e-9;
-/// Times that displacements are drawn nearer together before the handles stay where they are.
-const TRIES: usize = 20;
 /// Shortest horizontal line of handles that is turned, in parts of the cloth's size.
 const LEAST_LINE: f64 = 0.1;
 /// Poisson's ratios of isotropic sheets.
@@ -149,23 +140,20 @@ impl ClothRanges {
                 return error(field, "a share between 0 and 1", share.to_string());
             }
         }
-        for (field, most, expected) in [
-            ("speed", 10.0, "between 0 and 10"),
-            ("wind", 100.0, "between 0 and 100 m/s"),
-            ("gusts", 100.0, "between 0 and 100 m/s"),
+        for (field, found, [least, most], expected) in [
+            ("speed", self.speed, [0.0, 10.0], "between 0 and 10"),
+            ("wind", self.wind, [0.0, 100.0], "between 0 and 100 m/s"),
+            ("gusts", self.gusts, [0.0, 100.0], "between 0 and 100 m/s"),
+            (
+                "duration",
+                self.duration,
+                [1.0, 600.0],
+                "between 1 and 600 s",
+            ),
         ] {
-            let found = match field {
-                "speed" => self.speed,
-                "wind" => self.wind,
-                _ => self.gusts,
-            };
-            if !(0.0..=most).contains(&found) {
+            if !(least..=most).contains(&found) {
                 return error(field, expected, found.to_string());
             }
-        }
-        if !(1.0..=600.0).contains(&self.duration) {
-            let found = self.duration.to_string();
-            return error("duration", "between 1 and 600 s", found);
         }
         Ok(())
     }
@@ -231,8 +219,8 @@ impl Draws {
         self.unit() < share
     }
 
-    fn uniform(&mut self, [low, high]: [f64; 2]) -> f64 {
-        low + (high - low) * self.unit()
+    fn uniform(&mut self, range: [f64; 2]) -> f64 {
+        range[0] + (range[1] - range[0]) * self.unit()
     }
 
     fn logarithmic(&mut self, range: [f64; 2]) -> f64 {
@@ -339,7 +327,9 @@ impl Draws {
             0 => Motion::Blocks {
                 blocks: vec![Block::still(whole_frames(ranges.duration))],
             },
-            2.. if is_apart => Motion::Keyframes(self.apart(ranges, start, size)),
+            2.. if is_apart => {
+                Motion::Keyframes(self.apart(start, size, ranges.speed, ranges.duration))
+            }
             _ => {
                 let random = RandomMotion {
                     seed,
@@ -357,102 +347,6 @@ impl Draws {
                 }
                 motion
             }
-        }
-    }
-
-    /// Groups of handles that are led by displacements of their own at common times. Distances
-    /// between handles are convex between two keyframes, so that those at the keyframes bound them.
-    fn apart(&mut self, ranges: &ClothRanges, start: &[DVec3], size: f64) -> KeyframeMotion {
-        let count = self.whole(2, start.len().min(4));
-        let mut groups: Vec<Vec<usize>> = vec![Vec::new(); count];
-        for handle in 0..start.len() {
-            // The first of them make sure that no group is empty.
-            let group = if handle < count {
-                handle
-            } else {
-                self.whole(0, count - 1)
-            };
-            groups[group].push(handle);
-        }
-        let mut owner = vec![0; start.len()];
-        for (group, handles) in groups.iter().enumerate() {
-            handles.iter().for_each(|&handle| owner[handle] = group);
-        }
-        let fastest = ranges.speed * TRAINED_SPEED;
-        let mut together = DVec3::ZERO;
-        let mut displacements = vec![DVec3::ZERO; count];
-        let mut keyframes: Vec<Vec<Keyframe>> = vec![Vec::new(); count];
-        // Counted in whole frames: a time is then the same number wherever it comes from.
-        let frames = |seconds: f64| (seconds * MOTION_RATE).round();
-        let (mut frame, end) = (frames(self.uniform([0.2, 0.6])), frames(ranges.duration));
-        let mut last_frame = end;
-        while frame < end {
-            let before = displacements.clone();
-            let lasts = frames(self.uniform(KEYFRAME_SPAN));
-            let span = lasts / MOTION_RATE;
-            let farthest = fastest * span / KEYFRAME_PEAK;
-            let last = together;
-            // Half of the speed for all together, half against each other.
-            together += self.unit() * farthest / 2.0 * self.direction();
-            let mut own: Vec<DVec3> = (0..count)
-                .map(|_| self.unit() * APART * size * self.direction())
-                .collect();
-            let centre = |handles: &[usize]| {
-                handles.iter().map(|&handle| start[handle]).sum::<DVec3>() / handles.len() as f64
-            };
-            let centres: Vec<DVec3> = groups.iter().map(|handles| centre(handles)).collect();
-            let middle = centres.iter().sum::<DVec3>() / count as f64;
-            let mut found = false;
-            for _ in 0..TRIES {
-                for (displacement, own) in displacements.iter_mut().zip(&own) {
-                    *displacement = together + *own;
-                }
-                let way = displacements.iter().zip(&before);
-                let is_slow = way
-                    .into_iter()
-                    .all(|(to, from)| to.distance(*from) <= farthest);
-                found = is_slow && is_loose(start, &owner, &displacements);
-                if found {
-                    break;
-                }
-                // Smaller, and towards each other.
-                for (own, centre) in own.iter_mut().zip(&centres) {
-                    *own = 0.8 * *own + 0.06 * (middle - *centre);
-                }
-                together = last.lerp(together, 0.8);
-            }
-            if !found {
-                displacements.clone_from(&before);
-                together = last;
-            }
-            for (keyframes, (from, to)) in
-                keyframes.iter_mut().zip(before.iter().zip(&displacements))
-            {
-                for (frame, translation) in [(frame, *from), (frame + lasts, *to)] {
-                    let time = frame / MOTION_RATE;
-                    if keyframes.last().is_none_or(|last| last.time < time) {
-                        keyframes.push(Keyframe {
-                            time,
-                            translation,
-                            rotation_deg: 0.0,
-                        });
-                    }
-                }
-            }
-            frame += lasts;
-            last_frame = frame;
-            frame += frames(self.uniform([0.0, 0.5]));
-        }
-        let groups = groups.into_iter().zip(keyframes);
-        KeyframeMotion {
-            duration: last_frame.max(end) / MOTION_RATE,
-            groups: groups
-                .map(|(handles, keyframes)| KeyframeGroup {
-                    handles,
-                    keyframes,
-                    axis: DVec3::Y,
-                })
-                .collect(),
         }
     }
 
@@ -494,16 +388,6 @@ fn alike(material: &Material, ratio: f64) -> Isotropic {
         poissons_ratio: ratio,
         thickness,
     }
-}
-
-/// Returns true when no two handles are farther from each other than the cloth allows.
-fn is_loose(start: &[DVec3], owner: &[usize], displacements: &[DVec3]) -> bool {
-    let at = |handle: usize| start[handle] + displacements[owner[handle]];
-    (0..start.len()).all(|a| {
-        (0..a).all(|b| {
-            owner[a] == owner[b] || at(a).distance(at(b)) <= TAUT * start[a].distance(start[b])
-        })
-    })
 }
 
 /// `seconds` to whole frames of 1/60 s.

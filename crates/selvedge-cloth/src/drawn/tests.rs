@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use super::*;
 use crate::{BendTable, Handles, PhysicsSettings, SagSettings, Scene, StretchTable};
 
+type Spoil = fn(&mut ClothRanges);
+
 fn ranges() -> ClothRanges {
     ClothRanges {
         shapes: vec![Shape::Square, Shape::Diamond, Shape::Random],
@@ -151,7 +153,7 @@ fn an_isotropic_sheet_is_as_stiff_as_its_fabric() {
 
 #[test]
 fn wrong_bounds_are_named() {
-    let wrong: [(&str, fn(&mut ClothRanges)); 9] = [
+    let wrong: [(&str, Spoil); 9] = [
         ("shapes", |r| r.shapes.clear()),
         ("vertices", |r| r.vertices = [400, 100]),
         ("handles", |r| r.handles = [0, 18]),

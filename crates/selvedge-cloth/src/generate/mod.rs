@@ -91,13 +91,13 @@ pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
 /// A sheet of any shape, placed as [`square`] is: flat in the plane x = 0, its highest point at y =
 /// 0, its middle at z = 0, u along z and normals (-1, 0, 0). The boundary comes first, clockwise
 /// from the upper left (of a disc at 135°, of a diamond the left corner, of a random shape near
-/// 135°), then holes, then the
-/// inner vertices from top to bottom.
+/// 135°), then holes, then the inner vertices from top to bottom.
 ///
 /// Labels: `boundary` (holes included); `upper-corners` (left, then right) of every shape, of a
-/// disc the points at 135° and 45°, of a random shape the corners near them, not level; `upper-three` (left, middle, right) of `wide`, `diamond` and
-/// `disc`; `upper-row` of `triangle`, 17 vertices evenly spaced from left to right; `upper-edge`
-/// where there is one; `lower-corners` of a sheet with four corners; `hole` where there is one.
+/// disc the points at 135° and 45°, of a random shape the corners near them, not level;
+/// `upper-three` (left, middle, right) of `wide`, `diamond` and `disc`; `upper-row` of `triangle`,
+/// 17 vertices evenly spaced from left to right; `upper-edge` where there is one; `lower-corners`
+/// of a sheet with four corners; `hole` where there is one.
 ///
 /// # Errors
 /// [`GenerateError`] names what cannot be used.

@@ -87,7 +87,7 @@ impl TeachingScenes {
                 let place = match place {
                     Some(place) => place,
                     None => {
-                        match hanging((setting, start), &scene, spec, &reporter) {
+                        match hanging(setting, start, &scene, spec, &reporter) {
                             Err(_) if reporter.is_stopped() => return Ok(None),
                             cloth => known.push(cloth?),
                         }
@@ -107,7 +107,8 @@ impl TeachingScenes {
 }
 
 fn hanging(
-    (setting, start): (Setting, StartSpec),
+    setting: Setting,
+    start: StartSpec,
     scene: &Scene,
     spec: &ModelSpec,
     reporter: &Reporter<'_>,

@@ -17,7 +17,7 @@ pub struct NamedCloth {
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
-    /// What a cloth drawn at random has instead of the setting's.
+    /// Properties that a cloth drawn at random has instead of the setting's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drawn: Option<Box<DrawnSetting>>,
 }

@@ -42,7 +42,7 @@ mod random_cloths;
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
 pub use self::config::{DatasetConfig, DrawnSetting, NamedCloth, NamedMotion};
 pub use self::forecast::{Forecast, PlannedRun};
-use self::random_cloths::RandomCloths;
+use self::random_cloths::{Drawn, RandomCloths};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
@@ -203,7 +203,7 @@ impl DatasetPreset {
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
-        let mut cloths = all_of(file.meshes, file.cloths, folder, &mut warnings)?;
+        let cloths = all_of(file.meshes, file.cloths, folder, &mut warnings)?;
         let drawn = file.random_cloths.map(|cloths| cloths.draw(folder));
         let drawn = drawn.transpose()?.unwrap_or_default();
         let mut config = DatasetConfig {
@@ -218,25 +218,14 @@ impl DatasetPreset {
         if !cloths.is_empty() {
             config.test = on_each(&cloths, &config.test)?;
         }
+        let mut meshes: Vec<Mesh> = cloths.into_iter().map(|(_, mesh)| mesh).collect();
         for one in drawn {
-            if cloths.iter().any(|(other, _)| other.name == one.cloth.name) {
-                let problem = format!(
-                    "{:?} is the name of a drawn cloth: rename it",
-                    one.cloth.name
-                );
-                return Err(field("cloths.name", problem));
-            }
-            config.cloths.push(one.cloth.clone());
-            cloths.push((one.cloth, one.mesh));
-            match one.split {
-                Split::Train => config.train.push(one.motion),
-                Split::Test => config.test.push(one.motion),
-            }
+            meshes.push(config.add(one)?);
         }
         let mut preset = Self {
             config,
             mesh,
-            meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
+            meshes,
             folder: folder.to_owned(),
             warnings,
             forecast: Forecast {
@@ -396,6 +385,21 @@ pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
 }
 
 impl DatasetConfig {
+    /// Adds a drawn cloth with its motion, and gives its mesh.
+    fn add(&mut self, drawn: Drawn) -> Result<Mesh, SceneProblem> {
+        let name = &drawn.cloth.name;
+        if self.cloths.iter().any(|other| other.name == *name) {
+            let problem = format!("{name:?} is the name of a drawn cloth: rename it");
+            return Err(field("cloths.name", problem));
+        }
+        self.cloths.push(drawn.cloth);
+        match drawn.split {
+            Split::Train => self.train.push(drawn.motion),
+            Split::Test => self.test.push(drawn.motion),
+        }
+        Ok(drawn.mesh)
+    }
+
     /// Checks that the splits are fit to learn from and to test with; `own` are the file's own
     /// motions, `is_drawn` whether cloths are drawn beside them.
     fn check(&self, own: &BTreeMap<String, Motion>, is_drawn: bool) -> Result<(), SceneProblem> {
