@@ -4,7 +4,7 @@
 //! `cargo run --release -p selvedge-sim --example contact_thrown -- [VERTICES] [SPEED] [MASS]`
 #![allow(clippy::print_stdout, reason = "an example that prints its result")]
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use selvedge_cloth::generate::{SquareSpec, square};
@@ -39,6 +39,7 @@ fn main() -> Result<(), Failure> {
     let mut place = DVec3::new(1.0, -0.5, 0.05);
     simulator.put_obstacle(0, place + DVec3::Y * 1000.0)?;
     let mut times = Vec::new();
+    let began = on_processor();
     for frame in 0..FRAMES {
         velocity -= DVec3::Y * (9.8 / 60.0);
         let next = place + velocity / 60.0;
@@ -84,8 +85,21 @@ fn main() -> Result<(), Failure> {
     let late = times.iter().filter(|ms| **ms > 1e3 / 60.0).count();
     let longest = times.iter().copied().fold(0.0, f64::max);
     let mean = times.iter().sum::<f64>() / times.len() as f64;
+    let own = began.zip(on_processor());
+    if let Some((from, to)) = own {
+        let own = (to - from).as_secs_f64() * 1e3 / FRAMES as f64;
+        println!("{own:.1} ms per frame on this thread");
+    }
     println!("{mean:.1} ms per frame, longest {longest:.1} ms, {late} of {FRAMES} above 16.7 ms");
     Ok(())
+}
+
+/// Time that this thread has had a processor, where the system tells (Linux): other work on the
+/// machine does not count. Steps of the scheduler's tick.
+fn on_processor() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds = text.split_whitespace().next()?.parse().ok()?;
+    Some(Duration::from_nanos(nanoseconds))
 }
 
 /// Largest strain of an edge.

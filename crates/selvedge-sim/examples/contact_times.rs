@@ -73,15 +73,20 @@ fn time(name: &str, scene: &Scene, before: u32) -> Result<(), Failure> {
     }
     let counts = simulator.contact_counts();
     let mut longest = Duration::ZERO;
-    let clock = Instant::now();
+    let (clock, began) = (Instant::now(), on_processor());
     for frame in before + 1..=before + FRAMES {
         let clock = Instant::now();
         step(&mut simulator, frame)?;
         longest = longest.max(clock.elapsed());
     }
-    let mean = clock.elapsed().as_secs_f64() * 1e3 / f64::from(FRAMES);
+    let per_frame = |time: Duration| time.as_secs_f64() * 1e3 / f64::from(FRAMES);
+    let mean = per_frame(clock.elapsed());
+    let own = began
+        .zip(on_processor())
+        .map(|(from, to)| per_frame(to - from));
     println!(
-        "{name}: {mean:.2} ms per frame, longest {:.1}; {} intersections at the end",
+        "{name}: {mean:.2} ms per frame ({:.2} on this thread), longest {:.1}; {} intersections at the end",
+        own.unwrap_or(f64::NAN),
         longest.as_secs_f64() * 1e3,
         simulator.intersection_count()
     );
@@ -91,6 +96,14 @@ fn time(name: &str, scene: &Scene, before: u32) -> Result<(), Failure> {
         simulator.solver_iterations(),
     );
     Ok(())
+}
+
+/// Time that this thread has had a processor, where the system tells (Linux): other work on the
+/// machine does not count. Steps of the scheduler's tick.
+fn on_processor() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds = text.split_whitespace().next()?.parse().ok()?;
+    Some(Duration::from_nanos(nanoseconds))
 }
 
 fn tell(before: &ContactCounts, now: &ContactCounts, iterations: Option<u32>) {
