@@ -69,6 +69,7 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 /// `selvedge rollout` takes.
 pub const MODELS: &[(&str, &[u8])] = &[
     ("corrected", include_bytes!("models/corrected.safetensors")),
+    ("general", include_bytes!("models/general.safetensors")),
     ("small", SMALL),
 ];
 
@@ -95,7 +96,7 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "rp-without-physics",
     "rp-gru10-better",
     "corrected",
-    "general-pure",
+    "general",
 );
 
 /// Studies.

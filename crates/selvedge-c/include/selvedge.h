@@ -217,8 +217,8 @@ typedef struct SelvedgeTrust {
 extern "C" {
 #endif // __cplusplus
 
-// Opens a model by the path of its file or by the name of a shipped one ("small", "corrected");
-// null opens the one that the command line takes.
+// Opens a model by the path of its file or by the name of a shipped one ("small", "corrected",
+// "general"); null opens the one that the command line takes.
 //
 // # Safety
 // `path_or_name` is null or a text that ends with a zero byte; `out` may be written.

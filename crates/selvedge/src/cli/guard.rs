@@ -65,8 +65,8 @@ pub(crate) struct StressArgs {
     /// A scene: a TOML file, or the name of a shipped one. Its motion is not used.
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// The model's weights: a file, or the name of a shipped one, `corrected` or `small`
-    /// [default: corrected].
+    /// The model's weights: a file, or the name of a shipped one, `corrected`, `general` or
+    /// `small` [default: corrected].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The physics of the scene with so many substeps per frame in the place of a model, to compare

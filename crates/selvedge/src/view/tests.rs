@@ -67,7 +67,11 @@ fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     let models = ["corrected"].map(PathBuf::from);
     let mut workshop = ViewWorkshop::new("default", &models, Machine::Cpu).unwrap();
     let catalogue = workshop.catalogue();
-    assert_eq!(catalogue.models, ["corrected", "small"], "each once");
+    assert_eq!(
+        catalogue.models,
+        ["corrected", "general", "small"],
+        "each once"
+    );
     for (name, then) in [
         ("small", "physics knows better"),
         ("corrected", "the physics moves it alone"),
