@@ -104,8 +104,8 @@ pub(super) struct Room {
 }
 
 /// The order in which pairs are pushed, which depends on the pairs alone: those of a vertex with a
-/// face stand beside those of the edges there. A push of one undoes that of another less often than
-/// where all of one kind come first.
+/// face stand beside those of the edges there. Chosen by trial, among six orders, for the pinched
+/// table-cloths (`assets/scenes/contact`), which stop more often where all of one kind come first.
 fn by_place(pair: &Pair) -> ([u32; 4], Pair) {
     let mut corners = pair.corners;
     corners.sort_unstable();
