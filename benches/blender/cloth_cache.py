@@ -1,9 +1,9 @@
 """Makes caches of a cloth that Blender moves, for a model to learn from.
 
 A square sheet of 1 m and 400 vertices hangs from its two upper corners, vertices 380 and 399. It
-settles for three seconds. Then an empty, to which the corners are hooked, moves it for four seconds,
-and stands still for one. Each motion becomes an Alembic file of 301 frames at 60 per second. All
-begin with the same frame. Texture coordinates are the flat sheet's, in metres.
+settles for three seconds. Then an empty, to which the corners are hooked, moves it for four
+seconds, and stands still for one. Each motion becomes an Alembic file of 301 frames at 60 per
+second. All begin with the same frame. Texture coordinates are the flat sheet's, in metres.
 
     pip install bpy==5.0.1          # Python 3.11
     python benches/blender/cloth_cache.py out/blender-cloth [MOTION ...]
@@ -21,12 +21,12 @@ from mathutils import Vector
 RATE = 60
 SIDE = 20  # vertices
 SETTLING, MOVING, STILL = 180, 240, 60  # frames
-# What Blender's cloth takes for the duration of a frame, whatever the scene's rate, in s: without pins
-# and air a sheet gets faster by 9.81 m/s in a second of such frames (measured with 5.0.1).
+# What Blender's cloth takes for the duration of a frame, whatever the scene's rate, in s: without
+# pins and air a sheet gets faster by 9.81 m/s in a second of such frames (measured with 5.0.1).
 BLENDERS_FRAME = math.sqrt(0.001)
 
-# Directions in Blender's axes (x to the right, y away, z up) with lengths in m, or a turn about z in
-# radians. Each is gone to and back again twice. The diagonal is no multiple of any other.
+# Directions in Blender's axes (x to the right, y away, z up) with lengths in m, or a turn about z
+# in radians. Each is gone to and back again twice. The diagonal is no multiple of any other.
 MOTIONS = {
     "forward": (0.0, -0.7, 0.0),
     "backward": (0.0, 0.7, 0.0),
@@ -68,7 +68,8 @@ def cotton(cloth, frames):
     settings = modifier.settings
     settings.quality = 8
     settings.time_scale = 1.0 / (RATE * BLENDERS_FRAME)
-    settings.mass = 0.3  # kg of a vertex; with a much smaller one its solver lets a sheet fall slowly
+    # kg of a vertex; with a much smaller one Blender's solver lets a free sheet fall too slowly.
+    settings.mass = 0.3
     settings.air_damping = 1.0
     settings.tension_stiffness = settings.compression_stiffness = settings.shear_stiffness = 15.0
     settings.tension_damping = settings.compression_damping = settings.shear_damping = 5.0
