@@ -8,6 +8,7 @@ mod numbers;
 mod plots;
 mod reading;
 mod tables;
+mod trust;
 
 use selvedge_view::plot::PlotError;
 
@@ -29,6 +30,7 @@ pub fn report(outcome: &Outcome) -> Result<Report, PlotError> {
     let mut page = Page::new("Convergence of the physics");
     page.say(&about(outcome));
     say_in_short(outcome, &mut page);
+    say_of_trust(outcome, &mut page)?;
     page.section("Errors from true states");
     page.say("Position RMSE in mm at the k-th frame, and the time of a frame on one thread.");
     page.say(&tables::errors(outcome, Measure::Position));
@@ -82,6 +84,18 @@ fn say_in_short(outcome: &Outcome, page: &mut Page) {
         page.section("Corrected physics and the physics that it corrects");
         page.say(&corrections);
     }
+}
+
+/// Whether what models say of themselves is right.
+fn say_of_trust(outcome: &Outcome, page: &mut Page) -> Result<(), PlotError> {
+    let tables = trust::tables(outcome);
+    if !tables.is_empty() {
+        page.section("Errors by trust");
+        page.say(trust::TRUST);
+        page.say(&tables);
+        page.plot("trust.svg", "errors by trust", trust::plot(outcome)?);
+    }
+    Ok(())
 }
 
 fn say_of_whole_runs(outcome: &Outcome, page: &mut Page) -> Result<(), PlotError> {
