@@ -86,7 +86,7 @@ fn say_in_short(outcome: &Outcome, page: &mut Page) {
     }
 }
 
-/// Whether what models say of themselves is right.
+/// Tables and a plot of whether what models say of themselves is right.
 fn say_of_trust(outcome: &Outcome, page: &mut Page) -> Result<(), PlotError> {
     let tables = trust::tables(outcome);
     if !tables.is_empty() {
