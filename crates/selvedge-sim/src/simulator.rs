@@ -237,29 +237,20 @@ impl Simulator {
         positions: &[DVec3],
         velocities: &[DVec3],
     ) -> Result<(), SimulatorError> {
-        let vertices = self.rounded.len();
-        check_state("positions", "position", positions, vertices)?;
-        check_state("velocities", "velocity", velocities, vertices)?;
-        self.check_meeting(frame, positions)?;
+        self.check_taken(frame, positions, velocities)?;
         if !self.active.holds_all() {
             self.active =
                 ActiveHandles::all(&self.scene).map_err(|cause| SimulatorError::Analysis {
-                    vertices,
+                    vertices: self.rounded.len(),
                     cause: cause.to_string(),
                 })?;
         }
-        self.state.positions.copy_from_slice(positions);
-        self.state.velocities.copy_from_slice(velocities);
         for (reached, vertex) in self.reached.iter_mut().zip(self.scene.handles.vertices()) {
             *reached = positions[vertex.index()];
         }
-        self.active.system.forget_changes();
-        self.history.forget();
-        self.forget_touches();
         self.frame = frame;
-        self.undo = None;
         self.update_wind();
-        self.round();
+        self.begin_at(positions, velocities);
         Ok(())
     }
 
@@ -274,10 +265,26 @@ impl Simulator {
         positions: &[DVec3],
         velocities: &[DVec3],
     ) -> Result<(), SimulatorError> {
+        self.check_taken(self.frame, positions, velocities)?;
+        self.begin_at(positions, velocities);
+        Ok(())
+    }
+
+    /// Checks a state that is to be taken at `frame`.
+    fn check_taken(
+        &self,
+        frame: usize,
+        positions: &[DVec3],
+        velocities: &[DVec3],
+    ) -> Result<(), SimulatorError> {
         let vertices = self.rounded.len();
         check_state("positions", "position", positions, vertices)?;
         check_state("velocities", "velocity", velocities, vertices)?;
-        self.check_meeting(self.frame, positions)?;
+        self.check_meeting(frame, positions)
+    }
+
+    /// Takes a checked state, and forgets all that came before it.
+    fn begin_at(&mut self, positions: &[DVec3], velocities: &[DVec3]) {
         self.state.positions.copy_from_slice(positions);
         self.state.velocities.copy_from_slice(velocities);
         self.active.system.forget_changes();
@@ -285,7 +292,6 @@ impl Simulator {
         self.forget_touches();
         self.undo = None;
         self.round();
-        Ok(())
     }
 
     /// Replaces the newest positions `[m]` and velocities `[m/s]`, `[vertices]`. The state one

@@ -243,6 +243,19 @@ impl MeshSource {
     }
 }
 
+impl From<GeneratorSpec> for MeshSpec {
+    /// The mesh as it is generated: where it hangs, and with its seams whole.
+    fn from(generator: GeneratorSpec) -> Self {
+        Self {
+            source: MeshSource::Generator(generator),
+            transform: Transform::default(),
+            rest_angles: None,
+            sewing: Sewing::default(),
+            seam_stiffness: None,
+        }
+    }
+}
+
 impl MeshSpec {
     /// Makes the mesh; files are relative to `folder`.
     ///

@@ -66,22 +66,27 @@ fn a_handle_takes_hold_of_the_cloth_where_it_is() {
     }
 }
 
-#[test]
-fn a_run_is_taken_up_with_its_handles_where_they_are() {
-    let mut scene = released(hanging(5), vec![1], 0.1, Some(0.2));
+/// Both handles led aside and upwards in 0.6 s.
+fn pushed() -> Motion {
     let pushed = Keyframe {
         time: 0.6,
         translation: DVec3::new(0.2, 0.1, 0.0),
         rotation_deg: 0.0,
     };
-    scene.motion = Motion::Keyframes(KeyframeMotion {
+    Motion::Keyframes(KeyframeMotion {
         duration: 0.6,
         groups: vec![KeyframeGroup {
             handles: vec![0, 1],
             axis: DVec3::Y,
             keyframes: vec![pushed],
         }],
-    });
+    })
+}
+
+#[test]
+fn a_run_is_taken_up_with_its_handles_where_they_are() {
+    let mut scene = released(hanging(5), vec![1], 0.1, Some(0.2));
+    scene.motion = pushed();
     // Before, at and after letting go and taking hold, and in between.
     for frame in [3, 6, 7, 11, 12, 13, 17] {
         let mut whole = Simulator::new(&scene).unwrap();
@@ -231,19 +236,7 @@ fn a_step_from_any_state_of_a_run_leads_to_its_next_frame() {
         from: 0.3,
         to: Some(0.35),
     });
-    let pushed = Keyframe {
-        time: 0.6,
-        translation: DVec3::new(0.2, 0.1, 0.0),
-        rotation_deg: 0.0,
-    };
-    scene.motion = Motion::Keyframes(KeyframeMotion {
-        duration: 0.6,
-        groups: vec![KeyframeGroup {
-            handles: vec![0, 1],
-            axis: DVec3::Y,
-            keyframes: vec![pushed],
-        }],
-    });
+    scene.motion = pushed();
     let path = scene.handle_path().unwrap();
     let mut run = Simulator::new(&scene).unwrap();
     // Its own states would do; another cloth between its frames is what the teaching has.

@@ -11,8 +11,7 @@ use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
-    GeneratorSpec, LoadedScene, MeshSource, MeshSpec, SavedState, Setting, Sewing, StartSpec,
-    Transform, materials, shipped_scenes,
+    GeneratorSpec, LoadedScene, MeshSpec, SavedState, Setting, StartSpec, materials, shipped_scenes,
 };
 use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
@@ -296,18 +295,12 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
             VERTICES_ALLOWED.end()
         );
     }
-    let spec = MeshSpec {
-        source: MeshSource::Generator(GeneratorSpec {
-            kind: sheet.shape,
-            vertices,
-            size: sheet.size,
-            seed: 1,
-        }),
-        transform: Transform::default(),
-        rest_angles: None,
-        sewing: Sewing::default(),
-        seam_stiffness: None,
-    };
+    let spec = MeshSpec::from(GeneratorSpec {
+        kind: sheet.shape,
+        vertices,
+        size: sheet.size,
+        seed: 1,
+    });
     let made = spec.build(Path::new(""))?;
     let handles = made.labels.get(sheet.handles);
     let handles = handles.ok_or_else(|| anyhow!("mesh {name} has no {}", sheet.handles))?;

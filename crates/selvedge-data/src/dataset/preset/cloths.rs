@@ -5,10 +5,9 @@
 //! handles of each mesh.
 
 use super::config::{NamedCloth, NamedMotion};
-use crate::formats::polygons::Sewing;
 use crate::scene::{
-    BuiltMesh, GeneratorSpec, HandleSelection, MeshFile, MeshSource, MeshSpec, SceneProblem,
-    SceneSpecError, Transform, field,
+    BuiltMesh, GeneratorSpec, HandleSelection, MeshFile, MeshSpec, SceneProblem, SceneSpecError,
+    field,
 };
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
@@ -36,13 +35,7 @@ impl NamedCloth {
             size: sheet.size,
             seed,
         };
-        let mesh = MeshSpec {
-            source: MeshSource::Generator(generator),
-            transform: Transform::default(),
-            rest_angles: None,
-            sewing: Sewing::default(),
-            seam_stiffness: None,
-        };
+        let mesh = MeshSpec::from(generator);
         let built = mesh.build("".as_ref())?;
         let handles = built.labels.get(sheet.handles).cloned();
         let cloth = Self {

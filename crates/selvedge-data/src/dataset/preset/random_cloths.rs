@@ -13,10 +13,7 @@
 
 use super::config::{DrawnSetting, NamedCloth, NamedMotion};
 use crate::dataset::Split;
-use crate::formats::polygons::Sewing;
-use crate::scene::{
-    GeneratorSpec, MaterialSource, MeshSource, MeshSpec, SceneProblem, Transform, field,
-};
+use crate::scene::{GeneratorSpec, MaterialSource, MeshSpec, SceneProblem, field};
 use selvedge_cloth::{ClothRanges, DrawError, DrawnCloth, Material, Mesh};
 use serde::Deserialize;
 use std::path::Path;
@@ -91,13 +88,7 @@ fn of(split: Split, name: String, cloth: DrawnCloth) -> Drawn {
         size: cloth.spec.size,
         seed: cloth.spec.seed,
     };
-    let mesh = MeshSpec {
-        source: MeshSource::Generator(generator),
-        transform: Transform::default(),
-        rest_angles: None,
-        sewing: Sewing::default(),
-        seam_stiffness: None,
-    };
+    let mesh = MeshSpec::from(generator);
     Drawn {
         split,
         mesh: cloth.sheet.mesh,
