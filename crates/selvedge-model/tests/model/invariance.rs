@@ -148,6 +148,11 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).fold(0.0, |m, (x, y)| m.max((x - y).abs()))
 }
 
+/// The largest value of a row.
+fn size(row: &[f32]) -> f32 {
+    row.iter().fold(0.0, |m, x| m.max(x.abs()))
+}
+
 /// A rearrangement of `count` things: thing k becomes number `order[k]`.
 fn order(count: usize) -> impl Strategy<Value = Vec<u32>> {
     Just((0..count as u32).collect::<Vec<u32>>()).prop_shuffle()
@@ -208,8 +213,9 @@ proptest! {
         };
         let (before, after) = (seen(&start, WIND), seen(&turned, WIND));
         for (a, b) in before.nodes.iter().zip(&after.nodes) {
-            // Forces are sums over faces in another order.
-            prop_assert!(apart(a, b) < 1e-7);
+            // Forces are sums over faces in another order: of up to 8 numbers as large as the sum
+            // or larger, each rounded.
+            prop_assert!(apart(a, b) <= 1e-6 * size(a).max(0.1));
         }
         prop_assert_eq!(before.arcs, after.arcs);
     }
@@ -257,8 +263,9 @@ proptest! {
         }
         let (before, after) = (seen(&start, WIND), seen(&reversed, WIND));
         for (a, b) in before.nodes.iter().zip(&after.nodes) {
-            // Forces are sums over faces in another order.
-            prop_assert!(apart(a, b) < 1e-7);
+            // Forces are sums over faces in another order: of up to 8 numbers as large as the sum
+            // or larger, each rounded.
+            prop_assert!(apart(a, b) <= 1e-6 * size(a).max(0.1));
         }
         prop_assert_eq!(before.arcs, after.arcs);
     }
