@@ -9,8 +9,9 @@ use selvedge_cloth::{
     Topology, VertexId,
 };
 use selvedge_model::{
-    Aspect, ClothGraph, CorrectionError, CorrectionNetwork, Corrector, Domain, DomainWatch,
-    Familiarity, GraphError, Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame,
+    Aspect, ClothGraph, CorrectionError, CorrectionNetwork, Corrector, Differences, Domain,
+    DomainWatch, Familiarity, FrameSubsteps, GraphError, Instructions, Model, MotionState, NoBase,
+    PhysicsBase, PredictedFrame, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -85,6 +86,16 @@ pub struct CorrectedStepper {
     knows_before: bool,
     /// The state before that, while the last step can be undone; the next one is made in it.
     spare: FrameState,
+    /// The state one substep before that of now, as the physics has it while it makes a frame.
+    earlier: FrameState,
+    /// True where there is one.
+    knows_earlier: bool,
+    /// Differences of the frame through the matrix of its last solve, where the model sees them.
+    smoothed: [Vec<DVec3>; 2],
+    /// Part of the substeps of the frame that fell back to first order.
+    fell_back: f32,
+    /// True where there was a factor of that.
+    is_smoothed: bool,
     /// While the last step can be undone: true where `spare` was known.
     undo: Option<bool>,
     /// True for each vertex that a handle holds, `[vertices]`.
@@ -132,6 +143,11 @@ impl CorrectedStepper {
             before: start.clone(),
             knows_before: false,
             spare: start.clone(),
+            earlier: start.clone(),
+            knows_earlier: false,
+            smoothed: Default::default(),
+            fell_back: 0.0,
+            is_smoothed: false,
             now: start,
             undo: None,
             beyond,
@@ -208,7 +224,41 @@ impl CorrectedStepper {
         if self.base.forgets {
             self.simulator.forget_previous();
         }
-        self.simulator.step(targets)
+        let earlier = self.simulator.substep_before();
+        self.knows_earlier = earlier.is_some();
+        if let Some((positions, velocities)) = earlier {
+            self.earlier.positions.copy_from_slice(positions);
+            self.earlier.velocities.copy_from_slice(velocities);
+        }
+        let before = self.simulator.substep_counts();
+        self.simulator.step(targets)?;
+        let after = self.simulator.substep_counts();
+        let all = (after.all - before.all).max(1) as f32;
+        self.fell_back = (after.fell_back - before.fell_back) as f32 / all;
+        if self.base.differences == Differences::Substeps {
+            self.smooth();
+        }
+        Ok(())
+    }
+
+    /// Finds the differences that are smoothed by the matrix of the last solve.
+    fn smooth(&mut self) {
+        let end = MotionState {
+            positions: self.simulator.positions_f64(),
+            velocities: self.simulator.velocities_f64(),
+        };
+        let start = self.now.as_motion();
+        let middle = self.simulator.substep_before();
+        let middle = middle.map_or(start, |(positions, velocities)| MotionState {
+            positions,
+            velocities,
+        });
+        let times = self.base.times(self.scene.frame_rate);
+        rough_fields([start, middle, end], times, &mut self.smoothed);
+        self.is_smoothed = true;
+        for field in &mut self.smoothed {
+            self.is_smoothed &= self.simulator.smooth(field);
+        }
     }
 
     /// Returns true where this frame is of a kind that the model was trained on, as far as that
@@ -234,14 +284,33 @@ impl CorrectedStepper {
         !departures.iter().any(|found| goes_without(found.aspect))
     }
 
+    /// Returns true where the network is to see a substep that the physics did not take: strain
+    /// limits or contact divided the frame otherwise.
+    fn lacks_substep(&self) -> bool {
+        let lacks = self.simulator.substep_before().is_none() || !self.is_smoothed;
+        self.base.differences == Differences::Substeps && lacks
+    }
+
     /// Makes the next state in `spare`, of the one that physics predicted.
     fn correct(&mut self, frame: usize) -> Result<(), CorrectionError> {
         self.spare.copy_of(&self.simulator);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
         let has_before = self.knows_before && !self.base.forgets;
+        let substeps = self.simulator.substep_before();
+        let substeps = substeps.map(|(positions, velocities)| FrameSubsteps {
+            earlier: self.knows_earlier.then(|| self.earlier.as_motion()),
+            middle: MotionState {
+                positions,
+                velocities,
+            },
+            part: 1.0 / f64::from(self.base.substeps),
+            smoothed: &self.smoothed,
+            fell_back: self.fell_back,
+        });
         let predicted = PredictedFrame {
             before: has_before.then(|| self.before.as_motion()),
+            substeps,
             last: self.now.as_motion(),
             predicted: MotionState {
                 positions: self.simulator.positions_f64(),
@@ -321,7 +390,7 @@ impl Stepper for CorrectedStepper {
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
-        if !self.is_within(targets, frame) {
+        if !self.is_within(targets, frame) || self.lacks_substep() {
             self.spare.copy_of(&self.simulator);
             self.familiarity = Familiarity::default();
         } else if let Err(error) = self.correct(frame) {

@@ -83,7 +83,8 @@ mod test_cloth;
 
 pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
 pub use features::correction::{
-    CorrectionColumns, HalfTurns, MotionState, Neighbours, PredictedFrame, Stiffness,
+    ColumnSet, CorrectionColumns, FrameSubsteps, FrameTimes, HalfTurns, MotionState, Neighbours,
+    PredictedFrame, Stiffness, rough_fields,
 };
 pub use features::{
     Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,
@@ -113,6 +114,6 @@ pub use rollout::{
     TwoFrames, WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames, MOST_DEVIATIONS,
-    ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    Carries, Carry, Differences, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames,
+    MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
 };

@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper, Stop};
 use selvedge_corrected::{FrameState, base_scene};
 use selvedge_model::{
-    ClothGraph, CorrectionColumns, Corrector, HalfTurns, Model, MotionState, PhysicsBase,
-    PredictedFrame, Stiffness,
+    ClothGraph, CorrectionColumns, Corrector, Differences, FrameSubsteps, HalfTurns, Model,
+    MotionState, PhysicsBase, PredictedFrame, Stiffness, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use selvedge_train::{CorrectionConfig, CorrectionSample};
@@ -63,11 +63,37 @@ struct Run {
     held: Vec<bool>,
     now: FrameState,
     before: Option<FrameState>,
+    seen: SeenSubsteps,
     /// Frames until the next motion.
     left: usize,
     /// Frames until the cloth follows the other one, the model or the teacher.
     until_change: usize,
     follows_model: bool,
+}
+
+/// The substeps of a frame, where the model sees them.
+#[derive(Default)]
+struct SeenSubsteps {
+    /// The state one substep before the frame, as the physics that is corrected has it.
+    earlier: Option<FrameState>,
+    /// The state one substep before the end of the predicted frame.
+    middle: Option<FrameState>,
+    /// Differences of the frame through the matrix of its last solve.
+    smoothed: [Vec<DVec3>; 2],
+    /// Part of the substeps that fell back to first order.
+    fell_back: f32,
+}
+
+impl SeenSubsteps {
+    fn of_frame(&self, base: PhysicsBase) -> Option<FrameSubsteps<'_>> {
+        Some(FrameSubsteps {
+            earlier: self.earlier.as_ref().map(FrameState::as_motion),
+            middle: self.middle.as_ref()?.as_motion(),
+            part: 1.0 / f64::from(base.substeps),
+            smoothed: &self.smoothed,
+            fell_back: self.fell_back,
+        })
+    }
 }
 
 impl TaughtCloth {
@@ -148,6 +174,7 @@ impl Run {
             integrator: Integrator::default(),
             substeps: 2,
             forgets: false,
+            differences: Differences::default(),
         };
         let still = vec![DVec3::ZERO; rest.len()];
         let at_rest = FrameState {
@@ -174,7 +201,7 @@ impl Run {
                 graph,
                 Stiffness::of(&scene.material),
                 1.0 / scene.frame_rate,
-                cfg.model.neighbours(),
+                cfg.model.correction_columns(),
             ),
             corrector: None,
             stop: stop.clone(),
@@ -185,6 +212,7 @@ impl Run {
             path,
             now,
             before: None,
+            seen: SeenSubsteps::default(),
             left: rng.random_range(1..=cfg.samples.frames),
             until_change: 0,
             follows_model: false,
@@ -234,10 +262,19 @@ impl Run {
         for (handle, vertex) in scene.scene.handles.vertices().iter().enumerate() {
             self.held[vertex.index()] = targets.holds(handle);
         }
+        self.seen.earlier = substep_before(&self.cheap);
+        let counts = self.cheap.substep_counts();
         if self.cheap.step(&targets).is_err() || self.teacher.step(&finely).is_err() {
             return Ok(None);
         }
+        let after = self.cheap.substep_counts();
+        let all = (after.all - counts.all).max(1) as f32;
+        self.seen.fell_back = (after.fell_back - counts.fell_back) as f32 / all;
         let predicted = state_of(&self.cheap);
+        self.seen.middle = substep_before(&self.cheap);
+        if self.base.differences == Differences::Substeps && !self.smooth(scene, &predicted) {
+            return Ok(None);
+        }
         let turns = HalfTurns {
             along: rng.random(),
             over: rng.random(),
@@ -257,6 +294,23 @@ impl Run {
         }
         self.before = Some(std::mem::replace(&mut self.now, next));
         Ok(Some(sample))
+    }
+
+    /// Finds the differences that are smoothed by the matrix of the last solve. Returns false where
+    /// there is no factor of that.
+    fn smooth(&mut self, scene: &TeachingScene, predicted: &FrameState) -> bool {
+        let start = self.now.as_motion();
+        let Some(middle) = self.seen.middle.as_ref().map(FrameState::as_motion) else {
+            return false;
+        };
+        let times = self.base.times(scene.scene.frame_rate);
+        rough_fields(
+            [start, middle, predicted.as_motion()],
+            times,
+            &mut self.seen.smoothed,
+        );
+        let mut fields = self.seen.smoothed.iter_mut();
+        fields.all(|field| self.cheap.smooth(field))
     }
 
     /// Returns true where the cloth at `next` `[m]`, `[vertices]`, is too far from the teacher's
@@ -285,12 +339,12 @@ impl Run {
         predicted: &FrameState,
         turns: HalfTurns,
     ) -> CorrectionSample {
-        let frame = frame_of(scene, self.cheap.frame() - 1, &self.held);
         let frame = PredictedFrame {
             before: self.before.as_ref().map(FrameState::as_motion),
+            substeps: self.seen.of_frame(self.base),
             last: self.now.as_motion(),
             predicted: predicted.as_motion(),
-            ..frame
+            ..frame_of(scene, self.cheap.frame() - 1, &self.held)
         };
         self.columns.write(&scene.graph, &frame, turns);
         let truth = MotionState {
@@ -304,7 +358,7 @@ impl Run {
             nodes: self.columns.nodes.clone(),
             arcs: self.columns.arcs.clone(),
             target,
-            free: self.held.iter().map(|held| !held).collect(),
+            weights: loss_weights(self.columns.scales(), &self.held),
         }
     }
 
@@ -331,6 +385,7 @@ impl Run {
         let mut next = predicted.clone();
         let frame = PredictedFrame {
             before: self.before.as_ref().map(FrameState::as_motion),
+            substeps: self.seen.of_frame(self.base),
             last: self.now.as_motion(),
             predicted: predicted.as_motion(),
             ..frame_of(scene, self.cheap.frame() - 1, &self.held)
@@ -366,12 +421,34 @@ fn frame_of<'a>(scene: &TeachingScene, frame: usize, held: &'a [bool]) -> Predic
     let environment = scene.scene.environment.during_step(frame, rate);
     PredictedFrame {
         before: None,
+        substeps: None,
         last: nothing,
         predicted: nothing,
         wind: environment.wind,
         gravity: environment.gravity,
         held,
     }
+}
+
+/// Weights of the vertices in the loss, from the scales of their corrections.
+fn loss_weights(scales: &[f32], held: &[bool]) -> Vec<f32> {
+    let squares = || scales.iter().map(|scale| scale * scale).zip(held);
+    let free = squares().filter(|(_, held)| !**held);
+    let (sum, count) = free.fold((0.0, 0_u32), |(sum, count), (square, _)| {
+        (sum + square, count + 1)
+    });
+    let mean = if sum > 0.0 { sum / count as f32 } else { 1.0 };
+    let weight = |(square, held): (f32, &bool)| if *held { 0.0 } else { square / mean };
+    squares().map(weight).collect()
+}
+
+/// The state one substep ago, where the next substep looks back to it.
+fn substep_before(simulator: &Simulator) -> Option<FrameState> {
+    let (positions, velocities) = simulator.substep_before()?;
+    Some(FrameState {
+        positions: positions.to_vec(),
+        velocities: velocities.to_vec(),
+    })
 }
 
 fn state_of(simulator: &Simulator) -> FrameState {

@@ -68,6 +68,11 @@ fn scenes() -> TeachingScenes {
     opened.unwrap().unwrap()
 }
 
+/// Vertices that a sample has nothing to say of.
+fn held(sample: &CorrectionSample) -> usize {
+    sample.weights.iter().filter(|w| **w == 0.0).count()
+}
+
 /// The samples of six frames, with or without a model.
 fn samples(threads: usize, model: Option<&Arc<Model>>) -> Vec<CorrectionSample> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -93,15 +98,14 @@ fn samples_have_their_sizes_and_threads_change_none() {
         let arcs = sample.graph.arc_count();
         assert_eq!(sample.arcs.len(), arcs * spec.edge_width());
         assert_eq!(sample.target.len(), VERTICES * spec.outputs());
-        let held = sample.free.iter().filter(|free| !**free).count();
-        assert_eq!((sample.free.len(), held), (VERTICES, 2));
+        assert_eq!((sample.weights.len(), held(sample)), (VERTICES, 2));
         let all = [&sample.nodes, &sample.arcs, &sample.target];
         assert!(all.iter().all(|rows| rows.iter().all(|x| x.is_finite())));
         // The handles are where both have them; some of the others are not.
         for (v, row) in sample.target.as_chunks::<6>().0.iter().enumerate() {
             let size = row[..3].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
             assert!(
-                size < 0.05 && (sample.free[v] || size < 1e-6),
+                size < 0.05 && (sample.weights[v] > 0.0 || size < 1e-6),
                 "{v}: {row:?}"
             );
         }
@@ -218,15 +222,18 @@ fn drawn_cloths_teach_with_handles_that_let_go() {
     cfg.samples.lead = 120;
     let mut teaching = Teaching::new(scenes, cfg, 0);
     let model = model();
-    let (mut held, mut free) = (0, 0);
+    let (mut led, mut free) = (0, 0);
     for _ in 0..60 {
         for sample in teaching.samples(Some(&model), 3).unwrap().unwrap() {
             assert!(sample.target.iter().all(|x| x.is_finite()));
-            let handles = sample.free.iter().filter(|free| !**free).count();
-            if handles < 2 { free += 1 } else { held += 1 }
+            if held(&sample) < 2 {
+                free += 1
+            } else {
+                led += 1
+            }
         }
     }
-    assert!(held > 60 && free > 10, "{held} held, {free} free");
+    assert!(led > 60 && free > 10, "{led} held, {free} free");
 }
 
 /// The tiny scenes with handles that let go and take hold again, and once more.
@@ -247,6 +254,38 @@ fn letting_go() -> TeachingScenes {
     scenes
 }
 
+/// Differences over substeps: scales are those of the motion, weights in the loss have a mean of 1
+/// over the vertices that move, and the last column but one is the logarithm of the scale.
+#[test]
+fn samples_of_differences_over_substeps_are_weighted_by_their_scales() {
+    let mut cfg = config();
+    let base = cfg.model.base.as_mut().unwrap();
+    (base.substeps, base.differences) = (2, selvedge_model::Differences::Substeps);
+    let width = cfg.model.node_width();
+    let mut teaching = Teaching::new(scenes(), cfg, 0);
+    let (mut known, mut count) = (0, 0);
+    for _ in 0..6 {
+        for sample in teaching.samples(None, 1).unwrap().unwrap() {
+            count += 1;
+            let free = sample.weights.iter().filter(|w| **w > 0.0).count();
+            assert_eq!(free, VERTICES - 2);
+            let mean = sample.weights.iter().sum::<f32>() / free as f32;
+            assert!((mean - 1.0).abs() < 1e-5, "{mean}");
+            let rows: Vec<&[f32]> = sample.nodes.chunks_exact(width).collect();
+            known += usize::from(rows[0][31] == 1.0);
+            let of = |v: usize| (sample.weights[v].ln(), 2.0 * rows[v][32]);
+            let moving: Vec<usize> = (0..VERTICES).filter(|&v| sample.weights[v] > 0.0).collect();
+            let (weight, scale) = of(moving[0]);
+            for &v in &moving {
+                let (other, at) = of(v);
+                assert!((other - weight - (at - scale)).abs() < 1e-4, "{v}");
+            }
+        }
+    }
+    // The first frame of a run has no substep before it.
+    assert!(known > 0 && known < count, "{known} of {count}");
+}
+
 /// A teacher of the same physics as the base has nothing to add, wherever a run begins and whoever
 /// holds: both hold the same vertices, and lead them from where they were taken.
 #[test]
@@ -258,10 +297,10 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
     let base = cfg.model.base.as_mut().unwrap();
     (base.substeps, base.forgets) = (2, true);
     let mut teaching = Teaching::new(letting_go(), cfg, 0);
-    let mut held = [0; 3];
+    let mut held_so_often = [0; 3];
     for _ in 0..50 {
         for sample in teaching.samples(None, 1).unwrap().unwrap() {
-            held[sample.free.iter().filter(|free| !**free).count()] += 1;
+            held_so_often[held(&sample)] += 1;
             let most = sample
                 .target
                 .iter()
@@ -269,7 +308,8 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
             assert!(most < 1e-7, "{most}");
         }
     }
-    assert!(held.iter().all(|samples| *samples > 5), "{held:?}");
+    let often = held_so_often.iter().all(|samples| *samples > 5);
+    assert!(often, "{held_so_often:?}");
     assert_eq!(teaching.gone_astray(), 0);
 }
 

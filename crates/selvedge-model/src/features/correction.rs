@@ -7,6 +7,10 @@
 //! Differences along an arc are divided by its length in the material, so that columns of a smooth
 //! motion do not depend on the fineness of the mesh.
 //!
+//! The motion is shown as differences over frames, or over substeps, of which the error of a formula
+//! is made. The latter are divided by a scale of the vertex, so that slow and fast motions have the
+//! same columns, and corrections in proportion ([`Differences`]).
+//!
 //! A network with blocks sees every arc. One without sees sums over the arcs of a vertex, weighted
 //! by circular functions of their directions in the material: gradients and second derivatives of
 //! the motion, for a fraction of the price ([`Neighbours`]).
@@ -15,68 +19,20 @@ use glam::{DVec3, Mat3, Vec3};
 use selvedge_cloth::{FaceId, Material};
 
 use crate::graph::ClothGraph;
+use crate::spec::Differences;
 
-/// Columns of a vertex.
-pub(crate) const NODE_COLUMNS: usize = 20;
-/// Columns of an arc.
-pub(crate) const ARC_COLUMNS: usize = 24;
-/// Vectors of an arc that are summed: those of [`ARC_COLUMNS`] that begin a row, 3 columns each.
-const SUMMED_VECTORS: usize = 4;
-/// Scalars of an arc that are summed: strains and angles.
-const SUMMED_SCALARS: usize = 4;
-/// Weights of a sum of vectors: of the direction φ of an arc cos φ, sin φ, 1, cos 2φ and sin 2φ.
-const VECTOR_WEIGHTS: usize = 5;
-/// Weights of a sum of scalars: 1, cos 2φ and sin 2φ.
-const SCALAR_WEIGHTS: usize = 3;
-/// Columns of the sums over the arcs of a vertex: vectors, scalars, and the mean logarithms of
-/// length and stiffnesses.
-const SUM_COLUMNS: usize =
-    3 * SUMMED_VECTORS * VECTOR_WEIGHTS + SUMMED_SCALARS * SCALAR_WEIGHTS + 3;
-/// Columns of an arc that do not change: see [`StillColumns`].
-const STILL_COLUMNS: usize = 5;
+#[cfg(test)]
+use column_set::NODE_COLUMNS;
+use column_set::{
+    ARC_COLUMNS, SCALAR_WEIGHTS, STILL_COLUMNS, SUM_COLUMNS, SUMMED_SCALARS, SUMMED_VECTORS,
+    VECTOR_WEIGHTS,
+};
+pub use column_set::{ColumnSet, Neighbours};
+use differences::SUBSTEP_VECTORS;
+pub use differences::{FrameSubsteps, FrameTimes, rough_fields};
 
-/// The columns by which a vertex knows its neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Neighbours {
-    /// Those of every arc.
-    Arcs,
-    /// Sums over the arcs that arrive at the vertex, among its own columns. `[eq:arc-sums]`
-    Sums,
-}
-
-impl Neighbours {
-    /// Columns of a vertex.
-    pub(crate) const fn node_columns(self) -> usize {
-        match self {
-            Self::Arcs => NODE_COLUMNS,
-            Self::Sums => NODE_COLUMNS + SUM_COLUMNS,
-        }
-    }
-
-    /// Columns of an arc.
-    pub(crate) const fn arc_columns(self) -> usize {
-        match self {
-            Self::Arcs => ARC_COLUMNS,
-            Self::Sums => 0,
-        }
-    }
-
-    /// Widths of the groups of columns that share a unit and a scale, as the normaliser wants them:
-    /// of vertices, of arcs and of corrections.
-    #[must_use]
-    pub fn groups(self) -> [Vec<usize>; 3] {
-        let mut nodes = vec![3, 3, 3, 3, 3, 3, 1, 1];
-        let arcs = match self {
-            Self::Arcs => vec![3, 3, 3, 3, 3, 2, 2, 2, 1, 1, 1],
-            Self::Sums => {
-                nodes.extend([3 * VECTOR_WEIGHTS; SUMMED_VECTORS]);
-                nodes.extend([2 * SCALAR_WEIGHTS, 2 * SCALAR_WEIGHTS, 1, 1, 1]);
-                Vec::new()
-            }
-        };
-        [nodes, arcs, vec![3, 3]]
-    }
-}
+pub(crate) mod column_set;
+mod differences;
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +48,8 @@ pub struct MotionState<'a> {
 pub struct PredictedFrame<'a> {
     /// The state one frame before the last; none at the start of a run.
     pub before: Option<MotionState<'a>>,
+    /// What differences over substeps are made of, where the columns have them.
+    pub substeps: Option<FrameSubsteps<'a>>,
     /// The state at the start of the frame.
     pub last: MotionState<'a>,
     /// The state at its end, by physics.
@@ -149,7 +107,9 @@ pub struct CorrectionColumns {
     /// Bending angle of each edge now and as predicted `[rad]`, `[edges]`.
     angles: Vec<[f32; 2]>,
     moves: Vec<Moves>,
-    neighbours: Neighbours,
+    /// Scale of each vertex `[m]`; 1 where differences are over frames, `[vertices]`.
+    scales: Vec<f32>,
+    of_model: ColumnSet,
     /// Weights of the two arcs of each edge in the sums over the arcs of their receivers, where
     /// there are sums, `[edges, 2]`.
     weights: Vec<[[f32; VECTOR_WEIGHTS]; 2]>,
@@ -184,22 +144,27 @@ struct OfEdge {
     strains: [f32; 2],
 }
 
-/// Vectors of a vertex `[m/frame]`.
+/// Vectors of a vertex.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moves {
-    /// h v.
+    /// h v `[m]`, h the length of a frame.
     velocity: Vec3,
-    /// x̂ - x - h v.
-    shift: Vec3,
-    /// h (v̂ - v).
-    change: Vec3,
+    /// Two that are compared along arcs: x̂ - x - h v and h (v̂ - v) `[m]`; or second and third
+    /// differences over the scale.
+    compared: [Vec3; 2],
+    /// The vertex's own: those that are compared and the same of the frame before `[m]`; or
+    /// those over substeps, over the scale.
+    own: [Vec3; SUBSTEP_VECTORS],
 }
+
+/// A vertex's own vectors over frames, of which [`Moves::own`] has the first so many.
+const FRAME_VECTORS: usize = 4;
 
 impl CorrectionColumns {
     /// Columns of the cloth of `graph`, whose material has `stiffness`; a frame lasts `dt` `[s]`.
     #[must_use]
-    pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64, neighbours: Neighbours) -> Self {
-        Self::of_faces(graph, |_| stiffness, dt, neighbours)
+    pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64, of_model: ColumnSet) -> Self {
+        Self::of_faces(graph, |_| stiffness, dt, of_model)
     }
 
     /// As [`Self::new`], of a cloth whose faces have a `stiffness` each; an arc has that of the
@@ -209,7 +174,7 @@ impl CorrectionColumns {
         graph: &ClothGraph,
         stiffness: impl Fn(FaceId) -> Stiffness,
         dt: f64,
-        neighbours: Neighbours,
+        of_model: ColumnSet,
     ) -> Self {
         let pattern = graph.cloth().pattern();
         let lengths: Vec<f32> = pattern.edge_lengths().iter().map(|&l| l as f32).collect();
@@ -251,29 +216,40 @@ impl CorrectionColumns {
             frames: vec![Mat3::IDENTITY; vertices],
             angles: vec![[0.0; 2]; graph.topology().edges().len()],
             moves: vec![Moves::default(); vertices],
-            weights: match neighbours {
+            scales: vec![1.0; vertices],
+            weights: match of_model.neighbours {
                 Neighbours::Arcs => Vec::new(),
                 Neighbours::Sums => sum_weights(graph),
             },
-            neighbours,
-            nodes: vec![0.0; vertices * neighbours.node_columns()],
-            arcs: vec![0.0; graph.arc_count() * neighbours.arc_columns()],
+            of_model,
+            nodes: vec![0.0; vertices * of_model.node_columns()],
+            arcs: vec![0.0; graph.arc_count() * of_model.arc_columns()],
         }
     }
 
-    /// The columns by which a vertex knows its neighbours.
+    /// Which columns these are.
     #[must_use]
-    pub fn neighbours(&self) -> Neighbours {
-        self.neighbours
+    pub fn of_model(&self) -> ColumnSet {
+        self.of_model
+    }
+
+    /// Scale of each vertex at the latest [`Self::write`] `[m]`, by which its corrections are
+    /// measured; 1 where differences are over frames.
+    #[must_use]
+    pub fn scales(&self) -> &[f32] {
+        &self.scales
     }
 
     /// Fills [`Self::nodes`] and [`Self::arcs`].
     pub fn write(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
         self.find_frames(graph, frame.predicted.positions, turns);
-        self.find_moves(frame);
+        match self.of_model.differences {
+            Differences::Frames => self.find_moves(frame),
+            Differences::Substeps => self.find_differences(graph, frame),
+        }
         self.find_angles(graph, frame);
         self.write_nodes(frame);
-        match self.neighbours {
+        match self.of_model.neighbours {
             Neighbours::Arcs => self.write_arcs(graph, frame, turns),
             Neighbours::Sums => self.write_sums(graph, frame, turns),
         }
@@ -311,10 +287,21 @@ impl CorrectionColumns {
         let (last, next) = (frame.last, frame.predicted);
         for (v, moves) in self.moves.iter_mut().enumerate() {
             let velocity = h * last.velocities[v];
+            let shift = (next.positions[v] - last.positions[v] - velocity).as_vec3();
+            let change = (h * next.velocities[v] - velocity).as_vec3();
+            let mut earlier = [Vec3::ZERO; 2];
+            if let Some(before) = frame.before {
+                let velocity = h * before.velocities[v];
+                let shift = last.positions[v] - before.positions[v] - velocity;
+                let change = h * last.velocities[v] - velocity;
+                earlier = [shift.as_vec3(), change.as_vec3()];
+            }
+            let mut own = [Vec3::ZERO; SUBSTEP_VECTORS];
+            own[..FRAME_VECTORS].copy_from_slice(&[shift, change, earlier[0], earlier[1]]);
             *moves = Moves {
                 velocity: velocity.as_vec3(),
-                shift: (next.positions[v] - last.positions[v] - velocity).as_vec3(),
-                change: (h * next.velocities[v] - velocity).as_vec3(),
+                compared: [shift, change],
+                own,
             };
         }
     }
@@ -334,31 +321,33 @@ impl CorrectionColumns {
         let h = self.dt;
         let gravity = (h * h * frame.gravity).as_vec3();
         let wind = (h * frame.wind).as_vec3();
-        let rows = self.nodes.chunks_exact_mut(self.neighbours.node_columns());
+        let (count, knows_before) = match self.of_model.differences {
+            Differences::Frames => (FRAME_VECTORS, frame.before.is_some()),
+            Differences::Substeps => {
+                let substeps = frame.substeps.as_ref();
+                (
+                    SUBSTEP_VECTORS,
+                    substeps.is_some_and(|s| s.earlier.is_some()),
+                )
+            }
+        };
+        let fell_back = frame.substeps.as_ref().map_or(0.0, |s| s.fell_back);
+        let rows = self.nodes.chunks_exact_mut(self.of_model.node_columns());
         for (v, row) in rows.enumerate() {
-            let moves = self.moves[v];
+            let moves = &self.moves[v];
             let axes = self.frames[v].transpose();
-            let mut earlier = [Vec3::ZERO; 2];
-            if let Some(before) = frame.before {
-                let velocity = h * before.velocities[v];
-                let now = frame.last;
-                let shift = now.positions[v] - before.positions[v] - velocity;
-                let change = h * now.velocities[v] - velocity;
-                earlier = [shift.as_vec3(), change.as_vec3()];
+            let of_air = [wind - moves.velocity, gravity];
+            let vectors = moves.own[..count].iter().chain(&of_air);
+            let (of_vectors, rest) = row.split_at_mut(3 * (count + 2));
+            for (to, vector) in of_vectors.as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
+                *to = (axes * *vector).to_array();
             }
-            let vectors = [
-                moves.shift,
-                moves.change,
-                earlier[0],
-                earlier[1],
-                wind - moves.velocity,
-                gravity,
-            ];
-            for (to, vector) in row[..18].as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
-                *to = (axes * vector).to_array();
+            rest[0] = f32::from(u8::from(frame.held[v]));
+            rest[1] = f32::from(u8::from(knows_before));
+            if self.of_model.differences == Differences::Substeps {
+                rest[2] = self.scales[v].ln();
+                rest[3] = fell_back;
             }
-            row[18] = f32::from(u8::from(frame.held[v]));
-            row[19] = f32::from(u8::from(frame.before.is_some()));
         }
     }
 
@@ -374,12 +363,21 @@ impl CorrectionColumns {
         let vectors = [
             next,
             ma.velocity - mb.velocity,
-            ma.shift - mb.shift,
-            ma.change - mb.change,
+            ma.compared[0] - mb.compared[0],
+            ma.compared[1] - mb.compared[1],
         ];
         OfEdge {
             vectors: vectors.map(|d| d * inverse),
             strains: [now, next].map(|d| d.length() * inverse - 1.0),
+        }
+    }
+
+    /// The factor of the differences along edge `number` of what is compared, in columns of
+    /// `receiver`: over the scale there and not over the length of the edge, or 1.
+    fn inverse_of_compared(&self, number: usize, receiver: usize) -> f32 {
+        match self.of_model.differences {
+            Differences::Frames => 1.0,
+            Differences::Substeps => self.lengths[number] / self.scales[receiver],
         }
     }
 
@@ -390,16 +388,24 @@ impl CorrectionColumns {
             let [a, b] = edge.vertices.map(|v| v.index());
             let OfEdge { vectors, strains } = self.of_edge(number, [a, b], frame);
             let [bent, bends] = self.angles[number].map(|angle| side * angle);
-            let rows = self.arcs.as_chunks_mut::<ARC_COLUMNS>().0;
             // The first arc comes from a and arrives at b.
             let both = [(a, b, 1.0), (b, a, -1.0)];
-            for ((&arc, still), (sender, receiver, sign)) in
-                arcs.iter().zip(&self.still[number]).zip(both)
+            let inverses = both.map(|(_, receiver, _)| self.inverse_of_compared(number, receiver));
+            let rows = self.arcs.as_chunks_mut::<ARC_COLUMNS>().0;
+            for (((&arc, still), (sender, receiver, sign)), inverse) in
+                arcs.iter().zip(&self.still[number]).zip(both).zip(inverses)
             {
                 let row = &mut rows[arc as usize];
                 let axes = self.frames[receiver].transpose();
-                for (to, vector) in row.as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
-                    *to = (axes * (sign * vector)).to_array();
+                let factors = [1.0, 1.0, inverse, inverse].map(|factor| sign * factor);
+                for ((to, vector), factor) in row
+                    .as_chunks_mut::<3>()
+                    .0
+                    .iter_mut()
+                    .zip(vectors)
+                    .zip(factors)
+                {
+                    *to = (axes * (factor * vector)).to_array();
                 }
                 row[12..15].copy_from_slice(&(axes * self.frames[sender].z_axis).to_array());
                 row[15..17].copy_from_slice(&strains);
@@ -414,9 +420,10 @@ impl CorrectionColumns {
     /// The sums over the arcs that arrive at each vertex `[eq:arc-sums]`: in the world first, then
     /// turned into the frames.
     fn write_sums(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
-        let columns = self.neighbours.node_columns();
+        let columns = self.of_model.node_columns();
+        let own = self.of_model.own_columns();
         for row in self.nodes.chunks_exact_mut(columns) {
-            row[NODE_COLUMNS..].fill(0.0);
+            row[own..].fill(0.0);
         }
         let side = turns.side();
         for (number, edge) in graph.topology().edges().iter().enumerate() {
@@ -429,7 +436,9 @@ impl CorrectionColumns {
                 .zip(&self.still[number])
                 .zip([(b, 1.0), (a, -1.0)])
             {
-                let row = &mut self.nodes[receiver * columns + NODE_COLUMNS..][..SUM_COLUMNS];
+                let inverse = self.inverse_of_compared(number, receiver);
+                let factors = [1.0, 1.0, inverse, inverse].map(|factor| sign * factor);
+                let row = &mut self.nodes[receiver * columns + own..][..SUM_COLUMNS];
                 let (of_vectors, rest) = row.split_at_mut(3 * SUMMED_VECTORS * VECTOR_WEIGHTS);
                 let (of_scalars, means) = rest.split_at_mut(SUMMED_SCALARS * SCALAR_WEIGHTS);
                 let to = of_vectors
@@ -437,9 +446,9 @@ impl CorrectionColumns {
                     .0
                     .as_chunks_mut::<VECTOR_WEIGHTS>()
                     .0;
-                for (to, vector) in to.iter_mut().zip(vectors) {
+                for ((to, vector), factor) in to.iter_mut().zip(vectors).zip(factors) {
                     for (to, weight) in to.iter_mut().zip(weights) {
-                        let part = vector * (sign * weight);
+                        let part = vector * (factor * weight);
                         to[0] += part.x;
                         to[1] += part.y;
                         to[2] += part.z;
@@ -465,10 +474,11 @@ impl CorrectionColumns {
         // Half a turn of the frame takes φ to φ + π, a cloth turned over takes it to -φ.
         let (along, side) = (if turns.along { -1.0 } else { 1.0 }, turns.side());
         let signs = [along, along * side, 1.0, 1.0, side];
-        let rows = self.nodes.chunks_exact_mut(self.neighbours.node_columns());
+        let own = self.of_model.own_columns();
+        let rows = self.nodes.chunks_exact_mut(self.of_model.node_columns());
         for (row, axes) in rows.zip(&self.frames) {
             let axes = axes.transpose();
-            let row = &mut row[NODE_COLUMNS..];
+            let row = &mut row[own..];
             let (of_vectors, rest) = row.split_at_mut(3 * SUMMED_VECTORS * VECTOR_WEIGHTS);
             for (k, to) in of_vectors.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 let vector = axes * Vec3::from_array(*to);
@@ -478,6 +488,16 @@ impl CorrectionColumns {
             for (k, to) in of_scalars.enumerate() {
                 *to *= signs[2 + k % SCALAR_WEIGHTS];
             }
+        }
+    }
+
+    /// Takes corrections in scales of their vertices, `[vertices, 6]`, to metres.
+    pub fn to_metres(&self, rows: &mut [f32]) {
+        if self.of_model.differences == Differences::Frames {
+            return;
+        }
+        for (row, scale) in rows.as_chunks_mut::<6>().0.iter_mut().zip(&self.scales) {
+            row.iter_mut().for_each(|x| *x *= scale);
         }
     }
 
@@ -504,15 +524,17 @@ impl CorrectionColumns {
     }
 
     /// The corrections that lead from the predicted state to `truth`, in the frames of the latest
-    /// [`Self::write`]: the inverse of [`Self::apply`].
+    /// [`Self::write`] and scales of their vertices: the inverse of [`Self::to_metres`] and
+    /// [`Self::apply`].
     pub fn target(&self, predicted: MotionState<'_>, truth: MotionState<'_>, rows: &mut Vec<f32>) {
         rows.clear();
         for (v, frame) in self.frames.iter().enumerate() {
             let axes = frame.transpose();
             let shift = truth.positions[v] - predicted.positions[v];
             let change = self.dt * (truth.velocities[v] - predicted.velocities[v]);
+            let inverse = 1.0 / self.scales[v];
             for vector in [shift, change] {
-                rows.extend((axes * vector.as_vec3()).to_array());
+                rows.extend((axes * vector.as_vec3() * inverse).to_array());
             }
         }
     }

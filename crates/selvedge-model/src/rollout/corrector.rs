@@ -98,7 +98,7 @@ impl Corrector {
             &graph,
             stiffness,
             1.0 / graph.frame_rate(),
-            model.spec().neighbours(),
+            model.spec().correction_columns(),
         );
         let (purpose, using) = (Purpose::Inference, Instructions::Detected);
         Ok(Self {
@@ -199,6 +199,7 @@ impl Corrector {
         let flies = self.base.flies();
         let normalizers = self.model.normalizers();
         normalizers.acceleration.denormalize(&mut self.rows);
+        self.columns.to_metres(&mut self.rows);
         let mut result = Familiarity::default();
         let rows = self.rows.as_chunks_mut::<6>().0.iter_mut();
         for ((row, &share), &held) in rows.zip(&self.shares).zip(frame.held) {
@@ -246,9 +247,9 @@ fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f3
     let size = |x: &f32| if x.is_nan() { f32::INFINITY } else { x.abs() };
     let most = |row: &[f32]| row.iter().map(size).fold(0.0, f32::max);
     let first = graph.connectivity().first_arc();
-    let neighbours = columns.neighbours();
-    let nodes = columns.nodes.chunks_exact(neighbours.node_columns());
-    let width = neighbours.arc_columns();
+    let of_model = columns.of_model();
+    let nodes = columns.nodes.chunks_exact(of_model.node_columns());
+    let width = of_model.arc_columns();
     for (v, (row, share)) in nodes.zip(shares).enumerate() {
         let [from, to] = [first[v], first[v + 1]].map(|arc| arc as usize * width);
         let far = most(row).max(most(&columns.arcs[from..to]));

@@ -3,6 +3,8 @@
 use selvedge_cloth::Integrator;
 use serde::{Deserialize, Serialize};
 
+use crate::features::correction::FrameTimes;
+
 /// Deviations to which inputs and outputs are cut where a network corrects physics of cloth.
 pub const MOST_DEVIATIONS: f32 = 10.0;
 /// Deviations to which inputs are cut where a network corrects free flight.
@@ -25,6 +27,30 @@ pub struct PhysicsBase {
     /// one solve more.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub forgets: bool,
+    /// The differences of the motion that the network is shown.
+    #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
+    pub differences: Differences,
+}
+
+/// Differences of the motion that a network which corrects physics is shown, and the unit of its
+/// corrections.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Differences {
+    /// Changes over the frame and over the one before it; corrections in metres.
+    #[default]
+    Frames,
+    /// Changes over substeps, with the last one of the frame before, over a scale of the vertex
+    /// `[eq:substep-differences]`; two of them also smoothed by the matrix of the last solve, so
+    /// that a vertex sees as far as the solve does `[eq:smoothed-differences]`. Corrections are in
+    /// that scale.
+    Substeps,
+}
+
+impl Differences {
+    fn are_over_frames(&self) -> bool {
+        *self == Self::Frames
+    }
 }
 
 impl PhysicsBase {
@@ -33,6 +59,21 @@ impl PhysicsBase {
     #[must_use]
     pub fn flies(&self) -> bool {
         self.integrator.flies()
+    }
+
+    /// Returns true where the physics keeps the state one substep ago as it was.
+    pub(crate) fn keeps_states(&self) -> bool {
+        use Integrator::{SecondOrder, SecondOrderNewton};
+        matches!(self.integrator, SecondOrder | SecondOrderNewton(_))
+    }
+
+    /// Lengths of a frame and a substep where there are `frame_rate` frames per second.
+    #[must_use]
+    pub fn times(&self, frame_rate: f64) -> FrameTimes {
+        FrameTimes {
+            frame: 1.0 / frame_rate,
+            substep: 1.0 / (frame_rate * f64::from(self.substeps)),
+        }
     }
 
     /// Deviations to which normalised inputs are cut, in training and in use. In free flight what
@@ -83,9 +124,34 @@ mod tests {
     }
 
     #[test]
+    fn differences_over_substeps_have_columns_of_their_own() {
+        let mut spec = spec();
+        let base = spec.base.as_mut().expect("a base");
+        base.differences = Differences::Substeps;
+        assert_eq!(spec.validate(), Ok(()));
+        assert_eq!((spec.node_width(), spec.edge_width()), (34, 24));
+        let text = serde_json::to_string(&spec).expect("JSON");
+        assert!(text.contains(r#""differences":"substeps""#), "{text}");
+        assert_eq!(
+            serde_json::from_str::<ModelSpec>(&text).as_ref().ok(),
+            Some(&spec)
+        );
+        spec.blocks = 0;
+        assert_eq!((spec.node_width(), spec.edge_width()), (34 + 75, 0));
+    }
+
+    #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
         type Edit = fn(&mut ModelSpec);
-        let edits: [(&str, Edit); 10] = [
+        let edits: [(&str, Edit); 11] = [
+            (
+                "model.base.differences = \"substeps\" needs the state one substep ago",
+                |spec| {
+                    let base = spec.base.as_mut().expect("a base");
+                    base.differences = Differences::Substeps;
+                    base.integrator = Integrator::FreeFlight;
+                },
+            ),
             (
                 "model.base.substeps must be between 1 and 1000, found 0",
                 |spec| {

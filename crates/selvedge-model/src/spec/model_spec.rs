@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::features::correction::Neighbours;
-use crate::spec::base::{LEAST_LATENT, PhysicsBase};
+use crate::features::correction::{ColumnSet, Neighbours};
+use crate::spec::base::{Differences, LEAST_LATENT, PhysicsBase};
 use crate::spec::integration::Integration;
 use crate::spec::limits::EdgeLimits;
 
@@ -217,6 +217,10 @@ pub enum SpecError {
         field: &'static str,
         reason: &'static str,
     },
+    #[error(
+        "model.base.differences = \"substeps\" needs the state one substep ago, which only \"second-order\" and \"second-order-newton\" keep: choose one of them as model.base.integrator, or leave differences out"
+    )]
+    NoSubsteps,
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -341,6 +345,9 @@ impl ModelSpec {
                 return Err(SpecError::WithBase { field, reason });
             }
         }
+        if base.differences == Differences::Substeps && !base.keeps_states() {
+            return Err(SpecError::NoSubsteps);
+        }
         Ok(())
     }
 
@@ -417,11 +424,20 @@ impl ModelSpec {
         }
     }
 
+    /// The columns of a network that corrects physics.
+    #[must_use]
+    pub fn correction_columns(&self) -> ColumnSet {
+        ColumnSet {
+            neighbours: self.neighbours(),
+            differences: self.base.map(|base| base.differences).unwrap_or_default(),
+        }
+    }
+
     /// Columns of a vertex.
     #[must_use]
     pub fn node_width(&self) -> usize {
         if self.base.is_some() {
-            return self.neighbours().node_columns();
+            return self.correction_columns().node_columns();
         }
         self.node_features.iter().map(|f| f.width()).sum()
     }
@@ -430,7 +446,7 @@ impl ModelSpec {
     #[must_use]
     pub fn edge_width(&self) -> usize {
         if self.base.is_some() {
-            return self.neighbours().arc_columns();
+            return self.correction_columns().arc_columns();
         }
         self.edge_features.iter().map(|f| f.width()).sum()
     }

@@ -68,6 +68,28 @@ impl Simulator {
         })
     }
 
+    /// As [`Self::previous`], without a copy: positions `[m]` and velocities `[m/s]`, `[vertices]`
+    /// each, where the last substep was one of those into which the scene divides a frame.
+    #[must_use]
+    pub fn substep_before(&self) -> Option<(&[DVec3], &[DVec3])> {
+        let whole = 1.0 / (self.scene.frame_rate * f64::from(self.scene.physics.substeps));
+        let before = &self.history.before;
+        self.history
+            .fits(whole)
+            .then_some((&before.positions[..], &before.velocities[..]))
+    }
+
+    /// Smooths `field`, `[vertices]`, as the last solve smoothed the motion: A⁻¹ M `field`, 0 where a
+    /// handle holds. Returns false, and leaves it, where there is no factor of its matrix: before
+    /// the first solve, with conjugate gradients, and where something touched.
+    ///
+    /// # Panics
+    /// When `field` does not have the size of the cloth.
+    pub fn smooth(&mut self, field: &mut [DVec3]) -> bool {
+        assert_eq!(field.len(), self.rounded.len(), "vertices");
+        self.active.system.smooth(field)
+    }
+
     /// The same cloth with what contact had left by then, which a run with contact needs to go on
     /// bit for bit; see [`Self::contact_memory`]. Without contact in the scene it is passed over,
     /// as are features that do not touch.

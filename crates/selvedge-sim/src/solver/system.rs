@@ -104,6 +104,7 @@ pub(crate) struct System {
     /// nothing.
     solved_span: f64,
     saved_changes: (Vec<DVec3>, f64),
+    smoothing: smooth::Smoothing,
     solver: Solver,
     /// Solver in the place of `solver` where something touches.
     touching: Option<Box<Touching>>,
@@ -201,6 +202,7 @@ impl System {
             changes: vec![DVec3::ZERO; vertex_count],
             solved_span: 0.0,
             saved_changes: (vec![DVec3::ZERO; vertex_count], 0.0),
+            smoothing: smooth::Smoothing::default(),
             touches: Touches::default(),
             repeated: Repeated::default(),
         })
@@ -579,5 +581,6 @@ fn springs(constraint: HandleConstraint, handles: &Handles, dt: f64) -> Springs<
 }
 
 mod parts;
+mod smooth;
 #[cfg(test)]
 mod tests;

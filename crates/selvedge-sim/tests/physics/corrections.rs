@@ -73,6 +73,26 @@ fn the_state_one_substep_ago_takes_its_part_of_a_correction() {
 }
 
 #[test]
+fn the_state_one_substep_ago_is_shown_where_a_frame_was_divided_as_the_scene_says() {
+    let scene = scene(2);
+    let mut simulator = Simulator::new(&scene).unwrap();
+    assert!(simulator.substep_before().is_none());
+    run(&mut simulator, &scene, 2);
+    let mut halfway = Simulator::new(&scene).unwrap();
+    run(&mut halfway, &scene, 1);
+    let still = scene.handles.select(scene.mesh.positions());
+    halfway.substep(1.0 / 120.0, &still).unwrap();
+    let (positions, velocities) = simulator.substep_before().unwrap();
+    assert_eq!(positions, halfway.positions_f64());
+    assert_eq!(velocities, halfway.velocities_f64());
+    // A substep of another length is none of the scene's.
+    halfway.substep(1.0 / 500.0, &still).unwrap();
+    assert!(halfway.previous().is_some() && halfway.substep_before().is_none());
+    simulator.forget_previous();
+    assert!(simulator.substep_before().is_none());
+}
+
+#[test]
 fn a_state_that_is_not_finite_is_refused_and_the_cloth_left_as_it_was() {
     let scene = scene(2);
     let mut simulator = Simulator::new(&scene).unwrap();

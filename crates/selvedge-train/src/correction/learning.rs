@@ -78,18 +78,18 @@ impl Desk {
             &mut self.workspace,
         );
         let outputs = lesson.network.spec().outputs();
-        let free = sample.free.iter().filter(|free| **free).count();
+        let free = sample.weights.iter().filter(|w| **w > 0.0).count();
         let scale = 1.0 / (outputs * free.max(1)) as f64;
         self.by_output.clear();
         let mut loss = 0.0;
         let rows = out.chunks_exact(outputs);
         let pairs = rows
             .zip(self.target.chunks_exact(outputs))
-            .zip(&sample.free);
-        for ((row, target), &free) in pairs {
+            .zip(&sample.weights);
+        for ((row, target), &weight) in pairs {
             for (found, wanted) in row.iter().zip(target) {
-                let off = if free { f64::from(found - wanted) } else { 0.0 };
-                loss += scale * off * off;
+                let off = f64::from(weight) * f64::from(found - wanted);
+                loss += scale * off * f64::from(found - wanted);
                 self.by_output
                     .push((2.0 * scale * lesson.part * off) as f32);
             }
@@ -160,6 +160,7 @@ pub(super) mod tests {
                 integrator: Default::default(),
                 substeps: 1,
                 forgets: false,
+                differences: Default::default(),
             }),
             node_features: Default::default(),
             edge_features: Default::default(),
@@ -185,7 +186,11 @@ pub(super) mod tests {
             nodes: draw(16 * spec.node_width()),
             arcs: draw(graph.arc_count() * spec.edge_width()),
             target: draw(16 * spec.outputs()),
-            free: graph.handle_mask().iter().map(|held| !held).collect(),
+            weights: graph
+                .handle_mask()
+                .iter()
+                .map(|held| f32::from(u8::from(!held)))
+                .collect(),
             graph: Arc::new(graph),
         }
     }

@@ -15,8 +15,9 @@ pub struct CorrectionSample {
     pub arcs: Vec<f32>,
     /// Corrections that lead to the teacher's frame, `[vertices, 6]`.
     pub target: Vec<f32>,
-    /// True for each vertex that is corrected, `[vertices]`.
-    pub free: Vec<bool>,
+    /// Weight of each vertex in the loss, 0 where it is not corrected, `[vertices]`: the square of
+    /// what its corrections are measured by, with a mean of 1 over those that are.
+    pub weights: Vec<f32>,
 }
 
 /// The latest samples.

@@ -153,14 +153,14 @@ impl CorrectionTrainer {
     }
 
     fn statistics(&self) -> Normalizers {
-        let groups = self.cfg.model.neighbours().groups();
+        let groups = self.cfg.model.correction_columns().groups();
         let mut all = groups.map(|groups| RunningStatistics::new(&groups));
         let [nodes, arcs, targets] = &mut all;
         for sample in self.store.samples() {
             nodes.add(&sample.nodes);
             arcs.add(&sample.arcs);
             let rows = sample.target.chunks_exact(self.cfg.model.outputs());
-            for (row, _) in rows.zip(&sample.free).filter(|(_, free)| **free) {
+            for (row, _) in rows.zip(&sample.weights).filter(|(_, w)| **w > 0.0) {
                 targets.add(row);
             }
         }

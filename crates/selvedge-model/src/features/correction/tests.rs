@@ -65,6 +65,14 @@ impl Shape {
     }
 }
 
+/// The columns over frames.
+pub(crate) fn of_frames(neighbours: Neighbours) -> ColumnSet {
+    ColumnSet {
+        neighbours,
+        differences: Differences::Frames,
+    }
+}
+
 /// A predicted frame with the states before it, and the truth.
 struct Case {
     graph: ClothGraph,
@@ -93,6 +101,7 @@ impl Case {
     fn frame(&self) -> PredictedFrame<'_> {
         PredictedFrame {
             before: Some(self.shapes[0].as_motion()),
+            substeps: None,
             last: self.shapes[1].as_motion(),
             predicted: self.shapes[2].as_motion(),
             wind: self.wind,
@@ -106,7 +115,8 @@ impl Case {
     }
 
     fn columns_of(&self, neighbours: Neighbours, turns: HalfTurns) -> CorrectionColumns {
-        let mut columns = CorrectionColumns::new(&self.graph, SOFT, 1.0 / 60.0, neighbours);
+        let mut columns =
+            CorrectionColumns::new(&self.graph, SOFT, 1.0 / 60.0, of_frames(neighbours));
         columns.write(&self.graph, &self.frame(), turns);
         columns
     }
@@ -254,17 +264,19 @@ fn sums_are_those_of_the_columns_of_the_arcs() {
     let sums = case.columns_of(Neighbours::Sums, straight);
     assert!(sums.arcs.is_empty());
     let expected = sums_by_hand(&case.graph, &arcs.arcs);
-    let rows = sums.nodes.chunks_exact(Neighbours::Sums.node_columns());
+    let rows = sums
+        .nodes
+        .chunks_exact(of_frames(Neighbours::Sums).node_columns());
     let own = arcs.nodes.as_chunks::<NODE_COLUMNS>().0;
     for ((row, own), expected) in rows.zip(own).zip(&expected) {
         assert_eq!(&row[..NODE_COLUMNS], own);
         // Rounding of f32 in sums of about six arcs.
         assert_near(&row[NODE_COLUMNS..], expected, 1e-5);
     }
-    let widths = Neighbours::Sums
+    let widths = of_frames(Neighbours::Sums)
         .groups()
         .map(|groups| groups.iter().sum::<usize>());
-    assert_eq!(widths, [Neighbours::Sums.node_columns(), 0, 6]);
+    assert_eq!(widths, [of_frames(Neighbours::Sums).node_columns(), 0, 6]);
 }
 
 #[test]
@@ -277,7 +289,7 @@ fn half_turns_change_the_signs_of_sums_only() {
         // Of cos φ, sin φ, 1, cos 2φ, sin 2φ.
         let weights = [x, x * z, 1.0, 1.0, z];
         let mut nodes = straight.nodes.clone();
-        for row in nodes.chunks_exact_mut(Neighbours::Sums.node_columns()) {
+        for row in nodes.chunks_exact_mut(of_frames(Neighbours::Sums).node_columns()) {
             (0..18).for_each(|k| row[k] *= axes[k % 3]);
             let sums = &mut row[NODE_COLUMNS..];
             (0..60).for_each(|k| sums[k] *= axes[k % 3] * weights[k / 3 % 5]);
@@ -342,13 +354,14 @@ fn the_frames_of_a_flat_sheet_lie_along_its_threads() {
     let gravity = DVec3::new(0.0, -9.81, 0.0);
     let frame = PredictedFrame {
         before: None,
+        substeps: None,
         last: flat.as_motion(),
         predicted: flat.as_motion(),
         wind: DVec3::ZERO,
         gravity,
         held: &[false; 16],
     };
-    let mut columns = CorrectionColumns::new(&graph, SOFT, 1.0 / 60.0, Neighbours::Arcs);
+    let mut columns = CorrectionColumns::new(&graph, SOFT, 1.0 / 60.0, of_frames(Neighbours::Arcs));
     columns.write(&graph, &frame, HalfTurns::default());
     let normal = u.cross(w);
     let down = gravity / 3600.0;
@@ -391,8 +404,12 @@ fn an_arc_has_the_stiffness_of_the_face_to_its_left() {
         }
     };
     let arcs = |stiffness: &dyn Fn(FaceId) -> Stiffness| {
-        let mut columns =
-            CorrectionColumns::of_faces(&case.graph, stiffness, 1.0 / 60.0, Neighbours::Arcs);
+        let mut columns = CorrectionColumns::of_faces(
+            &case.graph,
+            stiffness,
+            1.0 / 60.0,
+            of_frames(Neighbours::Arcs),
+        );
         columns.write(&case.graph, &case.frame(), HalfTurns::default());
         columns.arcs
     };

@@ -5,10 +5,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::features::Normalizer;
+use crate::features::correction::column_set::{ARC_COLUMNS, NODE_COLUMNS};
 use crate::features::correction::tests::{SOFT, Shape};
-use crate::features::correction::{ARC_COLUMNS, NODE_COLUMNS, Neighbours};
+use crate::features::correction::{ColumnSet, Neighbours};
 use crate::network::Network;
 use crate::rollout::{LearnedStepper, Normalizers, RolloutError};
+use crate::spec::Differences;
 use crate::spec::{Encoder, ModelSpec};
 use crate::test_cloth::parts;
 
@@ -20,6 +22,7 @@ fn spec() -> ModelSpec {
             integrator: Default::default(),
             substeps: 1,
             forgets: false,
+            differences: Default::default(),
         }),
         ..ModelSpec::physical(Encoder::MLP, 8, 1)
     }
@@ -43,7 +46,15 @@ fn model(deviation: f64) -> Arc<Model> {
 }
 
 fn columns(graph: &ClothGraph) -> CorrectionColumns {
-    CorrectionColumns::new(graph, SOFT, 1.0 / 60.0, Neighbours::Arcs)
+    CorrectionColumns::new(
+        graph,
+        SOFT,
+        1.0 / 60.0,
+        ColumnSet {
+            neighbours: Neighbours::Arcs,
+            differences: Differences::Frames,
+        },
+    )
 }
 
 #[test]
@@ -98,6 +109,7 @@ fn corrected(
     let held = graph.handle_mask().to_vec();
     let frame = PredictedFrame {
         before: None,
+        substeps: None,
         last: last.as_motion(),
         predicted: predicted.as_motion(),
         wind: DVec3::ZERO,
@@ -173,6 +185,7 @@ fn a_corrector_takes_no_other_kind_of_model_and_follows_a_new_one() {
         let state = Shape::near(&rest, 0.005, 1);
         let frame = PredictedFrame {
             before: None,
+            substeps: None,
             last: state.as_motion(),
             predicted: state.as_motion(),
             wind: DVec3::ZERO,
