@@ -83,7 +83,7 @@ mod test_cloth;
 
 pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
 pub use features::correction::{
-    ColumnSet, CorrectionColumns, FrameSubsteps, FrameTimes, HalfTurns, MotionState, Neighbours,
+    ColumnSet, CorrectionColumns, FrameSubsteps, HalfTurns, MotionState, Neighbours,
     PredictedFrame, Stiffness, rough_fields,
 };
 pub use features::{
@@ -114,6 +114,6 @@ pub use rollout::{
     TwoFrames, WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, Differences, EdgeFeature, EdgeLimits, Encoder, Integration, LastFrames,
-    MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    Carries, Carry, Differences, EdgeFeature, EdgeLimits, Encoder, FrameTimes, Integration,
+    LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
 };

@@ -7,9 +7,9 @@
 //! Differences along an arc are divided by its length in the material, so that columns of a smooth
 //! motion do not depend on the fineness of the mesh.
 //!
-//! The motion is shown as differences over frames, or over substeps, of which the error of a formula
-//! is made. The latter are divided by a scale of the vertex, so that slow and fast motions have the
-//! same columns, and corrections in proportion ([`Differences`]).
+//! The motion is shown as differences over frames, or over substeps, of which the error of a
+//! formula is made. The latter are divided by a scale of the vertex, so that slow and fast motions
+//! have the same columns, and corrections in proportion ([`Differences`]).
 //!
 //! A network with blocks sees every arc. One without sees sums over the arcs of a vertex, weighted
 //! by circular functions of their directions in the material: gradients and second derivatives of
@@ -29,7 +29,7 @@ use column_set::{
 };
 pub use column_set::{ColumnSet, Neighbours};
 use differences::SUBSTEP_VECTORS;
-pub use differences::{FrameSubsteps, FrameTimes, rough_fields};
+pub use differences::{FrameSubsteps, rough_fields};
 
 pub(crate) mod column_set;
 mod differences;
@@ -48,7 +48,7 @@ pub struct MotionState<'a> {
 pub struct PredictedFrame<'a> {
     /// The state one frame before the last; none at the start of a run.
     pub before: Option<MotionState<'a>>,
-    /// What differences over substeps are made of, where the columns have them.
+    /// Its substeps, where the columns have differences over them.
     pub substeps: Option<FrameSubsteps<'a>>,
     /// The state at the start of the frame.
     pub last: MotionState<'a>,
@@ -227,7 +227,7 @@ impl CorrectionColumns {
         }
     }
 
-    /// Which columns these are.
+    /// Kind of these columns.
     #[must_use]
     pub fn of_model(&self) -> ColumnSet {
         self.of_model

@@ -3,8 +3,6 @@
 use selvedge_cloth::Integrator;
 use serde::{Deserialize, Serialize};
 
-use crate::features::correction::FrameTimes;
-
 /// Deviations to which inputs and outputs are cut where a network corrects physics of cloth.
 pub const MOST_DEVIATIONS: f32 = 10.0;
 /// Deviations to which inputs are cut where a network corrects free flight.
@@ -30,6 +28,15 @@ pub struct PhysicsBase {
     /// The differences of the motion that the network is shown.
     #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
     pub differences: Differences,
+}
+
+/// Lengths of a frame and of a substep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameTimes {
+    /// That of a frame `[s]`.
+    pub frame: f64,
+    /// That of a substep `[s]`.
+    pub substep: f64,
 }
 
 /// Differences of the motion that a network which corrects physics is shown, and the unit of its

@@ -6,7 +6,7 @@ pub(crate) mod integration;
 pub(crate) mod limits;
 mod model_spec;
 
-pub use base::{Differences, MOST_DEVIATIONS, PhysicsBase};
+pub use base::{Differences, FrameTimes, MOST_DEVIATIONS, PhysicsBase};
 pub use integration::{Carries, Carry, Integration, LastFrames, ReferenceSlope};
 pub use limits::EdgeLimits;
 pub(crate) use model_spec::RowEncoder;

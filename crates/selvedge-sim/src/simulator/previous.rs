@@ -79,9 +79,11 @@ impl Simulator {
             .then_some((&before.positions[..], &before.velocities[..]))
     }
 
-    /// Smooths `field`, `[vertices]`, as the last solve smoothed the motion: A⁻¹ M `field`, 0 where a
-    /// handle holds. Returns false, and leaves it, where there is no factor of its matrix: before
-    /// the first solve, with conjugate gradients, and where something touched.
+    /// Smooths `field`, `[vertices]`, as the last solve smoothed the motion: A⁻¹ M `field`, 0 where
+    /// a handle holds; conjugate gradients leave a hundredth of the residual.
+    ///
+    /// Returns false, and leaves the field, where no solver has that matrix: before the first
+    /// solve, and where the cloth is coupled by what it touches.
     ///
     /// # Panics
     /// When `field` does not have the size of the cloth.

@@ -16,10 +16,12 @@ mod elements;
 mod incomplete;
 mod ordering;
 mod pattern;
+mod solve_error;
 mod stage;
 mod system;
 mod woven;
 
 pub(crate) use cholesky::FactorError;
+pub(crate) use solve_error::SolveError;
 pub(crate) use stage::{Stage, StageAir};
-pub(crate) use system::{SolveError, System};
+pub(crate) use system::System;

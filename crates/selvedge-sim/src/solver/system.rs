@@ -13,18 +13,18 @@ use glam::DVec3;
 use selvedge_cloth::{
     AirLaw, ContactLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, Stop, VertexId,
 };
-use thiserror::Error;
 
 use crate::contact::Touches;
 use crate::laws::external::AirResistance;
 use crate::solver::cholesky::FactorError;
 use crate::solver::complete::{Complete, Coupling};
 use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
-use crate::solver::coupled::{CoupledError, Springs, Whole, solve_coupled};
+use crate::solver::coupled::{Factor as _, Springs, Whole, solve_coupled};
 use crate::solver::direct::Direct;
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
+use crate::solver::solve_error::SolveError;
 use crate::solver::stage::{Stage, StageAir};
 use crate::state::State;
 use crate::threads::Threads;
@@ -47,44 +47,6 @@ const ITERATIVE_WITH_TOUCHES_FROM: usize = 300;
 /// second is a thousandth of a substep's error; a tenth of that costs half as many iterations more
 /// and changes nothing that is seen.
 const AUTOMATIC_TOLERANCE: [f64; 2] = [1e-7, 1e-6];
-
-/// Reason for a failed solve.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub(crate) enum SolveError {
-    /// A force or a result is not finite.
-    #[error("the motion of vertex {vertex} is no longer finite")]
-    NonFinite {
-        /// The first such vertex.
-        vertex: VertexId,
-    },
-    /// The linear system could not be factorised.
-    #[error(transparent)]
-    Factor(#[from] FactorError),
-    /// Conjugate gradients did not converge.
-    #[error(transparent)]
-    Iteration(#[from] IterationError),
-    /// Newton's method did not converge.
-    #[error(
-        "after {iterations} iterations of Newton's method velocities still lack {lack:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.integrator"
-    )]
-    Newton {
-        /// Linear solves done.
-        iterations: u32,
-        /// Residual of the equations `[m/s]`.
-        lack: f64,
-        /// Largest residual allowed `[m/s]`.
-        tolerance: f64,
-    },
-}
-
-impl From<CoupledError> for SolveError {
-    fn from(error: CoupledError) -> Self {
-        match error {
-            CoupledError::Factor(error) => Self::Factor(error),
-            CoupledError::Iteration(error) => Self::Iteration(error),
-        }
-    }
-}
 
 /// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
@@ -466,6 +428,35 @@ impl System {
             touches.multiply(-1.0, changes, residual);
         };
         Ok(solver.solve(threads, pattern, changes, residual)?)
+    }
+
+    /// Smooths `field`, `[vertices]`, by the matrix A of the last solve: A⁻¹ M `field`, 0 where
+    /// held; conjugate gradients leave a hundredth of the residual.
+    ///
+    /// Returns false, and leaves the field, where no solver has that matrix: before the first
+    /// solve, where touches couple vertices, and where conjugate gradients fail.
+    pub(crate) fn smooth(&mut self, field: &mut [DVec3]) -> bool {
+        if self.solved_span == 0.0 || self.touches.couple_at_all() {
+            return false;
+        }
+        let (threads, pattern) = (self.threads, &self.pattern);
+        let touching = self.touching.as_mut().filter(|_| !self.touches.is_empty());
+        let solver = &mut self.solver;
+        let mass = &self.elements.mass;
+        self.smoothing
+            .smooth(field, mass, |right, smoothed| match (solver, touching) {
+                (Solver::Direct(direct), None) => {
+                    direct.solve_again(pattern, right, smoothed);
+                    true
+                }
+                (Solver::Iterative(solver), _) => {
+                    solver.smooth(threads, pattern, right, smoothed).is_ok()
+                }
+                (Solver::Direct(_), Some(touching)) => {
+                    let Touching { pattern, solver } = touching.as_mut();
+                    solver.smooth(threads, pattern, right, smoothed).is_ok()
+                }
+            })
     }
 
     fn check_impulses(&self) -> Result<(), SolveError> {

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 
 use super::{CorrectionColumns, MotionState, Moves, PredictedFrame};
 use crate::graph::ClothGraph;
+use crate::spec::FrameTimes;
 
 /// A vertex's own vectors over substeps.
 pub(super) const SUBSTEP_VECTORS: usize = 8;
@@ -12,15 +13,6 @@ pub(super) const SUBSTEP_VECTORS: usize = 8;
 const LEAST_SCALE: f32 = 0.1;
 /// Scale of a cloth at rest `[m]`.
 const AT_REST: f32 = 1e-8;
-
-/// Lengths of a frame and of a substep.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameTimes {
-    /// That of a frame `[s]`.
-    pub frame: f64,
-    /// That of a substep `[s]`.
-    pub substep: f64,
-}
 
 /// The substeps of a predicted frame.
 #[derive(Clone, Copy, Debug)]

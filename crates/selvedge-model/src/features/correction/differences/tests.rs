@@ -1,5 +1,6 @@
 //! Columns whose differences are over substeps: by hand from the states, the same for a motion in
-//! proportion but for the columns that are absolute, turned with the cloth, and the target's inverse.
+//! proportion but for the columns that are absolute, and turned with the cloth. A correction is the
+//! inverse of its target.
 
 use glam::DQuat;
 

@@ -1,0 +1,46 @@
+//! The reason for a failed solve.
+
+use selvedge_cloth::VertexId;
+use thiserror::Error;
+
+use super::cholesky::FactorError;
+use super::conjugate_gradients::IterationError;
+use super::coupled::CoupledError;
+
+/// Reason for a failed solve.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub(crate) enum SolveError {
+    /// A force or a result is not finite.
+    #[error("the motion of vertex {vertex} is no longer finite")]
+    NonFinite {
+        /// The first such vertex.
+        vertex: VertexId,
+    },
+    /// The linear system could not be factorised.
+    #[error(transparent)]
+    Factor(#[from] FactorError),
+    /// Conjugate gradients did not converge.
+    #[error(transparent)]
+    Iteration(#[from] IterationError),
+    /// Newton's method did not converge.
+    #[error(
+        "after {iterations} iterations of Newton's method velocities still lack {lack:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.integrator"
+    )]
+    Newton {
+        /// Linear solves done.
+        iterations: u32,
+        /// Residual of the equations `[m/s]`.
+        lack: f64,
+        /// Largest residual allowed `[m/s]`.
+        tolerance: f64,
+    },
+}
+
+impl From<CoupledError> for SolveError {
+    fn from(error: CoupledError) -> Self {
+        match error {
+            CoupledError::Factor(error) => Self::Factor(error),
+            CoupledError::Iteration(error) => Self::Iteration(error),
+        }
+    }
+}
