@@ -18,7 +18,7 @@ const STEEPEST: f64 = 0.05;
 pub(super) struct Barrier {
     /// ĝ, the gap at which the push begins `[m]`.
     pub(super) thickness: f64,
-    /// κ: mean mass of the pair's corners, by the squares of their weights, over γ² `[N/m]`.
+    /// κ: mean mass of the pair's corners, by the squares of their weights, over dt² `[N/m]`.
     pub(super) base: f64,
     /// Part of κ that the pair has, above 0; at least [`AT_SPEED`] where it would go below
     /// [`LEAST`].

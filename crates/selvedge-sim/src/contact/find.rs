@@ -104,7 +104,11 @@ impl Contact {
         held.sort();
         let exact = false;
         Found {
-            touches: Touches { list, exact },
+            touches: Touches {
+                list,
+                exact,
+                ..Touches::default()
+            },
             set,
             held,
         }
@@ -139,7 +143,11 @@ impl Contact {
         list.sort_by_key(|touch| touch.corners);
         let exact = true;
         Found {
-            touches: Touches { list, exact },
+            touches: Touches {
+                list,
+                exact,
+                ..Touches::default()
+            },
             set,
             held: Held::default(),
         }

@@ -74,6 +74,9 @@ pub(crate) struct Touches {
     pub(super) list: Vec<Touch>,
     /// True if a system with them is to be factorised as a whole, not iterated.
     pub(super) exact: bool,
+    /// Time of the solve, by whose square barriers and anchors are stiff `[s]`: the same whichever
+    /// formula serves.
+    pub(super) time: f64,
 }
 
 impl Touch {
@@ -111,9 +114,9 @@ impl Touch {
         })
     }
 
-    /// Linearises the touch for a stage of γ `[s]` whose estimated end has this `displacement`.
-    /// Gives the force on the first side `[N]`.
-    fn linearise(&mut self, gamma: f64, displacement: DVec3) -> DVec3 {
+    /// Linearises the touch for a stage of γ `[s]` whose estimated end has this `displacement`, as
+    /// stiff as `time` `[s]` makes it. Gives the force on the first side `[N]`.
+    fn linearise(&mut self, gamma: f64, time: f64, displacement: DVec3) -> DVec3 {
         let share = match self.law {
             PairLaw::Barrier { share } => share,
             PairLaw::Arcsim { stiffness } => {
@@ -123,7 +126,7 @@ impl Touch {
         let square = gamma * gamma;
         let barrier = Barrier {
             thickness: self.thickness,
-            base: self.mean_mass / square,
+            base: self.mean_mass / (time * time),
             share,
             inertia: self.mass / square,
         };
@@ -133,7 +136,7 @@ impl Touch {
             Some(gap) => barrier.at(gap),
         };
         let bears = barrier.bears(&tangent, estimate);
-        let grip = barrier.inertia;
+        let grip = self.mass / (time * time);
         let slip = along_surface(self.normal, self.pull / grip + displacement);
         let drag = drag(self.normal, slip, grip, self.friction * bears);
         let block = outer(self.normal, self.normal) * tangent.stiffness + drag.block;
@@ -220,7 +223,7 @@ impl Touches {
     ) {
         for touch in &mut self.list {
             let displacement = touch.displacement(&place);
-            let impulse = touch.linearise(gamma, displacement) * gamma;
+            let impulse = touch.linearise(gamma, self.time, displacement) * gamma;
             for (corner, weight) in touch.corners.iter().zip(touch.weights) {
                 if weight != 0.0 {
                     impulses[*corner as usize] += impulse * weight;
@@ -331,7 +334,7 @@ mod tests {
             for friction in [0.0, 0.1, 0.6] {
                 for slide in [1e-7, 1e-5, 2e-4] {
                     let mut touch = touch(law, friction);
-                    touch.linearise(gamma, DVec3::new(slide, -1e-5, 0.5 * slide));
+                    touch.linearise(gamma, gamma, DVec3::new(slide, -1e-5, 0.5 * slide));
                     let block = touch.response.block;
                     let most = block.to_cols_array().into_iter().fold(0.0, f64::max);
                     let skew = block - block.transpose();
@@ -357,7 +360,7 @@ mod tests {
         for speed in [1e-4, 1.0] {
             let approach = 0.01;
             let displacement = (along * speed - normal * approach) * dt;
-            let found = touch.linearise(dt, displacement);
+            let found = touch.linearise(dt, dt, displacement);
             let push = k * depth * depth / (2.0 * h);
             let drag = (0.6 * push / speed).min(touch.mass / dt);
             let expected = normal * (push + k * depth / h * approach * dt) - along * (drag * speed);

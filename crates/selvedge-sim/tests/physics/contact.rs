@@ -8,7 +8,7 @@ use selvedge_cloth::{
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 
 use crate::scenes::hanging;
-use crate::touching::{OnSlope, copies, ground, lying, none, run, sphere};
+use crate::touching::{OnSlope, copies, ground, lying, none, rest_gap, run, sphere};
 
 #[test]
 fn a_sheet_drapes_over_a_sphere() {
@@ -231,6 +231,31 @@ fn a_sheet_at_rest_or_sliding_keeps_its_second_order() {
         assert!(counts.touching >= 81, "{counts:?}");
         assert!(counts.fell_back <= counts.solves / 20, "{counts:?}");
     }
+}
+
+/// A sheet at rest on the ground stays where it is while another lands far off, in whose substeps
+/// the first is taken by backward Euler too: what it rests on is as stiff in these.
+#[test]
+fn a_landing_elsewhere_does_not_shake_what_rests() {
+    let mut scene = lying(5, |p| p);
+    let gap = rest_gap(0.0, scene.physics.substeps);
+    let count = scene.mesh.positions().len();
+    scene.mesh = copies(&scene.mesh, 2, |copy, p| match copy {
+        0 => p + DVec3::Y * gap,
+        _ => p + DVec3::new(2.0, 0.02, 0.0),
+    });
+    scene.handles = Handles::new(&[], 2 * count).unwrap();
+    scene.obstacles = vec![ground(0.0)];
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let start = simulator.positions_f64()[..count].to_vec();
+    let mut strayed = 0.0_f64;
+    for _ in 0..30 {
+        run(&mut simulator, 1);
+        let places = simulator.positions_f64().iter().zip(&start);
+        strayed = places.fold(strayed, |most, (now, start)| most.max(now.distance(*start)));
+    }
+    assert!(simulator.substep_counts().fell_back > 0);
+    assert!(strayed < 1e-6, "{strayed}");
 }
 
 /// A ball that moves through a hanging sheet at 3 m/s pushes it aside.
