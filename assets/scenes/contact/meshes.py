@@ -5,7 +5,7 @@ needles. Needs nothing but Python 3, and only to make the meshes anew:
 """
 
 import sys
-from math import ceil, cos, pi, sin, sqrt
+from math import ceil, cos, pi, sin, sqrt, tan
 from pathlib import Path
 
 
@@ -177,39 +177,45 @@ def overhand(width=0.024, across=4):
     return mesh
 
 
-def cards(width=0.06, height=0.0897, gap=0.0012):
-    """A house of ten cards, 7 x 15 vertices each: three tents, two floors, a tent above."""
+def cards(width=0.06, height=0.0897, gap=0.0003):
+    """A house of ten cards, 7 x 15 vertices each: three tents, two floors, a tent above.
+
+    A floor has to bear on both cards of a tent: one that bears on the longer of two shears the tent
+    unless friction is about 1. So the cards below are of one length and meet edge to edge. Above,
+    where nothing bears on it, a longer card holds the edge of the other with its face. Gaps are
+    about those at rest; what falls farther slides, and what is pressed together jumps."""
     mesh = Mesh()
     lean = 17.0 * pi / 180  # from upright
     columns, rows = 7, 15
     across = width / (columns - 1)
     number = 0
 
-    def card(foot, direction, height=height):
+    def card(foot, side, length=height):
+        """Leans to the left from the right `side`, 1, or to the right from the left one, -1;
+        with a `side` of 0 it lies, from its foot across the middle."""
         nonlocal number
-        up = height / (rows - 1)
+        up, direction = length / (rows - 1), (-side * sin(lean), cos(lean), 0)
+        if side == 0:
+            direction = (1.0 if foot[0] < 0 else -1.0, 0, 0)
         mesh.grid(f"card-{number}", rows, columns,
                   lambda i, j: add(add(foot, direction, i * up), (0, 0, 1), j * across - width / 2),
                   lambda i, j: (j * across, i * up))
         number += 1
 
-    tall = height + 0.004
-    right, left = tall * sin(lean), height * sin(lean)
-
-    def tent(x, y, lower=0.0):
-        # The upper edge of the left card leans on the face of the right one, which is longer.
-        card((x + right, y, 0), (-sin(lean), cos(lean), 0), tall)
-        top = x + (tall - height) * sin(lean) - gap / cos(lean)
-        card((top - left, y - lower, 0), (sin(lean), cos(lean), 0))
-
-    pitch = left + right + 0.004
+    apart = 0.0006  # the cards of a tent at the top
+    half = height * sin(lean) + apart / 2
     for k in (-1, 0, 1):
-        tent(k * pitch, gap)
+        middle = k * (2 * half + 0.004)
+        card((middle + half, gap, 0), 1)
+        card((middle - half, gap, 0), -1)
     # Each floor lies from tent to tent, and over the middle one they lie on each other.
-    level, over = gap + tall * cos(lean) + gap, 0.011
-    card((over, level, 0), (-1.0, 0, 0))
-    card((-over, level + gap, 0), (1.0, 0, 0))
-    tent(0.0, level + 2 * gap, gap)
+    level, over = gap + height * cos(lean) + gap, 0.011
+    card((over, level, 0), 0)
+    card((-over, level + gap, 0), 0)
+    # The right foot is on the upper floor, and the left one on the lower.
+    card((half, level + 2 * gap, 0), 1, height + 0.004)
+    top = half - (height * cos(lean) - gap) * tan(lean) - apart / cos(lean)
+    card((top - height * sin(lean), level + gap, 0), -1)
     return mesh
 
 
