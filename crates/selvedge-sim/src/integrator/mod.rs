@@ -2,6 +2,7 @@
 //! equations), and the [`second_order`] with its coefficients ([`two_step`]) and the [`history`]
 //! that it needs. [`free_flight`] has no forces of cloth and solves nothing.
 
+mod edge_projection;
 mod free_flight;
 mod history;
 mod newton;

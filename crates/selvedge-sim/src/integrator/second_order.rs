@@ -12,6 +12,7 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleConstraint, Scene, VertexId};
 
+use super::edge_projection::EdgeProjection;
 use super::history::History;
 use super::newton::Newton;
 use super::two_step::TwoStep;
@@ -19,7 +20,7 @@ use crate::solver::{SolveError, Stage, StageAir, System};
 use crate::state::State;
 use crate::strain_watch::WatchedEdges;
 
-/// Largest change of an edge's stretch l/l₀ from the start of a substep to the prediction.
+/// Largest change of an edge's stretch l/l₀ from the start of a substep to its prediction.
 const MOST_PREDICTED: f64 = 0.1;
 
 /// γ/dt of the one-step formula, 1 - 1/√2.
@@ -29,6 +30,7 @@ const START: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 pub(super) struct SecondOrder {
     formula: TwoStep,
     edges: WatchedEdges,
+    projection: EdgeProjection,
     /// Exact handles, in the order of their targets.
     held: Vec<VertexId>,
     /// x̄ and v̄.
@@ -69,13 +71,15 @@ impl SecondOrder {
     /// The formula for the cloth and the handles of a validated scene.
     pub(super) fn new(scene: &Scene, formula: TwoStep) -> Self {
         let vertices = scene.mesh.topology().vertex_count();
+        let held = match scene.physics.handles {
+            HandleConstraint::Exact => scene.handles.vertices().to_vec(),
+            HandleConstraint::Spring => Vec::new(),
+        };
         Self {
             formula,
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
-            held: match scene.physics.handles {
-                HandleConstraint::Exact => scene.handles.vertices().to_vec(),
-                HandleConstraint::Spring => Vec::new(),
-            },
+            projection: EdgeProjection::new(&scene.mesh, &held),
+            held,
             base: State::at_origin(vertices),
             predicted: State::at_origin(vertices),
             estimate: State::at_origin(vertices),
@@ -84,8 +88,8 @@ impl SecondOrder {
     }
 
     /// Moves `state` by `substep` and keeps the old one in `history`. A prediction that strains an
-    /// edge too much is dropped for backward Euler linearised at the start. Gives γ `[s]`. On an
-    /// error state and history are unusable.
+    /// edge too much, though edges were brought back, is dropped for backward Euler linearised at
+    /// the start. Gives γ `[s]`. On an error state and history are unusable.
     pub(super) fn advance(
         &mut self,
         mut substep: Substep<'_>,
@@ -290,11 +294,17 @@ impl SecondOrder {
             predicted.positions[v] = *target;
             predicted.velocities[v] = (*target - base.positions[v]) / gamma;
         }
-        let strained = self
-            .edges
-            .check(&last.positions, &predicted.positions, MOST_PREDICTED);
-        if strained.is_err() {
-            return Ok(Outcome::FirstOrder);
+        let places = &mut predicted.positions;
+        if self.projection.project(&last.positions, places) {
+            let strained = self.edges.check(&last.positions, places, MOST_PREDICTED);
+            if strained.is_err() {
+                return Ok(Outcome::FirstOrder);
+            }
+            for (v, velocity) in predicted.velocities.iter_mut().enumerate() {
+                if places[v] != base.positions[v] + *velocity * gamma {
+                    *velocity = (places[v] - base.positions[v]) / gamma;
+                }
+            }
         }
         let stage = Stage {
             gamma,

@@ -478,7 +478,8 @@ fn the_second_order_is_second_order() {
             max_iterations: 100,
         }),
     ] {
-        let order = order_in_positions_and_velocities(integrator, [200, 400, 800, 1600]);
+        // Substeps so short that no prediction is projected.
+        let order = order_in_positions_and_velocities(integrator, [800, 1600, 3200, 6400]);
         for order in order {
             assert!((order - 2.0).abs() < 0.1, "{integrator:?} {order}");
         }
