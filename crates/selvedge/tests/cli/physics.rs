@@ -41,8 +41,8 @@ fn a_run_says_how_many_substeps_fell_back_to_first_order() {
         said.out
     );
     assert!(!said.err.contains("fell back"), "{}", said.err);
-    // 1.2 m in a quarter of a second, in substeps of a sixtieth.
-    let fast = PUSH.replace("distance = 0.2", "distance = 1.2");
+    // 4 m in a quarter of a second, in substeps of a sixtieth.
+    let fast = PUSH.replace("distance = 0.2", "distance = 4.0");
     desk.write("fast.toml", format!("{fast}\n[physics]\nsubsteps = 1\n"));
     let report = desk.json("simulate fast.toml --out fast.safetensors --from-start");
     assert_eq!(number(&report, "/substeps/all"), 30.0);
