@@ -76,10 +76,10 @@ struct Near {
 }
 
 impl Contact {
-    /// The touches of a solve.
-    pub(super) fn find_touches(&mut self, threads: Threads) -> Found {
+    /// The touches of a solve over `time` `[s]`.
+    pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
         if let Some(law) = &self.arcsim {
-            return self.find_as_arcsim(law);
+            return self.find_as_arcsim(law, time);
         }
         self.clearances.look_ahead(&self.start, &self.end);
         let mut budgets = std::mem::take(&mut self.clearances.budgets);
@@ -104,18 +104,14 @@ impl Contact {
         held.sort();
         let exact = false;
         Found {
-            touches: Touches {
-                list,
-                exact,
-                ..Touches::default()
-            },
+            touches: Touches { list, exact, time },
             set,
             held,
         }
     }
 
     /// As [`Self::find_touches`], of ARCSim's law.
-    fn find_as_arcsim(&self, law: &arcsim::Law) -> Found {
+    fn find_as_arcsim(&self, law: &arcsim::Law, time: f64) -> Found {
         let nearest = law.nearest(&arcsim::Bodies {
             surface: &self.surface,
             places: &self.start,
@@ -143,11 +139,7 @@ impl Contact {
         list.sort_by_key(|touch| touch.corners);
         let exact = true;
         Found {
-            touches: Touches {
-                list,
-                exact,
-                ..Touches::default()
-            },
+            touches: Touches { list, exact, time },
             set,
             held: Held::default(),
         }

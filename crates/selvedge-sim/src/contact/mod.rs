@@ -396,12 +396,7 @@ impl Contact {
         history: &mut History,
     ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
-        let Found {
-            mut touches,
-            set,
-            held,
-        } = self.find_touches(span.threads);
-        touches.time = left;
+        let Found { touches, set, held } = self.find_touches(span.threads, left);
         self.counts.solves += 1;
         self.counts.touching = touches.list.len() as u64;
         let jumps = self.memory.held.jumps_to(&held);

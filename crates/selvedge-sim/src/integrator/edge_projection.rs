@@ -144,8 +144,10 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    /// A turn by ω goes on as x + γ ω × x, which stretches every edge by √(1 + γ²ω²). Brought back
-    /// it is the cloth turned, about its centre of mass: for equal masses the shifts sum to 0.
+    /// A turn by ω goes on as x + γ ω × x, which stretches an edge across the axis by
+    /// √(1 + γ²ω²). Brought back it has its lengths, and its centre stays: what the ends of an edge
+    /// ask for sums to 0, and a vertex shifts by the mean over its edges, so that their number is
+    /// its weight.
     #[test]
     fn what_turns_keeps_its_lengths_and_its_centre() {
         let mesh = fan();
@@ -158,7 +160,6 @@ mod tests {
         assert!(projection.project(start, &mut predicted));
         let left = most(&mesh, start, &predicted);
         assert!(left < 1.001 * BAND, "{left}");
-        // What a vertex shifts is weighted by its number of edges.
         let weights = [3.0, 3.0, 3.0, 3.0, 4.0];
         let centre = |of: &[DVec3]| of.iter().zip(weights).map(|(p, w)| *p * w).sum::<DVec3>();
         assert!(centre(&predicted).distance(centre(&raw)) < 1e-12);
