@@ -150,7 +150,9 @@ pub enum StepError {
         pairs: String,
     },
     #[error(
-        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}: cloth does not stretch so far; use less wind, slower or nearer handles, or raise physics.max_strain"
+        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}{}: cloth does not stretch so far; use less wind, slower or nearer handles{}, or raise physics.max_strain",
+        pushing(pushed_by),
+        if pushed_by.is_empty() { "" } else { ", slower obstacles" }
     )]
     Overstretched {
         frame: usize,
@@ -159,6 +161,8 @@ pub enum StepError {
         to: VertexId,
         strain: f64,
         bound: f64,
+        /// Names of the obstacles that push the cloth in this frame.
+        pushed_by: Vec<String>,
     },
     #[error("frame {frame}: the device that computes it failed: {reason}")]
     Device { frame: usize, reason: String },
@@ -166,6 +170,16 @@ pub enum StepError {
     Stopped { frame: usize },
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
+}
+
+/// Obstacles that push, as a part of a message.
+fn pushing(names: &[String]) -> String {
+    let each: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+    match each.len() {
+        0 => String::new(),
+        1 => format!(", while obstacle {} pushes the cloth", each[0]),
+        _ => format!(", while obstacles {} push the cloth", each.join(", ")),
+    }
 }
 
 impl StepError {

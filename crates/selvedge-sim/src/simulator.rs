@@ -545,6 +545,7 @@ impl Simulator {
                 to: vertices[1],
                 strain,
                 bound: self.scene.physics.max_strain,
+                pushed_by: self.contact.as_ref().map_or_else(Vec::new, |c| c.pushers()),
             },
         }
     }

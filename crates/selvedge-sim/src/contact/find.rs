@@ -456,11 +456,11 @@ impl Contact {
             if most <= 0.0 {
                 continue;
             }
-            let slip = along_surface(touch.normal, touch.pull / grip + displacement);
+            let slip = along_surface(touch.normal, displacement);
             anchors.push(Anchor {
                 of,
                 normal: touch.normal,
-                pull: kept(slip, grip, most) * grip,
+                pull: kept(touch.pull, slip, grip, most),
             });
         }
         anchors.sort_by_key(|anchor| anchor.of);

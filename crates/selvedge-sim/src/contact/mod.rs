@@ -303,6 +303,15 @@ impl Contact {
         self.received.all()
     }
 
+    /// Names of the obstacles that received momentum since [`Self::forget_received`].
+    pub(crate) fn pushers(&self) -> Vec<String> {
+        let pairs = self.obstacles.iter().zip(self.received.all());
+        let pushers = pairs.filter(|(_, momentum)| **momentum != DVec3::ZERO);
+        pushers
+            .map(|(obstacle, _)| obstacle.name().to_owned())
+            .collect()
+    }
+
     /// Begins to sum what obstacles receive anew.
     pub(crate) fn forget_received(&mut self) {
         self.received.forget();

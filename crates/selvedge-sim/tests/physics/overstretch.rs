@@ -3,16 +3,18 @@
 
 use std::cell::RefCell;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use selvedge_cloth::{
-    HandleTargets, PhysicsMode, PhysicsSettings, Scene, StepError, Stepper, Topology,
+    ContactSettings, HandleTargets, Obstacle, ObstaclePath, PhysicsMode, PhysicsSettings, RigidKey,
+    Scene, StepError, Stepper, Topology,
 };
 use selvedge_sim::Simulator;
 
 use crate::robustness::{SEED, drags, scenes, targets};
 use crate::scenes::{hanging, square_mesh};
+use crate::touching::sphere;
 
 fn still(scene: &Scene) -> HandleTargets {
     HandleTargets::at_frame_end(scene.handles.select(scene.mesh.positions())).unwrap()
@@ -175,4 +177,38 @@ fn no_frame_of_a_random_scene_is_beyond_the_bound() {
     outcome.unwrap();
     let [frames, by_bound] = stopped.into_inner();
     assert!(frames > 300 && by_bound > 0, "{frames} {by_bound}");
+}
+
+/// A body that takes the cloth farther within a frame than it stretches is named, and the cloth
+/// stays where it was.
+#[test]
+fn the_body_that_stretches_is_named() {
+    let key = |time: f64, translation: DVec3| RigidKey {
+        time,
+        rotation: DQuat::IDENTITY,
+        translation,
+    };
+    let (aside, at_once) = (DVec3::X * 2.0, 1.0 / 60.0);
+    let keys = vec![key(0.0, aside), key(at_once, -aside)];
+    let ball = sphere(DVec3::Y * -0.5, 0.2, 2);
+    let mut scene = hanging(12);
+    scene.contact = Some(ContactSettings::default());
+    let far = sphere(DVec3::Y * -3.0, 0.2, 2).positions_at(0.0).collect();
+    let far = Obstacle::new("far", far, vec![[0, 1, 2]]).unwrap();
+    scene.obstacles = vec![far, ball.moving(ObstaclePath::Rigid(keys)).unwrap()];
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let before = simulator.positions_f64().to_vec();
+    let error = simulator.step(&still(&scene)).unwrap_err();
+    let StepError::Overstretched { pushed_by, .. } = &error else {
+        panic!("{error}");
+    };
+    assert_eq!(pushed_by, &["sphere"]);
+    let text = error.to_string();
+    for words in [
+        "while obstacle \"sphere\" pushes the cloth",
+        "slower obstacles",
+    ] {
+        assert!(text.contains(words), "{text}");
+    }
+    assert_eq!(simulator.positions_f64(), before);
 }
