@@ -3,14 +3,6 @@
 use selvedge_cloth::{Cloth, Environment, Integrator, Scene, Substepping};
 use selvedge_model::{ClothGraph, GraphError, PhysicsBase, Stiffness};
 
-/// `scene` with the parts of a frame that `base` is asked after as its frames.
-#[must_use]
-pub fn in_parts(scene: &Scene, base: PhysicsBase) -> Scene {
-    let mut scene = scene.clone();
-    scene.frame_rate *= f64::from(base.parts());
-    scene
-}
-
 /// `scene` by the physics that a model corrects. Materials are damped as the converged physics
 /// needs it, whatever the formula, so that both obey the same equations. Free flight leaves out
 /// what it cannot have: contact and obstacles, limits of strain, and springs of the handles.

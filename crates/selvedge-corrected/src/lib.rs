@@ -14,5 +14,5 @@
 mod base;
 mod stepper;
 
-pub use base::{base_scene, cloth_graph, face_stiffness, in_parts};
+pub use base::{base_scene, cloth_graph, face_stiffness};
 pub use stepper::{CorrectedError, CorrectedStepper, FrameState, goes_without};

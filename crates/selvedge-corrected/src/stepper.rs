@@ -16,7 +16,7 @@ use selvedge_model::{
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
 
-use crate::base::{base_scene, cloth_graph, face_stiffness, in_parts};
+use crate::base::{base_scene, cloth_graph, face_stiffness};
 
 /// A state between two frames.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,18 +66,6 @@ fn is_beyond(trained: &Domain, scene: &Scene) -> bool {
     })
 }
 
-/// Room for a frame after whose every substep the network is asked.
-#[derive(Default)]
-struct InParts {
-    /// The end of the substep, by free flight.
-    predicted: FrameState,
-    /// The state at the start of the frame, and one substep before that.
-    start: FrameState,
-    start_before: FrameState,
-    /// True where the latter was known.
-    knew_before: bool,
-}
-
 /// A cloth that cheap physics moves and a network corrects, or that a network moves by all forces
 /// from free flight.
 ///
@@ -108,8 +96,6 @@ pub struct CorrectedStepper {
     fell_back: f32,
     /// True where there was a factor of that.
     is_smoothed: bool,
-    /// Where the network is asked after every substep; the state before is that one substep ago.
-    parts: Option<Box<InParts>>,
     /// While the last step can be undone: true where `spare` was known.
     undo: Option<bool>,
     /// True for each vertex that a handle holds, `[vertices]`.
@@ -143,17 +129,9 @@ impl CorrectedStepper {
         let beyond = domain
             .as_ref()
             .is_some_and(|trained| is_beyond(trained, &scene));
-        let graph = cloth_graph(&in_parts(&scene, base), &cloth)?;
+        let graph = cloth_graph(&scene, &cloth)?;
         let of_face = face_stiffness(&scene);
         let corrector = Corrector::of_faces(model, graph, |face| of_face[face.index()])?;
-        let parts = (base.parts() > 1).then(|| {
-            Box::new(InParts {
-                predicted: start.clone(),
-                start: start.clone(),
-                start_before: start.clone(),
-                knew_before: false,
-            })
-        });
         let FrameState {
             positions,
             velocities,
@@ -172,7 +150,6 @@ impl CorrectedStepper {
             is_smoothed: false,
             now: start,
             undo: None,
-            parts,
             beyond,
             watched: domain.map(|trained| {
                 Box::new(Watched {
@@ -350,67 +327,6 @@ impl CorrectedStepper {
         Ok(())
     }
 
-    /// A step after whose every substep the network is asked.
-    fn step_in_parts(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        self.hold(targets);
-        let frame = self.frame();
-        let environment = self.scene.environment;
-        let environment = environment.during_step(frame, self.scene.frame_rate);
-        let Some(parts) = &mut self.parts else {
-            return Ok(());
-        };
-        parts.start.copy(&self.now.positions, &self.now.velocities);
-        let before = &self.before;
-        parts
-            .start_before
-            .copy(&before.positions, &before.velocities);
-        parts.knew_before = self.knows_before;
-        let predicted = &mut parts.predicted;
-        let (now, before) = (&mut self.now, &mut self.before);
-        let (knows_before, held) = (&mut self.knows_before, &self.held);
-        let (corrector, familiarity) = (&mut self.corrector, &mut self.familiarity);
-        let mut give_forces = |positions: &mut [DVec3], velocities: &mut [DVec3]| {
-            predicted.copy(positions, velocities);
-            let flown = PredictedFrame {
-                before: knows_before.then(|| before.as_motion()),
-                substeps: None,
-                last: now.as_motion(),
-                predicted: predicted.as_motion(),
-                wind: environment.wind,
-                gravity: environment.gravity,
-                held,
-            };
-            let corrected = corrector.correct(&flown, positions, velocities);
-            *familiarity = corrected.map_err(|error| StepError::Device {
-                frame: frame + 1,
-                reason: error.to_string(),
-            })?;
-            mem::swap(now, before);
-            now.copy(positions, velocities);
-            *knows_before = true;
-            Ok(())
-        };
-        let mut moved = self.simulator.step_with(targets, &mut give_forces);
-        if moved.is_ok() && self.stop.is_wanted() {
-            self.simulator.undo_step();
-            moved = Err(StepError::Stopped { frame: frame + 1 });
-        }
-        match moved {
-            Ok(()) => self.undo = Some(false),
-            Err(_) => self.back_to_start(),
-        }
-        moved
-    }
-
-    /// Takes the states of a frame in parts back to its start.
-    fn back_to_start(&mut self) {
-        if let Some(parts) = &mut self.parts {
-            mem::swap(&mut self.now, &mut parts.start);
-            mem::swap(&mut self.before, &mut parts.start_before);
-            self.knows_before = parts.knew_before;
-        }
-    }
-
     fn hold(&mut self, targets: &HandleTargets) {
         for (handle, vertex) in self.scene.handles.vertices().iter().enumerate() {
             self.held[vertex.index()] = targets.holds(handle);
@@ -438,12 +354,8 @@ impl FrameState {
 
     /// Takes the state of a simulator of as many vertices.
     fn copy_of(&mut self, simulator: &Simulator) {
-        self.copy(simulator.positions_f64(), simulator.velocities_f64());
-    }
-
-    fn copy(&mut self, positions: &[DVec3], velocities: &[DVec3]) {
-        self.positions.copy_from_slice(positions);
-        self.velocities.copy_from_slice(velocities);
+        self.positions.copy_from_slice(simulator.positions_f64());
+        self.velocities.copy_from_slice(simulator.velocities_f64());
     }
 
     /// As the columns of a model take it.
@@ -475,9 +387,6 @@ impl Stepper for CorrectedStepper {
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.undo = None;
-        if self.parts.is_some() {
-            return self.step_in_parts(targets);
-        }
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
@@ -540,10 +449,6 @@ impl Correctable for CorrectedStepper {
             return;
         };
         self.simulator.undo_step();
-        if self.parts.is_some() {
-            self.back_to_start();
-            return;
-        }
         mem::swap(&mut self.before, &mut self.spare);
         mem::swap(&mut self.now, &mut self.spare);
         self.knows_before = knew_before;

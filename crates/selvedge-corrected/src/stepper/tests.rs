@@ -50,12 +50,11 @@ fn gusty() -> Scene {
     scene
 }
 
-fn bases() -> [PhysicsBase; 8] {
+fn bases() -> [PhysicsBase; 7] {
     let base = |integrator, substeps, forgets| PhysicsBase {
         integrator,
         substeps,
         forgets,
-        every_substep: false,
         differences: Differences::Frames,
     };
     let over_substeps = |substeps| PhysicsBase {
@@ -70,10 +69,6 @@ fn bases() -> [PhysicsBase; 8] {
         base(Integrator::FreeFlight, 1, false),
         over_substeps(1),
         over_substeps(2),
-        PhysicsBase {
-            every_substep: true,
-            ..base(Integrator::FreeFlight, 4, false)
-        },
     ]
 }
 
@@ -272,7 +267,6 @@ fn free_flight_is_corrected_whole_however_strange_and_without_contact() {
         integrator,
         substeps: 1,
         forgets: false,
-        every_substep: false,
         differences: Differences::Frames,
     };
     let even_model = |base: PhysicsBase| {
@@ -330,41 +324,6 @@ fn free_flight_is_corrected_whole_however_strange_and_without_contact() {
         stepper.familiarity()
     };
     assert_eq!(run(&at_rest(&strange)), Familiarity::default());
-}
-
-/// A network that is asked after each of four substeps sees frames of a fourth of the length.
-#[test]
-fn a_frame_in_parts_is_as_many_short_frames() {
-    let scene = hanging();
-    let base = *bases().last().unwrap();
-    let mut run = stepper(&scene, base, SMALL);
-    let fine = in_parts(&scene, base);
-    let mut parts = stepper(&fine, base.of_part(), SMALL);
-    let start = scene.handles.select(scene.mesh.positions());
-    let at = |part: u32| {
-        let away = DVec3::new(0.02, -0.01, 0.03) * f64::from(part);
-        start.iter().map(move |p| *p + away).collect::<Vec<_>>()
-    };
-    for frame in 0..3 {
-        let ends = (1..=4).map(|part| at(4 * frame + part));
-        let samples = ends.clone().flatten().collect();
-        run.step(&HandleTargets::sampled(samples, 2).unwrap())
-            .unwrap();
-        for end in ends {
-            let targets = HandleTargets::at_frame_end(end).unwrap();
-            parts.step(&targets).unwrap();
-        }
-        let away = |(p, q): (&DVec3, &DVec3)| p.distance(*q);
-        let pairs = run.state().positions.iter().zip(&parts.state().positions);
-        // Lengths of substeps are rounded otherwise.
-        assert!(pairs.map(away).fold(0.0, f64::max) < 1e-9, "{frame}");
-        assert_eq!(
-            (run.frame(), parts.frame()),
-            (frame as usize + 1, 4 * (frame as usize + 1))
-        );
-    }
-    let fallen = run.state().positions.iter().zip(at_rest(&scene).positions);
-    assert!(fallen.map(|(p, q)| p.distance(q)).fold(0.0, f64::max) > 1e-3);
 }
 
 #[test]

@@ -166,16 +166,14 @@ impl Run {
         } = lesson;
         let number = rng.random_range(0..scenes.scenes.len());
         let TeachingScene { scene, graph, rest } = &scenes.scenes[number];
-        let base = cfg.model.base.ok_or("model.base is missing")?;
-        let parts = base.parts() as usize;
         let path = scene.handle_path()?;
-        let lasts = path.frame_count() / parts;
+        let lasts = path.frame_count();
         let lead = rng.random_range(0..=cfg.samples.lead.min(lasts));
+        let base = cfg.model.base.ok_or("model.base is missing")?;
         let leading = PhysicsBase {
             integrator: Integrator::default(),
             substeps: 2,
             forgets: false,
-            every_substep: false,
             differences: Differences::default(),
         };
         let still = vec![DVec3::ZERO; rest.len()];
@@ -183,19 +181,14 @@ impl Run {
             positions: rest.to_vec(),
             velocities: still,
         };
-        // Whole frames lead to the first sample, of whatever part of a frame samples are.
-        let mut whole = scene.clone();
-        whole.frame_rate /= parts as f64;
-        let way = whole.handle_path()?;
-        let mut leader = simulator(&whole, leading, 0, at_rest, stop)?;
+        let mut leader = simulator(scene, leading, 0, at_rest, stop)?;
         for frame in 0..lead {
-            let targets = way.targets(frame, leading.substeps as usize)?;
+            let targets = path.targets(frame, leading.substeps as usize)?;
             if leader.step(&targets).is_err() {
                 return Ok(None);
             }
         }
         let now = state_of(&leader);
-        let (base, lead) = (base.of_part(), parts * lead);
         let teacher = PhysicsBase {
             substeps: cfg.teacher.substeps,
             ..leading

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, Scene, SceneError};
-use selvedge_corrected::{cloth_graph, in_parts};
+use selvedge_corrected::cloth_graph;
 use selvedge_data::{DatasetPreset, SceneFileError, SceneSpecError, Setting, Split, StartSpec};
 use selvedge_model::{ClothGraph, Domain, GraphError, ModelSpec};
 use thiserror::Error;
@@ -96,9 +96,7 @@ impl TeachingScenes {
                 };
                 let cloth = &known[place];
                 scenes.push(TeachingScene {
-                    scene: spec
-                        .base
-                        .map_or_else(|| scene.clone(), |b| in_parts(&scene, b)),
+                    scene,
                     graph: Arc::clone(&cloth.graph),
                     rest: Arc::clone(&cloth.rest),
                 });
@@ -124,8 +122,7 @@ fn hanging(
         let scene = name();
         TeachingScenesError::Cloth { scene, source }
     })?;
-    let fine = spec.base.map(|base| in_parts(scene, base));
-    let graph = cloth_graph(fine.as_ref().unwrap_or(scene), &cloth).map_err(|source| {
+    let graph = cloth_graph(scene, &cloth).map_err(|source| {
         let scene = name();
         TeachingScenesError::Graph { scene, source }
     })?;

@@ -25,10 +25,6 @@ pub struct PhysicsBase {
     /// one solve more.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub forgets: bool,
-    /// The network is asked after every substep, not once a frame: each is a frame of its own to
-    /// it. For free flight: over so short a time forces reach few vertices.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub every_substep: bool,
     /// The differences of the motion that the network is shown.
     #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
     pub differences: Differences,
@@ -70,25 +66,6 @@ impl PhysicsBase {
     #[must_use]
     pub fn flies(&self) -> bool {
         self.integrator.flies()
-    }
-
-    /// Parts of a frame, after each of which the network is asked.
-    #[must_use]
-    pub fn parts(&self) -> u32 {
-        if self.every_substep { self.substeps } else { 1 }
-    }
-
-    /// The base of one part of a frame, as a frame of its own.
-    #[must_use]
-    pub fn of_part(&self) -> Self {
-        match self.every_substep {
-            true => Self {
-                substeps: 1,
-                every_substep: false,
-                ..*self
-            },
-            false => *self,
-        }
     }
 
     /// Returns true where the physics keeps the state one substep ago as it was.

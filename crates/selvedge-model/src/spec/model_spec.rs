@@ -221,10 +221,6 @@ pub enum SpecError {
         "model.base.differences = \"substeps\" needs the state one substep ago, which only \"second-order\" and \"second-order-newton\" keep: choose one of them as model.base.integrator, or leave differences out"
     )]
     NoSubsteps,
-    #[error(
-        "model.base.every_substep is for model.base.integrator = \"free-flight\" alone: other physics is corrected once a frame. Leave it out"
-    )]
-    EverySubstep,
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -351,9 +347,6 @@ impl ModelSpec {
         }
         if base.differences == Differences::Substeps && !base.keeps_states() {
             return Err(SpecError::NoSubsteps);
-        }
-        if base.every_substep && !base.flies() {
-            return Err(SpecError::EverySubstep);
         }
         Ok(())
     }

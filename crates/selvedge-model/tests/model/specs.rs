@@ -48,7 +48,6 @@ pub(crate) fn correcting(latent: usize, blocks: usize) -> ModelSpec {
             integrator: Default::default(),
             substeps: 1,
             forgets: false,
-            every_substep: false,
             differences: Default::default(),
         }),
         ..ModelSpec::physical(Encoder::MLP, latent, blocks)

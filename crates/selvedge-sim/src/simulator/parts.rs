@@ -1,7 +1,6 @@
 //! The substeps of a frame, of which one is halved where contact is too much for it.
 
-use glam::DVec3;
-use selvedge_cloth::{HandleTargets, StepError};
+use selvedge_cloth::HandleTargets;
 
 use super::Simulator;
 use super::contact::Part;
@@ -58,33 +57,6 @@ impl Simulator {
         let began = &self.saved.0.positions;
         self.watch.check_frame(began, &self.state.positions)?;
         Ok(finest)
-    }
-
-    /// Moves the state by a frame in the scene's number of substeps, with `after` behind each. On an
-    /// error the state is unusable.
-    pub(super) fn fly(
-        &mut self,
-        targets: &HandleTargets,
-        after: &mut dyn FnMut(&mut [DVec3], &mut [DVec3]) -> Result<(), StepError>,
-    ) -> Result<(), StepError> {
-        let parts = self.scene.physics.substeps;
-        let dt = 1.0 / self.scene.frame_rate / f64::from(parts);
-        for done in 0..parts {
-            if self.stop.is_wanted() {
-                return Err(self.step_error(SubstepError::Stopped, parts));
-            }
-            let [from, to] = [done, done + 1].map(|k| f64::from(k) / f64::from(parts));
-            let reached = &self.reached;
-            let path = |h: usize| targets.at(h, to, reached[h]);
-            self.active.put_targets(&mut self.targets, path);
-            let may_hold = false;
-            let part = Part { from, to, may_hold };
-            if let Err(error) = self.solve(dt, part) {
-                return Err(self.step_error(error, parts));
-            }
-            after(&mut self.state.positions, &mut self.state.velocities)?;
-        }
-        Ok(())
     }
 
     /// Keeps what [`Self::undo_part`] restores.

@@ -160,7 +160,6 @@ pub(super) mod tests {
                 integrator: Default::default(),
                 substeps: 1,
                 forgets: false,
-                every_substep: false,
                 differences: Default::default(),
             }),
             node_features: Default::default(),

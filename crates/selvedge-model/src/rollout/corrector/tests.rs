@@ -22,7 +22,6 @@ fn spec() -> ModelSpec {
             integrator: Default::default(),
             substeps: 1,
             forgets: false,
-            every_substep: false,
             differences: Default::default(),
         }),
         ..ModelSpec::physical(Encoder::MLP, 8, 1)

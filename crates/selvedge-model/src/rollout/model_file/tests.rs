@@ -39,7 +39,6 @@ fn specs() -> [ModelSpec; 4] {
                 integrator: Integrator::SecondOrder,
                 substeps: 3,
                 forgets: true,
-                every_substep: false,
                 differences: Default::default(),
             }),
             ..ModelSpec::physical(Encoder::MLP, 8, 1)
