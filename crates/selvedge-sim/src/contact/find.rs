@@ -456,11 +456,11 @@ impl Contact {
             if most <= 0.0 {
                 continue;
             }
-            let slip = along_surface(touch.normal, displacement);
+            let slip = along_surface(touch.normal, touch.pull / grip + displacement);
             anchors.push(Anchor {
                 of,
                 normal: touch.normal,
-                pull: kept(touch.pull, slip, grip, most),
+                pull: kept(slip, grip, most) * grip,
             });
         }
         anchors.sort_by_key(|anchor| anchor.of);

@@ -137,8 +137,8 @@ impl Touch {
         };
         let bears = barrier.bears(&tangent, estimate);
         let grip = self.mass / (time * time);
-        let slip = along_surface(self.normal, displacement);
-        let drag = drag(self.normal, self.pull, slip, grip, self.friction * bears);
+        let slip = along_surface(self.normal, self.pull / grip + displacement);
+        let drag = drag(self.normal, slip, grip, self.friction * bears);
         let block = outer(self.normal, self.normal) * tangent.stiffness + drag.block;
         let force = self.normal * tangent.force_at(estimate) + drag.force;
         self.response = Response {
