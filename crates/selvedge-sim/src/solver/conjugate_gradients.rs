@@ -96,7 +96,7 @@ struct Vectors {
 }
 
 /// Part (squared) of the residual that is left where a field is smoothed.
-const SMOOTH_ENOUGH: f64 = 1e-4;
+const SMOOTH_ENOUGH: f64 = 1e-2;
 
 /// Iterations at most where touches couple vertices. A complete factor is not slower.
 const COUPLED_ITERATIONS: u32 = 500;
