@@ -205,7 +205,14 @@ impl ClothGraph {
         self.cloth.handles()
     }
 
-    /// True for each vertex that is a handle, `[vertices]`.
+    /// Lets the handles for which `holds` says so hold their vertices, and no others.
+    pub fn hold(&mut self, holds: impl Fn(usize) -> bool) {
+        for (handle, vertex) in self.cloth.handles().vertices().iter().enumerate() {
+            self.handle_mask[vertex.index()] = holds(handle);
+        }
+    }
+
+    /// True for each vertex that a handle holds, `[vertices]`.
     #[must_use]
     pub fn handle_mask(&self) -> &[bool] {
         &self.handle_mask

@@ -48,8 +48,8 @@ pub struct NonFinite {
 }
 
 impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
-    /// Sets `next` to the positions that the accelerations of all vertices lead to, and handles to
-    /// the positions `handles`.
+    /// Sets `next` to the positions that the accelerations of all vertices lead to, and what handles
+    /// hold to their positions `handles`.
     ///
     /// # Panics
     /// When `next` does not have a position per vertex.
@@ -64,8 +64,11 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
         for ((next, a), (&p, &q)) in next.iter_mut().zip(accelerations).zip(frames) {
             *next = a + ((p + p) - q);
         }
+        let held = self.graph.handle_mask();
         for (vertex, target) in self.graph.handles().vertices().iter().zip(handles) {
-            next[vertex.index()] = target;
+            if held[vertex.index()] {
+                next[vertex.index()] = target;
+            }
         }
     }
 

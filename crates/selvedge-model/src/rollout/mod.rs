@@ -4,6 +4,7 @@
 mod advance;
 pub(crate) mod corrector;
 pub(crate) mod half;
+mod hands;
 pub(crate) mod model;
 pub(crate) mod model_file;
 mod names_once;

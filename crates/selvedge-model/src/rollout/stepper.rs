@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::{
     Correctable, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
-    check_targets_hold,
+    check_target_count, check_targets_hold,
 };
 use thiserror::Error;
 
@@ -20,6 +20,7 @@ use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
 use crate::network::{Carried, EncoderState, Input, Pass};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
+use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
 use crate::spec::ModelSpec;
 use crate::spec::integration::LastFrames;
@@ -33,6 +34,8 @@ pub struct LearnedStepper {
     history: Vec<Vec<Vec3>>,
     next: Vec<Vec3>,
     next_handles: Vec<Vec3>,
+    /// The handles after this frame, and after the one before or that is being made.
+    hands: [Hands; 2],
     reference: Vec<Vec3>,
     yaw: Yaw,
     /// Yaw before the last step, while that step can be undone: `next` then holds the frame that
@@ -108,8 +111,11 @@ impl LearnedStepper {
         }
         let vertices = graph.vertex_count();
         let graph = graph.for_spec(model.spec());
+        let history = opening_frames(model.spec(), vertices, start)?;
+        let hands = Hands::on_paths(graph.handles(), &history[history.len() - 1]);
         Ok(Self {
-            history: opening_frames(model.spec(), vertices, start)?,
+            hands: [hands.clone(), hands],
+            history,
             next: vec![Vec3::ZERO; vertices],
             next_handles: Vec::new(),
             reference: Vec::new(),
@@ -143,6 +149,17 @@ impl LearnedStepper {
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The yaw of the cloth now, which `hands` hold: it stays while one of them has let go.
+    fn yaw_now(&self, hands: &Hands) -> Yaw {
+        match hands.all_hold() {
+            true => {
+                let places = self.handles().of(self.positions());
+                self.graph.frame().yaw_of(places, self.yaw)
+            }
+            false => self.yaw,
+        }
     }
 
     fn predict(&mut self, next_handles: &[Vec3], yaw: Yaw) {
@@ -200,14 +217,20 @@ impl Stepper for LearnedStepper {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        check_targets_hold(self, targets)?;
+        if !self.model.spec().lets_go() {
+            check_targets_hold(self, targets)?;
+        }
+        check_target_count(self, targets)?;
         let frame = self.frame + 1;
         self.yaw_before = None;
-        let handles_now = self.handles().of(self.positions());
-        let yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
+        let [hands, next_hands] = &mut self.hands;
+        let newest = &self.history[self.history.len() - 1];
+        next_hands.follow(hands, targets, self.graph.handles().of(newest));
+        self.graph.hold(|handle| targets.holds(handle));
+        let yaw = self.yaw_now(&self.hands[1]);
         let mut next_handles = std::mem::take(&mut self.next_handles);
         next_handles.clear();
-        next_handles.extend(targets.end().iter().map(|p| p.as_vec3()));
+        next_handles.extend(self.hands[1].places());
         self.predict(&next_handles, yaw);
         if self.stop.is_wanted() {
             self.next_handles = next_handles;
@@ -241,6 +264,7 @@ impl Stepper for LearnedStepper {
             self.workspace.swap_end_state(&mut self.state);
         }
         self.yaw_before = Some(std::mem::replace(&mut self.yaw, yaw));
+        self.hands.swap(0, 1);
         self.frame = frame;
         Ok(())
     }
@@ -265,14 +289,11 @@ impl Correctable for LearnedStepper {
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         check_frame(self.frame + 1, positions, self.graph.vertex_count())?;
-        let handles_now = self
-            .graph
-            .handles()
-            .of(&self.history[self.history.len() - 1]);
-        self.yaw = self.graph.frame().yaw_of(handles_now, self.yaw);
+        self.yaw = self.yaw_now(&self.hands[0]);
         self.history.rotate_left(1);
         let newest = self.history.len() - 1;
         self.history[newest].copy_from_slice(positions);
+        self.hands[0].take(self.graph.handles().of(positions));
         self.state.clear();
         self.yaw_before = None;
         self.frame += 1;
@@ -290,6 +311,7 @@ impl Correctable for LearnedStepper {
             self.workspace.swap_end_state(&mut self.state);
         }
         self.yaw = yaw;
+        self.hands.swap(0, 1);
         self.frame -= 1;
     }
 }

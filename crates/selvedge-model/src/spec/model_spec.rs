@@ -376,6 +376,14 @@ impl ModelSpec {
         }
     }
 
+    /// Returns true if handles may let go: nothing that the model has of them is a rest pose that
+    /// they carry along.
+    #[must_use]
+    pub fn lets_go(&self) -> bool {
+        let compares = self.node_features.contains(&NodeFeature::RestOffset);
+        self.integration == Integration::Inertial {} && !compares
+    }
+
     /// Frames that the encoder sees, the current one included.
     #[must_use]
     pub fn window(&self) -> usize {

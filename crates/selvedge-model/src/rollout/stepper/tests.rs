@@ -328,21 +328,66 @@ fn a_start_that_does_not_fit_is_refused() {
 }
 
 #[test]
-fn a_handle_cannot_be_let_go() {
+fn a_handle_cannot_let_go_where_a_rest_pose_is_carried_along() {
     let parts = parts(3, 1);
-    let positions = swing(&parts, 0);
-    let mut stepper = stepper(
-        &constant(&specs()[0], DVec3::ZERO),
-        parts.clone(),
-        &start(&parts),
-    );
-    let mut released = vec![false; positions.len()];
-    released[1] = true;
-    let targets = targets(positions).releasing(released).expect("as many");
-    let source = HandleError::Released { handle: 1 };
-    let error = StepError::Handles { frame: 1, source };
-    assert_eq!(stepper.step(&targets), Err(error));
-    assert_eq!(stepper.frame(), 0);
+    let mut offset = specs()[0].clone();
+    offset.node_features.insert(NodeFeature::RestOffset);
+    for spec in [&specs()[3], &offset] {
+        assert!(!spec.lets_go());
+        let model = constant(spec, DVec3::ZERO);
+        let mut stepper = stepper(&model, parts.clone(), &start(&parts));
+        let mut released = vec![false; 2];
+        released[1] = true;
+        let targets = targets(swing(&parts, 0))
+            .releasing(released)
+            .expect("as many");
+        let source = HandleError::Released { handle: 1 };
+        let error = StepError::Handles { frame: 1, source };
+        assert_eq!(stepper.step(&targets), Err(error));
+        assert_eq!(stepper.frame(), 0);
+    }
+}
+
+/// A vertex that is let go falls as others do, and is led on from where it is when it is taken hold
+/// of again; the others are where their targets are throughout.
+#[test]
+fn what_is_let_go_falls_and_is_taken_hold_of_where_it_is() {
+    let parts = parts(3, 1);
+    let fall = DVec3::Y * -0.002;
+    let mut stepper = stepper(&constant(&specs()[0], fall), parts.clone(), &start(&parts));
+    let vertices = stepper.handles().vertices().to_vec();
+    let mut last = stepper.positions()[vertices[1].index()];
+    let mut speed = Vec3::ZERO;
+    let mut led = None;
+    for frame in 1..=12 {
+        let is_free = (3..8).contains(&frame);
+        let path = swing(&parts, frame);
+        let step = targets(path.clone());
+        let released = vec![false, is_free];
+        let step = step.releasing(released).expect("as many");
+        stepper.step(&step).expect("a step");
+        // A step that is undone and done again is the same.
+        let done = stepper.positions().to_vec();
+        stepper.undo_step();
+        stepper.step(&step).expect("a step");
+        assert_eq!(stepper.positions(), done);
+        assert_eq!(done[vertices[0].index()], path[0].as_vec3());
+        let now = done[vertices[1].index()];
+        if is_free {
+            speed += fall.as_vec3();
+            assert!(now.distance(last + speed) < 1e-6, "{frame}");
+        } else {
+            let before = swing(&parts, frame - 1)[1].as_vec3();
+            if frame == 8 {
+                led = Some(last - before);
+            }
+            let away = led.unwrap_or_default();
+            assert!(now.distance(path[1].as_vec3() + away) < 1e-6, "{frame}");
+            speed = now - last;
+        }
+        last = now;
+    }
+    assert!(led.expect("it took hold").length() > 0.01);
 }
 
 /// Its last frames, oldest first, as many as the model looks at.
