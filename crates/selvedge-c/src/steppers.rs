@@ -81,7 +81,8 @@ fn keep(cloth: MovingCloth) -> Result<SelvedgeStepper, Fault> {
 /// Moves the cloth by one frame, its handles to `targets` `[m]`, `[samples][handles][3]`: where
 /// they are at equally spaced times of the frame, the last at its end. One sample is enough;
 /// handles move evenly between samples. `released`, `[handles]` or null, is not 0 for handles that
-/// do not hold the cloth during this frame, which only the physics can follow.
+/// do not hold the cloth during this frame, which physics can follow, and networks without a rest
+/// pose that their handles carry along.
 ///
 /// A step that fails leaves the cloth as it was before it.
 ///
