@@ -48,8 +48,8 @@ pub struct NonFinite {
 }
 
 impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
-    /// Sets `next` to the positions that the accelerations of all vertices lead to, and what handles
-    /// hold to their positions `handles`.
+    /// Sets `next` to the positions that the accelerations of all vertices lead to, and what
+    /// handles hold to their positions `handles`.
     ///
     /// # Panics
     /// When `next` does not have a position per vertex.

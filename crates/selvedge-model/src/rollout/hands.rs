@@ -3,7 +3,7 @@
 use glam::Vec3;
 use selvedge_cloth::{HandleTargets, Handles};
 
-/// What handles hold, and where, after a frame.
+/// State of the handles after a frame: which of them hold, and where.
 #[derive(Clone, Debug)]
 pub(super) struct Hands {
     /// True for each handle that holds, `[handles]`.
