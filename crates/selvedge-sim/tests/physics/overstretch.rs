@@ -188,10 +188,11 @@ fn the_body_that_stretches_is_named() {
         rotation: DQuat::IDENTITY,
         translation,
     };
-    let (aside, at_once) = (DVec3::X * 2.0, 1.0 / 60.0);
+    let (aside, at_once) = (DVec3::X * 0.3, 1.0 / 60.0);
     let keys = vec![key(0.0, aside), key(at_once, -aside)];
-    let ball = sphere(DVec3::Y * -0.5, 0.2, 2);
+    let ball = sphere(DVec3::Y * -0.5, 0.1, 2);
     let mut scene = hanging(12);
+    scene.physics.max_strain = 0.15;
     scene.contact = Some(ContactSettings::default());
     let far = sphere(DVec3::Y * -3.0, 0.2, 2).positions_at(0.0).collect();
     let far = Obstacle::new("far", far, vec![[0, 1, 2]]).unwrap();
